@@ -52,13 +52,10 @@ if TYPE_CHECKING:
     from softmodels.casting.settings import MouldError as MouldError
     from softmodels.common.folders import InUseError as InUseError, OwnFolderError as OwnFolderError
     from softmodels.common.names import ArgumentError as ArgumentError, ImplausibleWarning as ImplausibleWarning
-    from softmodels.components.clamps import Clamp as Clamp
-    from softmodels.components.contact import Obstacle as Obstacle, RigidShape as RigidShape
-    from softmodels.components.fibres import Fabric as Fabric, Fibres as Fibres
+    from softmodels.components.contact import Obstacle as Obstacle, RigidShape as RigidShape, Walls as Walls
+    from softmodels.components.fibres import Fabric as Fabric, Fibres as Fibres, Sheet as Sheet
     from softmodels.components.loads import Force as Force, Gravity as Gravity, Mass as Mass, Moment as Moment
-    from softmodels.components.rigid import Rigid as Rigid
-    from softmodels.components.sheets import Sheet as Sheet
-    from softmodels.components.walls import Walls as Walls
+    from softmodels.components.rigid import Clamp as Clamp, Rigid as Rigid
     from softmodels.decks.reduction import ReducedModel as ReducedModel
     from softmodels.design.optimise import optimise as optimise
     from softmodels.design.problem import DesignProblem as DesignProblem, Keep as Keep
@@ -82,8 +79,7 @@ if TYPE_CHECKING:
     from softmodels.materials.silicones import silicone as silicone
     from softmodels.mechanics.component import ComponentError as ComponentError
     from softmodels.mechanics.mpi import StartError as StartError
-    from softmodels.path.air_flow import Reservoir as Reservoir
-    from softmodels.path.supply import SupplyError as SupplyError, Syringe as Syringe
+    from softmodels.path.supply import Reservoir as Reservoir, SupplyError as SupplyError, Syringe as Syringe
     from softmodels.pictures.comparison import Comparison as Comparison, ComparisonError as ComparisonError
     from softmodels.runs.analyses import Limit as Limit, NaturalFrequencies as NaturalFrequencies
     from softmodels.runs.lines import Line as Line
@@ -116,17 +112,13 @@ _PLACES = {
     ),
     "softmodels.materials.laws": ("NeoHookean", "MooneyRivlin", "Yeoh", "Ogden", "Gent", "Material", "MaterialError"),
     "softmodels.materials.silicones": ("silicone",),
-    "softmodels.components.contact": ("Obstacle", "RigidShape"),
-    "softmodels.components.fibres": ("Fabric", "Fibres"),
-    "softmodels.components.clamps": ("Clamp",),
+    "softmodels.components.contact": ("Obstacle", "RigidShape", "Walls"),
+    "softmodels.components.fibres": ("Fabric", "Fibres", "Sheet"),
     "softmodels.components.loads": ("Gravity", "Mass", "Force", "Moment"),
     "softmodels.mechanics.mpi": ("StartError",),
     "softmodels.mechanics.component": ("ComponentError",),
-    "softmodels.components.rigid": ("Rigid",),
-    "softmodels.components.sheets": ("Sheet",),
-    "softmodels.components.walls": ("Walls",),
-    "softmodels.path.air_flow": ("Reservoir",),
-    "softmodels.path.supply": ("SupplyError", "Syringe"),
+    "softmodels.components.rigid": ("Clamp", "Rigid"),
+    "softmodels.path.supply": ("Reservoir", "SupplyError", "Syringe"),
     "softmodels.pictures.comparison": ("Comparison", "ComparisonError"),
     "softmodels.case.case": ("Case",),
     "softmodels.case.entries": ("CaseError",),

@@ -64,7 +64,7 @@ from softmodels.common.units import (
 from softmodels.components.loads import Gravity
 from softmodels.materials.laws import SOFTEST, Material
 from softmodels.materials.silicones import material_of
-from softmodels.materials.stability import check_rest
+from softmodels.materials.specimens import check_rest
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.dead_loads import requestable
 from softmodels.mechanics.inertia import LARGEST_RADIUS, RADIUS

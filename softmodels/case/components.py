@@ -17,13 +17,10 @@ from softmodels.case.entries import MISSING, Entry, Missing, Option, Tables, Wri
 from softmodels.case.materials import Region
 from softmodels.common.errors import OWN, FieldError
 from softmodels.common.schema import Text, Words, about
-from softmodels.components.clamps import Clamp
-from softmodels.components.contact import Obstacle, RigidShape
-from softmodels.components.fibres import Fabric, Fibres
+from softmodels.components.contact import AUTO, Obstacle, RigidShape, Walls
+from softmodels.components.fibres import Fabric, Fibres, Sheet
 from softmodels.components.loads import Force, Gravity, Mass, Moment
-from softmodels.components.rigid import Rigid
-from softmodels.components.sheets import Sheet
-from softmodels.components.walls import AUTO, Walls
+from softmodels.components.rigid import Clamp, Rigid
 from softmodels.mechanics.component import COMPONENTS, Component, ComponentError, gravity_of
 
 Parts = tuple[Component, ...]

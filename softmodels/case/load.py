@@ -15,10 +15,9 @@ from softmodels.common.units import UnitError, brief, pascal_per_cm, quantity
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.dead_loads import LoadPart, RequestedValue, requestable
 from softmodels.path import program as programs
-from softmodels.path.air_flow import Reservoir
 from softmodels.path.points import DeadForce, LoadDisplacement
 from softmodels.path.program import SOURCE, TIME_KEY, VALVE, Program, Series, source_key
-from softmodels.path.supply import AMBIENT, AirSupply
+from softmodels.path.supply import AMBIENT, AirSupply, Reservoir
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Requests on a dead load: forces, moments, shares of the weight, or the conjugate travels and rotations.

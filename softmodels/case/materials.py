@@ -31,7 +31,7 @@ from softmodels.materials.silicones import (
     source_names,
     spanning,
 )
-from softmodels.materials.stability import check_rest
+from softmodels.materials.specimens import check_rest
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.component import ComponentError, check_condition, register_component
 from softmodels.mechanics.pieces import cells_within

@@ -45,7 +45,7 @@ from softmodels.common.schema import shown
 from softmodels.common.units import WATER_DENSITY, UnitError, quantity, readable
 from softmodels.materials.laws import Material
 from softmodels.materials.silicones import extrapolated, publications
-from softmodels.materials.stability import check_rest, weakest, weakness
+from softmodels.materials.specimens import check_rest, weakest, weakness
 from softmodels.mechanics.component import direction as unit_vector
 from softmodels.mechanics.mpi import abort_on_error, is_root, start
 from softmodels.runs.analyses import (

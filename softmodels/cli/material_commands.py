@@ -70,8 +70,7 @@ from softmodels.materials.silicones import (
     publications,
     spread_sentence,
 )
-from softmodels.materials.specimens import FLOW, MODE_NAMES, SOFTENING, nominal_stress
-from softmodels.materials.stability import MaterialCurves
+from softmodels.materials.specimens import FLOW, MODE_NAMES, SOFTENING, MaterialCurves, nominal_stress
 from softmodels.mechanics.mpi import abort_on_error, on_root, speaks, start
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.notes import sentences

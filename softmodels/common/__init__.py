@@ -7,6 +7,7 @@ TOML files and command-line options).
 - `schema`: fields, kinds of values, and the codec between dataclasses and tables.
 - `names`: arguments checked by name; classes by name, the user's own among them; public names loaded when used.
 - `errors`: errors whose message is a sentence, and how options are spelt in it.
+- `lazy`: the solver's libraries, imported when they are used.
 - `cards`: how results show themselves: a line on a terminal, a card in a notebook.
 - `files`: opening, writing beside and renaming. `folders`: results folders: claimed, locked, recorded, cleared, and those of a
   single command. `pages`: reports, and where their numbers come from.

@@ -13,22 +13,25 @@ contact of neighbouring chambers that are each other's mirror images.
 
 from __future__ import annotations
 
+import abc
 import dataclasses
 import functools
+import itertools
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator, GeometryError
-from geometries.actuator import Vector, cavity_roles
+from geometries.actuator import Vector, cavity_roles, reflected
 from geometries.imported import UNITS, faces as plane_faces
 from softmodels.common.arrays import Array
 from softmodels.common.errors import whole_path
+from softmodels.common.lazy import Expr, fem, scipy, ufl
 from softmodels.common.schema import (
     Flag,
     Length,
@@ -41,25 +44,29 @@ from softmodels.common.schema import (
     list_field,
 )
 from softmodels.components.pressing import (
+    MOST_IMAGES,
     FixedWall,
     GivingWay,
     Grip,
     HardeningPenalty,
+    Near,
+    Pairs,
     Penalty,
+    Pressed,
     PressedByDistance,
     PressedOn,
     PressedSamples,
-    PressingTerm,
     Rubbed,
     Rubbing,
     Stand,
     Surface,
     TooFineError,
     components_of,
+    facing,
     scattered,
     together,
 )
-from softmodels.mechanics.assembly import FaceNodes, check_mesh_faces
+from softmodels.mechanics.assembly import AssembledTerm, FaceNodes, check_mesh_faces
 from softmodels.mechanics.body import Body, in_section, in_space
 from softmodels.mechanics.component import (
     ALONG,
@@ -78,12 +85,6 @@ from softmodels.mechanics.component import (
 )
 from softmodels.mechanics.mpi import largest
 
-if TYPE_CHECKING:
-    import scipy
-    from dolfinx import fem
-    from ufl.core.expr import Expr
-
-
 STIFFNESS = 300.0
 """Shear moduli of pressure per penetration of one size of the device: a contact pressure of one shear modulus, more than
 soft actuators take, sinks in by 0.3 % of the size. The default disk presses on a plate with 0.2 % less than on a rigid one;
@@ -95,17 +96,6 @@ ONSET_PRESSURE = 0.3
 """Contact pressure in shear moduli at the end of the onset, without smoothing."""
 NEAR = 1e-6
 """Distance relative to the size up to which a point counts as in the plane."""
-
-
-def penalty(d: Expr, onset: fem.Constant) -> Expr:
-    """Return phi(d) / k in UFL, of a d that is not below zero."""
-    import ufl
-
-    return ufl.conditional(ufl.lt(d, onset), d**3 / (6 * onset), d**2 / 2 - onset * d / 2 + onset**2 / 6)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Base classes of penalty contact, with rigid shapes or between faces.
 
 
 class ContactPart(EnergyComponent):
@@ -136,932 +126,38 @@ class ContactPart(EnergyComponent):
     def check_stiffness(self) -> None:
         """Raise `ComponentError` for a stiffness out of range."""
         if not self.softest <= self.stiffness <= STIFFEST:
-            raise ComponentError(
-                f"{self.where}: the stiffness is {self.stiffness:g} shear moduli per size of the device; {self.softest:g} "
+            raise self.error(
+                f"the stiffness is {self.stiffness:g} shear moduli per size of the device; {self.softest:g} "
                 f"to {STIFFEST:g} are accepted (default {self.usual:g})"
             )
 
 
-class StoppingShape(Protocol):
-    """Common interface of rigid shapes; see `RigidShape`."""
-
-    @property
-    def where(self) -> str: ...
-    @property
-    def label(self) -> str: ...
-    @property
-    def roles(self) -> list[str]: ...
-    @property
-    def hollow(self) -> bool: ...
-    @property
-    def stiffness(self) -> float: ...
-
-
-def copies_around(actuator: Actuator, crossed: Sequence[Array]) -> int:
-    """Return the number of slices that share a shape.
-
-    Args:
-        actuator: The device.
-        crossed: Normals of the cut planes that the shape crosses; where it crosses none, each copy has a shape of its own.
-    """
-    if actuator.dimension == 2 or not crossed:
-        return 1
-    return actuator.copies if len(crossed) == len(actuator.cut_planes) else 2
-
-
-def force_of_all(actuator: Actuator, crossed: Sequence[Array], force: Array) -> Array:
-    """Return the total force on a shape of all slices that share it; components normal to a cut plane cancel.
-
-    Args:
-        actuator: The device.
-        crossed: Normals of the cut planes that the shape crosses.
-        force: Of the slice, shape (3,).
-    """
-    if actuator.dimension == 2:
-        return force * [0.0, 0.0, 1.0]
-    if not crossed:
-        return force
-    along = np.linalg.svd(np.array(crossed))[2][np.linalg.matrix_rank(np.array(crossed)) :]
-    return np.asarray(copies_around(actuator, crossed) * along.T @ (along @ force))
-
-
-def shape_figures(
-    label: str, actuator: Actuator, crossed: Sequence[Array], force: Array, depth: float
-) -> dict[str, float]:
-    """Return the columns of ``path.csv`` of a rigid shape.
-
-    Args:
-        label: Of the shape.
-        actuator, crossed: See `force_of_all`.
-        force: Of the slice on the shape in N, in the mesh's coordinates, shape (d,).
-        depth: How deep faces have sunk into it, in m; below zero where none has.
-    """
-    total = force_of_all(actuator, crossed, in_space(force))
-    found = {f"{label}_force_{axis}_N": float(value) for axis, value in zip("xyz", total, strict=True)}
-    if actuator.dimension == 2:
-        found = {name: value for name, value in found.items() if "_z_" in name}
-    return found | {f"{label}_depth_mm": max(depth, 0.0) * 1e3}
-
-
 # ----------------------------------------------------------------------------------------------------------------------
-# The distance from a sphere, a cylinder or a capsule: the places nearer than a radius to a point, a line, a piece of one.
+# Rigid shapes: a sphere, a cylinder, a capsule or an STL file's surface, from outside or inside; a plane.
 #
-# A plane's is along its normal.
-
-
-type Numbers = tuple[Array, Array, float | None, float, float]
-"""Place of its middle, direction of its line, radius, half the line's length, and 1 or, of a hollow one, -1; in sizes.
-
-Of a plane a point, its normal, and no radius.
-"""
-
-SPECK = 1e-20
-"""Added to squared distances, in squared sizes: the distance from a line has no slope on the line itself."""
-
-
-def distance(x: Sequence[Array], numbers: Numbers) -> Array:
-    """Return the signed distance of a place in sizes, from components of NumPy or of UFL alike; below zero where it is stopped.
-
-    Args:
-        x: Three components in sizes.
-        numbers: Of the shape, or UFL constants in their place.
-    """
-    at, along, radius, half, sign = numbers
-    v = [x[i] - at[i] for i in range(3)]
-    t = v[0] * along[0] + v[1] * along[1] + v[2] * along[2]
-    if radius is None:
-        return sign * t
-    t = (abs(t + half) - abs(t - half)) / 2  # no further than its ends
-    v = [v[i] - t * along[i] for i in range(3)]
-    return sign * ((v[0] ** 2 + v[1] ** 2 + v[2] ** 2 + SPECK) ** 0.5 - radius)
-
-
-def distances(places: Array, numbers: Numbers) -> Array:
-    """Return `distance` of places in sizes, shape (n, d)."""
-    return np.asarray(distance(list(in_space(places).T), numbers))
-
-
-def slopes(places: Array, numbers: Numbers) -> tuple[Array, Array, Array]:
-    """Return the distances of places in sizes, shape (n, d), their gradients (n, d), and their second derivatives (n, d, d)."""
-    at, along, radius, half, sign = numbers
-    v = in_space(places) - at
-    t = v @ along
-    shown = [0, 1, 2] if places.shape[1] == 3 else [0, 2]
-    if radius is None:
-        count, d = places.shape
-        return sign * t, np.tile(sign * along[shown], (count, 1)), np.zeros((count, d, d))
-    beside = np.abs(t) < half
-    v = v - np.clip(t, -half, half)[:, None] * along
-    far = np.sqrt((v**2).sum(axis=1) + SPECK)
-    way = v / far[:, None]
-    square = np.eye(3) - np.where(beside[:, None, None], np.outer(along, along), 0.0)
-    second = (square - way[:, :, None] * way[:, None, :]) / far[:, None, None]
-    return sign * (far - radius), sign * way[:, shown], sign * second[:, shown][:, :, shown]
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Rigid shapes movable along a guide in contact with the device: on a spring, or with a mass that is lifted.
-#
-# The position on the line minimises the energy, see `softmodels.components.pressing`; the shape does not rotate.
-
-
-class Guided(StoppingShape, Protocol):
-    """A shape with a guide."""
-
-    @property
-    def guide(self) -> str: ...
-    @property
-    def gives_way(self) -> Array: ...
-    @property
-    def spring(self) -> float: ...
-    @property
-    def mass(self) -> float: ...
-
-
-class StandingShape(Protocol):
-    """The term of the same shape in its first place.
-
-    Attributes:
-        nodes: The faces' nodes.
-        crossed: Normals of the cut planes that the shape crosses.
-    """
-
-    @property
-    def nodes(self) -> FaceNodes: ...
-    @property
-    def crossed(self) -> Sequence[Array]: ...
-    def pressed(self, places: Array) -> PressedSamples: ...
-    def clear(self, start: Array, end: Array) -> bool: ...
-
-
-def check_guide(shape: Guided) -> None:
-    """Raise `ComponentError` for a guide without a spring or mass, a spring or mass without a guide, or an invalid
-    direction."""
-    if not shape.guide:
-        if shape.spring or shape.mass:
-            raise ComponentError(f"{shape.where}: a spring or a mass needs a guide (guide = 'z')")
-        return
-    direction(shape.guide, shape.where)
-    if not (shape.spring > 0.0 or shape.mass > 0.0) or min(shape.spring, shape.mass) < 0.0:
-        raise ComponentError(
-            f"{shape.where}: the guide along {shape.guide} needs a spring or a mass above zero (spring = '50 N/m', or "
-            "mass = '20 g')"
-        )
-
-
-def weight_against(shape: Guided, gravity: Array) -> float:
-    """Return the component of a shape's weight against its guide, in N; negative if along it.
-
-    Args:
-        shape: The shape.
-        gravity: Acceleration in m/s2, shape (3,), in device coordinates.
-    """
-    return -shape.mass * float(gravity @ shape.gives_way)
-
-
-def check_weight(shape: Guided, gravity: Array) -> None:
-    """Raise `ComponentError` for a mass without a spring that gravity does not pull against its guide."""
-    if not shape.spring and weight_against(shape, gravity) <= ALONG * shape.mass * float(np.linalg.norm(gravity)):
-        raise ComponentError(
-            f"{shape.where}: gravity along ({', '.join(f'{x:.3g}' for x in gravity)}) m/s^2 does not press the mass "
-            f"against its stand along the guide {shape.guide}; reverse the guide or gravity, or add a spring "
-            "(spring = '50 N/m')"
-        )
-
-
-def check_guide_on(shape: Guided, actuator: Actuator, crossed: Sequence[Array]) -> None:
-    """Raise `ComponentError` for a guide that leaves the symmetry of the device's model."""
-    guide = shape.gives_way
-    if actuator.dimension == 2 and abs(guide[2]) < 1 - ALONG:
-        raise ComponentError(f"{shape.where}: with an axisymmetric section the guide must be z or -z")
-    if any(abs(float(normal @ guide)) > ALONG for normal in crossed):
-        raise ComponentError(
-            f"{shape.where}: along {shape.guide} the shape would leave its cut plane; use a guide "
-            f"in that plane, or {actuator.fuller}"
-        )
-
-
-class GuidedShapeTerm(PressingTerm[GivingWay]):
-    """The energy of contact with such a shape and of its spring or weight.
-
-    Args:
-        shape: The shape.
-        standing: Its term in its first place.
-        setting: The potential.
-    """
-
-    def __init__(self, shape: Guided, standing: StandingShape, setting: FormContext):
-        super().__init__(standing.nodes)
-        self.shape, self.standing, self.setting, self.actuator = shape, standing, setting, setting.body.actuator
-        self.along = in_section(shape.gives_way, self.actuator.dimension)
-        self._per_pascal, self._s = 0.0, 0.0
-
-    def _stand(self) -> Stand:
-        """Return its spring or weight for the modelled slice, with forces in shear moduli times squared sizes."""
-        size, share = self.actuator.size, copies_around(self.actuator, self.standing.crossed)
-        unit = float(self.setting.per_pascal.value) / size / share
-        return Stand(self.shape.spring * unit, weight_against(self.shape, self.setting.gravity) * unit / size, ONSET)
-
-    def pressed(self, places: Array) -> GivingWay:
-        found = GivingWay(self.standing.pressed, self._stand(), self.along, places, self._s)
-        self._s = found.s
-        return found
-
-    def _take(self, w: Array) -> None:
-        if self._per_pascal != float(self.setting.per_pascal.value):  # spring and weight are constant in newtons
-            self._per_pascal = float(self.setting.per_pascal.value)
-            self._state[:] = np.nan
-        super()._take(w)
-
-    def harder_here(self) -> Array:
-        return self._pressed.harder()
-
-    def admits(self, before: Array, after: Array) -> bool:
-        start, end = self.nodes.moved(before), self.nodes.moved(after)
-        moved = [places - self.pressed(places).s * self.along for places in (start, end)]
-        return self.standing.clear(*moved)
-
-    def figures(self, equations: Equations) -> dict[str, float]:
-        self._take(equations.w.x.array)
-        here, size, label = self._pressed.here, equations.length_unit, self.shape.label
-        force = equations.stress_unit * size**2 * here.forces.sum(axis=0)
-        found = shape_figures(label, self.actuator, self.standing.crossed, force, here.depth * size)
-        return found | {f"{label}_travel_mm": self._pressed.s * size * 1e3}
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Fixed rigid shapes with friction; the law is in `softmodels.components.pressing`.
-
-
-MOST = 3.0
-"""Largest accepted coefficient of friction: rubber on dry glass has 1 to 2."""
-
-
-class RubbedShape(StoppingShape, Protocol):
-    """A shape with friction."""
-
-    @property
-    def friction(self) -> float: ...
-    @property
-    def slip(self) -> float: ...
-    @property
-    def guide(self) -> str: ...
-
-
-def check_friction(shape: RubbedShape) -> None:
-    """Raise `ComponentError` for an invalid coefficient, or friction on a movable shape."""
-    if not 0.0 <= shape.friction <= MOST:
-        raise ComponentError(
-            f"{shape.where}: a coefficient of friction of {shape.friction:g} is out of range; give 0 to "
-            f"{MOST:g} (silicone on smooth plastic: 0.3 to 1)"
-        )
-    if shape.slip and not shape.friction:
-        raise ComponentError(
-            f"{shape.where}: a slip needs a coefficient of friction (friction = 0.5); give both or neither"
-        )
-    if shape.friction and shape.guide:
-        raise ComponentError(
-            f"{shape.where}: friction needs a fixed shape, but this one moves along {shape.guide}; "
-            f"leave out the guide or the friction"
-        )
-
-
-class RubbingShapeTerm(PressingTerm[Rubbed]):
-    """The energy of contact with such a shape, and its friction.
-
-    Args:
-        shape: The shape.
-        standing: Its term without friction.
-        setting: The potential.
-    """
-
-    remembers: ClassVar[bool] = True
-
-    def __init__(self, shape: RubbedShape, standing: StandingShape, setting: FormContext):
-        super().__init__(standing.nodes)
-        self.shape, self.standing, self.actuator = shape, standing, setting.body.actuator
-        self.rubbing = Rubbing(shape.friction, shape.slip / self.actuator.size or ONSET)
-        self._begin(standing.nodes.places)
-
-    def _begin(self, places: Array) -> None:
-        self.grip = Grip.of_free(self.standing.pressed(places))
-
-    def pressed(self, places: Array) -> Rubbed:
-        return Rubbed(self.standing.pressed(places), self.rubbing, self.grip)
-
-    def whole_stiffness_here(self) -> scipy.sparse.csr_array:
-        return self._pressed.whole_stiffness
-
-    def keep(self, w: Array, anew: bool = False) -> None:
-        if anew:
-            self._begin(self.nodes.moved(w))
-        else:
-            self._take(w)
-            self.grip = self._pressed.kept()
-        self._state[:] = np.nan  # the following calls use the current history
-
-    def admits(self, before: Array, after: Array) -> bool:
-        return self.standing.clear(self.nodes.moved(before), self.nodes.moved(after))
-
-    def figures(self, equations: Equations) -> dict[str, float]:
-        self._take(equations.w.x.array)
-        pressed, size, stress, label = self._pressed, equations.length_unit, equations.stress_unit, self.shape.label
-        force = stress * size**2 * pressed.forces.sum(axis=0)
-        found = shape_figures(label, self.actuator, self.standing.crossed, force, pressed.depth * size)
-        lost = pressed.grip.lost * stress * size**3 * self.actuator.copies
-        return found | {
-            f"{label}_sliding": pressed.sliding,
-            f"{label}_slip_mm": float(pressed.grip.slid.max(initial=0.0)) * size * 1e3,
-            f"{label}_friction_mJ": lost * 1e3,
-        }
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Faces that seal a cavity where they press on a plane, as the lip of a suction cup does.
-#
-# The cavity's pressure acts inside the seal, none outside. In between it falls from edge to edge of the faces in proportion to
-# the contact pressure that it passes, as gas that seeps through the ring would have it: the share s of it solves
-#
-#     div (grad s / (q + SEEPS max q)) = 0,     s = 1 at the cavity's edge, s = 0 at all others
-#
-# with the contact pressure q. Where nothing presses s does not change, so the gas of either side goes up to the contact. In it
-# the walls' gap is closed, and where exactly s falls is of no consequence but for the penetration of the penalty. (Persson's
-# theory has a conductance that falls as fast as exponentially, doi 10.1039/C9SM01679A.)
-
-
-SEEPS = 1e-6
-"""Contact pressure in that of the facet that is pressed most, below which gas passes freely."""
-OPENS = 1e-6
-"""Depth in sizes of the last contact at which a seal opens."""
-SETTLED = 1e-7
-"""Change of the share of the pressure below which it is that of the state."""
-RESTS, RESTING = 1e-5, 0.1
-"""Depth in sizes up to which faces hardly press, and their stiffness in a factorisation then, in that of the contact: nothing
-else holds the device."""
-
-
-class SealingTerm(RubbingShapeTerm):
-    """The energy of contact with such a plane, and the share of the cavity's pressure on the faces.
-
-    Args:
-        shape: The plane.
-        standing: Its term without friction.
-        setting: The potential.
-
-    Raises:
-        ComponentError: Faces beside the plane, or without an edge of the cavity.
-    """
-
-    standing: SampledShapeTerm
-
-    def __init__(self, shape: RigidShape, standing: SampledShapeTerm, setting: FormContext):
-        super().__init__(shape, standing, setting)
-        self.plane, body, nodes = shape, setting.body, standing.nodes
-        assert body.seal is not None
-        self.body, self.share, self._displacement = body, body.seal.share, setting.displacement
-        self._edges = _seal_edges(shape, body, setting.w.function_space, nodes)
-        off = float(np.abs(distances(nodes.places, standing.numbers)).max())
-        if off > NEAR:
-            size = self.actuator.size * 1e3
-            raise ComponentError(
-                f"{shape.where}: {shape.faces} must lie in the plane at rest to seal on it, and is up to {off * size:.4g} mm "
-                "off; move the plane (at)"
-            )
-        self._ring = _Ring.of(standing.surface)
-        self._dofs, self._of_dofs = _share_dofs(body, self.share, nodes.places)
-        self._settled = np.full(len(nodes.places), np.nan)
-        self.settle_at(nodes.places)
-
-    def stiffness_here(self) -> scipy.sparse.csr_array:
-        found = super().stiffness_here()
-        return found if self._pressed.depth > RESTS else found + self._resting
-
-    def whole_stiffness_here(self) -> scipy.sparse.csr_array:
-        return self._pressed.whole_stiffness
-
-    @functools.cached_property
-    def _resting(self) -> scipy.sparse.csr_array:
-        surface, d = self.standing.surface, self.nodes.places.shape[1]
-        held = RESTING * self.plane.stiffness * surface.measure
-        dofs = components_of(surface.facets[surface.owner], d)
-        blocks = np.einsum("sa,sb,s,ij->saibj", surface.shapes, surface.shapes, held, np.eye(d))
-        size = d * len(self.nodes.places)
-        return scattered(blocks.reshape(len(held), dofs.shape[1], -1), dofs, dofs, size, size)
-
-    def coupled(self) -> scipy.sparse.csr_array:
-        facets = self.standing.surface.facets
-        return together(np.arange(len(facets)), facets, (len(facets), len(self.nodes.places)))
-
-    # -- the share of the pressure -------------------------------------------------------------------------------------
-
-    def settle(self, w: Array) -> bool:
-        return self.settle_at(self.nodes.moved(w))
-
-    def settle_at(self, places: Array) -> bool:
-        """Set the share of the pressure with the nodes at places, shape (n, d); return whether it has changed."""
-        import scipy
-
-        n, (inside, outside), depth = len(places), self._edges, self._depths(places)
-        if depth.max() <= 0.0 and self._settled[0] >= 0.0:
-            return False  # just lifted off: the share stays what it was
-        pressure = self.standing.penalty.rates(depth)[1][self._ring.pieces].mean(axis=1)
-        blocks = self._ring.conductances / (pressure + SEEPS * (pressure.max() or 1.0))[:, None, None]
-        K = scattered(blocks, self._ring.pieces, self._ring.pieces, n, n).tocsr()
-        share = np.zeros(n)
-        share[inside] = 1.0
-        free = np.setdiff1d(np.arange(n), np.concatenate([inside, outside]))
-        if len(free):
-            share[free] = scipy.sparse.linalg.spsolve(K[free][:, free].tocsc(), -(K @ share)[free])
-        changed = not np.abs(share - self._settled).max() <= SETTLED
-        if changed:
-            self._settled = share
-            self.share.x.array[self._dofs] = share[self._of_dofs]
-        return changed
-
-    def _depths(self, places: Array) -> Array:
-        """Return the depths of nodes at places, shape (n, d): below zero of those that do not touch."""
-        return -distances(places, self.standing.numbers)
-
-    # -- what a user reads -----------------------------------------------------------------------------------------------
-
-    def compile(self, equations: Equations) -> None:
-        import ufl
-
-        seal, body = self.body.seal, self.body
-        assert seal is not None
-        flow = body.flow(self._displacement, ufl.as_vector(list(map(float, seal.normal))))
-        self._sealed = equations.form(body.on_walls(-flow * body.hoop, 0))
-
-    def figures(self, equations: Equations) -> dict[str, float]:
-        label, size, copies = self.shape.label, equations.length_unit, self.actuator.copies
-        found = super().figures(equations)
-        if not self.plane.friction:
-            found = {
-                name: value for name, value in found.items() if name.startswith((f"{label}_force", f"{label}_depth"))
-            }
-        area = equations.integral(self._sealed) * size**2 * copies
-        pressed = self.standing.surface.measure[self._pressed.touching].sum() * size**2 * copies
-        found |= {f"{label}_contact_mm2": float(pressed) * 1e6, f"{label}_sealed_mm2": area * 1e6}
-        found[f"{label}_hold_N"] = -float(equations.pressures[0]) * equations.stress_unit * area
-        if self.plane.friction:
-            normal = float(np.linalg.norm(self.standing.pressed(self._pressed.nodes).slopes(), axis=1).sum())
-            found[f"{label}_shear_N"] = self.plane.friction * normal * equations.stress_unit * size**2 * copies
-        return found
-
-    def margin(self, equations: Equations) -> float:
-        """Return the depth that gas has to pass on its easiest way through the contact, in sizes, less `OPENS`."""
-        import scipy
-
-        self._take(equations.w.x.array)
-        n, (inside, outside) = len(self.nodes.places), self._edges
-        pieces, d = self._ring.pieces, self.standing.surface.dimension
-        depth = self._depths(self._pressed.nodes)[pieces].max(axis=1)
-        pairs = np.concatenate([pieces[:, [i, j]] for i in range(d) for j in range(i)])
-        pairs, order = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
-        lowest = np.full(len(pairs), np.inf)
-        np.minimum.at(lowest, order.ravel(), np.tile(depth, d * (d - 1) // 2))
-        # Weights above zero, in the same order; two more nodes for either side. A minimum spanning tree has the way of least
-        # depth between any two nodes.
-        rank = np.argsort(np.argsort(lowest)) + 1.0
-        starts = np.concatenate([pairs[:, 0], np.full(len(inside), n), np.full(len(outside), n + 1)])
-        ends = np.concatenate([pairs[:, 1], inside, outside])
-        weights = np.concatenate([rank, np.full(len(inside) + len(outside), 0.5)])
-        graph = scipy.sparse.coo_array((weights, (starts, ends)), shape=(n + 2, n + 2)).tocsr()
-        tree = scipy.sparse.csgraph.minimum_spanning_tree(graph)
-        _, before = scipy.sparse.csgraph.breadth_first_order(tree, n, directed=False)
-        tree, here, most = tree + tree.T, n + 1, 0.0
-        while here != n:
-            most, here = max(most, float(tree[here, before[here]])), int(before[here])
-        return min(float(np.sort(lowest)[round(most) - 1]), self._pressed.depth) - OPENS
-
-    def opened(self, equations: Equations) -> PathFailure:
-        figures, label = self.figures(equations), self.shape.label
-        last = self._pressed.nodes[[int(self._depths(self._pressed.nodes).argmax())]] * self.actuator.size
-        x, y, _ = self.actuator.device_points(in_space(last))[0] * 1e3
-        pressure = equations.pressures[0] * equations.stress_unit / 1e3
-        return PathFailure(
-            f"the seal of {self.plane.where} opens at {pressure:.4g} kPa over {figures[f'{label}_sealed_mm2']:.4g} mm2, a "
-            f"holding force of {figures[f'{label}_hold_N']:.4g} N: leak ({self.plane.faces} touches last at a radius of "
-            f"{math.hypot(x, y):.4g} mm)",
-            "For more force use a deeper vacuum or a wider cup (--radius)",
-        )
-
-
-def _seal_edges(shape: RigidShape, body: Body, space: fem.FunctionSpace, nodes: FaceNodes) -> tuple[Indices, Indices]:
-    """Return the numbers of the nodes of faces on the cavity's edge, and on all other edges."""
-    from scipy.spatial import cKDTree
-
-    tree = cKDTree(nodes.places)
-    beside = {*shape.roles, *(plane.name for plane in body.actuator.cut_planes), "axis"}
-
-    def shared(roles: Sequence[str]) -> Indices:
-        places = FaceNodes(body, space, roles).places if roles else np.empty((0, nodes.places.shape[1]))
-        far, found = tree.query(places, distance_upper_bound=NEAR)
-        return np.asarray(np.unique(found[np.isfinite(far)]), dtype=np.int64)
-
-    fdim = body.mesh.topology.dim - 1
-    others = [name for name, (dimension, _) in body.entities.items() if dimension == fdim and name not in beside]
-    walls = cavity_roles(body.actuator)
-    inside, outside = shared(walls[:1]), shared([name for name in others if name != walls[0]])
-    if not len(inside):
-        raise ComponentError(
-            f"{shape.where}: {shape.faces} shares no edge with the cavity, so it is no rim on which the cavity could "
-            "seal; name the face around its opening (lip, of a SuctionCup)"
-        )
-    return inside, np.setdiff1d(outside, inside)
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Ring:
-    """Sealing faces at rest in pieces: halves of lines, quarters of triangles.
-
-    Attributes:
-        pieces: Nodes of each, shape (p, d).
-        conductances: Matrices of int grad . grad between these, shape (p, d, d).
-    """
-
-    pieces: Indices
-    conductances: Array
-
-    @classmethod
-    def of(cls, surface: Surface) -> _Ring:
-        d = surface.dimension
-        parts = [[0, 2], [2, 1]] if d == 2 else [[0, 5, 4], [5, 1, 3], [4, 3, 2], [3, 4, 5]]
-        pieces = surface.facets[:, parts].reshape(-1, d)
-        X = surface.nodes[pieces]
-        if d == 2:
-            lengths = np.linalg.norm(X[:, 1] - X[:, 0], axis=1)
-            rings = 2 * math.pi * X[:, :, 0].mean(axis=1) if surface.axisymmetric else np.ones(len(X))
-            return cls(pieces, (rings / lengths)[:, None, None] * np.array([[1.0, -1.0], [-1.0, 1.0]]))
-        edges = np.roll(X, 1, axis=1) - np.roll(X, -1, axis=1)  # opposite to each corner
-        area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
-        return cls(pieces, np.einsum("fai,fbi->fab", edges, edges) / (4 * area)[:, None, None])
-
-
-def _share_dofs(body: Body, share: fem.Function, places: Array) -> tuple[Indices, Indices]:
-    """Return the local dofs of the share on the sealing faces, and the node that each is."""
-    from dolfinx import fem
-    from scipy.spatial import cKDTree
-
-    assert body.seal is not None
-    space, fdim = share.function_space, body.mesh.topology.dim - 1
-    found = [fem.locate_dofs_topological(space, fdim, body.entities[role][1]) for role in body.seal.roles]
-    dofs = np.unique(np.concatenate(found)).astype(np.int64)
-    at = space.tabulate_dof_coordinates()[dofs, : places.shape[1]]
-    return dofs, np.asarray(cKDTree(places).query(at)[1], dtype=np.int64).reshape(len(dofs))
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The contact energy with a sphere, a cylinder or a capsule: as a form, and as sums over samples for a movable one.
-
-
-WAY = 8
-"""Number of points on a node's straight path between states at which its penetration is checked."""
-HARDENS = 0.25
-"""Fraction of the rejected penetration above which the shape stiffens. The energy is of the undeformed area, which
-a wrapped membrane stretches to ten or twenty times itself, so that it would penetrate ten or twenty times as deep."""
-HARDER = 16.0
-"""Rate of stiffening: at the rejected penetration the contact is 1 + HARDER (1 - HARDENS)^2 / (2 HARDENS), some 19, times as
-hard."""
-SOON = 0.1
-"""Distance in sizes of the device that counts as near."""
-
-
-class RoundShape(StoppingShape, Protocol):
-    """A shape with a radius."""
-
-    @property
-    def shape(self) -> str: ...
-    @property
-    def onset(self) -> float: ...
-    def numbers(self, size: float) -> Numbers: ...
-    def deepest(self, size: float) -> float: ...
-    def crossed(self, actuator: Actuator) -> Sequence[Array]: ...
-
-
-def clear(numbers: Numbers, deepest: float, start: Array, end: Array) -> bool:
-    """Return whether nodes can move between positions, shape (n, d) each, without penetrating a shape by more than
-    ``deepest``."""
-    way = (start + t * (end - start) for t in np.linspace(0.0, 1.0, WAY + 1)[1:])
-    return all(float(distances(places, numbers).min(initial=math.inf)) > -deepest for places in way)
-
-
-def check_rest(shape: RoundShape, body: Body) -> None:
-    """Reject a shape that penetrates the undeformed device.
-
-    Raises:
-        ComponentError: It does.
-    """
-    size = body.actuator.size
-    points = body.mesh.geometry.x[:, : body.mesh.topology.dim]
-    deepest = largest(body.mesh.comm, -float(distances(points, shape.numbers(size)).min(initial=math.inf)))
-    if deepest > NEAR:
-        side = "outside of the hollow" if shape.hollow else "in the"
-        raise ComponentError(
-            f"{shape.where}: the undeformed device is {deepest * size * 1e3:.4g} mm deep {side} {shape.shape}; move it away"
-            + ("" if shape.shape == "plane" else ", or give it another radius")
-        )
-
-
-class ShapeTerm(EnergyTerm):
-    """A fixed shape, with the force on it.
-
-    Args:
-        shape: The shape.
-        setting: The potential.
-
-    Raises:
-        ComponentError: The device lies in it.
-    """
-
-    def __init__(self, shape: RoundShape, setting: FormContext):
-        super().__init__([])
-        import ufl
-        from dolfinx import fem
-
-        self.shape, self.body = shape, setting.body
-        body, mesh, size = self.body, self.body.mesh, self.body.actuator.size
-        self._check_rest(body)
-        self.numbers = shape.numbers(size)
-        self._place = fem.Constant(mesh, self.numbers[0])
-        others = (None if value is None else fem.Constant(mesh, value) for value in self.numbers[1:])
-        constants = (self._place, *others)
-        onset, soft = shape.onset, HARDENS * shape.deepest(size)
-        stiffness, onset, soft = (fem.Constant(mesh, float(value)) for value in (shape.stiffness, onset, soft))
-        place = ufl.variable(ufl.SpatialCoordinate(mesh) + body.displacement(setting.displacement))
-        components = [place[0], place[1], place[2]] if mesh.topology.dim == 3 else [place[0], 0.0, place[1]]
-        depth = ufl.max_value(-distance(components, constants), 0.0)
-        energy = stiffness * (penalty(depth, onset) + HARDER / (6 * soft) * ufl.max_value(depth - soft, 0.0) ** 3)
-        push = ufl.diff(energy, place)  # on the shape; the device gets the opposite force
-        self.energies, self.pushes = [], []
-        for role in shape.roles:
-            area = body.sheet_face(role)[0]
-            self.energies.append(energy * body.hoop * area)
-            self.pushes.append([push[c] * body.hoop * area for c in range(mesh.topology.dim)])
-        self.nodes = FaceNodes(body, setting.w.function_space, shape.roles)
-
-    def _check_rest(self, body: Body) -> None:
-        check_rest(self.shape, body)
-
-    def follow_mesh(self) -> None:
-        self.nodes.follow_mesh()
-
-    def move_to(self, at: npt.ArrayLike) -> None:
-        """Move the shape to a position in m, such as an indenter from state to state."""
-        place = np.asarray(at, dtype=float) / self.body.actuator.size
-        self.numbers = (place, *self.numbers[1:])
-        self._place.value = place
-
-    def compile(self, equations: Equations) -> None:
-        self._compiled: list[list[fem.Form]] = [[equations.form(force) for force in forces] for forces in self.pushes]
-
-    def figures(self, equations: Equations) -> dict[str, float]:
-        actuator, depth = self.body.actuator, self.depth(equations) * equations.length_unit
-        return shape_figures(self.shape.label, actuator, self.shape.crossed(actuator), self.force(equations), depth)
-
-    def force(self, equations: Equations) -> Array:
-        """Return the force of the slice on the shape in N, in the mesh's coordinates, shape (d,)."""
-        by_role = [[equations.integral(form) for form in forces] for forces in self._compiled]
-        return np.asarray(equations.stress_unit * equations.length_unit**2 * np.sum(by_role, axis=0))
-
-    def depth(self, equations: Equations) -> float:
-        """Return the penetration of the faces, in sizes of the device; negative where none touches."""
-        return -float(distances(self.nodes.moved(equations.w.x.array), self.numbers).min())
-
-    def admits(self, before: Array, after: Array) -> bool:
-        size = self.body.actuator.size
-        return clear(self.numbers, self.shape.deepest(size), self.nodes.moved(before), self.nodes.moved(after))
-
-
-class SampledShapeTerm(PressingTerm[PressedByDistance]):
-    """The same energy as sums over samples, for a movable shape.
-
-    Args:
-        shape: The shape.
-        setting: The potential.
-
-    Raises:
-        ComponentError: The device lies in it.
-    """
-
-    def __init__(self, shape: RoundShape, setting: FormContext):
-        body = setting.body
-        check_rest(shape, body)
-        nodes = FaceNodes(body, setting.w.function_space, shape.roles)
-        super().__init__(nodes)
-        size = body.actuator.size
-        self.surface = Surface(nodes.places, nodes.facets, nodes.faces, nodes.inside, body.axisymmetric)
-        self.numbers, self.deepest, self.crossed = (
-            shape.numbers(size),
-            shape.deepest(size),
-            shape.crossed(body.actuator),
-        )
-        onset, soft = shape.onset, HARDENS * self.deepest
-        self.penalty = HardeningPenalty(shape.stiffness, onset, soft, HARDER)
-        self.move(nodes.places)
-
-    def pressed(self, places: Array) -> PressedByDistance:
-        return PressedByDistance(self.surface, self._slopes, self.penalty, SOON, places)
-
-    def _slopes(self, places: Array) -> tuple[Array, Array, Array]:
-        return slopes(places, self.numbers)
-
-    def clear(self, start: Array, end: Array) -> bool:
-        """Return whether nodes can move between positions, shape (n, d) each, without passing through the shape."""
-        return clear(self.numbers, self.deepest, start, end)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Contact of faces with a rigid shape from an STL file, from outside or inside.
-#
-# The distance from the file's triangles is the smooth gap of `softmodels.components.pressing`, with fixed samples:
-# exact on flat parts, rounded at edges over the kernel's radius, and twice differentiable everywhere. A sphere of radius r
-# appears larger by a tenth of the kernel's radius squared over r.
+# With the signed distance g of a deformed place x to the shape, the energy per undeformed area is that of a plane's contact,
+# phi(max(-g, 0)). A shape is fixed, optionally with friction, or movable along a guide. The distance from a file's triangles is
+# the smooth gap of `softmodels.components.pressing`, with fixed samples: exact on flat parts, rounded at edges over the
+# kernel's radius, and twice differentiable everywhere. A sphere of radius r appears larger by a tenth of that squared over r.
 
 
 Indices = npt.NDArray[np.int64]
-
-ROUNDING = 0.4
-"""Default radius of the kernel in edges of the contact facets."""
-MAX_SURFACE_DEPTH = 0.3
-"""Penetration in kernel radii at which a state is rejected: the wall is detected only up to one radius behind it."""
-STRIDE = 0.5
-"""Motion of a node in kernel radii between two checks of its penetration."""
-MOST_LOOKS = 60
-SAME = 1e-6
-"""Tolerance relative to the shape's extent for mirror images of its corners."""
-PROBED = 50
-"""Number of nodes checked by the winding number; touching surfaces are found by the gap."""
-
-
-class FileShape(StoppingShape, Protocol):
-    """A shape with a file."""
-
-    @property
-    def at(self) -> tuple[float, ...]: ...
-    @property
-    def file(self) -> str: ...
-    @property
-    def unit(self) -> str: ...
-    @property
-    def rounding(self) -> float: ...
-
-
-def surface_of(shape: FileShape) -> tuple[Array, Indices]:
-    """Return the corners in m where they stand, shape (n, 3), and triangles of a shape's file, counter-clockwise from outside.
-
-    Raises:
-        ComponentError: It cannot be read, is not closed, or its triangles turn different ways.
-    """
-    try:
-        points, triangles = _read(shape.file, UNITS[shape.unit], Path(shape.file).stat().st_mtime_ns)
-    except OSError as error:
-        raise ComponentError(f"{shape.where}: file {shape.file} cannot be read ({error.strerror})") from None
-    except GeometryError as error:
-        raise ComponentError(f"{shape.where}: {error}") from None
-    return points + np.asarray(shape.at), triangles
-
-
-@functools.lru_cache(maxsize=8)
-def _read(file: str, unit: float, changed: int) -> tuple[Array, Indices]:
-    from geometries.imported_mesh import read_surfaces
-
-    points, triangles = read_surfaces(file, unit)
-    edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    if len(np.unique(edges, axis=0)) < len(edges):
-        raise GeometryError(
-            f"the triangles of {file} are not consistently oriented; repair the file in the program that wrote it"
-        )
-    corners = points[triangles]
-    volume = float(np.einsum("ti,ti->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))) / 6
-    return points, triangles if volume > 0.0 else triangles[:, ::-1]
-
-
-def _same(points: Array) -> float:
-    """Return the distance in m below which places on a shape are the same."""
-    return SAME * float(np.linalg.norm(np.ptp(points, axis=0)))
-
-
-def crossed_by_file(shape: FileShape, actuator: Actuator) -> list[Array]:
-    """Return the normals of the cut planes that a shape crosses; `ComponentError` as for `surface_of`."""
-    points, _ = surface_of(shape)
-    near, normals = _same(points), [np.asarray(plane.normal, dtype=float) for plane in actuator.cut_planes]
-    return [n for n in normals if (points @ n).min() < -near and (points @ n).max() > near]
-
-
-def check_file_on(shape: FileShape, actuator: Actuator) -> None:
-    """Raise `ComponentError` for an unreadable file, or a shape unsuitable for this device."""
-    points, _ = surface_of(shape)
-    if actuator.dimension == 2:
-        raise ComponentError(
-            f"{shape.where}: an axisymmetric section needs an axisymmetric shape; use the solid (section = 'solid')"
-        )
-    from scipy.spatial import cKDTree
-
-    near = _same(points)
-    for plane in actuator.cut_planes:
-        n = np.asarray(plane.normal, dtype=float)
-        if (points @ n).max() <= near:
-            continue
-        image = points - 2 * np.outer(points @ n, n)
-        if cKDTree(points).query(image)[0].max() > near:
-            raise ComponentError(
-                f"{shape.where}: {shape.file} crosses the cut plane {plane.name} and its vertices are "
-                f"not mirror-symmetric; model the whole device"
-            )
-
-
-class FileShapeTerm(PressingTerm[PressedOn]):
-    """The energy of contact with an STL file's shape, with the force on it.
-
-    Args:
-        shape: The shape.
-        setting: The potential.
-    """
-
-    def __init__(self, shape: FileShape, setting: FormContext):
-        body = setting.body
-        nodes = FaceNodes(body, setting.w.function_space, shape.roles)
-        super().__init__(nodes)
-        self.shape, self.actuator = shape, body.actuator
-        size = self.actuator.size
-        points, triangles = surface_of(shape)
-        self.crossed = crossed_by_file(shape, self.actuator)
-        self.surface = Surface(nodes.places, nodes.facets, nodes.faces, nodes.inside)
-        edges, measure = self.surface.edges, self.surface.measure
-        radius = shape.rounding / size or ROUNDING * float(edges @ measure / measure.sum())
-        try:
-            self.wall = FixedWall.of(points / size, triangles[:, ::-1] if shape.hollow else triangles, radius)
-        except TooFineError:
-            raise ComponentError(
-                f"{shape.where}: {shape.file} is large against a rounding of {radius * size * 1e3:.3g} mm; use a "
-                "larger rounding, or cut off the parts far from the device"
-            ) from None
-        self.penalty = Penalty(shape.stiffness, ONSET_PRESSURE / shape.stiffness)
-        self.move(nodes.places)
-        self._check_rest(points / size, triangles)
-
-    def _check_rest(self, points: Array, triangles: Indices) -> None:
-        chosen = self.nodes.places[:: max(1, len(self.nodes.places) // PROBED)]
-        inside = np.abs(_winding(chosen, points[triangles])) > 0.5
-        if self._pressed.depth > NEAR or bool((inside != self.shape.hollow).any()):
-            side = "outside of the hollow" if self.shape.hollow else "in the"
-            raise ComponentError(
-                f"{self.shape.where}: the undeformed device is {side} shape of {self.shape.file}, or "
-                f"touches it; move the shape away (at)"
-            )
-
-    def pressed(self, places: Array) -> PressedOn:
-        return PressedOn(self.surface, self.wall, self.penalty, places)
-
-    def admits(self, before: Array, after: Array) -> bool:
-        return self.clear(self.nodes.moved(before), self.nodes.moved(after))
-
-    def clear(self, start: Array, end: Array) -> bool:
-        """Return whether nodes may go from places to places, shape (n, 3) each, without passing through the shape."""
-        farthest, limit = (
-            float(np.linalg.norm(end - start, axis=1).max(initial=0.0)),
-            MAX_SURFACE_DEPTH * self.wall.radius,
-        )
-        looks = int(np.clip(np.ceil(farthest / (STRIDE * self.wall.radius)), 1, MOST_LOOKS))
-        way = (self.surface.places(start + t * (end - start)) for t in np.linspace(0.0, 1.0, looks + 1)[1:])
-        return all(float(self.wall.gaps(places).min(initial=np.inf)) > -limit for places in way)
-
-    def figures(self, equations: Equations) -> dict[str, float]:
-        self._take(equations.w.x.array)
-        force = equations.stress_unit * equations.length_unit**2 * self._pressed.forces.sum(axis=0)
-        depth = self._pressed.depth * equations.length_unit
-        return shape_figures(self.shape.label, self.actuator, self.crossed, force, depth)
-
-
-def _winding(places: Array, corners: Array) -> Array:
-    """Return how often a closed surface goes around places, shape (n,): the solid angle of its triangles, shape (t, 3, 3), over
-    4 pi.
-
-    Van Oosterom and Strackee 1983, doi 10.1109/TBME.1983.325207.
-    """
-    found = np.empty(len(places))
-    for number, place in enumerate(places):
-        a, b, c = np.moveaxis(corners - place, 1, 0)
-        la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
-        over = np.einsum("ti,ti->t", a, np.cross(b, c))
-        under = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb
-        found[number] = 2 * np.arctan2(over, under).sum() / (4 * np.pi)
-    return found
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Contact of faces with rigid shapes: a sphere, a cylinder, a capsule, from outside or inside; a plane.
-#
-# With the signed distance g of a deformed place x to the shape, the energy per undeformed area is that of a plane's contact,
-# phi(max(-g, 0)). A shape is fixed, optionally with friction, or movable along a guide.
-
 
 SHAPES = ("sphere", "cylinder", "capsule", "plane", "stl")
 ENDLESS = 1e3
 """Half length of a cylinder in sizes of the device."""
 MAX_SHAPE_DEPTH = 0.05
 """Penetration relative to the size at which a state is rejected: the device would pass through the shape."""
+MOST = 3.0
+"""Largest accepted coefficient of friction: rubber on dry glass has 1 to 2."""
+SAME = 1e-6
+"""Tolerance relative to an STL shape's extent for mirror images of its corners."""
+
+type Numbers = tuple[Array, Array, float | None, float, float]
+"""Place of its middle, direction of its line, radius, half the line's length, and 1 or, of a hollow one, -1; in sizes.
+
+Of a plane a point, its normal, and no radius.
+"""
 
 
 @register_component
@@ -1154,39 +250,61 @@ class RigidShape(ContactPart):
         if not self.roles:
             raise ComponentError(f"{self.where} needs faces in contact (faces = 'outer')")
         if len(self.at) != 3:
-            raise ComponentError(f"{self.where}: at needs three coordinates (at = ['0 mm', '0 mm', '30 mm'])")
+            raise self.error("at needs three coordinates (at = ['0 mm', '0 mm', '30 mm'])")
         self.check_stiffness()
-        check_guide(self)
-        check_friction(self)
+        self._check_guide()
+        self._check_friction()
         if self.seal and (self.shape != "plane" or self.guide):
-            raise ComponentError(f"{self.where}: a cavity seals only on a fixed plane (shape = 'plane', without guide)")
+            raise self.error("a cavity seals only on a fixed plane (shape = 'plane', without guide)")
         if self.shape == "stl":
             self._check_file()
             return
         if self.file or self.rounding:
-            raise ComponentError(f"{self.where}: a {self.shape} has no file and no rounding; only shape = 'stl' has")
+            raise self.error(f"a {self.shape} has no file and no rounding; only shape = 'stl' has")
         if self.shape == "plane":
             if self.radius or self.length or self.hollow:
-                raise ComponentError(
-                    f"{self.where}: a plane has a point (at) and a normal to the device's side (along), and no radius, length "
+                raise self.error(
+                    "a plane has a point (at) and a normal to the device's side (along), and no radius, length "
                     "or hollow"
                 )
         elif self.radius <= 0.0:
-            raise ComponentError(f"{self.where}: a {self.shape} needs a radius above zero (radius = '5 mm')")
+            raise self.error(f"a {self.shape} needs a radius above zero (radius = '5 mm')")
         if len(self.along) != 3 or not any(self.along):
-            raise ComponentError(
-                f"{self.where}: along = {list(self.along)} is not a direction; write three numbers, such as [0, 1, 0]"
-            )
+            raise self.error(f"along = {list(self.along)} is not a direction; write three numbers, such as [0, 1, 0]")
         if (self.length > 0.0) != (self.shape == "capsule"):
-            raise ComponentError(f"{self.where}: only a capsule has a length, above zero")
+            raise self.error("only a capsule has a length, above zero")
 
     def _check_file(self) -> None:
         if not self.file:
-            raise ComponentError(f"{self.where}: an STL shape needs its file (file = 'hand.stl')")
+            raise self.error("an STL shape needs its file (file = 'hand.stl')")
         object.__setattr__(self, "file", whole_path(self.file))
         if self.radius or self.length:
-            raise ComponentError(
-                f"{self.where}: the file defines the size of an STL shape; leave out radius and length"
+            raise self.error("the file defines the size of an STL shape; leave out radius and length")
+
+    def _check_guide(self) -> None:
+        if not self.guide:
+            if self.spring or self.mass:
+                raise self.error("a spring or a mass needs a guide (guide = 'z')")
+            return
+        direction(self.guide, self.where)
+        if not (self.spring > 0.0 or self.mass > 0.0) or min(self.spring, self.mass) < 0.0:
+            raise self.error(
+                f"the guide along {self.guide} needs a spring or a mass above zero (spring = '50 N/m', or "
+                "mass = '20 g')"
+            )
+
+    def _check_friction(self) -> None:
+        if not 0.0 <= self.friction <= MOST:
+            raise self.error(
+                f"a coefficient of friction of {self.friction:g} is out of range; give 0 to "
+                f"{MOST:g} (silicone on smooth plastic: 0.3 to 1)"
+            )
+        if self.slip and not self.friction:
+            raise self.error("a slip needs a coefficient of friction (friction = 0.5); give both or neither")
+        if self.friction and self.guide:
+            raise self.error(
+                f"friction needs a fixed shape, but this one moves along {self.guide}; "
+                f"leave out the guide or the friction"
             )
 
     @property
@@ -1206,8 +324,20 @@ class RigidShape(ContactPart):
         return True
 
     def check_under(self, gravity: Array) -> None:
-        if self.mass:
-            check_weight(self, gravity)
+        if (
+            self.mass
+            and not self.spring
+            and self.weight_against(gravity) <= ALONG * self.mass * float(np.linalg.norm(gravity))
+        ):
+            raise self.error(
+                f"gravity along ({', '.join(f'{x:.3g}' for x in gravity)}) m/s^2 does not press the mass "
+                f"against its stand along the guide {self.guide}; reverse the guide or gravity, or add a spring "
+                "(spring = '50 N/m')"
+            )
+
+    def weight_against(self, gravity: Array) -> float:
+        """Return the component of its weight against its guide, in N; negative if along it. Gravity in m/s2, shape (3,)."""
+        return -self.mass * float(gravity @ self.gives_way)
 
     @property
     def gives_way(self) -> Array:
@@ -1254,9 +384,11 @@ class RigidShape(ContactPart):
 
     def crossed(self, actuator: Actuator) -> list[Array]:
         """Return the normals of the cut planes that it crosses."""
-        if self.file:
-            return crossed_by_file(self, actuator)
         normals = [np.asarray(plane.normal, dtype=float) for plane in actuator.cut_planes]
+        if self.file:
+            points, _ = surface_of(self)
+            near = _same(points)
+            return [n for n in normals if (points @ n).min() < -near and (points @ n).max() > near]
         if self.shape == "plane":
             return normals
         return [normal for normal in normals if abs(np.asarray(self.at) @ normal) < self.radius]
@@ -1264,18 +396,18 @@ class RigidShape(ContactPart):
     def check_on(self, actuator: Actuator) -> None:
         check_on_mesh(self.where, actuator, self.roles)
         if self.file:
-            check_file_on(self, actuator)
+            self._check_file_on(actuator)
         else:
             self._check_round_on(actuator)
         if self.guide:
-            check_guide_on(self, actuator, self.crossed(actuator))
+            self._check_guide_on(actuator)
 
     def _check_round_on(self, actuator: Actuator) -> None:
         at, along = np.asarray(self.at), self.direction
         if actuator.dimension == 2:
             if np.abs(at[:2]).max() > 0.0 or (self.shape != "sphere" and abs(along[2]) < 1 - 1e-12):
-                raise ComponentError(
-                    f"{self.where}: with an axisymmetric section the shape must be axisymmetric: at = ['0 mm', '0 mm', ...] "
+                raise self.error(
+                    "with an axisymmetric section the shape must be axisymmetric: at = ['0 mm', '0 mm', ...] "
                     "and along = [0, 0, 1]"
                 )
             return
@@ -1283,8 +415,8 @@ class RigidShape(ContactPart):
             normal = np.asarray(plane.normal)
             if self.shape == "plane":
                 if abs(float(along @ normal)) > 1e-9:
-                    raise ComponentError(
-                        f"{self.where}: the plane is not perpendicular to the cut plane {plane.name}, so it "
+                    raise self.error(
+                        f"the plane is not perpendicular to the cut plane {plane.name}, so it "
                         f"breaks the symmetry; rotate it, or model the whole device"
                     )
                 continue
@@ -1294,10 +426,36 @@ class RigidShape(ContactPart):
             if -beyond < reach * (1 - 1e-9) and (abs(beyond) > 1e-9 * reach or askew):
                 if self.shape == "cylinder" and lean > 1 - 1e-9:
                     continue
-                raise ComponentError(
-                    f"{self.where}: the {self.shape} crosses the cut plane {plane.name} asymmetrically; "
+                raise self.error(
+                    f"the {self.shape} crosses the cut plane {plane.name} asymmetrically; "
                     f"put its centre on that plane, or model the whole device"
                 )
+
+    def _check_file_on(self, actuator: Actuator) -> None:
+        points, _ = surface_of(self)
+        if actuator.dimension == 2:
+            raise self.error("an axisymmetric section needs an axisymmetric shape; use the solid (section = 'solid')")
+        near = _same(points)
+        for plane in actuator.cut_planes:
+            n = np.asarray(plane.normal, dtype=float)
+            if (points @ n).max() <= near:
+                continue
+            image = points - 2 * np.outer(points @ n, n)
+            if scipy.spatial.cKDTree(points).query(image)[0].max() > near:
+                raise self.error(
+                    f"{self.file} crosses the cut plane {plane.name} and its vertices are "
+                    f"not mirror-symmetric; model the whole device"
+                )
+
+    def _check_guide_on(self, actuator: Actuator) -> None:
+        guide = self.gives_way
+        if actuator.dimension == 2 and abs(guide[2]) < 1 - ALONG:
+            raise self.error("with an axisymmetric section the guide must be z or -z")
+        if any(abs(float(normal @ guide)) > ALONG for normal in self.crossed(actuator)):
+            raise self.error(
+                f"along {self.guide} the shape would leave its cut plane; use a guide "
+                f"in that plane, or {actuator.fuller}"
+            )
 
     def numbers(self, size: float) -> Numbers:
         """Place, direction, radius, half length and side, in sizes of the device."""
@@ -1321,6 +479,42 @@ class RigidShape(ContactPart):
             standing = FileShapeTerm(self, setting) if self.file else SampledShapeTerm(self, setting)
             return (GuidedShapeTerm if self.guide else RubbingShapeTerm)(self, standing, setting)
         return FileShapeTerm(self, setting) if self.file else ShapeTerm(self, setting)
+
+
+def surface_of(shape: RigidShape) -> tuple[Array, Indices]:
+    """Return the corners in m where they stand, shape (n, 3), and triangles of a shape's file, counter-clockwise from outside.
+    `ComponentError` if it cannot be read, is not closed, or its triangles turn different ways."""
+    try:
+        points, triangles = _read(shape.file, UNITS[shape.unit], Path(shape.file).stat().st_mtime_ns)
+    except OSError as error:
+        raise ComponentError(f"{shape.where}: file {shape.file} cannot be read ({error.strerror})") from None
+    except GeometryError as error:
+        raise ComponentError(f"{shape.where}: {error}") from None
+    return points + np.asarray(shape.at), triangles
+
+
+@functools.lru_cache(maxsize=8)
+def _read(file: str, unit: float, changed: int) -> tuple[Array, Indices]:
+    from geometries.imported_mesh import read_surfaces
+
+    points, triangles = read_surfaces(file, unit)
+    edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    if len(np.unique(edges, axis=0)) < len(edges):
+        raise GeometryError(
+            f"the triangles of {file} are not consistently oriented; repair the file in the program that wrote it"
+        )
+    corners = points[triangles]
+    volume = float(np.einsum("ti,ti->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))) / 6
+    return points, triangles if volume > 0.0 else triangles[:, ::-1]
+
+
+def _same(points: Array) -> float:
+    """Return the distance in m below which places on a shape are the same."""
+    return SAME * float(np.linalg.norm(np.ptp(points, axis=0)))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A plane given by its place, without friction.
 
 
 @register_component
@@ -1362,12 +556,8 @@ class Obstacle(ContactPart):
         if not (self.roles and self.plane):
             raise ComponentError(self.needs)
         if self.name:
-            raise ComponentError(f"{self.where}: a plane given by its place is written as [contact], without a name")
-        if not SOFTEST <= self.stiffness <= STIFFEST:
-            raise ComponentError(
-                f"the contact's stiffness is {self.stiffness:g}; it is a number of shear moduli per size of the device, "
-                f"{SOFTEST:g} to {STIFFEST:g}, and {STIFFNESS:g} is usual"
-            )
+            raise self.error("a plane given by its place is written as [contact], without a name")
+        self.check_stiffness()
         if not self.on_cut:
             self._written()
 
@@ -1411,11 +601,8 @@ class Obstacle(ContactPart):
         )
 
     def place(self, actuator: Actuator) -> tuple[Vector, Vector]:
-        """Point (m) and unit normal of the plane, its side not yet chosen.
-
-        Raises:
-            ComponentError: An unknown cut plane, or a plane that is none of revolution beside an axisymmetric section.
-        """
+        """Point (m) and unit normal of the plane, its side not yet chosen; `ComponentError` for an unknown cut plane, or a
+        plane that is none of revolution beside an axisymmetric section."""
         if self.on_cut:
             cuts = {plane.name: plane.normal for plane in actuator.cut_planes}
             if self.plane not in cuts:
@@ -1439,6 +626,426 @@ def obstacle_of(components: Sequence[Component]) -> Obstacle | None:
     return next((part for part in components if isinstance(part, Obstacle)), None)
 
 
+# ----------------------------------------------------------------------------------------------------------------------
+# Self-contact of a device's walls: chambers of a bellows, a cavity's own walls.
+
+
+AUTO, NONE = "auto", "none"
+APART = 1e-4
+"""Minimum undeformed gap, relative to the size, of walls named by the device."""
+AHEAD = 1e-3
+"""Gap relative to the size at which contact sets in, at most half of the undeformed gap: walls of a coarse mesh
+are that rough between the contact points."""
+WALL_STIFFNESS = 2000.0
+"""Shear moduli of pressure per overlap of one size of the device; seven times that of a rigid plane, because walls are thin."""
+
+
+@register_component
+@dataclasses.dataclass(frozen=True)
+class Walls(ContactPart):
+    """Frictionless self-contact of walls.
+
+    Attributes:
+        faces: Roles of the facets, such as ``"cavity"`` or ``"left, right"``: all of them may meet each other and themselves.
+            ``"auto"`` are those that the device itself names (`geometries.Actuator.meeting`), of a part from a file all of its
+            outside that faces itself; names beside it are one more group. ``"none"`` lets walls pass through each other.
+        stiffness: Contact pressure per overlap, in shear moduli over `Actuator.size`.
+    """
+
+    faces: str = field_of(
+        Words(),
+        "faces in frictionless contact with each other and themselves: auto (chosen by the "
+        "device; under vacuum 'auto, cavity'), none, or names separated by commas",
+        AUTO,
+    )
+    stiffness: float = field_of(
+        Quantity(),
+        "penalty stiffness: contact pressure in shear moduli per overlap of one size of the device",
+        WALL_STIFFNESS,
+    )
+
+    table: ClassVar[str] = "walls"
+    softest: ClassVar[float] = 10.0
+    usual: ClassVar[float] = WALL_STIFFNESS
+    optional: ClassVar[bool] = True
+    figure_texts: ClassVar = {
+        r"(\w+)_contact_N": (
+            "contact of {0}",
+            "sum of the magnitudes of the contact forces between those walls",
+        ),
+        r"(\w+)_overlap_mm": ("overlap of {0}", "largest overlap of those walls"),
+        r"(\w+)_gap_mm": ("gap between {0}", "smallest distance between those walls, if they are near each other"),
+    }
+
+    def check(self) -> None:
+        if not self.roles:
+            raise ComponentError(
+                f"{self.where} names no faces; give {AUTO!r}, {NONE!r} or face names (faces = 'cavity')"
+            )
+        if len(set(self.roles)) < len(self.roles):
+            raise self.error(f"faces = {self.faces!r} names a face twice")
+        if NONE in self.roles and len(self.roles) > 1:
+            raise self.error(f"faces = {self.faces!r}; {NONE!r} cannot be combined with other names")
+        self.check_stiffness()
+
+    @property
+    def automatic(self) -> bool:
+        """Whether the device chooses walls in contact."""
+        return AUTO in self.roles
+
+    @property
+    def off(self) -> bool:
+        """Whether self-contact is off."""
+        return self.faces.strip() == NONE
+
+    @property
+    def words(self) -> str:
+        """Its faces, for a sentence."""
+        return "the walls chosen by the device" if self.automatic else f"the walls of {self.where} ({self.faces})"
+
+    def groups(self, actuator: Actuator) -> tuple[list[str], ...] | None:
+        """Return the faces that may touch each other and themselves, by group; None if only the mesh shows them."""
+        if self.off:
+            return ()
+        if not self.automatic:
+            return (self.roles,)
+        if actuator.meeting is None:
+            return None
+        chosen = [names_in(group) for group in actuator.meeting]
+        return (*chosen, *self._beside({role for group in chosen for role in group}))
+
+    def _beside(self, chosen: Set[str]) -> list[list[str]]:
+        """Return the faces named beside automatic ones, as a group; none if there are none."""
+        named = [role for role in self.roles if role != AUTO and role not in chosen]
+        return [named] if named else []
+
+    def check_on(self, actuator: Actuator) -> None:
+        for group in self.groups(actuator) or ():
+            check_on_mesh(self.where, actuator, group)
+
+    def undesigned(self, actuator: Actuator) -> str:
+        return ""
+
+    def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
+        depth, force = (figure(f"{self.label}_{what}") for what in ("overlap_mm", "contact_N"))
+        pressed = f"{self.words} are in contact{f' and overlap by {depth:.3g} mm' if depth else ''}"
+        return self.try_other(pressed) if depth or force else ""
+
+    def term(self, setting: FormContext) -> EnergyTerm:
+        body = setting.body
+        groups = self.groups(body.actuator)
+        if groups is None:
+            outside = _outside(body)
+            groups = (outside, *self._beside(set(outside)))
+        else:
+            check_mesh_faces(body, [role for group in groups for role in group], self.where)
+        if not any(groups):
+            return EnergyTerm([])
+        nodes = FaceNodes(body, setting.w.function_space, [role for group in groups for role in group])
+        if self.automatic:
+            nodes = _clear(nodes, body, groups, found=body.actuator.meeting is None)
+        return WallTerm(self, body, nodes, groups) if len(nodes.facets) else EnergyTerm([])
+
+
+def _outside(body: Body) -> list[str]:
+    """Return all faces of a mesh around the device, except cut or held ones."""
+    device, facets = body.actuator, body.mesh.topology.dim - 1
+    others = {*cavity_roles(device), *(plane.name for plane in device.cut_planes), *(hold.role for hold in body.holds)}
+    return [role for role, (dimension, _) in body.entities.items() if dimension == facets and role not in others]
+
+
+def _images(body: Body) -> Array:
+    """Mirror images of the walls, which are there too, shape (g, d, d)."""
+    d = body.actuator.dimension
+    mirrors = [in_section(plane.normal, d) for plane in body.actuator.cut_planes]
+    mirrors += [np.array([1.0, 0.0])] if body.axisymmetric else []  # a section meets its other half at the axis
+    return reflected(mirrors, MOST_IMAGES, d)
+
+
+def _surface(nodes: FaceNodes, body: Body) -> Surface:
+    return Surface(nodes.places, nodes.facets, nodes.faces, nodes.inside, body.axisymmetric)
+
+
+def _meets(groups: Sequence[Sequence[str]]) -> npt.NDArray[np.bool_]:
+    """Return whether one face may touch another, shape (roles, roles)."""
+    number = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
+    return np.asarray(number[:, None] == number)
+
+
+def _clear(nodes: FaceNodes, body: Body, groups: Sequence[Sequence[str]], found: bool) -> FaceNodes:
+    """Return those automatically chosen facets, by group, that face others and are apart when undeformed; ``found`` if they
+    are the whole outside of the device. The smooth distance of a wall that is curved more sharply than its cells resolve
+    may be below zero at rest."""
+    images = _images(body)
+    if found:
+        nodes = nodes.only(facing(_surface(nodes, body), images, 1.0))
+    while len(nodes.facets):
+        surface = _surface(nodes, body)
+        gaps = Near.of(Pairs(surface, _meets(groups), images), *surface.rest).gaps(len(surface.owner))
+        apart = (gaps.reshape(len(nodes.facets), -1) > APART).all(axis=1)
+        if apart.all():
+            break
+        nodes = nodes.only(apart)
+    return nodes
+
+
+class WallTerm(AssembledTerm[Pressed]):
+    """Contact of deformable walls, their faces by group; see `softmodels.components.pressing`."""
+
+    def __init__(self, part: Walls, body: Body, nodes: FaceNodes, groups: Sequence[Sequence[str]]):
+        super().__init__(nodes)
+        self.part = part
+        self.pairs = Pairs(_surface(nodes, body), _meets(groups), _images(body))
+        surface, self.copies = self.pairs.surface, body.actuator.copies
+        apart = float(Near.of(self.pairs, *surface.rest).gaps(len(surface.owner)).min(initial=math.inf))
+        if apart < -1e-6:
+            raise ComponentError(
+                f"{part.where}: the undeformed walls {part.faces} overlap by "
+                f"{-apart * body.actuator.size * 1e3:.3g} mm; leave room between them, or name others"
+            )
+        ahead = min(AHEAD, max(apart / 2, 0.0))  # no contact when undeformed
+        self.penalty = Penalty(part.stiffness, ONSET_PRESSURE / part.stiffness, ahead=ahead)
+
+    def pressed(self, places: Array) -> Pressed:
+        return Pressed(self.pairs, self.penalty, places)
+
+    def admits(self, before: Array, after: Array) -> bool:
+        return not passes(self.pairs, self.nodes.moved(before), self.nodes.moved(after))
+
+    def figures(self, equations: Equations) -> dict[str, float]:
+        self._take(equations.w.x.array)
+        pressed, label, mm = self._pressed, self.part.label, equations.length_unit * 1e3
+        force = pressed.pressed_force * equations.stress_unit * equations.length_unit**2 * self.copies
+        gap = float(pressed.gaps.min(initial=math.inf))
+        return {
+            f"{label}_contact_N": force,
+            f"{label}_overlap_mm": max(-gap, 0.0) * mm,
+            f"{label}_gap_mm": max(gap, 0.0) * mm if math.isfinite(gap) else math.nan,
+        }
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Check whether a point passes through a wall between two shapes.
+
+
+DEEPEST = 0.3
+"""Penetration in kernel radii at which a state is rejected: a wall is detected only up to one radius behind it."""
+OWN = 0.4
+"""Lateral distance from a sample, in facet edges, within which a wall belongs to it; the spacing of samples."""
+WALL_STRIDE = 2.0
+"""Relative motion of points and walls, in kernel radii, between two checks."""
+MOST_LOOKS = 60
+
+
+def passes(pairs: Pairs, before: Array, after: Array) -> bool:
+    """Return whether a point gets deeper than `DEEPEST` behind a wall on straight ways between two shapes, places of the nodes
+    of shape (n, d). A point that has jumped over a wall is nowhere near it any more and would feel nothing."""
+    surface = pairs.surface
+    start, end = surface.places(before), surface.places(after)
+    motion = end - start
+    relative = 2 * float(np.linalg.norm(motion - motion.mean(axis=0), axis=1).max())
+    stride = WALL_STRIDE * float(pairs.radius.min())
+    looks = min(max(math.ceil(relative / stride), 1), MOST_LOOKS)
+    times = np.linspace(0.0, 1.0, looks + 1)
+    for low, high in itertools.pairwise(times):
+        shapes = [before + t * (after - before) for t in (low, high)]
+        if _deeper(pairs, shapes, relative / looks / 2):
+            return True
+    return False
+
+
+def _deeper(pairs: Pairs, shapes: list[Array], slack: float) -> bool:
+    """Return whether a point crosses the surface at `DEEPEST` behind a sample's own part of a wall between two near shapes."""
+    surface, count = pairs.surface, len(pairs.surface.owner)
+    (a, b), (m, n) = ([surface.places(x) for x in shapes], [pairs.of_all(surface.areas(x)) for x in shapes])
+    i, j = pairs.within((a + b) / 2, slack + (DEEPEST + OWN) * float(pairs.radius.max()))
+    start, end = a[i] - pairs.of_all(a)[j], b[i] - pairs.of_all(b)[j]
+    limit = -DEEPEST * pairs.radius[j % count]
+    above = [np.einsum("pi,pi->p", r, v[j]) / np.linalg.norm(v[j], axis=1) for r, v in ((start, m), (end, n))]
+    crossed = (above[0] > limit) & (above[1] <= limit)
+    i, j, start, end, limit = i[crossed], j[crossed], start[crossed], end[crossed], limit[crossed]
+    high, low = above[0][crossed], above[1][crossed]
+    t = ((high - limit) / (high - low))[:, None]
+    place = start + t * (end - start)
+    aside = np.sqrt(np.maximum(np.einsum("pi,pi->p", place, place) - limit**2, 0.0))
+    own = aside < OWN * surface.edges[j % count]
+    return bool(own.any())
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Forces on a shape, and the distance from it: the places nearer than a radius to a point, a line, a piece of one.
+
+
+def copies_around(actuator: Actuator, crossed: Sequence[Array]) -> int:
+    """Return the number of slices that share a shape that crosses cut planes of these normals; where it crosses none, each
+    copy has a shape of its own."""
+    if actuator.dimension == 2 or not crossed:
+        return 1
+    return actuator.copies if len(crossed) == len(actuator.cut_planes) else 2
+
+
+def force_of_all(actuator: Actuator, crossed: Sequence[Array], force: Array) -> Array:
+    """Return the total force on a shape of all slices that share it, from that of the slice, shape (3,), by the normals of the
+    cut planes that it crosses; components normal to one of them cancel."""
+    if actuator.dimension == 2:
+        return force * [0.0, 0.0, 1.0]
+    if not crossed:
+        return force
+    along = np.linalg.svd(np.array(crossed))[2][np.linalg.matrix_rank(np.array(crossed)) :]
+    return np.asarray(copies_around(actuator, crossed) * along.T @ (along @ force))
+
+
+def shape_figures(
+    label: str, actuator: Actuator, crossed: Sequence[Array], force: Array, depth: float
+) -> dict[str, float]:
+    """Return the columns of ``path.csv`` of a rigid shape, by the force of the slice on it in N, in the mesh's coordinates,
+    shape (d,), and how deep faces have sunk into it in m, below zero where none has; see `force_of_all`."""
+    total = force_of_all(actuator, crossed, in_space(force))
+    found = {f"{label}_force_{axis}_N": float(value) for axis, value in zip("xyz", total, strict=True)}
+    if actuator.dimension == 2:
+        found = {name: value for name, value in found.items() if "_z_" in name}
+    return found | {f"{label}_depth_mm": max(depth, 0.0) * 1e3}
+
+
+SPECK = 1e-20
+"""Added to squared distances, in squared sizes: the distance from a line has no slope on the line itself."""
+
+
+def distance(x: Sequence[Array], numbers: Numbers) -> Array:
+    """Return the signed distance of a place, three components in sizes, below zero where it is stopped, from components and
+    numbers of NumPy or of UFL alike."""
+    at, along, radius, half, sign = numbers
+    v = [x[i] - at[i] for i in range(3)]
+    t = v[0] * along[0] + v[1] * along[1] + v[2] * along[2]
+    if radius is None:
+        return sign * t
+    t = (abs(t + half) - abs(t - half)) / 2  # no further than its ends
+    v = [v[i] - t * along[i] for i in range(3)]
+    return sign * ((v[0] ** 2 + v[1] ** 2 + v[2] ** 2 + SPECK) ** 0.5 - radius)
+
+
+def distances(places: Array, numbers: Numbers) -> Array:
+    """Return `distance` of places in sizes, shape (n, d)."""
+    return np.asarray(distance(list(in_space(places).T), numbers))
+
+
+def slopes(places: Array, numbers: Numbers) -> tuple[Array, Array, Array]:
+    """Return the distances of places in sizes, shape (n, d), their gradients (n, d), and their second derivatives (n, d, d)."""
+    at, along, radius, half, sign = numbers
+    v = in_space(places) - at
+    t = v @ along
+    shown = [0, 1, 2] if places.shape[1] == 3 else [0, 2]
+    if radius is None:
+        count, d = places.shape
+        return sign * t, np.tile(sign * along[shown], (count, 1)), np.zeros((count, d, d))
+    beside = np.abs(t) < half
+    v = v - np.clip(t, -half, half)[:, None] * along
+    far = np.sqrt((v**2).sum(axis=1) + SPECK)
+    way = v / far[:, None]
+    square = np.eye(3) - np.where(beside[:, None, None], np.outer(along, along), 0.0)
+    second = (square - way[:, :, None] * way[:, None, :]) / far[:, None, None]
+    return sign * (far - radius), sign * way[:, shown], sign * second[:, shown][:, :, shown]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Terms of a fixed shape: as a form, and as sums over samples where a shape moves, rubs, or comes from a file.
+
+
+WAY = 8
+"""Number of points on a node's straight path between states at which its penetration is checked."""
+HARDENS = 0.25
+"""Fraction of the rejected penetration above which the shape stiffens. The energy is of the undeformed area, which
+a wrapped membrane stretches to ten or twenty times itself, so that it would penetrate ten or twenty times as deep."""
+HARDER = 16.0
+"""Rate of stiffening: at the rejected penetration the contact is 1 + HARDER (1 - HARDENS)^2 / (2 HARDENS), some 19, times as
+hard."""
+SOON = 0.1
+"""Distance in sizes of the device that counts as near."""
+
+
+def penalty(d: Expr, onset: fem.Constant) -> Expr:
+    """Return phi(d) / k in UFL, of a d that is not below zero."""
+    return ufl.conditional(ufl.lt(d, onset), d**3 / (6 * onset), d**2 / 2 - onset * d / 2 + onset**2 / 6)
+
+
+def clear(numbers: Numbers, deepest: float, start: Array, end: Array) -> bool:
+    """Return whether nodes can move between positions, shape (n, d) each, and sink no deeper than ``deepest`` into a shape."""
+    way = (start + t * (end - start) for t in np.linspace(0.0, 1.0, WAY + 1)[1:])
+    return all(float(distances(places, numbers).min(initial=math.inf)) > -deepest for places in way)
+
+
+def check_rest(shape: RigidShape, body: Body) -> None:
+    """Raise `ComponentError` for a shape that penetrates the undeformed device."""
+    size = body.actuator.size
+    points = body.mesh.geometry.x[:, : body.mesh.topology.dim]
+    deepest = largest(body.mesh.comm, -float(distances(points, shape.numbers(size)).min(initial=math.inf)))
+    if deepest > NEAR:
+        side = "outside of the hollow" if shape.hollow else "in the"
+        raise ComponentError(
+            f"{shape.where}: the undeformed device is {deepest * size * 1e3:.4g} mm deep {side} {shape.shape}; move it away"
+            + ("" if shape.shape == "plane" else ", or give it another radius")
+        )
+
+
+class ShapeTerm(EnergyTerm):
+    """A fixed shape, with the force on it; `ComponentError` if the device lies in it."""
+
+    def __init__(self, shape: RigidShape, setting: FormContext):
+        super().__init__([])
+        self.shape, self.body = shape, setting.body
+        body, mesh, size = self.body, self.body.mesh, self.body.actuator.size
+        self._check_rest(body)
+        self.numbers = shape.numbers(size)
+        self._place = fem.Constant(mesh, self.numbers[0])
+        others = (None if value is None else fem.Constant(mesh, value) for value in self.numbers[1:])
+        constants = (self._place, *others)
+        onset, soft = shape.onset, HARDENS * shape.deepest(size)
+        stiffness, onset, soft = (fem.Constant(mesh, float(value)) for value in (shape.stiffness, onset, soft))
+        place = ufl.variable(ufl.SpatialCoordinate(mesh) + body.displacement(setting.displacement))
+        components = [place[0], place[1], place[2]] if mesh.topology.dim == 3 else [place[0], 0.0, place[1]]
+        depth = ufl.max_value(-distance(components, constants), 0.0)
+        energy = stiffness * (penalty(depth, onset) + HARDER / (6 * soft) * ufl.max_value(depth - soft, 0.0) ** 3)
+        push = ufl.diff(energy, place)  # on the shape; the device gets the opposite force
+        self.energies, self.pushes = [], []
+        for role in shape.roles:
+            area = body.sheet_face(role)[0]
+            self.energies.append(energy * body.hoop * area)
+            self.pushes.append([push[c] * body.hoop * area for c in range(mesh.topology.dim)])
+        self.nodes = FaceNodes(body, setting.w.function_space, shape.roles)
+
+    def _check_rest(self, body: Body) -> None:
+        check_rest(self.shape, body)
+
+    def follow_mesh(self) -> None:
+        self.nodes.follow_mesh()
+
+    def move_to(self, at: npt.ArrayLike) -> None:
+        """Move the shape to a position in m, such as an indenter from state to state."""
+        place = np.asarray(at, dtype=float) / self.body.actuator.size
+        self.numbers = (place, *self.numbers[1:])
+        self._place.value = place
+
+    def compile(self, equations: Equations) -> None:
+        self._compiled: list[list[fem.Form]] = [[equations.form(force) for force in forces] for forces in self.pushes]
+
+    def figures(self, equations: Equations) -> dict[str, float]:
+        actuator, depth = self.body.actuator, self.depth(equations) * equations.length_unit
+        return shape_figures(self.shape.label, actuator, self.shape.crossed(actuator), self.force(equations), depth)
+
+    def force(self, equations: Equations) -> Array:
+        """Return the force of the slice on the shape in N, in the mesh's coordinates, shape (d,)."""
+        by_role = [[equations.integral(form) for form in forces] for forces in self._compiled]
+        return np.asarray(equations.stress_unit * equations.length_unit**2 * np.sum(by_role, axis=0))
+
+    def depth(self, equations: Equations) -> float:
+        """Return the penetration of the faces, in sizes of the device; negative where none touches."""
+        return -float(distances(self.nodes.moved(equations.w.x.array), self.numbers).min())
+
+    def admits(self, before: Array, after: Array) -> bool:
+        size = self.body.actuator.size
+        return clear(self.numbers, self.shape.deepest(size), self.nodes.moved(before), self.nodes.moved(after))
+
+
 class _StandingPlane(RigidShape):
     """An obstacle beside a device, turned to the side of its faces; its contact grows no harder with depth."""
 
@@ -1451,15 +1058,12 @@ class _StandingPlane(RigidShape):
 
 
 class PlaneTerm(ShapeTerm):
-    """An obstacle's contact; only the faces it stops keep to their side of it.
-
-    Raises:
-        ComponentError: A face that the mesh lacks, or faces on both sides of the plane.
-    """
+    """An obstacle's contact; only the faces it stops keep to their side of it. `ComponentError` for a face that the mesh
+    lacks, or faces on both sides of the plane."""
 
     def __init__(self, obstacle: Obstacle, setting: FormContext):
         body = setting.body
-        _check_facets(obstacle.roles, body)
+        check_mesh_faces(body, obstacle.roles, "contact")
         point, normal = (np.asarray(vector, dtype=float) for vector in obstacle.place(body.actuator))
         nodes = FaceNodes(body, setting.w.function_space, obstacle.roles)
         along = _side(obstacle, body, nodes.places, point, normal) * normal
@@ -1478,24 +1082,9 @@ class PlaneTerm(ShapeTerm):
         return {"contact_force_N": force, "contact_depth_mm": max(self.depth(equations), 0.0) * size * 1e3}
 
 
-def _check_facets(roles: Sequence[str], body: Body) -> None:
-    facets = body.mesh.topology.dim - 1
-    for role in roles:
-        if body.entities.get(role, (-1,))[0] != facets:
-            known = ", ".join(name for name, (dimension, _) in body.entities.items() if dimension == facets)
-            raise ComponentError(
-                f"contact: the mesh of {type(body.actuator).__name__} has no face {role!r}; it has {known}"
-            )
-
-
 def _side(obstacle: Obstacle, body: Body, places: Array, point: Array, normal: Array) -> float:
-    """Return the side of a plane on which undeformed faces lie, 1 or -1; that of the body, if they lie in the plane.
-
-    Args:
-        obstacle, body: Which faces of what.
-        places: Of the faces' nodes, shape (n, d), the same on all ranks.
-        point, normal: The plane, in m.
-    """
+    """Return the side of a plane in m on which undeformed faces lie, 1 or -1; that of the body, if they lie in the plane.
+    ``places`` are those of the faces' nodes, shape (n, d), the same on all ranks."""
     size, d = body.actuator.size, body.actuator.dimension
 
     def span(x: Array) -> list[float]:
@@ -1512,3 +1101,415 @@ def _side(obstacle: Obstacle, body: Body, places: Array, point: Array, normal: A
     if max(above, below) <= NEAR:
         above, below = span(body.mesh.geometry.x[:, :d])
     return 1.0 if above > below else -1.0
+
+
+class StandingTerm[P: PressedSamples](AssembledTerm[P]):
+    """A shape in its first place, by sums over samples of the faces: ``surface``; ``crossed`` are normals of the cut planes
+    that it crosses. `ComponentError` if the device lies in it."""
+
+    penalty: Penalty
+
+    def __init__(self, shape: RigidShape, setting: FormContext):
+        body = setting.body
+        super().__init__(FaceNodes(body, setting.w.function_space, shape.roles))
+        self.shape, self.actuator, self.crossed = shape, body.actuator, shape.crossed(body.actuator)
+        self.surface = _surface(self.nodes, body)
+
+    @abc.abstractmethod
+    def clear(self, start: Array, end: Array) -> bool:
+        """Return whether nodes can move between positions, shape (n, d) each, without passing through the shape."""
+
+    def admits(self, before: Array, after: Array) -> bool:
+        return self.clear(self.nodes.moved(before), self.nodes.moved(after))
+
+    def figures(self, equations: Equations) -> dict[str, float]:
+        self._take(equations.w.x.array)
+        force = equations.stress_unit * equations.length_unit**2 * self._pressed.forces.sum(axis=0)
+        depth = self._pressed.depth * equations.length_unit
+        return shape_figures(self.shape.label, self.actuator, self.crossed, force, depth)
+
+
+class SampledShapeTerm(StandingTerm[PressedByDistance]):
+    """The energy of `ShapeTerm`."""
+
+    def __init__(self, shape: RigidShape, setting: FormContext):
+        check_rest(shape, setting.body)
+        super().__init__(shape, setting)
+        size = self.actuator.size
+        self.numbers, self.deepest = shape.numbers(size), shape.deepest(size)
+        self.penalty = HardeningPenalty(shape.stiffness, shape.onset, HARDENS * self.deepest, HARDER)
+        self.move(self.nodes.places)
+
+    def pressed(self, places: Array) -> PressedByDistance:
+        return PressedByDistance(self.surface, lambda x: slopes(x, self.numbers), self.penalty, SOON, places)
+
+    def clear(self, start: Array, end: Array) -> bool:
+        return clear(self.numbers, self.deepest, start, end)
+
+
+ROUNDING = 0.4
+"""Default radius of the kernel in edges of the contact facets."""
+MAX_SURFACE_DEPTH = 0.3
+"""Penetration in kernel radii at which a state is rejected: the wall is detected only up to one radius behind it."""
+STRIDE = 0.5
+"""Motion of a node in kernel radii between two checks of its penetration."""
+PROBED = 50
+"""Number of nodes checked by the winding number; touching surfaces are found by the gap."""
+
+
+class FileShapeTerm(StandingTerm[PressedOn]):
+    """The energy of contact with an STL file's shape."""
+
+    def __init__(self, shape: RigidShape, setting: FormContext):
+        super().__init__(shape, setting)
+        size, (points, triangles) = self.actuator.size, surface_of(shape)
+        edges, measure = self.surface.edges, self.surface.measure
+        radius = shape.rounding / size or ROUNDING * float(edges @ measure / measure.sum())
+        try:
+            self.wall = FixedWall.of(points / size, triangles[:, ::-1] if shape.hollow else triangles, radius)
+        except TooFineError:
+            raise ComponentError(
+                f"{shape.where}: {shape.file} is large against a rounding of {radius * size * 1e3:.3g} mm; use a "
+                "larger rounding, or cut off the parts far from the device"
+            ) from None
+        self.penalty = Penalty(shape.stiffness, ONSET_PRESSURE / shape.stiffness)
+        self.move(self.nodes.places)
+        self._check_rest(points / size, triangles)
+
+    def _check_rest(self, points: Array, triangles: Indices) -> None:
+        chosen = self.nodes.places[:: max(1, len(self.nodes.places) // PROBED)]
+        inside = np.abs(_winding(chosen, points[triangles])) > 0.5
+        if self._pressed.depth > NEAR or bool((inside != self.shape.hollow).any()):
+            side = "outside of the hollow" if self.shape.hollow else "in the"
+            raise ComponentError(
+                f"{self.shape.where}: the undeformed device is {side} shape of {self.shape.file}, or "
+                f"touches it; move the shape away (at)"
+            )
+
+    def pressed(self, places: Array) -> PressedOn:
+        return PressedOn(self.surface, self.wall, self.penalty, places)
+
+    def clear(self, start: Array, end: Array) -> bool:
+        farthest = float(np.linalg.norm(end - start, axis=1).max(initial=0.0))
+        limit = MAX_SURFACE_DEPTH * self.wall.radius
+        looks = int(np.clip(np.ceil(farthest / (STRIDE * self.wall.radius)), 1, MOST_LOOKS))
+        way = (self.surface.places(start + t * (end - start)) for t in np.linspace(0.0, 1.0, looks + 1)[1:])
+        return all(float(self.wall.gaps(places).min(initial=np.inf)) > -limit for places in way)
+
+
+def _winding(places: Array, corners: Array) -> Array:
+    """Return how often a closed surface goes around places, shape (n,): the solid angle of its triangles, shape (t, 3, 3), over
+    4 pi.
+
+    Van Oosterom and Strackee 1983, doi 10.1109/TBME.1983.325207.
+    """
+    found = np.empty(len(places))
+    for number, place in enumerate(places):
+        a, b, c = np.moveaxis(corners - place, 1, 0)
+        la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+        over = np.einsum("ti,ti->t", a, np.cross(b, c))
+        under = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb
+        found[number] = 2 * np.arctan2(over, under).sum() / (4 * np.pi)
+    return found
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Shapes that give way along a guide, on a spring or with a mass that is lifted, and shapes with friction.
+#
+# The position on the line minimises the energy, see `softmodels.components.pressing`, also for the law of friction. The shape
+# does not rotate.
+
+
+class GuidedShapeTerm(AssembledTerm[GivingWay]):
+    """The energy of contact with such a shape and of its spring or weight; ``standing`` is its term in its first place."""
+
+    def __init__(self, shape: RigidShape, standing: StandingTerm, setting: FormContext):
+        super().__init__(standing.nodes)
+        self.shape, self.standing, self.setting, self.actuator = shape, standing, setting, setting.body.actuator
+        self.along = in_section(shape.gives_way, self.actuator.dimension)
+        self._per_pascal, self._s = 0.0, 0.0
+
+    def _stand(self) -> Stand:
+        """Return its spring or weight for the modelled slice, with forces in shear moduli times squared sizes."""
+        size, share = self.actuator.size, copies_around(self.actuator, self.standing.crossed)
+        unit = float(self.setting.per_pascal.value) / size / share
+        return Stand(self.shape.spring * unit, self.shape.weight_against(self.setting.gravity) * unit / size, ONSET)
+
+    def pressed(self, places: Array) -> GivingWay:
+        found = GivingWay(self.standing.pressed, self._stand(), self.along, places, self._s)
+        self._s = found.s
+        return found
+
+    def _take(self, w: Array) -> None:
+        if self._per_pascal != float(self.setting.per_pascal.value):  # spring and weight are constant in newtons
+            self._per_pascal = float(self.setting.per_pascal.value)
+            self._state[:] = np.nan
+        super()._take(w)
+
+    def harder_here(self) -> Array:
+        return self._pressed.harder()
+
+    def admits(self, before: Array, after: Array) -> bool:
+        start, end = self.nodes.moved(before), self.nodes.moved(after)
+        moved = [places - self.pressed(places).s * self.along for places in (start, end)]
+        return self.standing.clear(*moved)
+
+    def figures(self, equations: Equations) -> dict[str, float]:
+        self._take(equations.w.x.array)
+        here, size, label = self._pressed.here, equations.length_unit, self.shape.label
+        force = equations.stress_unit * size**2 * here.forces.sum(axis=0)
+        found = shape_figures(label, self.actuator, self.standing.crossed, force, here.depth * size)
+        return found | {f"{label}_travel_mm": self._pressed.s * size * 1e3}
+
+
+class RubbingShapeTerm(AssembledTerm[Rubbed]):
+    """The energy of contact with such a shape, and its friction; ``standing`` is its term without."""
+
+    remembers: ClassVar[bool] = True
+
+    def __init__(self, shape: RigidShape, standing: StandingTerm, setting: FormContext):
+        super().__init__(standing.nodes)
+        self.shape, self.standing, self.actuator = shape, standing, setting.body.actuator
+        self.rubbing = Rubbing(shape.friction, shape.slip / self.actuator.size or ONSET)
+        self._begin(standing.nodes.places)
+
+    def _begin(self, places: Array) -> None:
+        self.grip = Grip.of_free(self.standing.pressed(places))
+
+    def pressed(self, places: Array) -> Rubbed:
+        return Rubbed(self.standing.pressed(places), self.rubbing, self.grip)
+
+    def whole_stiffness_here(self) -> scipy.sparse.csr_array:
+        return self._pressed.whole_stiffness
+
+    def keep(self, w: Array, anew: bool = False) -> None:
+        if anew:
+            self._begin(self.nodes.moved(w))
+        else:
+            self._take(w)
+            self.grip = self._pressed.kept()
+        self._state[:] = np.nan  # the following calls use the current history
+
+    def admits(self, before: Array, after: Array) -> bool:
+        return self.standing.clear(self.nodes.moved(before), self.nodes.moved(after))
+
+    def figures(self, equations: Equations) -> dict[str, float]:
+        self._take(equations.w.x.array)
+        pressed, size, stress, label = self._pressed, equations.length_unit, equations.stress_unit, self.shape.label
+        force = stress * size**2 * pressed.forces.sum(axis=0)
+        found = shape_figures(label, self.actuator, self.standing.crossed, force, pressed.depth * size)
+        lost = pressed.grip.lost * stress * size**3 * self.actuator.copies
+        return found | {
+            f"{label}_sliding": pressed.sliding,
+            f"{label}_slip_mm": float(pressed.grip.slid.max(initial=0.0)) * size * 1e3,
+            f"{label}_friction_mJ": lost * 1e3,
+        }
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Faces that seal a cavity where they press on a plane, as the lip of a suction cup does.
+#
+# The cavity's pressure acts inside the seal, none outside. In between it falls from edge to edge of the faces in proportion to
+# the contact pressure that it passes, as gas that seeps through the ring would have it: the share s of it solves
+#
+#     div (grad s / (q + SEEPS max q)) = 0,     s = 1 at the cavity's edge, s = 0 at all others
+#
+# with the contact pressure q. Where nothing presses s does not change, so the gas of either side goes up to the contact. In it
+# the walls' gap is closed, and where exactly s falls is of no consequence but for the penetration of the penalty. (Persson's
+# theory has a conductance that falls as fast as exponentially, doi 10.1039/C9SM01679A.)
+
+
+SEEPS = 1e-6
+"""Contact pressure in that of the facet that is pressed most, below which gas passes freely."""
+OPENS = 1e-6
+"""Depth in sizes of the last contact at which a seal opens."""
+SETTLED = 1e-7
+"""Change of the share of the pressure below which it is that of the state."""
+RESTS, RESTING = 1e-5, 0.1
+"""Depth in sizes up to which faces hardly press, and their stiffness in a factorisation then, in that of the contact: nothing
+else holds the device."""
+
+
+class SealingTerm(RubbingShapeTerm):
+    """The energy of contact with such a plane, and the share of the cavity's pressure on the faces. `ComponentError` for faces
+    beside the plane, or without an edge of the cavity."""
+
+    standing: SampledShapeTerm
+
+    def __init__(self, shape: RigidShape, standing: SampledShapeTerm, setting: FormContext):
+        super().__init__(shape, standing, setting)
+        body, nodes = setting.body, standing.nodes
+        assert body.seal is not None
+        self.body, self.share, self._displacement = body, body.seal.share, setting.displacement
+        self._edges = _seal_edges(shape, body, setting.w.function_space, nodes)
+        off = float(np.abs(distances(nodes.places, standing.numbers)).max())
+        if off > NEAR:
+            size = self.actuator.size * 1e3
+            raise ComponentError(
+                f"{shape.where}: {shape.faces} must lie in the plane at rest to seal on it, and is up to {off * size:.4g} mm "
+                "off; move the plane (at)"
+            )
+        self._ring = _Ring.of(standing.surface)
+        self._dofs, self._of_dofs = _share_dofs(body, self.share, nodes.places)
+        self._settled = np.full(len(nodes.places), np.nan)
+        self.settle_at(nodes.places)
+
+    def stiffness_here(self) -> scipy.sparse.csr_array:
+        found = super().stiffness_here()
+        return found if self._pressed.depth > RESTS else found + self._resting
+
+    @functools.cached_property
+    def _resting(self) -> scipy.sparse.csr_array:
+        surface, d = self.standing.surface, self.nodes.places.shape[1]
+        held = RESTING * self.shape.stiffness * surface.measure
+        dofs = components_of(surface.facets[surface.owner], d)
+        blocks = np.einsum("sa,sb,s,ij->saibj", surface.shapes, surface.shapes, held, np.eye(d))
+        size = d * len(self.nodes.places)
+        return scattered(blocks.reshape(len(held), dofs.shape[1], -1), dofs, dofs, size, size)
+
+    def coupled(self) -> scipy.sparse.csr_array:
+        facets = self.standing.surface.facets
+        return together(np.arange(len(facets)), facets, (len(facets), len(self.nodes.places)))
+
+    # -- the share of the pressure -------------------------------------------------------------------------------------
+
+    def settle(self, w: Array) -> bool:
+        return self.settle_at(self.nodes.moved(w))
+
+    def settle_at(self, places: Array) -> bool:
+        """Set the share of the pressure with the nodes at places, shape (n, d); return whether it has changed."""
+        n, (inside, outside), depth = len(places), self._edges, self._depths(places)
+        if depth.max() <= 0.0 and self._settled[0] >= 0.0:
+            return False  # just lifted off: the share stays what it was
+        pressure = self.standing.penalty.rates(depth)[1][self._ring.pieces].mean(axis=1)
+        blocks = self._ring.conductances / (pressure + SEEPS * (pressure.max() or 1.0))[:, None, None]
+        K = scattered(blocks, self._ring.pieces, self._ring.pieces, n, n).tocsr()
+        share = np.zeros(n)
+        share[inside] = 1.0
+        free = np.setdiff1d(np.arange(n), np.concatenate([inside, outside]))
+        if len(free):
+            share[free] = scipy.sparse.linalg.spsolve(K[free][:, free].tocsc(), -(K @ share)[free])
+        changed = not np.abs(share - self._settled).max() <= SETTLED
+        if changed:
+            self._settled = share
+            self.share.x.array[self._dofs] = share[self._of_dofs]
+        return changed
+
+    def _depths(self, places: Array) -> Array:
+        """Return the depths of nodes at places, shape (n, d): below zero of those that do not touch."""
+        return -distances(places, self.standing.numbers)
+
+    # -- what a user reads -----------------------------------------------------------------------------------------------
+
+    def compile(self, equations: Equations) -> None:
+        seal, body = self.body.seal, self.body
+        assert seal is not None
+        flow = body.flow(self._displacement, ufl.as_vector(list(map(float, seal.normal))))
+        self._sealed = equations.form(body.on_walls(-flow * body.hoop, 0))
+
+    def figures(self, equations: Equations) -> dict[str, float]:
+        label, size, copies = self.shape.label, equations.length_unit, self.actuator.copies
+        found = super().figures(equations)
+        if not self.shape.friction:
+            found = {
+                name: value for name, value in found.items() if name.startswith((f"{label}_force", f"{label}_depth"))
+            }
+        area = equations.integral(self._sealed) * size**2 * copies
+        pressed = self.standing.surface.measure[self._pressed.touching].sum() * size**2 * copies
+        found |= {f"{label}_contact_mm2": float(pressed) * 1e6, f"{label}_sealed_mm2": area * 1e6}
+        found[f"{label}_hold_N"] = -float(equations.pressures[0]) * equations.stress_unit * area
+        if self.shape.friction:
+            normal = float(np.linalg.norm(self.standing.pressed(self._pressed.nodes).slopes(), axis=1).sum())
+            found[f"{label}_shear_N"] = self.shape.friction * normal * equations.stress_unit * size**2 * copies
+        return found
+
+    def margin(self, equations: Equations) -> float:
+        """Return the depth that gas has to pass on its easiest way through the contact, in sizes, less `OPENS`."""
+        self._take(equations.w.x.array)
+        n, (inside, outside) = len(self.nodes.places), self._edges
+        pieces, d = self._ring.pieces, self.standing.surface.dimension
+        depth = self._depths(self._pressed.nodes)[pieces].max(axis=1)
+        pairs = np.concatenate([pieces[:, [i, j]] for i in range(d) for j in range(i)])
+        pairs, order = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
+        lowest = np.full(len(pairs), np.inf)
+        np.minimum.at(lowest, order.ravel(), np.tile(depth, d * (d - 1) // 2))
+        # Weights above zero, in the same order; two more nodes for either side. A minimum spanning tree has the way of least
+        # depth between any two nodes.
+        rank = np.argsort(np.argsort(lowest)) + 1.0
+        starts = np.concatenate([pairs[:, 0], np.full(len(inside), n), np.full(len(outside), n + 1)])
+        ends = np.concatenate([pairs[:, 1], inside, outside])
+        weights = np.concatenate([rank, np.full(len(inside) + len(outside), 0.5)])
+        graph = scipy.sparse.coo_array((weights, (starts, ends)), shape=(n + 2, n + 2)).tocsr()
+        tree = scipy.sparse.csgraph.minimum_spanning_tree(graph)
+        _, before = scipy.sparse.csgraph.breadth_first_order(tree, n, directed=False)
+        tree, here, most = tree + tree.T, n + 1, 0.0
+        while here != n:
+            most, here = max(most, float(tree[here, before[here]])), int(before[here])
+        return min(float(np.sort(lowest)[round(most) - 1]), self._pressed.depth) - OPENS
+
+    def opened(self, equations: Equations) -> PathFailure:
+        figures, label = self.figures(equations), self.shape.label
+        last = self._pressed.nodes[[int(self._depths(self._pressed.nodes).argmax())]] * self.actuator.size
+        x, y, _ = self.actuator.device_points(in_space(last))[0] * 1e3
+        pressure = equations.pressures[0] * equations.stress_unit / 1e3
+        return PathFailure(
+            f"the seal of {self.shape.where} opens at {pressure:.4g} kPa over {figures[f'{label}_sealed_mm2']:.4g} mm2, a "
+            f"holding force of {figures[f'{label}_hold_N']:.4g} N: leak ({self.shape.faces} touches last at a radius of "
+            f"{math.hypot(x, y):.4g} mm)",
+            "For more force use a deeper vacuum or a wider cup (--radius)",
+        )
+
+
+def _seal_edges(shape: RigidShape, body: Body, space: fem.FunctionSpace, nodes: FaceNodes) -> tuple[Indices, Indices]:
+    """Return the numbers of the nodes of faces on the cavity's edge, and on all other edges."""
+    tree = scipy.spatial.cKDTree(nodes.places)
+    beside = {*shape.roles, *(plane.name for plane in body.actuator.cut_planes), "axis"}
+
+    def shared(roles: Sequence[str]) -> Indices:
+        places = FaceNodes(body, space, roles).places if roles else np.empty((0, nodes.places.shape[1]))
+        far, found = tree.query(places, distance_upper_bound=NEAR)
+        return np.asarray(np.unique(found[np.isfinite(far)]), dtype=np.int64)
+
+    fdim = body.mesh.topology.dim - 1
+    others = [name for name, (dimension, _) in body.entities.items() if dimension == fdim and name not in beside]
+    walls = cavity_roles(body.actuator)
+    inside, outside = shared(walls[:1]), shared([name for name in others if name != walls[0]])
+    if not len(inside):
+        raise ComponentError(
+            f"{shape.where}: {shape.faces} shares no edge with the cavity, so it is no rim on which the cavity could "
+            "seal; name the face around its opening (lip, of a SuctionCup)"
+        )
+    return inside, np.setdiff1d(outside, inside)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Ring:
+    """Sealing faces at rest in pieces, halves of lines or quarters of triangles: nodes of each, shape (p, d), and matrices of
+    int grad . grad between these, shape (p, d, d)."""
+
+    pieces: Indices
+    conductances: Array
+
+    @classmethod
+    def of(cls, surface: Surface) -> _Ring:
+        d = surface.dimension
+        parts = [[0, 2], [2, 1]] if d == 2 else [[0, 5, 4], [5, 1, 3], [4, 3, 2], [3, 4, 5]]
+        pieces = surface.facets[:, parts].reshape(-1, d)
+        X = surface.nodes[pieces]
+        if d == 2:
+            lengths = np.linalg.norm(X[:, 1] - X[:, 0], axis=1)
+            rings = 2 * math.pi * X[:, :, 0].mean(axis=1) if surface.axisymmetric else np.ones(len(X))
+            return cls(pieces, (rings / lengths)[:, None, None] * np.array([[1.0, -1.0], [-1.0, 1.0]]))
+        edges = np.roll(X, 1, axis=1) - np.roll(X, -1, axis=1)  # opposite to each corner
+        area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
+        return cls(pieces, np.einsum("fai,fbi->fab", edges, edges) / (4 * area)[:, None, None])
+
+
+def _share_dofs(body: Body, share: fem.Function, places: Array) -> tuple[Indices, Indices]:
+    """Return the local dofs of the share on the sealing faces, and the node that each is."""
+    assert body.seal is not None
+    space, fdim = share.function_space, body.mesh.topology.dim - 1
+    found = [fem.locate_dofs_topological(space, fdim, body.entities[role][1]) for role in body.seal.roles]
+    dofs = np.unique(np.concatenate(found)).astype(np.int64)
+    at = space.tabulate_dof_coordinates()[dofs, : places.shape[1]]
+    return dofs, np.asarray(scipy.spatial.cKDTree(places).query(at)[1], dtype=np.int64).reshape(len(dofs))

@@ -20,13 +20,14 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
 from softmodels.common.arrays import Array
+from softmodels.common.lazy import Expr, fem, meshes, ufl
 from softmodels.common.names import Registry
 from softmodels.common.schema import (
     Flag,
@@ -39,7 +40,6 @@ from softmodels.common.schema import (
     number_field,
     shown,
 )
-from softmodels.components.sheets import locking
 from softmodels.materials.laws import Material
 from softmodels.materials.strain import Expression, HomogeneousStrain
 from softmodels.mechanics.body import Body, cell_measure
@@ -53,16 +53,170 @@ from softmodels.mechanics.component import (
     FormContext,
     MixedPointStress,
     PathFailure,
+    bases,
     check_faces,
     check_regions,
+    faces_of,
     names_in,
     register_component,
 )
 
-if TYPE_CHECKING:
-    import ufl
-    from dolfinx import fem, mesh
-    from ufl.core.expr import Expr
+# ----------------------------------------------------------------------------------------------------------------------
+# A thin sheet bonded to a face of the silicone: fabric or film that limits its stretch.
+#
+# The sheet shares the solid's displacements and resists stretching in its plane, not bending. It is an incompressible
+# neo-Hookean membrane in plane stress, whose energy per undeformed area is
+#
+#     W = E t / 6 (I1 + 1/J^2 - 3)
+#
+# with I1 and J of the surface deformation F (I - N N): the surface's own first invariant and change of area. To first order
+# this is a sheet of stiffness E t (N/m) and Poisson's ratio 1/2. Holzapfel 2000, Nonlinear Solid Mechanics, section 6.
+#
+# It is integrated at six points of a facet. Where a stiff sheet bends with a slab that is membrane locking: a curved quadratic
+# facet cannot keep its lengths at all of them, and stresses between them grow with the stiffness until Newton's method fails
+# (Stolarski & Belytschko 1982, Membrane locking and reduced integration for curved elements, J. Appl. Mech. 49, 172). With
+# three points it fails at the same place. One point does not lock, but lets facets bulge between their centres: a closed sphere
+# in a sheet of 3 kN/m then takes 8 to 19 % less pressure than in closed form, where six points are right to 2e-4. What may
+# serve both is the mean of the metric over each facet. Lines of an axisymmetric section do not lock: rules of degree 2 and 4
+# agree to 1e-4.
+
+
+SOFTEST, STIFFEST = 1.0, 1e7
+"""Accepted stiffnesses in N/m: from 0.1 mm of gel to 1 cm of nylon."""
+HARDLY_STRETCHES = 50e3
+"""Stiffness in N/m with which the seminar actuator still reaches 177 cm."""
+
+
+@register_component
+@dataclasses.dataclass(frozen=True)
+class Sheet(EnergyComponent):
+    """A sheet on a face.
+
+    Attributes:
+        face: Faces or pieces of faces it is bonded to, such as ``"top"`` or ``"top, side within z > 2 mm"``; see
+            `softmodels.mechanics.pieces`.
+        stiffness: Young's modulus times thickness in N/m.
+
+    Raises:
+        ComponentError: A stiffness that no sheet has.
+    """
+
+    face: str = field_of(Words(), "bond a thin sheet to a face of the device, such as top")
+    stiffness: float = field_of(
+        Quantity("N/m"),
+        "Young's modulus times thickness of the sheet, such as 50kN/m; this one is nearly inextensible on silicone",
+    )
+
+    table: ClassVar[str] = "sheet"
+    optional: ClassVar[bool] = True
+    needs: ClassVar[str] = "a sheet needs both its face and its stiffness (--sheet top --sheet-stiffness 50kN/m)"
+
+    def check(self) -> None:
+        if not self.face:
+            raise ComponentError(self.needs)
+        if not SOFTEST <= self.stiffness <= STIFFEST:
+            raise ComponentError(
+                f"the sheet's stiffness is {self.stiffness:.4g} N/m; it is Young's modulus times thickness, "
+                f"{SOFTEST:g} to {STIFFEST:g} N/m (0.1 mm of polyester: about 400 kN/m; 50 kN/m is nearly inextensible on "
+                "silicone)"
+            )
+
+    def check_on(self, actuator: Actuator) -> None:
+        """Raise `ComponentError` if a device has no such face."""
+        for face in bases(self.where, [self.face], actuator):
+            if face not in faces_of(actuator):
+                raise ComponentError(
+                    f"sheet {face!r} is not a face of {type(actuator).__name__} for a sheet; use "
+                    f"{' or '.join(faces_of(actuator)) or 'none of its faces'}"
+                )
+
+    def undesigned(self, actuator: Actuator) -> str:
+        return ""
+
+    @property
+    def variable(self) -> Mapping[str, str]:
+        return {"stiffness": "N/m"}
+
+    def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
+        return (
+            f"a sheet of {self.stiffness / 1e3:.4g} kN/m is bonded to {self.face}: see whether the run goes on with a softer "
+            f"one (--sheet-stiffness){locking(self.stiffness, actuator)}"
+        )
+
+    def term(self, setting: FormContext) -> SheetTerm:
+        return SheetTerm(self, setting)
+
+
+class SheetTerm(EnergyTerm):
+    """A sheet's membrane energy; its stress in Newton's matrix is the one of `MixedPointStress`."""
+
+    def __init__(self, sheet: Sheet, setting: FormContext):
+        self._setting = setting
+        body = setting.body
+        self._on_face, self._normal = body.sheet_face(sheet.face)
+        self._pa = fem.Constant(body.mesh, 0.0)
+        self.take(sheet)
+        density = membrane_energy(body.deformation_gradient(setting.displacement), self._normal)
+        super().__init__([self._integral(density)])
+
+    def constants_of(self, part: Component) -> list[tuple[fem.Constant, Array]]:
+        assert isinstance(part, Sheet)
+        return [(self._pa, np.asarray(part.stiffness / self._setting.body.actuator.size))]
+
+    def _integral(self, density: Expr) -> ufl.Form:
+        return self._setting.per_pascal * self._pa * density * self._setting.body.hoop * self._on_face
+
+    @property
+    def stiffness(self) -> float:
+        return float(self._pa.value)
+
+    def tangent(self, foresight: MixedPointStress) -> list[ufl.Form]:
+        body, w = self._setting.body, self._setting.w
+        displacements = self._setting.displacement, foresight.displacement
+        C, known = (surface_metric(body.deformation_gradient(u), self._normal) for u in displacements)
+        stress = membrane_stress(known)
+        predicted = stress + ufl.derivative(stress, foresight.known, foresight.move)
+        return [self._integral(membrane_tangent(C, w, predicted, foresight.test, foresight.trial))]
+
+
+def surface_metric(F: Expr, N: Expr) -> Expr:
+    """Return C of the surface, in UFL: symmetric, with one eigenvalue 0, along the undeformed normal N."""
+    surface = F * (ufl.Identity(3) - ufl.outer(N, N))
+    return surface.T * surface
+
+
+def membrane_stress(C: Expr) -> Expr:
+    """Return the derivative of `membrane_energy` by C, in UFL."""
+    I1 = ufl.tr(C)
+    area = (I1**2 - ufl.inner(C, C)) / 2
+    return (ufl.Identity(3) - (I1 * ufl.Identity(3) - C) / area**2) / 6
+
+
+def membrane_tangent(C: Expr, w: fem.Function, predicted: Expr, test: Expr, trial: Expr) -> Expr:
+    """Return the second derivative of `membrane_energy` along two directions, in UFL, with ``predicted`` instead of current
+    stress (`membrane_stress`), which turns with the sheet; C is `surface_metric` of w."""
+    along = ufl.derivative(C, w, test)
+    stiffness = ufl.inner(ufl.derivative(membrane_stress(C), w, trial), along)
+    return stiffness + ufl.inner(predicted, ufl.derivative(along, w, trial))
+
+
+def membrane_energy(F: Expr, N: Expr) -> Expr:
+    """Return the energy of the sheet per undeformed area and stiffness, in UFL, by the solid's deformation gradient (3 x 3)
+    and the undeformed face's unit normal."""
+    C = surface_metric(F, N)
+    I1 = ufl.tr(C)
+    area = (I1**2 - ufl.inner(C, C)) / 2  # the square of the change of area: C has one eigenvalue 0, along N
+    return (I1 + 1 / area - 3) / 6
+
+
+def locking(stiffness: float, actuator: Actuator) -> str:
+    """Return a warning on a face reinforcement, in N/m, that locks: a clause starting with '; ', else empty."""
+    if actuator.dimension == 2 or stiffness <= HARDLY_STRETCHES:
+        return ""
+    return (
+        f"; {HARDLY_STRETCHES / 1e3:g} kN/m is nearly inextensible on silicone. On solid meshes a stiffer one locks, "
+        "because its facets cannot bend without stretching. Smaller cells lock less"
+    )
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -80,13 +234,7 @@ BARE = 1e-4
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class StrainSite:
-    """Domain of integration of a term.
-
-    Attributes:
-        measure: Of the face or region.
-        normal: Unit normal of a face; None in a region.
-        name: Of the face or region; empty for the whole body.
-    """
+    """Domain of integration of a term: a face with its unit normal, or a region; the name is empty for the whole body."""
 
     measure: ufl.Measure
     normal: Expr | None
@@ -108,21 +256,13 @@ def regions(body: Body, names: Sequence[str]) -> list[StrainSite]:
 def change_along(F: Expr, direction: Expr) -> Expr:
     """Return the change of squared length of a line along a direction, over its squared length: 0 where there is no
     direction."""
-    import ufl
-
     square, moved = ufl.dot(direction, direction), ufl.dot(F, direction)
     return (ufl.dot(moved, moved) - square) / (square + NOWHERE)
 
 
 class StrainTerm(EnergyTerm):
-    """An energy per undeformed volume or area that depends on a vector of strains.
-
-    Args:
-        setting: The potential it belongs to.
-        where: Places that it is integrated over.
-        strains: The vector of strains, of the deformation gradient and a place.
-        density: The energy, of that vector.
-    """
+    """An energy per undeformed volume or area, ``density`` of a vector of ``strains`` of the deformation gradient and a place,
+    integrated over places."""
 
     def __init__(
         self,
@@ -142,19 +282,8 @@ class StrainTerm(EnergyTerm):
         return self.strains(self.setting.body.deformation_gradient(displacement), place)
 
     def check_laid(self, part: str, direction: Callable[[Expr], Expr], equations: Equations) -> None:
-        """Reject faces normal to a direction, along which nothing can be laid.
-
-        Args:
-            part: What is laid there, for messages.
-            direction: Of a face's normal, see `Helix.field`.
-            equations: Compile and integrate.
-
-        Raises:
-            ComponentError: Which face.
-        """
-        import ufl
-        from dolfinx import fem
-
+        """Raise `ComponentError` for faces normal to a direction (of a face's normal, see `Helix.field`), along which nothing
+        can be laid; ``part`` is what is laid there, for messages."""
         one = fem.Constant(self.setting.body.mesh, 1.0)
         for place in self.where:
             if place.normal is None:
@@ -170,16 +299,12 @@ class StrainTerm(EnergyTerm):
 
     def stress(self, strains: Expr) -> tuple[Expr, Expr]:
         """Return the derivative of the energy by the strains, and its derivative."""
-        import ufl
-
         x = ufl.variable(strains)
         first = ufl.diff(self.density(x), x)
         return first, ufl.diff(first, x)
 
     def tangent(self, foresight: MixedPointStress) -> list[ufl.Form]:
         """Return the second derivatives of `energies`, with predicted stress; see `EnergyTerm.tangent`."""
-        import ufl
-
         w, test, trial = self.setting.w, foresight.test, foresight.trial
         forms = []
         for place in self.where:
@@ -209,17 +334,10 @@ SQUARE = 1e-9
 
 
 class Helix:
-    """A field of directions, in UFL.
+    """A field of directions in UFL, at an angle in degrees from an axis through the origin, three numbers of any length; its
+    constants live on the mesh."""
 
-    Args:
-        mesh: Where its constants live.
-        axis: Of the helix, three numbers of any length; it passes through the origin.
-        angle: From the axis, degrees.
-    """
-
-    def __init__(self, mesh: mesh.Mesh, axis: Sequence[float], angle: float):
-        from dolfinx import fem
-
+    def __init__(self, mesh: meshes.Mesh, axis: Sequence[float], angle: float):
         self._axis: fem.Constant = fem.Constant(mesh, np.zeros(3))
         self._slopes: fem.Constant = fem.Constant(mesh, np.zeros(2))
         for constant, value in self.numbers(axis, angle):
@@ -231,15 +349,8 @@ class Helix:
         return [(self._axis, unit / np.linalg.norm(unit)), (self._slopes, np.array([np.cos(turn), np.sin(turn)]))]
 
     def field(self, body: Body, normal: Expr | None, hand: float = 1.0) -> Expr:
-        """Return the direction at every undeformed point, three components; not of unit length where a face cuts through it.
-
-        Args:
-            body: Mesh.
-            normal: Unit normal of the face into which it is laid; None inside the solid.
-            hand: 1, or -1 for the helix that winds the other way.
-        """
-        import ufl
-
+        """Return the direction at every undeformed point, three components; laid into a face with a unit ``normal``, not of
+        unit length where the face cuts through it. A ``hand`` of -1 is the helix that winds the other way."""
         X = ufl.SpatialCoordinate(body.mesh)
         place = ufl.as_vector([X[0], 0, X[1]]) if body.axisymmetric else X
         axis, (cosine, sine) = self._axis, (self._slopes[0], self._slopes[1])
@@ -269,17 +380,8 @@ def check_axis(where: str, axis: Sequence[float], angle: float) -> None:
 
 
 def check_helix(where: str, actuator: Actuator, axis: Sequence[float], angle: float, mirrored: bool) -> None:
-    """Reject a direction that does not have the device's symmetry.
-
-    Args:
-        where: What is laid along it, for messages.
-        actuator: The device.
-        axis, angle: As of `Helix`.
-        mirrored: Whether what is laid there is its own mirror image, as two families at both angles are.
-
-    Raises:
-        ComponentError: Which plane or section does not allow it.
-    """
+    """Raise `ComponentError` for a direction that does not have the device's symmetry; axis and angle as of `Helix`. What is
+    ``mirrored`` is its own mirror image, as two families at both angles are."""
     unit = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
     crooked = min(abs(math.sin(math.radians(angle))), abs(math.cos(math.radians(angle)))) > SQUARE
     if actuator.dimension == 2:
@@ -342,16 +444,11 @@ class Reinforced:
 
 
 def least_resistance(material: Material, unit: float, state: Reinforced, section: bool) -> Array:
-    """Return the least second derivative of the energy along any wave that keeps the volume, with m and n of unit length.
+    """Return the least second derivative of the energy along any wave that keeps the volume, with m and n of unit length,
+    shape (n,): one shear modulus of the undeformed silicone, below 0 where ellipticity is lost.
 
-    Args:
-        material: The silicone's law; it may be a millionfold stiffer in bulk than in shear.
-        unit: Pa in one stress.
-        state: What it is in.
-        section: Whether waves stay in an axisymmetric section, whose second direction is the hoop.
-
-    Returns:
-        Shape (n,): one shear modulus of the undeformed silicone, below 0 where ellipticity is lost.
+    ``unit`` is Pa in one stress; the law may be a millionfold stiffer in bulk than in shear. Waves in an axisymmetric
+    ``section`` stay in it, its second direction is the hoop.
     """
     least = np.full(len(state.gradients), math.inf)
     for normal in _normals(section):
@@ -429,7 +526,8 @@ def worst_kink(
     change: Expr,
     stress: tuple[Expr, Expr],
 ) -> Kink | None:
-    """Return the point where the silicone with its fibres resists some wave least; None if no fibre is compressed.
+    """Return the point where the silicone with its fibres resists some wave least in the loaded state, the same on all ranks;
+    None if no fibre is compressed.
 
     Args:
         equations: The state is loaded.
@@ -439,13 +537,7 @@ def worst_kink(
         lines: Their directions, one of each family.
         change: Their changes of squared length, a vector.
         stress: Derivative of their energy by that, and the second.
-
-    Returns:
-        The same on all ranks.
     """
-    import ufl
-    from dolfinx import fem
-
     body, families = equations.body, len(lines)
     parts = [F[i, j] for i in range(3) for j in range(3)]
     parts += [line[i] for line in lines for i in range(3)]
@@ -504,31 +596,20 @@ def standard(k: Expr, q: Expr, b: Expr) -> Expr:
 
 @register_fibre_law
 def exponential(k: Expr, q: Expr, b: Expr) -> Expr:
-    import ufl
-
     return k * (ufl.exp(b * q) - 1) / (8 * b)
 
 
 def taut(x: Expr, onset: float = ONSET) -> Expr:
     """Return the square q of a change of squared length x, in UFL, that vanishes where it is negative; see the module
     docstring."""
-    import ufl
-
     e = 2 * onset
     square = ufl.conditional(ufl.lt(x, e), x**3 / (3 * e), x**2 - e * x + e**2 / 3)
     return ufl.conditional(ufl.lt(x, 0), 0, square)
 
 
 def slope_of(law: str, changes: npt.NDArray[np.float64], exponent: float, slack: bool) -> npt.NDArray[np.float64]:
-    """Return the derivative by x of a law's energy over k, at changes x of squared length, as numbers.
-
-    Args:
-        law: One of `FIBRE_LAWS`.
-        changes: x at which, shape (n,).
-        exponent: b.
-        slack: Whether fibres bear no compression.
-    """
-    import ufl
+    """Return the derivative by x of a fibre law's energy over k, at changes x of squared length, shape (n,), as numbers;
+    ``exponent`` is b, ``slack`` fibres bear no compression."""
     from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
     from ufl.algorithms.apply_derivatives import apply_derivatives
 
@@ -585,21 +666,15 @@ class Fibres(EnergyComponent):
     def check(self) -> None:
         check_axis(self.where, self.axis, self.angle)
         if self.law not in FIBRE_LAWS:
-            raise ComponentError(f"{self.where}: law is {self.law!r}; it must be one of {', '.join(FIBRE_LAWS)}")
+            raise self.error(f"law is {self.law!r}; it must be one of {', '.join(FIBRE_LAWS)}")
         if not 0.0 < self.exponent <= MOST_EXPONENT:
-            raise ComponentError(
-                f"{self.where}: exponent is {self.exponent:g}; it must be above 0 and at most {MOST_EXPONENT:g}"
-            )
+            raise self.error(f"exponent is {self.exponent:g}; it must be above 0 and at most {MOST_EXPONENT:g}")
         if (self.stiffness == 0.0) == (self.modulus == 0.0):
-            raise ComponentError(
-                f"{self.where}: give one of stiffness (N/m, on a face) and modulus (Pa, in a region or the whole body)"
-            )
+            raise self.error("give one of stiffness (N/m, on a face) and modulus (Pa, in a region or the whole body)")
         for value, unit, (least, most) in ((self.stiffness, "N/m", STIFFNESSES), (self.modulus, "Pa", MODULI)):
             if value and not least <= value <= most:
                 name = "stiffness" if unit == "N/m" else "modulus"
-                raise ComponentError(
-                    f"{self.where}: {name} is {value:g} {unit}; {least:g} to {most:g} {unit} are accepted"
-                )
+                raise self.error(f"{name} is {value:g} {unit}; {least:g} to {most:g} {unit} are accepted")
 
     def undesigned(self, actuator: Actuator) -> str:
         return ""
@@ -623,7 +698,7 @@ class Fibres(EnergyComponent):
         elif self.on:
             check_faces(self.where, actuator, names_in(self.on))
         else:
-            raise ComponentError(f"{self.where}: on is empty; a stiffness in N/m needs a face (on = 'outer')")
+            raise self.error("on is empty; a stiffness in N/m needs a face (on = 'outer')")
 
     def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
         if self.modulus:
@@ -652,8 +727,6 @@ class FibreTerm(StrainTerm):
     """The term of `Fibres`; the strains are the changes of squared length x of the families."""
 
     def __init__(self, part: Fibres, setting: FormContext):
-        from dolfinx import fem
-
         self.label, self.in_face = part.label, part.stiffness > 0.0
         mesh = setting.body.mesh
         self._helix = Helix(mesh, part.axis, part.angle)
@@ -674,8 +747,6 @@ class FibreTerm(StrainTerm):
         return float(self._k.value)
 
     def _changes(self, F: Expr, place: StrainSite) -> Expr:
-        import ufl
-
         hands = (1.0, -1.0)[: self._part.helices]
         return ufl.as_vector(
             [change_along(F, self._helix.field(self.setting.body, place.normal, hand)) for hand in hands]
@@ -687,14 +758,8 @@ class FibreTerm(StrainTerm):
         return sum(law(k, square, self._b) for square in squares)
 
     def compile(self, equations: Equations) -> None:
-        """Compile the means of stretch and tension, which is the energy's derivative by the stretch.
-
-        Raises:
-            ComponentError: A face that has no such direction.
-        """
-        import ufl
-        from dolfinx import fem
-
+        """Compile the means of stretch and tension, which is the energy's derivative by the stretch; `ComponentError` for a
+        face that has no such direction."""
         self.check_laid(self._part.where, lambda normal: self._helix.field(self.setting.body, normal), equations)
 
         one = fem.Constant(self.setting.body.mesh, 1.0)
@@ -741,7 +806,7 @@ class FibreTerm(StrainTerm):
 #
 # (Saint-Venant and Kirchhoff's orthotropic membrane; v is the contraction across for a pull along). A fabric without
 # compression lets each yarn go slack separately, over a small strain as fibres do; v is 0 then. It has
-# no bending stiffness, like a sheet, and locks like one on solid meshes: see `softmodels.components.sheets`.
+# no bending stiffness, like a sheet, and locks like one on solid meshes: see `softmodels.components.fibres`.
 
 
 @register_component
@@ -780,19 +845,17 @@ class Fabric(EnergyComponent):
         for name in ("along", "across"):
             value, (least, most) = getattr(self, name), STIFFNESSES
             if not least <= value <= most:
-                raise ComponentError(f"{self.where}: {name} is {value:g} N/m; {least:g} to {most:g} N/m are accepted")
+                raise self.error(f"{name} is {value:g} N/m; {least:g} to {most:g} N/m are accepted")
         if not 0.0 <= self.shear <= STIFFNESSES[1]:
-            raise ComponentError(f"{self.where}: shear is {self.shear:g} N/m; 0 to {STIFFNESSES[1]:g} N/m are accepted")
+            raise self.error(f"shear is {self.shear:g} N/m; 0 to {STIFFNESSES[1]:g} N/m are accepted")
         most = (self.along / self.across) ** 0.5
         if abs(self.poisson) >= most:
-            raise ComponentError(
-                f"{self.where}: poisson is {self.poisson:g}; with these stiffnesses it must be below {most:.3g}, "
+            raise self.error(
+                f"poisson is {self.poisson:g}; with these stiffnesses it must be below {most:.3g}, "
                 f"or stretching would release energy"
             )
         if self.slack and self.poisson:
-            raise ComponentError(
-                f"{self.where}: yarns that go slack do not contract each other; leave out poisson or slack"
-            )
+            raise self.error("yarns that go slack do not contract each other; leave out poisson or slack")
 
     def undesigned(self, actuator: Actuator) -> str:
         return ""
@@ -805,7 +868,7 @@ class Fabric(EnergyComponent):
     def check_on(self, actuator: Actuator) -> None:
         names = names_in(self.on)
         if not names:
-            raise ComponentError(f"{self.where}: on is empty; name the face to which the fabric is bonded")
+            raise self.error("on is empty; name the face to which the fabric is bonded")
         check_faces(self.where, actuator, names)
         check_helix(self.where, actuator, self.axis, self.angle, False)
 
@@ -824,8 +887,6 @@ class FabricTerm(StrainTerm):
     """The term of a `Fabric`; its strains are 2 E11, 2 E22 and 2 E12."""
 
     def __init__(self, part: Fabric, setting: FormContext):
-        from dolfinx import fem
-
         mesh = setting.body.mesh
         self.label, self._slack, self._called = part.label, part.slack, part.where
         self._size = setting.body.actuator.size
@@ -846,8 +907,6 @@ class FabricTerm(StrainTerm):
         return float(self._k.value.max())
 
     def _changes(self, F: Expr, place: StrainSite) -> Expr:
-        import ufl
-
         assert place.normal is not None
         along = self._helix.field(self.setting.body, place.normal)
         across = ufl.cross(place.normal, along)
@@ -862,9 +921,6 @@ class FabricTerm(StrainTerm):
 
     def compile(self, equations: Equations) -> None:
         """Compile the mean stretches; raise `ComponentError` for a face without such a direction."""
-        import ufl
-        from dolfinx import fem
-
         self.check_laid(self._called, lambda normal: self._helix.field(self.setting.body, normal), equations)
 
         one = fem.Constant(self.setting.body.mesh, 1.0)

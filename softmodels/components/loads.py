@@ -6,7 +6,7 @@ import contextlib
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,7 @@ import numpy.typing as npt
 from geometries import Actuator
 from geometries.actuator import Vector
 from softmodels.common.arrays import Array
+from softmodels.common.lazy import fem, ufl
 from softmodels.common.schema import Open, Quantity, Words, field_of
 from softmodels.materials.laws import Material
 from softmodels.materials.silicones import density_of
@@ -22,6 +23,7 @@ from softmodels.mechanics.component import (
     ALONG,
     Component,
     ComponentError,
+    Equations,
     check_direction,
     check_on_mesh,
     direction,
@@ -31,7 +33,6 @@ from softmodels.mechanics.dead_loads import (
     LOADS_ENERGY,
     DistributedLoad,
     HeavyPart,
-    Loaded,
     LoadPart,
     MeasuredConstant,
     RequestedValue,
@@ -41,20 +42,13 @@ from softmodels.mechanics.dead_loads import (
 )
 from softmodels.mechanics.regions import RegionPart
 
-if TYPE_CHECKING:
-    from dolfinx import fem
-
 STANDARD_GRAVITY = 9.81
 HEAVIEST = 25e3
 """Density in kg/m3 above which a wrong unit is assumed: no metal is denser."""
 
 
 class DirectedLoad(LoadPart):
-    """A load with a fixed direction.
-
-    Attributes:
-        direction_field: Name of its field with the direction, as `softmodels.mechanics.component.direction` reads it.
-    """
+    """A load with a fixed direction: `softmodels.mechanics.component.direction` reads the field named ``direction_field``."""
 
     direction_field: ClassVar[str] = "direction"
 
@@ -151,7 +145,7 @@ class Gravity(DirectedLoad):
     def check(self) -> None:
         super().check()
         if self.name:
-            raise ComponentError(f"{self.where}: a device has only one gravity, without a name; write it as [gravity]")
+            raise self.error("a device has only one gravity, without a name; write it as [gravity]")
         check_finite(self.magnitude, self.where, "magnitude")
         if self.density is not None:
             check_density(self.density, self.where)
@@ -187,9 +181,7 @@ class Gravity(DirectedLoad):
         masses += [one for part in components if isinstance(part, HeavyPart) for one in part.masses(on, along)]
         whole = sum(one.amount for one in masses)
         if not whole > 0.0:
-            raise ComponentError(
-                f"{self.where}: gravity acts on no mass; give the silicone's density, or add a mass to a face"
-            )
+            raise self.error("gravity acts on no mass; give the silicone's density, or add a mass to a face")
         shares = tuple((on.constant(one.amount / whole), one) for one in masses)
         forms = [share * form for share, one in shares for form in one.forms]
         return Weighed(forms, whole * self.magnitude, shares=shares)
@@ -303,7 +295,7 @@ class Force(FaceLoad):
                 given, wanted = (
                     ("traction", "a face") if self.traction else ("line_load", "an edge ('edge of tip and top')")
                 )
-                raise ComponentError(f"{self.where}: {given} needs {wanted}, but face = {self.face!r} is none")
+                raise self.error(f"{given} needs {wanted}, but face = {self.face!r} is none")
             size = (
                 on.integral(on.constant(1.0), self.face)
                 * on.body.actuator.size ** (1 if edge else 2)
@@ -366,18 +358,16 @@ class Moment(FaceLoad):
     def check_on(self, actuator: Actuator) -> None:
         check_on_mesh(self.where, actuator, [self.face])
         if actuator.dimension == 2:
-            raise ComponentError(f"{self.where}: an axisymmetric section cannot take a moment; use {actuator.fuller}")
+            raise self.error(f"an axisymmetric section cannot take a moment; use {actuator.fuller}")
         for plane in actuator.cut_planes:
             if 1 - abs(float(np.dot(self.vector, plane.normal))) > ALONG:
                 across = ", ".join(f"{x:g}" for x in plane.normal)
-                raise ComponentError(
-                    f"{self.where}: its forces are not symmetric about the symmetry plane normal to "
+                raise self.error(
+                    f"its forces are not symmetric about the symmetry plane normal to "
                     f"({across}) of the half model; use an axis normal to that plane, or {actuator.fuller}"
                 )
 
     def spread(self, on: DistributedLoad, components: Sequence[Component]) -> Weighed:
-        import ufl
-
         with _on_face(self):
             axis = np.asarray(self.vector)
             centre = mean_place(on, self.face)
@@ -391,8 +381,6 @@ class Moment(FaceLoad):
 
     def _measure(self, on: DistributedLoad, centre: fem.Constant, size: fem.Constant, axis: Array) -> None:
         """Let the centre and the sum of squares follow a mesh that moves."""
-        import ufl
-
         far = ufl.cross(on.constant(axis), on.places)
         integrands = [on.constant(1.0), *(on.places[i] for i in range(3)), ufl.dot(far, far)]
         integrals = [integrand * on.body.hoop * on.measure(self.face) for integrand in integrands]
@@ -420,7 +408,7 @@ def weighed(components: Sequence[Component], material: Material) -> tuple[Compon
     )
 
 
-def densities(system: Loaded, components: Sequence[Component]) -> list[float]:
+def densities(system: Equations, components: Sequence[Component]) -> list[float]:
     """Return the density in kg/m3 of each of a body's materials, as in ``system.matter``: a region's own, else that of gravity,
     else that of the silicone's data sheet."""
     gravity = next((part.density for part in components if isinstance(part, Gravity)), None)

@@ -7,17 +7,13 @@ import dataclasses
 import functools
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
-from softmodels.mechanics.assembly import AssembledTerm
-
-if TYPE_CHECKING:
-    import scipy
-
+from softmodels.common.lazy import basix, scipy
+from softmodels.mechanics.rigid import cross
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Surfaces of walls: quadratic facets, sampled at quadrature points, with the derivatives of positions and areas.
@@ -30,28 +26,6 @@ Numbers = npt.NDArray[np.int64]
 
 DEGREE = 4
 """Of the rule: three points on a line, six on a triangle."""
-
-
-def _lines(points: Array) -> tuple[Array, Array]:
-    """Return the shape functions, shape (q, 3), and their slopes, shape (q, 3, 1), of corner, corner and middle."""
-    s = points[:, 0]
-    values = np.column_stack([(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)])
-    slopes = np.column_stack([4 * s - 3, 4 * s - 1, 4 - 8 * s])
-    return values, slopes[:, :, None]
-
-
-def _triangles(points: Array) -> tuple[Array, Array]:
-    """Return the same of a triangle, shapes (q, 6) and (q, 6, 2): corners, then middles opposite to them."""
-    r, s = points.T
-    a = np.column_stack([1 - r - s, r, s])
-    da = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
-    others = ((1, 2), (2, 0), (0, 1))
-    values = np.column_stack(
-        [*(a[:, i] * (2 * a[:, i] - 1) for i in range(3)), *(4 * a[:, i] * a[:, j] for i, j in others)]
-    )
-    slopes = [(4 * a[:, i] - 1)[:, None] * da[i] for i in range(3)]
-    slopes += [4 * (a[:, i][:, None] * da[j] + a[:, j][:, None] * da[i]) for i, j in others]
-    return values, np.stack(slopes, axis=1)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -79,11 +53,10 @@ class Surface:
     @functools.cached_property
     def rule(self) -> tuple[Array, Array, Array]:
         """Shape functions (q, k), their slopes (q, k, d - 1) and weights (q,) at the points of the rule."""
-        import basix
-
         cell = basix.CellType.interval if self.dimension == 2 else basix.CellType.triangle
         points, weights = basix.make_quadrature(cell, DEGREE)
-        return (*(_lines if self.dimension == 2 else _triangles)(points), weights)
+        tables = basix.create_element(basix.ElementFamily.P, cell, 2).tabulate(1, points)[..., 0]
+        return tables[0], np.moveaxis(tables[1:], 0, -1), weights
 
     @functools.cached_property
     def turn(self) -> Array:
@@ -146,27 +119,22 @@ class Surface:
             rates = np.einsum("fq,qa,ij->fqiaj", factor, slopes[:, :, 0], turned)
             return rates.reshape(-1, 2, self.facets.shape[1], 2)
         along = self._along(nodes)
-        first, second = _cross_matrix(along[:, :, 0]), _cross_matrix(along[:, :, 1])
+        first, second = cross(along[:, :, 0]), cross(along[:, :, 1])
         # m = t1 x t2: dm = t1 x dt2 - t2 x dt1
         rates = np.einsum("fq,qa,fqij->fqiaj", factor, slopes[:, :, 1], first)
         rates -= np.einsum("fq,qa,fqij->fqiaj", factor, slopes[:, :, 0], second)
         return rates.reshape(-1, 3, self.facets.shape[1], 3)
 
     def area_curvatures(self, along: Array, samples: Numbers) -> Array:
-        """Return the second derivative of ``along . m`` by the nodes of a sample's facet, shape (p, k, d, k, d); of triangles
-        alone.
-
-        Args:
-            along: Shape (p, 3).
-            samples: Their numbers, shape (p,).
-        """
+        """Return the second derivative of ``along . m``, along of shape (p, 3), by the nodes of a sample's facet, by samples'
+        numbers: shape (p, k, d, k, d); of triangles alone."""
         slopes, count = self.rule[1], len(self.rule[2])
         q = samples % count
         first, second = slopes[q, :, 0], slopes[q, :, 1]
         pairs = np.einsum("pa,pb->pab", first, second)
         pairs = (pairs - pairs.transpose(0, 2, 1)) * self._factor().ravel()[samples, None, None]
         # along . (e x f) = e . (f x along) = -e . (along x f)
-        return np.asarray(np.einsum("pab,pij->paibj", pairs, -_cross_matrix(along)))
+        return np.asarray(np.einsum("pab,pij->paibj", pairs, -cross(along)))
 
 
 def _crossed(first: Array, second: Array) -> Array:
@@ -174,13 +142,6 @@ def _crossed(first: Array, second: Array) -> Array:
     if first.shape[-1] == 3:
         return np.asarray(np.cross(first, second))
     return np.stack([first[..., 1], -first[..., 0]], axis=-1)
-
-
-def _cross_matrix(vectors: Array) -> Array:
-    """Return the matrices that stand for the cross product with vectors from the left, shape (..., 3, 3)."""
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    o = np.zeros_like(x)
-    return np.stack([np.stack(row, axis=-1) for row in ((o, -z, y), (z, o, -x), (-y, x, o))], axis=-2)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -255,22 +216,13 @@ class Pairs:
         return may
 
     def within(self, places: Array, reach: float) -> tuple[Numbers, Numbers]:
-        """Return at least the pairs that may touch and are nearer than ``reach``, sorted by
-        the first.
-
-        They are looked for a little farther, and again only once samples have moved by as much.
-
-        Args:
-            places: Of the samples, shape (s, d).
-            reach: Distance.
-        """
+        """Return at least the pairs that may touch and are nearer than ``reach`` at samples' places, shape (s, d), sorted by
+        the first. They are looked for a little farther, and again only once samples have moved by as much."""
         if self._found is not None:
             before, far, i, j = self._found
             moved = float(np.sqrt(np.einsum("si,si->s", places - before, places - before).max(initial=0.0)))
             if reach + 2 * moved <= far:
                 return i, j
-        import scipy
-
         far = max(reach, float(self.radius.max())) * (1 + SKIN)
         found = scipy.spatial.cKDTree(places).sparse_distance_matrix(
             scipy.spatial.cKDTree(self.of_all(places)), far, output_type="ndarray"
@@ -284,11 +236,8 @@ class Pairs:
         return i, j
 
     def near(self, places: Array) -> tuple[Numbers, Numbers]:
-        """Return the pairs that may touch and are nearer than the second one's radius, sorted by the first.
-
-        Args:
-            places: Of the samples, shape (s, d).
-        """
+        """Return the pairs that may touch and are nearer than the second one's radius at samples' places, shape (s, d), sorted
+        by the first."""
         i, j = self.within(places, float(self.radius.max()))
         way = places[i] - self.of_all(places)[j]
         close = np.einsum("pi,pi->p", way, way) < self.radius[j % len(places)] ** 2
@@ -296,15 +245,8 @@ class Pairs:
 
 
 def facing(surface: Surface, images: Array, reach: float) -> npt.NDArray[np.bool_]:
-    """Return which facets at rest face another one, or an image of one, across air, shape (f,).
-
-    Args:
-        surface: The walls.
-        images: Orthogonal matrices of the images, the identity first, shape (g, d, d).
-        reach: Largest distance between their middles.
-    """
-    import scipy
-
+    """Return which facets at rest face another one, or an image of one (orthogonal matrices, the identity first, shape (g, d,
+    d)), across air, shape (f,); ``reach`` is the largest distance between their middles."""
     count, d = len(surface.facets), surface.dimension
     places, areas = (values.reshape(count, -1, d) for values in surface.rest)
     middle, normal = places.mean(axis=1), areas.sum(axis=1)
@@ -375,12 +317,8 @@ def _share(D: Array) -> tuple[Array, Array, Array]:
 
 
 def kernels(r: Array, R: Array | float) -> Array:
-    """Return K = (1 - r.r/R^2)^3 over its own integral on a plane, and its first two derivatives by r.r, shape (3, p).
-
-    Args:
-        r: Shape (p, d).
-        R: Radius of each, shape (p,), or of all.
-    """
+    """Return K = (1 - r.r/R^2)^3 over its own integral on a plane, and its first two derivatives by r.r, shape (3, p), of r,
+    shape (p, d), and the radius of each or of all."""
     s = np.einsum("pi,pi->p", r, r) / R**2
     t = np.maximum(1.0 - s, 0.0)
     unit = 32 / 35 * R if r.shape[1] == 2 else math.pi / 4 * R**2
@@ -415,12 +353,7 @@ class Near:
 
     @classmethod
     def of(cls, pairs: Pairs, places: Array, areas: Array) -> Near:
-        """Return the pairs in a shape of the walls.
-
-        Args:
-            pairs: The walls and their search.
-            places, areas: Of the samples, shape (s, d) each.
-        """
+        """Return the pairs in a shape of the walls, by places and areas of the samples, shape (s, d) each."""
         i, number = pairs.near(places)
         image, j = np.divmod(number, len(places))
         r, R = places[i] - pairs.of_all(places)[number], pairs.radius[j]
@@ -449,13 +382,8 @@ class Near:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class PointEnergies:
-    """Energies of points as functions of their N and S, with derivatives.
-
-    Attributes:
-        value: Shape (n,).
-        first: By N and S, shape (n, 1 + d).
-        second: Shape (n, 1 + d, 1 + d).
-    """
+    """Energies of points, shape (n,), as functions of their N and S, with first derivatives, shape (n, 1 + d), and second
+    ones, shape (n, 1 + d, 1 + d)."""
 
     value: Array
     first: Array
@@ -472,13 +400,7 @@ class PointEnergies:
 
     @classmethod
     def of(cls, N: Array, S: Array, area: Array, penalty: Penalty) -> PointEnergies:
-        """Return those of points with D above zero.
-
-        Args:
-            N, S: Sums, shapes (n,) and (n, d).
-            area: Undeformed area, shape (n,).
-            penalty: phi.
-        """
+        """Return those of points with D above 0, of sums N and S, shapes (n,) and (n, d), and undeformed areas, shape (n,)."""
         D = np.linalg.norm(S, axis=1)
         depth = -N / D
         phi, phi1, phi2 = (area * rate for rate in penalty.rates(depth + penalty.ahead))
@@ -550,13 +472,8 @@ FACET_PAIRS = 500
 
 @dataclasses.dataclass(eq=False)
 class Pressed:
-    """Walls in a deformed shape. Every pair of walls is counted from both sides, with half the energy each.
-
-    Args:
-        pairs: The walls and their search.
-        penalty: phi.
-        nodes: Places of the nodes, shape (n, d).
-    """
+    """Walls in a deformed shape, by their nodes' places, shape (n, d). Every pair of walls is counted from both sides, with
+    half the energy each."""
 
     pairs: Pairs
     penalty: Penalty
@@ -623,8 +540,6 @@ class Pressed:
     @functools.cached_property
     def stiffness(self) -> scipy.sparse.csr_array:
         """Second derivative of the energy, shape (n d, n d); nodes' components follow each other."""
-        import scipy
-
         n, d = self.nodes.shape
         if not self.touching.any():
             return scipy.sparse.csr_array((n * d, n * d))
@@ -650,8 +565,6 @@ class Pressed:
 
     def _through_pairs(self) -> scipy.sparse.csr_array:
         """Return the second derivative without that of the area vectors. Pairs of the same two facets are added up first."""
-        import scipy
-
         n, d = self.nodes.shape
         surface, near, first = self.surface, self.near, self.points.first
         owner, rates = surface.owner, surface.area_rates(self.nodes)
@@ -691,15 +604,8 @@ def components_of(nodes: Numbers, d: int) -> Numbers:
 
 
 def together(groups: Numbers, nodes: Numbers, shape: tuple[int, int]) -> scipy.sparse.csr_array:
-    """Return which pairs of nodes share a group.
-
-    Args:
-        groups: The group of each row of ``nodes``, shape (p,).
-        nodes: Shape (p, a).
-        shape: Groups and nodes in all.
-    """
-    import scipy
-
+    """Return which pairs of nodes share a group; ``groups``, shape (p,), has that of each row of ``nodes``, shape (p, a), and
+    ``shape`` how many groups and nodes there are."""
     at = (np.repeat(groups, nodes.shape[1]), nodes.ravel())
     held = scipy.sparse.csr_array(scipy.sparse.coo_array((np.ones(nodes.size, dtype=np.int32), at), shape=shape))
     return scipy.sparse.csr_array((held.T @ held) > 0)
@@ -708,8 +614,6 @@ def together(groups: Numbers, nodes: Numbers, shape: tuple[int, int]) -> scipy.s
 def scattered(blocks: Array, rows: Numbers, columns: Numbers, height: int, width: int) -> scipy.sparse.csr_array:
     """Return the sum of small dense blocks, shape (p, a, b), in a sparse matrix; ``rows`` (p, a) and ``columns`` (p, b) are
     theirs."""
-    import scipy
-
     _, a, b = blocks.shape
     at = (np.repeat(rows, b, axis=1).ravel(), np.tile(columns, (1, a)).ravel())
     return scipy.sparse.csr_array(scipy.sparse.coo_array((blocks.ravel(), at), shape=(height, width)))
@@ -720,16 +624,8 @@ def scattered(blocks: Array, rows: Numbers, columns: Numbers, height: int, width
 
 
 class PressedSamples(abc.ABC):
-    """Sums over samples; each kind defines the energy of a sample.
-
-    Args:
-        surface: The faces.
-        nodes: Places of the faces' nodes, shape (n, d).
-
-    Attributes:
-        gaps: Of the samples, below zero where they are pressed on, shape (s,).
-        touching: Where that is so.
-    """
+    """Sums over samples of faces, by their nodes' places, shape (n, d); each kind defines the energy of a sample. ``gaps`` of
+    the samples are below zero where they are pressed on (``touching``), shape (s,)."""
 
     gaps: Array
     touching: np.ndarray
@@ -771,15 +667,11 @@ class PressedSamples(abc.ABC):
     @functools.cached_property
     def stiffness(self) -> scipy.sparse.csr_array:
         """Second derivative of the energy, shape (n d, n d); nodes' components follow each other."""
-        import scipy
-
         found = self.scattered(self.curvatures())
         return scipy.sparse.csr_array((found + found.T) / 2)
 
     def scattered(self, curvatures: Array) -> scipy.sparse.csr_array:
         """Return the matrix, shape (n d, n d), of what is by the place of each sample that touches, shape (t, d, d)."""
-        import scipy
-
         n, d = self.nodes.shape
         touching = np.flatnonzero(self.touching)
         if not len(touching):
@@ -809,12 +701,8 @@ type Slopes = Callable[[Array], tuple[Array, Array, Array]]
 
 @dataclasses.dataclass(frozen=True)
 class HardeningPenalty(Penalty):
-    """The same penalty, stiffening with the penetration.
-
-    Attributes:
-        soft: Depth from which it does.
-        harder: phi gets ``harder / (6 soft) (d - soft)^3`` more, times the stiffness.
-    """
+    """The same penalty, stiffening with the penetration: beyond a depth ``soft`` phi gets ``harder / (6 soft) (d - soft)^3``
+    more, times the stiffness."""
 
     soft: float
     harder: float
@@ -826,15 +714,8 @@ class HardeningPenalty(Penalty):
 
 
 class PressedByDistance(PressedSamples):
-    """A device's faces in a deformed shape, in contact with such a body.
-
-    Args:
-        surface: The faces.
-        slopes: The distance with its derivatives.
-        penalty: phi.
-        near: Distance that counts as near.
-        nodes: Places of the faces' nodes, shape (n, d).
-    """
+    """A device's faces in a deformed shape, in contact with such a body, whose distance comes with its derivatives; ``near``
+    is the distance that counts as near."""
 
     def __init__(self, surface: Surface, slopes: Slopes, penalty: Penalty, near: float, nodes: Array):
         super().__init__(surface, nodes)
@@ -877,13 +758,7 @@ class TooFineError(ValueError):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class FixedWall:
-    """Samples of a closed surface.
-
-    Attributes:
-        places: Shape (s, 3).
-        areas: Area vectors out of the body, shape (s, 3).
-        radius: Of the kernel of all samples.
-    """
+    """Samples of a closed surface: places, area vectors out of the body, shape (s, 3) each, and the radius of all kernels."""
 
     places: Array
     areas: Array
@@ -891,30 +766,19 @@ class FixedWall:
 
     @classmethod
     def of(cls, points: Array, triangles: Numbers, radius: float) -> FixedWall:
-        """Return the samples of triangles, in the middles of pieces that are small against the radius.
-
-        Args:
-            points: Corners, shape (n, 3).
-            triangles: Their numbers, counter-clockwise as seen from outside, shape (t, 3).
-            radius: Of the kernel.
-
-        Raises:
-            TooFineError: There would be more than `MOST_SAMPLES`.
-        """
+        """Return the samples of triangles, in the middles of pieces that are small against the kernel's radius: corners, shape
+        (n, 3), and their numbers, counter-clockwise as seen from outside, shape (t, 3). `TooFineError` if there would be
+        more than `MOST_SAMPLES`."""
         corners = _cut(np.asarray(points[triangles], dtype=float), FINE * radius)
         areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
         return cls(corners.mean(axis=1), areas, radius)
 
     @functools.cached_property
     def tree(self) -> scipy.spatial.cKDTree:
-        import scipy
-
         return scipy.spatial.cKDTree(self.places)
 
     def near(self, places: Array) -> Near:
         """Return the pairs of points, shape (n, 3), and samples nearer than the radius."""
-        import scipy
-
         found = scipy.spatial.cKDTree(places).sparse_distance_matrix(self.tree, self.radius, output_type="ndarray")
         order = np.lexsort((found["j"], found["i"]))
         i, j = found["i"][order].astype(np.int64), found["j"][order].astype(np.int64)
@@ -947,14 +811,7 @@ def _cut(corners: Array, longest: float) -> Array:
 
 
 class PressedOn(PressedSamples):
-    """A device's faces in a deformed shape, in contact with a fixed wall.
-
-    Args:
-        surface: The faces.
-        wall: The wall.
-        penalty: phi.
-        nodes: Places of the faces' nodes, shape (n, 3).
-    """
+    """A device's faces in a deformed shape, in contact with a fixed wall."""
 
     def __init__(self, surface: Surface, wall: FixedWall, penalty: Penalty, nodes: Array):
         super().__init__(surface, nodes)
@@ -1017,12 +874,7 @@ TINY = 1e-300
 
 @dataclasses.dataclass(frozen=True)
 class Rubbing:
-    """A coefficient of friction and its elastic slip.
-
-    Attributes:
-        coefficient: mu.
-        onset: e, in sizes.
-    """
+    """A coefficient of friction mu and its elastic slip e, in sizes."""
 
     coefficient: float
     onset: float
@@ -1067,16 +919,11 @@ class Grip:
 
 
 class Rubbed(PressedSamples):
-    """A device's faces in a deformed shape, in frictional contact with a body.
+    """A device's faces in a deformed shape, in frictional contact with a body: the same without friction, how they rub, and
+    the state that was kept last.
 
-    Args:
-        pressed: The same without friction.
-        rubbing: How they rub.
-        grip: The state that was kept last.
-
-    Attributes:
-        pulls: Forces of friction on the samples that touch, as derivatives of an energy, shape (t, d).
-        slides: Which of these slide.
+    ``pulls`` are forces of friction on the samples that touch, as derivatives of an energy, shape (t, d); ``slides`` says
+    which of these slide.
     """
 
     def __init__(self, pressed: PressedSamples, rubbing: Rubbing, grip: Grip):
@@ -1285,8 +1132,6 @@ class GivingWay:
 
     @property
     def stiffness(self) -> scipy.sparse.csr_array:
-        import scipy
-
         v = self.v
         at = np.flatnonzero(v)
         rows, columns = (part.ravel() for part in np.meshgrid(at, at, indexing="ij"))
@@ -1301,55 +1146,7 @@ class GivingWay:
 
     def coupled(self, share: float) -> scipy.sparse.csr_array:
         """Return all nodes near the body are, as it gives way to each of them, true for each two, shape (n, n)."""
-        import scipy
-
         near, n = np.unique(self.here.near_facets(share)), len(self.here.nodes)
         rows, columns = (part.ravel() for part in np.meshgrid(near, near, indexing="ij"))
         ones = np.ones(len(rows), dtype=np.bool_)
         return scipy.sparse.csr_array(scipy.sparse.coo_array((ones, (rows, columns)), shape=(n, n)))
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Base classes of contact terms, between faces or with a fixed wall.
-
-
-SOON = 0.2
-"""Gap below which nodes are coupled in the matrix pattern before they touch, relative to the kernel's
-radius for walls."""
-
-
-class Pressing(Protocol):
-    """Contact of faces in a deformed shape: energy, its derivatives by node positions, and coupled nodes."""
-
-    @property
-    def energy(self) -> float: ...
-    @property
-    def forces(self) -> Array: ...
-    @property
-    def stiffness(self) -> scipy.sparse.csr_array: ...
-    def coupled(self, soon: float) -> scipy.sparse.csr_array: ...
-
-
-class PressingTerm[P: Pressing](AssembledTerm):
-    """The contact energy of faces; each kind defines the counterpart."""
-
-    _pressed: P
-
-    @abc.abstractmethod
-    def pressed(self, places: Array) -> P:
-        """Return the faces with their nodes at places, shape (n, d)."""
-
-    def move(self, places: Array) -> None:
-        self._pressed = self.pressed(places)
-
-    def energy_here(self) -> float:
-        return self._pressed.energy
-
-    def forces_here(self) -> Array:
-        return self._pressed.forces
-
-    def stiffness_here(self) -> scipy.sparse.csr_array:
-        return self._pressed.stiffness
-
-    def coupled(self) -> scipy.sparse.csr_array:
-        return self._pressed.coupled(SOON)

@@ -9,21 +9,28 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
+import numpy.typing as npt
 
-from geometries import Actuator
+from geometries import Actuator, Hold
+from geometries.actuator import Vector
 from softmodels.common.arrays import Array
+from softmodels.common.errors import known_are
 from softmodels.common.schema import Choice, Quantity, Several, Words, field_of
 from softmodels.mechanics.body import in_section, in_space
-from softmodels.mechanics.component import ComponentError, bases, check_regions, faces_of, register_component
+from softmodels.mechanics.component import (
+    ComponentError,
+    bases,
+    check_regions,
+    direction,
+    faces_of,
+    names_in,
+    register_component,
+)
 from softmodels.mechanics.dead_loads import DistributedLoad, HeavyPart, Weighed, check_finite
-
-if TYPE_CHECKING:
-    pass
-
-
+from softmodels.mechanics.regions import HoldingPart
 from softmodels.mechanics.rigid import STILL, Freedom, RigidPart
 
 KINDS = ("free", "guided", "held")
@@ -73,15 +80,13 @@ class Rigid(RigidPart, HeavyPart):
 
     def check(self) -> None:
         if bool(self.face) == bool(self.region):
-            raise ComponentError(f"{self.where}: {self.needs}, and not both")
+            raise self.error(f"{self.needs}, and not both")
         if self.region and self.mass:
-            raise ComponentError(f"{self.where}: a region's weight follows from its density; leave out the mass")
+            raise self.error("a region's weight follows from its density; leave out the mass")
         if self.direction and self.kind != "guided":
-            raise ComponentError(f"{self.where}: a direction needs kind = 'guided', but this part is {self.kind}")
+            raise self.error(f"a direction needs kind = 'guided', but this part is {self.kind}")
         if self.direction and (len(self.direction) != 3 or not np.linalg.norm(self.direction) > 0):
-            raise ComponentError(
-                f"{self.where}: direction is {list(self.direction)}; it needs three numbers, such as [0, 0, 1]"
-            )
+            raise self.error(f"direction is {list(self.direction)}; it needs three numbers, such as [0, 0, 1]")
 
         if self.mass:
             check_finite(self.mass, self.where, "mass")
@@ -98,13 +103,13 @@ class Rigid(RigidPart, HeavyPart):
             check_regions(self.where, actuator, [self.region])
         faces = bases(self.where, [self.face], actuator)
         if other := next((face for face in faces if face not in faces_of(actuator)), ""):
-            raise ComponentError(
-                f"{self.where}: {type(actuator).__name__} has no face {other!r} for a rigid part; it has "
+            raise self.error(
+                f"{type(actuator).__name__} has no face {other!r} for a rigid part; it has "
                 f"{', '.join(faces_of(actuator)) or 'none'}"
             )
         if any(hold.role in faces for hold in actuator.holds) and self.kind != "held":
-            raise ComponentError(
-                f"{self.where}: the face {self.face!r} is the device's fixed support, so a rigid part on it "
+            raise self.error(
+                f"the face {self.face!r} is the device's fixed support, so a rigid part on it "
                 "cannot move; use another face, or kind = 'held'"
             )
         self.freedom(actuator, np.zeros(actuator.dimension))
@@ -121,15 +126,8 @@ class Rigid(RigidPart, HeavyPart):
         return "which can rotate about a point that the design moves; guide it (kind = 'guided')" if turns else ""
 
     def freedom(self, actuator: Actuator, centre: Array) -> Freedom:
-        """Return the motions left to it.
-
-        Args:
-            actuator: The device.
-            centre: The point that it turns about.
-
-        Raises:
-            ComponentError: The symmetry forbids what it is guided along, or leaves no motion.
-        """
+        """Return the motions left to it about a point; `ComponentError` if the symmetry forbids what it is guided along, or
+        leaves no motion."""
         d = actuator.dimension
         if self.kind == "held":
             return Freedom(centre, np.empty((0, d)), np.empty((0, 3)))
@@ -142,25 +140,22 @@ class Rigid(RigidPart, HeavyPart):
                 np.linalg.norm(inside @ directions.T @ directions - inside) > STILL
                 or np.linalg.norm(inside) < 1 - STILL
             ):
-                raise ComponentError(
-                    f"{self.where}: a guide along {_shown(wanted)} breaks the symmetry of the device's model, "
+                raise self.error(
+                    f"a guide along {_shown(wanted)} breaks the symmetry of the device's model, "
                     f"which allows {_allowed(directions)}; use another direction, or {actuator.fuller}"
                 )
             return Freedom(centre, inside[None, :], np.empty((0, 3)))
         if not len(directions) + len(axes):
-            raise ComponentError(
-                f"{self.where}: the symmetry of the device's model leaves the rigid part no free motion; use "
+            raise self.error(
+                f"the symmetry of the device's model leaves the rigid part no free motion; use "
                 f"{actuator.fuller}, or kind = 'held'"
             )
         return Freedom(centre, directions, axes)
 
 
 def symmetric_motions(actuator: Actuator) -> tuple[Array, Array]:
-    """Return the rigid motions that keep the device's cut planes where they are.
-
-    Returns:
-        Orthonormal directions of translations in the mesh's coordinates, shape (k, d), and axes of rotations, shape (m, 3).
-    """
+    """Return the rigid motions that keep the device's cut planes where they are: orthonormal directions of translations in the
+    mesh's coordinates, shape (k, d), and axes of rotations, shape (m, 3)."""
     d = actuator.dimension
     normals = [in_section(plane.normal, d) for plane in actuator.cut_planes]
     if d == 2:
@@ -199,3 +194,92 @@ def _allowed(directions: Array) -> str:
     if not len(directions):
         return "no translation"
     return "translations along " + " and ".join(_shown(v) for v in in_space(directions))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Clamps: faces, edges or regions that are held, or held so that they slip in one direction.
+#
+# They are added to the device's own supports. A clamp on one of the device's own supports replaces it:
+# ``[hold.bench]`` with ``face = "support"`` and ``along = "z"`` lets a glued disk slide on its bench.
+
+
+@register_component
+@dataclasses.dataclass(frozen=True)
+class Clamp(HoldingPart):
+    """A support of faces, edges or regions.
+
+    Attributes:
+        face: Roles of faces, edges or points, or names of regions, with commas between: ``"clamp, clamp_top"``.
+        along: Direction along which they are held, such as ``"z"``; all directions if empty.
+        slip: The only direction in which they slip; none if empty.
+    """
+
+    face: str = field_of(Words(), "faces, edges or regions that are held, such as top")
+    along: str = field_of(Words(), "direction along which they are held, such as z: they slip across it", "")
+    slip: str = field_of(Words(), "direction in which they slip, such as x: they are held across it", "")
+
+    table: ClassVar[str] = "hold"
+    needs: ClassVar[str] = "[hold] needs a face, such as face = 'top'"
+
+    def check(self) -> None:
+        if not self.roles:
+            raise ComponentError(self.needs)
+        if self.along and self.slip:
+            raise ComponentError(f"{self.where} has both along and slip; give either the held or the free direction")
+        for text in filter(None, (self.along, self.slip)):
+            direction(text, self.where)
+
+    @property
+    def roles(self) -> list[str]:
+        return names_in(self.face)
+
+    def check_on(self, actuator: Actuator) -> None:
+        """Raise `ComponentError` if a device has no such face, or its mesh no such direction."""
+        known = list(dict.fromkeys([*faces_of(actuator), *actuator.regions, *(hold.role for hold in actuator.holds)]))
+        for role in bases(self.where, self.roles, actuator):
+            if role not in known:
+                raise self.error(f"{type(actuator).__name__} has no {role!r}; {known_are(role, known)}")
+        self.holds(actuator)
+
+    def undesigned(self, actuator: Actuator) -> str:
+        return ""
+
+    def inside(self, actuator: Actuator) -> tuple[str, ...]:
+        return tuple(role for role in self.roles if role in actuator.regions)
+
+    def holds(self, actuator: Actuator) -> list[Hold]:
+        """Return what it holds on a device; `ComponentError` for a direction that an axisymmetric section does not have."""
+        points = {hold.role for hold in actuator.holds if hold.point}
+        return [Hold(role, way, role in points) for role in self.roles for way in self._ways(actuator)]
+
+    def _ways(self, actuator: Actuator) -> list[Vector | None]:
+        text = self.along or self.slip
+        if not text:
+            return [None]
+        way = direction(text, self.where)
+        if actuator.dimension == 2 and max(abs(way[0]), abs(way[2])) < 1 - 1e-12:
+            raise self.error(f"a section has only the directions x (away from its axis) and z, not {text!r}")
+        if self.along:
+            return [way]
+        return _across(way, actuator)
+
+    @property
+    def label(self) -> str:
+        """Label with its kind, because a region or a load may have the same name."""
+        return f"hold_{self.name}" if self.name else self.table
+
+
+def _across(way: Vector, actuator: Actuator) -> list[Vector | None]:
+    """Return the unit vectors perpendicular to a direction and to each other, those of the device's own planes and holds
+    first."""
+    known = [plane.normal for plane in actuator.cut_planes]
+    known += [hold.direction for hold in actuator.holds if hold.direction is not None]
+    axes = np.eye(3)[[0, 2]] if actuator.dimension == 2 else np.eye(3)
+    found: list[npt.NDArray[np.float64]] = []
+    for candidate in [*np.array(known).reshape(-1, 3), *axes]:
+        if abs(candidate @ np.array(way)) < 1e-9 and all(abs(candidate @ one) < 1e-9 for one in found):
+            found.append(candidate / np.linalg.norm(candidate))
+    if actuator.dimension == 3 and len(found) < 2:
+        first = found[0] if found else np.linalg.svd(np.array([way]))[2][1]
+        found = [first, np.cross(way, first)]
+    return [(float(x), float(y), float(z)) for x, y, z in found]

@@ -18,8 +18,6 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.materials import Region
 from softmodels.common.arrays import Array
-from softmodels.components import contact as contact_module
-from softmodels.components.clamps import Clamp
 from softmodels.components.contact import (
     HARDENS,
     HARDER,
@@ -28,20 +26,19 @@ from softmodels.components.contact import (
     Obstacle,
     PlaneTerm,
     RigidShape,
+    Walls,
     copies_around,
     obstacle_of,
 )
-from softmodels.components.fibres import Fabric, Fibres, helix_at, slope_of
+from softmodels.components.fibres import Fabric, Fibres, Sheet, helix_at, slope_of
 from softmodels.components.loads import FaceLoad, Mass
 from softmodels.components.pressing import HardeningPenalty, Penalty, Stand
-from softmodels.components.rigid import Rigid
-from softmodels.components.sheets import Sheet
-from softmodels.components.walls import Walls
+from softmodels.components.rigid import Clamp, Rigid
 from softmodels.materials.laws import Material
 from softmodels.mechanics.component import Component, gravity_of, names_in
 from softmodels.mechanics.dead_loads import LoadPart
-from softmodels.mechanics.holds import held_with
 from softmodels.mechanics.pieces import is_plain
+from softmodels.mechanics.regions import held_with
 from softmodels.mechanics.rigid import Freedom
 from softmodels.mechanics.system import System, nodal_forces
 from softmodels.path.program import begins_at_rest
@@ -480,9 +477,7 @@ def _shape(shape: RigidShape, actuator: Actuator, gravity: Array) -> ContactStop
 def _slide(shape: RigidShape, actuator: Actuator, onto: Array, gravity: Array) -> Slide:
     """Return the guide of a movable shape, for the modelled slice."""
     share, size = copies_around(actuator, shape.crossed(actuator)), actuator.size
-    stand = Stand(
-        shape.spring / share, contact_module.weight_against(shape, gravity) / share, contact_module.ONSET * size
-    )
+    stand = Stand(shape.spring / share, shape.weight_against(gravity) / share, ONSET * size)
     ways = np.concatenate([[-0.9 * size], np.linspace(0.0, SETTLED * stand.onset, LIFTED + 1), [0.9 * size]])
     forces = np.array([stand.force(float(way)) for way in ways])
     return Slide(shape.gives_way, onto @ shape.gives_way, size, ways, forces)

@@ -27,7 +27,7 @@ from softmodels.case.materials import MaterialErrors
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import known_are
-from softmodels.components.walls import Walls
+from softmodels.components.contact import Walls
 from softmodels.materials.silicones import density_of, extrapolated
 from softmodels.mechanics.mpi import start
 from softmodels.mechanics.regions import RegionPart

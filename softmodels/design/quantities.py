@@ -25,8 +25,8 @@ from softmodels.design.trials import DesignFailure, JudgedLoad
 from softmodels.materials.strain import Strain
 from softmodels.mechanics.body import in_section
 from softmodels.mechanics.compiling import JIT
-from softmodels.mechanics.motion import MeshMotion
 from softmodels.mechanics.mpi import largest, total
+from softmodels.mechanics.sensitivity import MeshMotion
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import face_load
 from softmodels.runs.grid import Grid, displacement_maps

@@ -36,8 +36,7 @@ from softmodels.fitting.least_squares import (
 from softmodels.fitting.problem import FitError, LawChoice, all_laws, loss_of
 from softmodels.materials.laws import Material
 from softmodels.materials.silicones import PRODUCTS, named, product_of, silicone_called
-from softmodels.materials.specimens import respond, secant_modulus
-from softmodels.materials.stability import Verdict
+from softmodels.materials.specimens import Verdict, respond, secant_modulus
 
 if TYPE_CHECKING:
     from softmodels.case.materials import MaterialErrors

@@ -1,7 +1,7 @@
 """Leak of a device whose valve is closed, from pressures that fall: its size with a 95 % interval.
 
 Tubes, fittings and cavity hold an amount of gas X, counted as its volume at ambient pressure. It flows out at the rate s q(P):
-q is a leak of a known kind (`softmodels.path.air_flow`), s its size. With G' = X'(P) / q(P) the pressure at a time t is
+q is a leak of a known kind (`softmodels.path.supply`), s its size. With G' = X'(P) / q(P) the pressure at a time t is
 
     G(P) = G(P0) - s t,        dP/ds = -t / G'(P),        dP/dP0 = G'(P0) / G'(P)
 
@@ -21,8 +21,7 @@ from softmodels.common.names import checked, one_of
 from softmodels.common.units import brief
 from softmodels.fitting.least_squares import LeastSquaresFit, fit_parameters, profile, settled
 from softmodels.fitting.problem import FitError, Parameter
-from softmodels.path.air_flow import Reservoir
-from softmodels.path.supply import GASES
+from softmodels.path.supply import GASES, Reservoir
 
 SIZE, START = "leak_conductance", "pressure"
 """Names of the parameters: sonic conductance of the leak in m3/(s Pa), and pressure in Pa at the first reading."""

@@ -30,7 +30,7 @@ from softmodels.fitting.curves.residuals import RELATIVE, StressError, predicted
 from softmodels.fitting.problem import Changes, FitError, LawChoice
 from softmodels.materials.laws import Material
 from softmodels.materials.silicones import material_of, named
-from softmodels.materials.stability import described
+from softmodels.materials.specimens import described
 from softmodels.mechanics.mpi import start
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ Begin with `laws`; a law added with `register_law` stands in one file.
 
 - `laws`: what a law is, and every law. `strain`: measures of strain for UFL and for numpy, and dual numbers.
 - `memory`: what a silicone remembers: relaxing branches and softening, as terms of one time step's energy.
-- `specimens`: closed forms: tension, shear, balloons, thick walls. `stability`: where a law stops being a material.
+- `specimens`: closed forms: tension, shear, balloons, thick walls; where a law stops being a material.
 - `silicones`: named products with all their sources, and how they are mixed.
 """
 

@@ -289,11 +289,7 @@ class Material:
 
     @classmethod
     def from_parameters(cls, values: Mapping[str, float], terms: int = 0, poisson: float = 0.5) -> Material:
-        """Return a material from numbers by `parameter_names`.
-
-        Raises:
-            MaterialError: The law cannot take them.
-        """
+        """Return a material from numbers by `parameter_names`; `MaterialError` if the law cannot take them."""
         single = {name: values[name] for name in cls.parameter_names()}
         many = {name: tuple(values[f"{name}{i + 1}"] for i in range(terms)) for name in _term_fields(cls)}
         return cls(**single, **many, poisson=poisson)  # type: ignore[call-arg, arg-type]

@@ -264,10 +264,8 @@ def extrapolated(material: Material, stretch: float) -> str:
 
 
 def broken(material: Material) -> Silicone | None:
-    """Return the source with the stretch at break of a material's silicone; None if unknown.
-
-    The material's own source, or another one of the same product, the first to break.
-    """
+    """Return the source with the stretch at break of a material's silicone: its own, or another one of the same product, the
+    first to break; None if unknown."""
     name = named(material)
     if name is None:
         return None
@@ -283,11 +281,7 @@ def stretch_at_break(material: Material) -> float | None:
 
 
 def material_of(name: str, value: object) -> Material:
-    """Return a material, given as such or by a silicone's name.
-
-    Args:
-        name: What the argument is called.
-        value: The material, or the name of a silicone.
+    """Return a material, given as such or by a silicone's name; ``name`` is what the argument is called.
 
     Raises:
         MaterialError: There is no silicone of that name.

@@ -17,8 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
+from softmodels.common.lazy import scipy
 from softmodels.materials import memory
-from softmodels.materials.laws import Material
+from softmodels.materials.laws import Material, MaterialError, parameter_fields
 from softmodels.materials.memory import Branch, InNumpy, Softening
 from softmodels.materials.strain import Dual, Expression
 
@@ -111,7 +112,6 @@ def balloon_limit(material: Material, thickness_over_radius: float, most: float 
     Returns:
         Stretch and pressure in Pa, or None where the pressure only rises.
     """
-    from scipy.optimize import brentq
 
     def rise(stretch: Array | float) -> Array:
         with np.errstate(all="ignore"):
@@ -122,7 +122,7 @@ def balloon_limit(material: Material, thickness_over_radius: float, most: float 
     falls = np.flatnonzero(rise(scan) < 0.0)
     if not len(falls) or falls[0] == 0:
         return None
-    stretch = float(brentq(rise, scan[falls[0] - 1], scan[falls[0]], xtol=1e-14))
+    stretch = float(scipy.optimize.brentq(rise, scan[falls[0] - 1], scan[falls[0]], xtol=1e-14))
     return stretch, float(balloon_pressure(material, stretch, thickness_over_radius))
 
 
@@ -146,7 +146,6 @@ def _wall_pressure(
     material: Material, inner: float, outer: float, inner_stretch: npt.ArrayLike, mode: str, power: int
 ) -> Array:
     """Return the equilibrium through a wall in which stretch^power - 1 falls as 1 / R^power, as incompressibility has it."""
-    from scipy.integrate import quad
 
     def pressure(at_inner: float) -> float:
         def integrand(radius: float) -> float:
@@ -155,7 +154,9 @@ def _wall_pressure(
 
         if not np.isfinite(integrand(inner)):
             return np.nan  # the inner wall has the largest strain, so its limit ends the integration
-        return float(quad(integrand, inner, outer, epsabs=1e-12 * material.shear_modulus_0, epsrel=1e-11)[0])
+        return float(
+            scipy.integrate.quad(integrand, inner, outer, epsabs=1e-12 * material.shear_modulus_0, epsrel=1e-11)[0]
+        )
 
     return np.vectorize(pressure, otypes=[float])(np.asarray(inner_stretch, dtype=float))
 
@@ -483,17 +484,15 @@ def _softened(
     parameters: Sequence[str],
 ) -> tuple[Array, Array]:
     """Return a law's stress and its slopes with Mullins softening."""
-    from scipy.special import erf
-
     Wm, Wm_slopes = _largest_energy(time, W, W_slopes, soft.recovery)
     damage, s = 1 / soft.r, soft.m + soft.beta * Wm
     y = np.where(s > 0.0, (Wm - W) / np.where(s > 0.0, s, 1.0), 0.0)
-    left = 1 - damage * erf(y)
+    left = 1 - damage * scipy.special.erf(y)
     explicit = np.zeros_like(slopes)
     s_slopes = soft.beta * Wm_slopes
     for i, name in enumerate(parameters):
         if name == SOFTENING[0]:
-            explicit[:, i] = -erf(y)
+            explicit[:, i] = -scipy.special.erf(y)
         elif name == SOFTENING[1]:
             s_slopes[:, i] = 1.0
         elif name == SOFTENING[2]:
@@ -523,18 +522,11 @@ def _largest_energy(time: npt.ArrayLike | None, W: Array, W_slopes: Array, recov
 
 
 def log_strain_stiffness(material: Material, stretch: npt.ArrayLike, mode: str) -> tuple[Array, Array]:
-    """Return the Hessian of the incompressible energy in the logarithms of two principal stretches, the third following.
+    """Return the Hessian of the incompressible energy in Pa, shape (n, 2, 2), in the logarithms of two principal stretches,
+    the third following, at stretches along a mode, shape (n,); and I1 - 3 of the states, shape (n,).
 
     It relates increments of Kirchhoff stress in a sheet to increments of logarithmic strain: Drucker's stability wants it
     positive definite.
-
-    Args:
-        material: The law.
-        stretch: Stretch along a mode, shape (n,).
-        mode: One of `MODE_NAMES`.
-
-    Returns:
-        The Hessian in Pa, shape (n, 2, 2), and I1 - 3 of the state, shape (n,).
     """
     stretch = np.asarray(stretch, dtype=float)
     e1, e2 = (np.log(stretch) * power for power in MODES[mode][0][:2])
@@ -554,3 +546,190 @@ def strain_of(mode: str, stretch: npt.ArrayLike) -> Array:
     """Return I1 - 3 of an incompressible specimen, shape of ``stretch``."""
     powers, stretch = MODES[mode][0], np.asarray(stretch)
     return np.asarray(sum(stretch ** (2 * power) for power in powers) - 3)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Stability of a law: Drucker's criterion, locking chains, and the balloon's limit point.
+#
+# Drucker: in a sheet, an increment of logarithmic strain must raise the Kirchhoff stress along it. A fit that violates
+# it within its range makes simulations fail, however small its residuals.
+
+
+FURTHEST = 10.0
+"""Range of stretch, up to this value and down to its inverse, over which a law is checked."""
+POINTS = 600
+REST = 0.01
+"""Stretch near 1 below which an instability counts as initial."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Instability:
+    """The first unstable state along a mode, from rest.
+
+    Attributes:
+        mode: Of `softmodels.materials.specimens.MODE_NAMES`.
+        stretch: Below 1 in compression.
+        strain: I1 - 3 of that state.
+    """
+
+    mode: str
+    stretch: float
+    strain: float
+
+    def __str__(self) -> str:
+        way = "tension" if self.stretch > 1 else "compression"
+        return f"{self.mode} {way} at stretch {self.stretch:.3g}"
+
+
+def instabilities(material: Material, furthest: float = FURTHEST) -> tuple[Instability, ...]:
+    """Return the first states along every mode, in tension and compression, that violate Drucker's criterion, the smallest
+    strain first, of a law taken as incompressible; from 1/furthest to ``furthest`` of stretch."""
+    found = []
+    for mode in MODE_NAMES:
+        for way in (1.0, -1.0):
+            first = _first(
+                material, mode, np.exp(way * np.linspace(min(1e-3, math.log(furthest) / 2), math.log(furthest), POINTS))
+            )
+            if first:
+                found.append(first)
+    return tuple(sorted(found, key=lambda one: one.strain))
+
+
+def weakest(material: Material) -> Instability | None:
+    """Return the instability at the smallest stretch in tension, over all modes; None up to `FURTHEST`."""
+    return min((one for one in instabilities(material) if one.stretch > 1), key=lambda one: one.stretch, default=None)
+
+
+def weakness(material: Material) -> str:
+    """Return at which stretch a law becomes unstable in tension, as a clause with its name; empty if stable up to
+    `FURTHEST`."""
+    found = {one.mode: one.stretch for one in instabilities(material) if one.stretch > 1}
+    if not found:
+        return ""
+    places = ", ".join(f"{found[mode]:.3g} ({mode})" for mode in MODE_NAMES if mode in found)
+    return f"the law {described(material)} becomes unstable (Drucker's criterion) in tension at stretch {places}"
+
+
+def described(material: Material) -> str:
+    """Return a law with its parameters: ``yeoh (c1 = 10 kPa, c2 = -0.1 kPa)``."""
+    parts = []
+    for field in parameter_fields(material):
+        if field.name == "poisson":
+            continue
+        value = getattr(material, field.name)
+        several = isinstance(value, tuple)
+        for i, number in enumerate(value if several else (value,), 1):
+            name = f"{field.name}{i}" if several else field.name
+            unit = field.metadata["unit"]
+            parts.append(f"{name} = {number / 1e3:.4g} kPa" if unit == "Pa" else f"{name} = {number:.4g}")
+    return f"{material.name} ({', '.join(parts)})"
+
+
+def check_rest(material: Material) -> None:
+    """Raise `MaterialError` for a law that is not stable (Drucker) within `REST` of its state of rest."""
+    if weak := instabilities(material, furthest=1 + REST):
+        raise MaterialError(
+            f"the law {described(material)} is unstable at small strain (Drucker's criterion: {weak[0]}); check the "
+            f"signs and units of its parameters, or fit another law"
+        )
+
+
+def _first(material: Material, mode: str, stretches: Array) -> Instability | None:
+    H, k = log_strain_stiffness(material, stretches, mode)
+    alive = np.isfinite(H).all(axis=(1, 2))  # no state exists beyond locking: `last_stretch`
+    least = np.full(len(k), np.inf)
+    least[alive] = np.linalg.eigvalsh(H[alive])[:, 0]
+    bad = np.flatnonzero(least <= 0.0)
+    if not len(bad):
+        return None
+    i = int(bad[0])
+    if i == 0:
+        return Instability(mode, float(stretches[0]), float(k[0]))
+    share = least[i - 1] / (least[i - 1] - least[i])
+    stretch = float(stretches[i - 1] + share * (stretches[i] - stretches[i - 1]))
+    return Instability(mode, stretch, float(log_strain_stiffness(material, np.array([stretch]), mode)[1][0]))
+
+
+def last_stretch(material: Material, mode: str) -> float:
+    """Return the locking stretch in a mode (`Material.strain_limit`); infinite without
+    locking."""
+    limit = material.strain_limit
+    if math.isinf(limit):
+        return math.inf
+
+    def left(stretch: float) -> float:
+        power = {
+            "uniaxial": (2.0, -1.0, 1.0, 2.0),
+            "planar": (2.0, -2.0, 1.0, 1.0),
+            "equibiaxial": (2.0, -4.0, 2.0, 1.0),
+        }
+        a, b, many, others = power[mode]
+        return many * stretch**a + others * stretch**b + (mode == "planar") - 3 - limit
+
+    return float(scipy.optimize.brentq(left, 1.0, 2 + 2 * math.sqrt(limit + 3)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Verdict:
+    """Stability of a law: sentences that forbid its use within a range of deformation, and notes on what lies beyond."""
+
+    flags: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def judge(material: Material, strain: float) -> Verdict:
+    """Check the stability of a law up to the largest fitted (or shown) I1 - 3."""
+    flags, notes = [], []
+    weak = instabilities(material)
+    inside = [one for one in weak if one.strain <= strain]
+    if inside:
+        where = "; ".join(map(str, inside))
+        flags.append(f"the law is unstable (Drucker) within this range: {where}")
+    elif weak:
+        notes.append(f"stable (Drucker) within this range; unstable beyond it in {weak[0]}")
+    else:
+        notes.append(f"stable (Drucker) in every mode from stretch {1 / FURTHEST:g} to {FURTHEST:g}")
+    if math.isfinite(material.strain_limit):
+        ends = ", ".join(f"{mode} {last_stretch(material, mode):.3g}" for mode in MODE_NAMES)
+        notes.append(f"the chains lock at stretch: {ends}")
+    try:
+        limit = balloon_limit(material, 1.0)
+    except ValueError:
+        limit = None
+    if limit:
+        notes.append(f"a thin balloon has its limit point at stretch {limit[0]:.4g}")
+    else:
+        notes.append("a thin balloon has no limit point up to stretch 10")
+    return Verdict(tuple(flags), tuple(notes))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A material's curves in all test specimens, and as a balloon.
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class MaterialCurves:
+    """A material's curves over stretches, shape (n,), by mode, and its stability over these; the name as asked for."""
+
+    name: str
+    material: Material
+    stretch: Array
+    responses: dict[str, Response]
+    verdict: Verdict
+
+    @classmethod
+    def of(cls, name: str, material: Material, stretch: Array) -> MaterialCurves:
+        responses = {mode: respond(material, stretch, mode) for mode in MODE_NAMES}
+        ends = np.array([stretch[0], stretch[-1]])
+        return cls(name, material, stretch, responses, judge(material, float(strain_of("uniaxial", ends).max())))
+
+    def true_stress(self, mode: str) -> Array:
+        """Return the force per deformed area in Pa, shape (n,)."""
+        response = self.responses[mode]
+        across = {"uniaxial": response.side**2, "planar": response.side, "equibiaxial": response.side * self.stretch}
+        return response.stress / across[mode]
+
+    def balloon(self, thickness_over_radius: float) -> Array:
+        """Return the pressure in Pa in a thin spherical balloon, shape (n,): P = 2 (t/R) S / stretch^2, S of equibiaxial
+        tension."""
+        return 2 * thickness_over_radius * self.responses["equibiaxial"].stress / self.stretch**2

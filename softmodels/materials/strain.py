@@ -12,6 +12,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from softmodels.common.lazy import ufl
+
 Expression = Any
 """Values of an energy's arguments: UFL expressions (untyped), numpy arrays or numbers, real or complex, or `Dual`."""
 
@@ -71,32 +73,22 @@ class Strain(Isochoric):
 
     @functools.cached_property
     def J(self) -> Expression:
-        import ufl
-
         return ufl.det(self.F)
 
     @functools.cached_property
     def I1(self) -> Expression:
-        import ufl
-
         return ufl.tr(self.C)
 
     @functools.cached_property
     def I2(self) -> Expression:
-        import ufl
-
         return (self.I1**2 - ufl.inner(self.C, self.C)) / 2
 
     @functools.cached_property
     def stretches_bar(self) -> tuple[Expression, Expression, Expression]:
-        import ufl
-
         return tuple(ufl.sqrt(value) for value in eigenvalues(self.J ** (-2 / 3) * self.C))  # type: ignore[return-value]
 
     @staticmethod
     def log(x: Expression) -> Expression:
-        import ufl
-
         return ufl.ln(x)
 
 
@@ -108,8 +100,6 @@ def eigenvalues(A: Expression, gap: float = 1e-4) -> tuple[Expression, Expressio
     they stay isotropic functions of A, sums over the eigenvalues are off by about ``gap**2`` only, and a second derivative
     loses about ``1e-16 / gap**2``: the two meet at the default.
     """
-    import ufl
-
     mean = ufl.tr(A) / 3
     deviator = A - mean * ufl.Identity(3)
     radius = ufl.sqrt(ufl.inner(deviator, deviator) / 6 + gap**2)

@@ -9,25 +9,17 @@ from __future__ import annotations
 import abc
 import copy
 import functools
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
+from softmodels.common.lazy import PETSc, basix, common, cpp, fem, la, meshes, scipy
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.component import ComponentError, EnergyTerm
 from softmodels.mechanics.mpi import everywhere, largest, summed, total
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    import scipy
-    from dolfinx import fem, mesh
-    from dolfinx.common import IndexMap
-    from petsc4py import PETSc
-
 
 # ----------------------------------------------------------------------------------------------------------------------
 # PETSc matrices of compiled bilinear forms.
@@ -44,24 +36,14 @@ def held_dofs(bcs: Sequence[fem.DirichletBC]) -> npt.NDArray[np.int32]:
 
 def create_matrix(form: fem.Form) -> PETSc.Mat:
     """Return an empty matrix with a form's pattern."""
-    from dolfinx import cpp
-
     return cpp.fem.petsc.create_matrix(form._cpp_object, None)  # type: ignore[no-any-return]
 
 
 def assemble_into(
     matrix: PETSc.Mat, form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal: float = 1.0
 ) -> None:
-    """Assemble a form into a matrix, without finalising it.
-
-    Args:
-        matrix: With the form's pattern.
-        form: The form; of one space for both its arguments.
-        bcs: Rows and columns of their dofs stay empty.
-        diagonal: What stands on their diagonal.
-    """
-    from dolfinx import cpp, fem
-
+    """Assemble a form of one space into a matrix of its pattern, without finalising it; rows and columns of conditions' dofs
+    stay empty but for their ``diagonal``."""
     held = [bc._cpp_object for bc in bcs]
     constants, coefficients = fem.pack_constants(form), fem.pack_coefficients(form)
     cpp.fem.petsc.assemble_matrix(matrix, form._cpp_object, constants, coefficients, held)
@@ -79,8 +61,6 @@ def assembled_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagon
 
 def sparse_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal: float = 1.0) -> PETSc.Mat:
     """Return a form's matrix without stored zeros, which would take several times the memory; see `assemble_into`."""
-    from petsc4py import PETSc
-
     dofmap, comm = form.function_spaces[0].dofmap, form.mesh.comm
     numbers, block = dofmap.index_map, dofmap.index_map_bs
     size = (numbers.size_local * block, PETSc.DETERMINE)
@@ -135,9 +115,6 @@ class FaceNodes:
     """
 
     def __init__(self, body: Body, space: fem.FunctionSpace, roles: Sequence[str]):
-        import basix
-        from dolfinx import fem
-
         self.comm, self.skew = body.mesh.comm, body.skew_inverse
         self._mesh = mesh = body.mesh
         topology, d = mesh.topology, mesh.topology.dim
@@ -199,9 +176,6 @@ class FaceNodes:
     @functools.cached_property
     def _interpolation(self) -> scipy.sparse.csr_array:
         """The nodes' places by those of the mesh's own local nodes, shape (n, nodes); each row on one rank."""
-        import basix.ufl
-        import scipy
-
         cell, geometry, k = self._mesh.basix_cell(), self._mesh.geometry, self.facets.shape[1]
         points = basix.ufl.element("P", cell, 2).basix_element.points
         shapes = basix.ufl.element("P", cell, geometry.cmaps[0].degree).tabulate(0, points)[0]
@@ -260,6 +234,9 @@ def _nodes_of_facets(topology: Sequence[Sequence[Sequence[int]]], d: int) -> lis
 
 
 CONTACT_SLACK = 3
+"""Extra Newton iterations that do not shorten the steps, because every step changes the contact points."""
+SOON = 0.2
+"""Gap below which nodes are coupled in the matrix pattern before they touch, relative to a contact's near distance."""
 
 
 def mark_symmetric(K: PETSc.Mat) -> None:
@@ -268,19 +245,26 @@ def mark_symmetric(K: PETSc.Mat) -> None:
     K.setOption(K.Option.SYMMETRY_ETERNAL, True)  # type: ignore[arg-type]
 
 
-class AssembledTerm(EnergyTerm):
-    """Energy as a function of the node positions of some faces. Every rank computes all of it, because faces are small.
+class Pressing(Protocol):
+    """Contact of faces in a deformed shape, dimensionless, of the slice: energy, its derivatives by node positions, and which
+    nodes are or soon may be coupled (``soon`` in radii of the kernel for walls)."""
 
-    Args:
-        nodes: The faces' nodes.
+    @property
+    def energy(self) -> float: ...
+    @property
+    def forces(self) -> Array: ...
+    @property
+    def stiffness(self) -> scipy.sparse.csr_array: ...
+    def coupled(self, soon: float) -> scipy.sparse.csr_array: ...
 
-    Attributes:
-        bcs: Conditions of the unknowns; set by the `System`.
-    """
+
+class AssembledTerm[P: Pressing](EnergyTerm):
+    """Energy as a function of the node positions of some faces. Every rank computes all of it, because faces are small. The
+    `System` sets ``bcs``, the conditions of the unknowns."""
+
+    _pressed: P
 
     def __init__(self, nodes: FaceNodes):
-        import scipy
-
         super().__init__([])
         self.nodes = nodes
         self.bcs: Sequence[fem.DirichletBC] = ()
@@ -291,38 +275,35 @@ class AssembledTerm(EnergyTerm):
     # -- computed by each kind of term ---------------------------------------------------------------------------------
 
     @abc.abstractmethod
+    def pressed(self, places: Array) -> P:
+        """Return the faces with their nodes at places, shape (n, d)."""
+
     def move(self, places: Array) -> None:
-        """Set the node positions, shape (n, d), for the following calls."""
+        self._pressed = self.pressed(places)
 
-    @abc.abstractmethod
-    def energy_here(self) -> float:
-        """Return the energy, dimensionless, of the slice."""
-
-    @abc.abstractmethod
     def forces_here(self) -> Array:
         """Return the derivative of the energy by the nodes' places, shape (n, d)."""
+        return self._pressed.forces
 
-    @abc.abstractmethod
     def stiffness_here(self) -> scipy.sparse.csr_array:
         """Return the second derivative of the energy, shape (n d, n d)."""
+        return self._pressed.stiffness
 
     def whole_stiffness_here(self) -> scipy.sparse.csr_array | None:
         """Return the derivative of the forces if it differs from `stiffness_here` and is not symmetric; else None."""
         return None
 
-    @abc.abstractmethod
     def coupled(self) -> scipy.sparse.csr_array:
         """Return which nodes are or soon may be coupled: booleans, shape (n, n), symmetric."""
+        return self._pressed.coupled(SOON)
 
     def harder_here(self) -> Array | None:
-        """Return the derivative of the forces by a common factor on all spring constants and weights, shape
-        (n, d); or None."""
+        """Return the derivative of the forces by a common factor on all spring constants and weights, (n, d); or None."""
         return None
 
     # -- called by the system ------------------------------------------------------------------------------------------
 
     def _take(self, w: Array) -> None:
-
         values = self.nodes.values(w)
         if not np.array_equal(values, self._state):
             self._state = values
@@ -341,7 +322,7 @@ class AssembledTerm(EnergyTerm):
     def energy(self, w: Array) -> float:
         """Return the energy of a state, on all ranks."""
         self._take(w)
-        return self.energy_here()
+        return self._pressed.energy
 
     def add_forces(self, w: Array, b: Array, held: bool = False) -> None:
         """Add the derivative of the energy by w to owned entries ``b``, those of held dofs only on request."""
@@ -398,14 +379,8 @@ class AssembledTerm(EnergyTerm):
         b[self.nodes.local] += (forces @ self.nodes.skew * self._free)[self.nodes.mine]
 
     def matrix(self, w: Array, whole: bool = False) -> scipy.sparse.csr_array:
-        """Return the second derivative of the energy by the nodes' components of w, zero where they are held, shape (n d, n d).
-
-        Args:
-            w: The state.
-            whole: Whether it is the derivative of the forces, where that is another one.
-        """
-        import scipy
-
+        """Return the second derivative of the energy by the nodes' components of w, zero where they are held, shape (n d, n
+        d); or with ``whole`` the derivative of the forces, where that is another one."""
         self._take(w)
         if whole not in self._matrices:
             turn = scipy.sparse.kron(scipy.sparse.eye_array(len(self.nodes.places)), self.nodes.skew, format="csr")
@@ -422,9 +397,6 @@ class AssembledTerm(EnergyTerm):
 
     def add_to(self, K: PETSc.Mat, w: Array) -> None:
         """Add the second derivative at w to a matrix. Its pattern grows when nodes first meet."""
-        import scipy
-        from petsc4py import PETSc
-
         values = self.matrix(w)
         pattern = self._pattern()
         if not pattern.nnz:
@@ -451,8 +423,6 @@ class AssembledTerm(EnergyTerm):
 
     def _pattern(self) -> scipy.sparse.csr_array:
         """Return the entries that have ever been coupled, shape (n d, n d)."""
-        import scipy
-
         new = self.coupled()
         if (new > self._known).nnz:
             self._known = scipy.sparse.csr_array(self._known + new)
@@ -461,15 +431,8 @@ class AssembledTerm(EnergyTerm):
 
 
 class AssembledTerms:
-    """All assembled terms among a system's terms.
-
-    Args:
-        terms: The system's terms.
-        bcs: Conditions of the unknowns.
-
-    Attributes:
-        whole: Whether products are with the derivative of the forces if that is not symmetric: only in Newton's method.
-    """
+    """All assembled terms among a system's terms. With ``whole`` products are with the derivative of the forces if that is not
+    symmetric: only in Newton's method."""
 
     def __init__(self, terms: Iterable[EnergyTerm], bcs: Sequence[fem.DirichletBC]):
         self._terms = [term for term in terms if isinstance(term, AssembledTerm)]
@@ -484,53 +447,51 @@ class AssembledTerms:
 
     @property
     def slack(self) -> int:
-        """Extra Newton iterations that do not shorten the steps, because every step changes the contact points."""
+        """`CONTACT_SLACK`, if there are any."""
         return CONTACT_SLACK if self._terms else 0
 
     def energy(self, w: Array) -> float:
         return sum((term.energy(w) for term in self._terms), 0.0)
 
-    def by_places(self, w: Array, x: Array, nodes: int) -> Array:
-        """Return this rank's share of `AssembledTerm.by_places` by the mesh's own local nodes, shape (nodes, d); all of it is
-        the sum over ranks."""
-        d = self._terms[0].nodes.places.shape[1] if self._terms else 1
-        return sum((term.nodes.by_mesh(term.by_places(w, x)) for term in self._terms), np.zeros((nodes, d)))
-
-    def at_places(self, w: Array, nodes: int) -> Array:
-        """Return this rank's share of `AssembledTerm.at_places` by the mesh's own local nodes; see `by_places`."""
-        d = self._terms[0].nodes.places.shape[1] if self._terms else 1
-        return sum((term.nodes.by_mesh(term.at_places(w)) for term in self._terms), np.zeros((nodes, d)))
-
-    def add_moved(self, w: Array, motion: Array, b: Array) -> Array:
-        """See `AssembledTerm.add_moved`; returns ``b``."""
-        for term in self._terms:
-            term.add_moved(w, motion, b)
-        return b
-
     def touches(self, w: Array) -> bool:
         """Return whether faces are in contact in a state, on all ranks."""
         return any(term.energy(w) > 0.0 for term in self._terms)
 
+    def by_places(self, w: Array, x: Array, nodes: int) -> Array:
+        """Return this rank's share of `AssembledTerm.by_places` by the mesh's own local nodes, shape (nodes, d)."""
+        return self._by_mesh(nodes, lambda term: term.by_places(w, x))
+
+    def at_places(self, w: Array, nodes: int) -> Array:
+        """Return the same of `AssembledTerm.at_places`."""
+        return self._by_mesh(nodes, lambda term: term.at_places(w))
+
+    def _by_mesh(self, nodes: int, rates: Callable[[AssembledTerm], Array]) -> Array:
+        d = self._terms[0].nodes.places.shape[1] if self._terms else 1
+        return sum((term.nodes.by_mesh(rates(term)) for term in self._terms), np.zeros((nodes, d)))
+
+    # The same methods of all terms; they return what has been added to.
+
+    def add_moved(self, w: Array, motion: Array, b: Array) -> Array:
+        for term in self._terms:
+            term.add_moved(w, motion, b)
+        return b
+
     def add_forces(self, w: Array, b: Array, held: bool = False) -> Array:
-        """See `AssembledTerm.add_forces`; returns ``b``."""
         for term in self._terms:
             term.add_forces(w, b, held)
         return b
 
     def add_harder(self, w: Array, b: Array) -> Array:
-        """See `AssembledTerm.add_harder`; returns ``b``."""
         for term in self._terms:
             term.add_harder(w, b)
         return b
 
     def add_product(self, w: Array, x: Array, y: Array) -> Array:
-        """See `AssembledTerm.add_product`; returns ``y``."""
         for term in self._terms:
             term.add_product(w, x, y, self.whole)
         return y
 
     def add_to(self, K: PETSc.Mat, w: Array) -> None:
-        """See `AssembledTerm.add_to`."""
         for term in self._terms:
             term.add_to(K, w)
 
@@ -549,15 +510,9 @@ TAG = 1709
 """Tag of the messages by which ranks exchange their shared unknowns."""
 
 
-def numbered(mesh: mesh.Mesh, regions: list[Ints]) -> Ints:
-    """Return the number of the region that each local cell belongs to, ghosts too.
-
-    Args:
-        mesh: The mesh.
-        regions: Local cells of each region but the first, which has all the rest.
-    """
-    from dolfinx import la
-
+def numbered(mesh: meshes.Mesh, regions: list[Ints]) -> Ints:
+    """Return the number of the region that each local cell belongs to, ghosts too; ``regions`` has the local cells of each but
+    the first, which has all the rest."""
     index_map = mesh.topology.index_map(mesh.topology.dim)
     owner = la.vector(index_map, 1)
     owner.array[:] = 0.0
@@ -579,8 +534,6 @@ def jumping(space: fem.FunctionSpace, sub: int, region: Ints) -> tuple[fem.Funct
         The space; and the part's unknowns at the corners of each local cell, one for each region, shape
         (cells, corners, regions), -1 where a region does not reach.
     """
-    from dolfinx import cpp, fem
-
     old = space.dofmap
     cells, part = np.array(old.list), np.array(space.sub(sub).dofmap.list)
     index_map, of_region = _numbering(space, part, region)
@@ -596,18 +549,12 @@ def jumping(space: fem.FunctionSpace, sub: int, region: Ints) -> tuple[fem.Funct
     return fem.FunctionSpace(space.mesh, space.ufl_element(), made), corners
 
 
-def _numbering(space: fem.FunctionSpace, part: Ints, region: Ints) -> tuple[IndexMap, Ints]:
+def _numbering(space: fem.FunctionSpace, part: Ints, region: Ints) -> tuple[common.IndexMap, Ints]:
     """Number the copies: a rank's own ones after its unknowns, others' ones after its ghosts.
 
-    Args:
-        space: The space without jumps.
-        part: Its unknowns that may jump, by cell.
-        region: Number of each local cell's region.
-
-    Returns:
-        The new map; and for each region the new number of each old local unknown, -1 where the region does not reach.
+    Returns the new map; and for each region the new number of each old local unknown, -1 where the region does not reach.
+    ``part`` has the unknowns that may jump, by cell.
     """
-    from dolfinx import common, la
 
     comm, old = space.mesh.comm, space.dofmap.index_map
     n, count = old.size_local, 1 + int(largest(space.mesh.comm, float(region.max(initial=0))))
@@ -646,14 +593,8 @@ def _numbering(space: fem.FunctionSpace, part: Ints, region: Ints) -> tuple[Inde
 
 
 def known_to_all(space: fem.FunctionSpace, dofs: Ints) -> Ints:
-    """Return the local dofs that any rank names, in order: the owner of a vertex need not have the cells that name it.
-
-    Args:
-        space: A space whose unknowns are numbered one by one.
-        dofs: Local dofs that this rank names.
-    """
-    from dolfinx import la
-
+    """Return the local dofs that any rank names, in order, of a space numbered one by one: the owner of a vertex need not have
+    the cells that name it."""
     named = la.vector(space.dofmap.index_map, 1)
     named.array[:] = 0.0
     named.array[dofs] = 1.0
@@ -664,8 +605,6 @@ def known_to_all(space: fem.FunctionSpace, dofs: Ints) -> Ints:
 
 def entries_of(space: fem.FunctionSpace, sub: int) -> int:
     """Return the number of unknowns of one part of a mixed space, over all ranks."""
-    from dolfinx import la
-
     n = space.dofmap.index_map.size_local
     used = la.vector(space.dofmap.index_map, 1)
     used.array[:] = 0.0
@@ -676,11 +615,7 @@ def entries_of(space: fem.FunctionSpace, sub: int) -> int:
 
 def matrix_of(space: fem.FunctionSpace, forms: list[fem.Form]) -> Any:
     """Return the symmetric PETSc matrix with the pattern of bilinear forms to be assembled in it, such as those of regions.
-
-    Facets couple no other unknowns than their cells do.
-    """
-    from dolfinx import cpp
-
+    Facets couple no other unknowns than their cells do."""
     if len(forms) == 1:
         made = create_matrix(forms[0])
     else:

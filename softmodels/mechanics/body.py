@@ -14,7 +14,6 @@ import dataclasses
 import functools
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -24,16 +23,10 @@ from geometries.actuator import Opening, Vector, cavity_roles, find_openings
 from geometries.meshing import load_mesh, private_model
 from softmodels.common.arrays import Array
 from softmodels.common.errors import ComponentError, Spoken
+from softmodels.common.lazy import MPI, Expr, fem, meshes, ufl
 from softmodels.mechanics.compiling import compiling, mend_cache
 from softmodels.mechanics.mpi import is_root, on_root
 from softmodels.mechanics.pieces import Roles, selected
-
-if TYPE_CHECKING:
-    import ufl
-    from dolfinx import fem, mesh
-    from mpi4py import MPI
-    from ufl.core.expr import Expr
-
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Convert vectors between mesh and device coordinates: an axisymmetric section has only radius and height.
@@ -92,14 +85,14 @@ class Body:
             there too, see `softmodels.mechanics.pieces`.
         skew: B, shape (d, d) with d the mesh's dimension: rows are directions in which a role may hold the body.
         regions: Local cells by the name of their physical group, ghosts too.
-        holds: What is held beside the cut planes: the device's own holds, unless clamps hold it (`mechanics.holds`).
+        holds: What is held beside the cut planes: the device's own holds, unless clamps hold it (`mechanics.regions`).
         openings: Where its cavities' walls end.
         seal: What closes its first cavity, where that is a plane on which its rim is free.
     """
 
     actuator: Actuator
-    mesh: mesh.Mesh
-    cavity: mesh.MeshTags
+    mesh: meshes.Mesh
+    cavity: meshes.MeshTags
     entities: Roles
     skew: npt.NDArray[np.float64]
     regions: dict[str, npt.NDArray[np.int32]] = dataclasses.field(default_factory=dict)
@@ -122,7 +115,6 @@ class Body:
             CompilingError: DOLFINx cannot compile what a mesh needs.
         """
         import gmsh
-        from dolfinx import mesh as meshes
         from dolfinx.io import gmsh as gmshio
 
         mend_cache(comm)
@@ -160,14 +152,8 @@ class Body:
         return dataclasses.replace(self, skew=_skew(self.actuator, holds), holds=tuple(holds))
 
     def sealed_by(self, roles: Sequence[str], point: npt.ArrayLike, normal: npt.ArrayLike) -> Body:
-        """Return the same body, its first cavity closed by faces that press on a plane.
-
-        Args:
-            roles: The faces.
-            point, normal: Of the plane, in device coordinates and sizes of the device, shape (3,).
-        """
-        from dolfinx import fem, mesh as meshes
-
+        """Return the same body, its first cavity closed by faces that press on a plane, in device coordinates and sizes of the
+        device."""
         d, fdim = self.actuator.dimension, self.mesh.topology.dim - 1
         lips = np.unique(np.concatenate([self.entities[role][1] for role in roles]))
         facets = np.concatenate([self.cavity.indices, lips])
@@ -196,31 +182,18 @@ class Body:
     def measures(self) -> tuple[ufl.Measure, ufl.Measure]:
         """Return the UFL measures over the reference body and its (first) cavity's wall, for the slice in 3-D, for the device
         in 2-D."""
-        import ufl
-
         dx = ufl.Measure("dx", self.mesh, metadata={"quadrature_degree": QUADRATURE_DEGREE})
         return dx, self._on_facets(self.cavity)(CAVITY)
 
     def sheet_face(self, role: str) -> tuple[ufl.Measure, Expr]:
-        """Return the UFL measure over the facets of a role, and their undeformed normal with three components.
-
-        Raises:
-            BodyError: The mesh has no facets of this role.
-        """
-        import ufl
-
+        """Return the UFL measure over the facets of a role, and their undeformed normal with three components; `BodyError` if
+        it has none."""
         N = ufl.FacetNormal(self.mesh)
         normal = ufl.as_vector([N[0], 0, N[1]]) if self.axisymmetric else N
         return self._on_facets(self._tags(role, self.mesh.topology.dim - 1))(SHEET), normal
 
     def measure(self, role: str) -> ufl.Measure:
-        """Return the UFL measure over the facets or the edges of a role.
-
-        Raises:
-            BodyError: The mesh has no facets and no edges of this role.
-        """
-        import ufl
-
+        """Return the UFL measure over the facets or the edges of a role; `BodyError` if it has neither."""
         if not self.is_edge(role):
             return self.sheet_face(role)[0]
         tags, degree = self._tags(role, self.mesh.topology.dim - 2), {"quadrature_degree": SURFACE_DEGREE}
@@ -230,15 +203,11 @@ class Body:
         """Return whether a role is of edges, in a section of their points."""
         return self.entities.get(role, (-1,))[0] == self.mesh.topology.dim - 2
 
-    def _on_facets(self, tags: mesh.MeshTags) -> ufl.Measure:
-        import ufl
-
+    def _on_facets(self, tags: meshes.MeshTags) -> ufl.Measure:
         return ufl.Measure("ds", self.mesh, subdomain_data=tags, metadata={"quadrature_degree": SURFACE_DEGREE})
 
-    def _tags(self, role: str, wanted: int) -> mesh.MeshTags:
+    def _tags(self, role: str, wanted: int) -> meshes.MeshTags:
         """Return `SHEET` on the entities of a role, which have a dimension."""
-        from dolfinx import mesh as meshes
-
         dimension, found = self.entities.get(role, (-1, np.empty(0, dtype=np.int32)))
         if dimension != wanted:
             faces = ", ".join(name for name, (of, _) in self.entities.items() if of == self.mesh.topology.dim - 1)
@@ -251,14 +220,10 @@ class Body:
     @property
     def hoop(self) -> Expr | float:
         """Factor of the measures: 2 pi R in an axisymmetric section, else 1."""
-        import ufl
-
         return 2 * np.pi * ufl.SpatialCoordinate(self.mesh)[0] if self.axisymmetric else 1.0
 
     def displacement(self, w: Expr) -> Expr:
         """Return u of the skew components w; shape (d,)."""
-        import ufl
-
         return ufl.dot(self._constant_inverse(), w)
 
     def deformation_gradient(self, w: Expr, at_axis: bool = False) -> Expr:
@@ -266,8 +231,6 @@ class Body:
 
         ``at_axis`` allows evaluation at R = 0, where u_r/R is the slope of u_r; integration points never lie there.
         """
-        import ufl
-
         gradient = ufl.dot(self._constant_inverse(), ufl.grad(w))
         if not self.axisymmetric:
             return ufl.Identity(3) + gradient
@@ -289,8 +252,6 @@ class Body:
         V = -1/3 int (X + u) . cof(F) N ds, N out of the solid. Cut planes add nothing because they hold the origin. Above a
         plane that seals it is the sum of columns on the plane, so that no part of it depends on a rim that lifts.
         """
-        import ufl
-
         F = self.deformation_gradient(w)
         X, N = ufl.SpatialCoordinate(self.mesh), ufl.FacetNormal(self.mesh)
         x = X + self.displacement(w)
@@ -303,8 +264,6 @@ class Body:
 
     def flow(self, w: Expr, direction: Expr) -> Expr:
         """Return the deformed area per undeformed area of a wall, projected along a direction of the mesh, out of the solid."""
-        import ufl
-
         N = ufl.FacetNormal(self.mesh)
         if self.axisymmetric:
             direction, N = (ufl.as_vector([v[0], 0, v[1]]) for v in (direction, N))
@@ -317,23 +276,16 @@ class Body:
         return walls + self.seal.share * integrand * ds(SHEET) if self.seal and not number else walls
 
     def volumes(self, w: Expr) -> list[ufl.Form]:
-        """Return UFL forms of the deformed cavities' volumes, one for each.
-
-        Args:
-            w: The skew components.
-        """
+        """Return UFL forms of the deformed cavities' volumes, one for each, of the skew components w."""
         integrand = self.volume_integrand(w)
         return [self.on_walls(integrand, number) for number in range(len(self.actuator.ratios))]
 
     def pressing(self, w: Expr, test: Expr) -> list[ufl.Form]:
-        """Return the UFL forms of the work of a unit pressure on the cavities' walls, one for each.
+        """Return the UFL forms of the work of a unit pressure on the cavities' walls on a test displacement's skew components,
+        one for each.
 
         On dofs that are free they are the derivatives of `volumes`. These are others at the rim of an opening, where a support
         holds it: a rim that moved would tilt what closes the cavity there, which is no force of the air on the rim.
-
-        Args:
-            w: The skew components.
-            test: Skew components of a test displacement.
         """
         work = -self.flow(w, self.displacement(test)) * self.hoop
         return [self.on_walls(work, number) for number in range(len(self.actuator.ratios))]
@@ -347,8 +299,6 @@ class Body:
         return found
 
     def _constant_inverse(self) -> fem.Constant:
-        from dolfinx import fem
-
         # A Constant, so that another angle does not recompile the form.
         if not hasattr(self, "_inverse"):
             object.__setattr__(self, "_inverse", fem.Constant(self.mesh, self.skew_inverse))
@@ -356,8 +306,6 @@ class Body:
 
     def held(self, space: fem.FunctionSpace) -> list[tuple[int, npt.NDArray[np.int32]]]:
         """Return the components of w and the dofs at which they vanish, in the numbering of ``space`` (vector-valued)."""
-        from dolfinx import fem
-
         topology = self.mesh.topology
         conditions = []
         for role, components in self._held_components():
@@ -414,15 +362,7 @@ CELLS = SHEET
 
 
 def cell_measure(body: Body, cells: npt.NDArray[np.int32]) -> ufl.Measure:
-    """Return the undeformed volume of cells; of a section their area.
-
-    Args:
-        body: The mesh.
-        cells: Local cells in any order, ghosts too.
-    """
-    import ufl
-    from dolfinx import mesh as meshes
-
+    """Return the undeformed volume of local cells in any order, ghosts too; of a section their area."""
     mesh = body.mesh
     tags = meshes.meshtags(mesh, mesh.topology.dim, np.sort(cells), np.full(len(cells), CELLS, dtype=np.int32))
     return ufl.Measure("dx", mesh, subdomain_data=tags, metadata={"quadrature_degree": QUADRATURE_DEGREE})(CELLS)

@@ -34,6 +34,7 @@ from geometries import Actuator
 from geometries.actuator import Vector, cavity_roles
 from softmodels.common import schema
 from softmodels.common.errors import ComponentError, FieldError
+from softmodels.common.lazy import MPI, Expr, fem, ufl
 from softmodels.common.names import Registry
 from softmodels.common.schema import Text, about, doubt_of, settle
 from softmodels.common.units import brief
@@ -41,10 +42,6 @@ from softmodels.mechanics.pieces import WITHIN, condition_of, pieces_in
 
 if TYPE_CHECKING:
     import numpy.typing as npt
-    import ufl
-    from dolfinx import fem
-    from mpi4py import MPI
-    from ufl.core.expr import Expr
 
     from softmodels.common.arrays import Array
     from softmodels.materials.laws import Material
@@ -76,14 +73,8 @@ class PathFailure:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class MixedPointStress:
-    """Data for the predicted stress of a term in Newton's matrix, and the matrix' two directions.
-
-    Attributes:
-        known: The unknowns of another state.
-        displacement: Skew components of the displacement in them, in UFL.
-        move: From there to the current state.
-        test, trial: Directions.
-    """
+    """Data for the predicted stress of a term in Newton's matrix: the unknowns of another state, the skew components of their
+    displacement, the move from there to the current state, and the matrix' two directions."""
 
     known: fem.Function
     displacement: Expr
@@ -121,9 +112,7 @@ class Component(abc.ABC):
         if not isinstance(self.name, str):
             raise ComponentError(f"[{self.table}]: name is {brief(self.name)}; it must be a text, such as 'tip'")
         if not re.fullmatch(r"([a-z]\w*)?", self.name):
-            raise ComponentError(
-                f"{self.where}: a name must consist of letters, digits and '_', starting with a lower-case letter"
-            )
+            raise self.error("a name must consist of letters, digits and '_', starting with a lower-case letter")
         self.check()
 
     @property
@@ -243,18 +232,18 @@ class Component(abc.ABC):
         return ""
 
     def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
-        """Return how it may have ended a path and what to try, as a sentence without full stop; empty if unlikely.
-
-        Args:
-            actuator: The device that it is added to.
-            figure: Value of a column of ``path.csv`` in the last state, 0 where there is none.
-        """
+        """Return how it may have ended a path and what to try, as a sentence without full stop; empty if unlikely. ``figure``
+        gives a column of ``path.csv`` in the last state, 0 where there is none."""
         return ""
 
     @property
     def where(self) -> str:
         """Its table in messages."""
         return f"[{self.table}.{self.name}]" if self.name else f"[{self.table}]"
+
+    def error(self, text: str) -> ComponentError:
+        """Return the error of a sentence on it, with its table in front."""
+        return ComponentError(f"{self.where}: {text}")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -276,11 +265,7 @@ class EnergyComponent(Component):
 
     @abc.abstractmethod
     def term(self, setting: FormContext) -> EnergyTerm:
-        """Return its term in the equations.
-
-        Raises:
-            ComponentError: Not on this mesh.
-        """
+        """Return its term in the equations; `ComponentError` if it cannot be on this mesh."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -312,7 +297,7 @@ class MaterialCells(Protocol):
 
 
 class Equations(Protocol):
-    """Interface of `System`, whose functions hold the state, for a term's figures."""
+    """Interface of `System`, whose functions hold the state, for figures of terms and for dead loads."""
 
     @property
     def body(self) -> Body: ...
@@ -334,7 +319,16 @@ class Equations(Protocol):
     def pressures(self) -> Array: ...
     @property
     def form(self) -> Callable[[ufl.Form], fem.Form]: ...
+    @property
+    def space(self) -> fem.FunctionSpace: ...
+    @property
+    def mixed(self) -> bool: ...
+    @property
+    def material(self) -> Material: ...
+    @property
+    def n(self) -> int: ...
     def integral(self, form: fem.Form) -> float: ...
+    def assemble(self, forms: list[fem.Form], held: bool = False) -> Array: ...
 
 
 @dataclasses.dataclass(eq=False)
@@ -369,10 +363,8 @@ class EnergyTerm:
         return 0.0
 
     def tangent(self, foresight: MixedPointStress) -> list[ufl.Form] | None:
-        """Return the second derivatives of `energies`, one for each, if their stress is predicted; None for the plain ones.
-
-        See `softmodels.mechanics.potential.Potential.predict_stress`: a stiff term that is turned needs it.
-        """
+        """Return the second derivatives of `energies`, one for each, if their stress is predicted; None for the plain ones. A
+        stiff term that is turned needs it, see `softmodels.mechanics.potential.Potential.predict_stress`."""
         return None
 
     def compile(self, equations: Equations) -> None:
@@ -389,11 +381,8 @@ class EnergyTerm:
         return None
 
     def settle(self, w: Array) -> bool:
-        """Adjust to a converged state what its forces take as given during a solve; return whether that has changed.
-
-        Args:
-            w: This rank's owned entries, and possibly more behind them.
-        """
+        """Adjust to a converged state's w (owned entries, perhaps more behind) what its forces take as given during a solve;
+        return whether that has changed."""
         return False
 
     def margin(self, equations: Equations) -> float:
@@ -405,19 +394,11 @@ class EnergyTerm:
         return None
 
     def keep(self, w: Array, anew: bool = False) -> None:
-        """Accept a converged state and update the history to it.
-
-        Args:
-            w: This rank's owned entries, and possibly more behind them.
-            anew: Whether a path begins there, and nothing of before counts.
-        """
+        """Accept a converged state's w (owned entries, perhaps more behind), and update the history to it; ``anew`` where a
+        path begins there, and nothing of before counts."""
 
     def admits(self, before: Array, after: Array) -> bool:
-        """Return whether a step from one state to another is admissible, the same on all ranks.
-
-        Args:
-            before, after: This rank's owned entries of w, and possibly more behind them.
-        """
+        """Return whether a step between two states' w is admissible, the same on all ranks."""
         return True
 
 
@@ -538,11 +519,7 @@ def direction(text: str, where: str) -> Vector:
 
 
 def check_direction(vector: Vector, actuator: Actuator, where: str) -> None:
-    """Reject a direction that breaks the device's symmetry.
-
-    Raises:
-        ComponentError: Across the axis of a section, or out of a cut plane.
-    """
+    """Raise `ComponentError` for a direction across the axis of a section, or out of a cut plane."""
     if actuator.dimension == 2 and abs(vector[2]) < 1 - ALONG:
         raise ComponentError(
             f"{where}: an axisymmetric section takes loads along its axis, z or -z; for others use {actuator.fuller}"

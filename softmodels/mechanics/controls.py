@@ -130,14 +130,8 @@ class Coupling:
 
     @classmethod
     def by_pressure(cls, pressures: Array, changes: Array, held: Sequence[int], volumes: Array) -> Coupling:
-        """Couple the pressures so that P rises from 0 and they change in proportion to ``changes``, the largest by P.
-
-        Args:
-            pressures: Those at the start, shape (k,).
-            changes: By how much each is to change; the entries of held cavities are ignored.
-            held: The cavities whose volumes are held.
-            volumes: The volumes they are held at, shape (k,).
-        """
+        """Couple the pressures so that P rises from 0 and they change from ``pressures`` in proportion to ``changes``, the
+        largest by P; all of shape (k,). The cavities ``held`` stay at their ``volumes``, whatever their change."""
         count = len(pressures)
         free = np.ones(count)
         free[list(held)] = 0.0
@@ -147,13 +141,11 @@ class Coupling:
 
     @classmethod
     def by_volume(cls, pressures: Array, changes: Array, held: Sequence[int], volumes: Array) -> Coupling:
-        """Couple the volumes so that V is that of the cavity that changes most, and the other held ones change in proportion.
+        """Couple the volumes so that V is that of the cavity that changes most, and the other ``held`` ones change in
+        proportion.
 
-        Args:
-            pressures: Those at the start, shape (k,).
-            changes: By how much each volume is to change, 0 for those that stay; only for cavities in ``held``.
-            held: The cavities whose volumes are given, the others keep their pressures.
-            volumes: Those at the start, shape (k,).
+        Pressures, changes (0 for volumes that stay) and volumes are those at the start, shape (k,); cavities that are not held
+        keep their pressures.
         """
         count = len(pressures)
         lead = max(held, key=lambda cavity: abs(changes[cavity]))

@@ -12,40 +12,18 @@ import dataclasses
 import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
-from softmodels.materials.laws import Material
+from softmodels.common.lazy import Expr, fem, la, ufl
 from softmodels.mechanics.component import COMPONENTS, Component, ComponentError, Equations, MaterialCells
 from softmodels.mechanics.mpi import any_rank, total
 
-if TYPE_CHECKING:
-    import ufl
-    from dolfinx import fem
-    from ufl.core.expr import Expr
-
-
 LOADS_ENERGY = "loads_energy_mJ"
 """Column with the potential energy of all dead loads."""
-
-
-class Loaded(Equations, Protocol):
-    """Interface of the equations for dead loads."""
-
-    @property
-    def space(self) -> fem.FunctionSpace: ...
-    @property
-    def w(self) -> fem.Function: ...
-    @property
-    def mixed(self) -> bool: ...
-    @property
-    def material(self) -> Material: ...
-    @property
-    def n(self) -> int: ...
-    def assemble(self, forms: list[fem.Form], held: bool = False) -> Array: ...
 
 
 @dataclasses.dataclass(frozen=True)
@@ -114,11 +92,7 @@ class LoadPart(Component):
         return False
 
     def idle(self, components: Sequence[Component]) -> bool:
-        """Return whether it acts only on masses that the device lifts, not on the device.
-
-        Args:
-            components: All that is added to the device.
-        """
+        """Return whether it acts only on masses that the device lifts, not on the device."""
         return False
 
     def magnitude_of(self, masses: complex) -> complex:
@@ -127,38 +101,19 @@ class LoadPart(Component):
 
     @abc.abstractmethod
     def spread(self, on: DistributedLoad, components: Sequence[Component]) -> Weighed:
-        """Return its distribution over the body.
-
-        Args:
-            on: What it is spread over.
-            components: All that is added to the device: what hangs on it has weight too.
-
-        Raises:
-            ComponentError: Not on this mesh.
-        """
+        """Return its distribution over the body; what else is added to the device may have weight too. `ComponentError` if it
+        cannot be on this mesh."""
 
 
 class HeavyPart(Component):
-    """A part with its own mass, on which gravity acts, spread evenly over a face.
-
-    Attributes:
-        face: Role of the facets.
-    """
+    """A part with its own mass, on which gravity acts, spread evenly over the facets of ``face``."""
 
     face: str
 
     @abc.abstractmethod
     def masses(self, on: DistributedLoad, along: Array) -> list[Weighed]:
-        """Return its masses.
-
-        Args:
-            on: What they are spread over.
-            along: Unit vector of gravity in the directions of the mesh.
-
-        Returns:
-            Of each its mean displacement along gravity as a form (`DistributedLoad.mean`), and the mass in kg, of the whole
-            device.
-        """
+        """Return its masses along a unit vector of gravity in the directions of the mesh: of each its mean displacement along
+        gravity as a form (`DistributedLoad.mean`), and the mass in kg, of the whole device."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -182,13 +137,8 @@ class Weighed:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class MeasuredConstant:
-    """A constant of a load that follows from integrals over the undeformed body, such as the area that a force is spread over.
-
-    Attributes:
-        constant: The constant.
-        integrals: UFL forms without arguments.
-        value: Its value by those of the integrals, which may be complex.
-    """
+    """A constant of a load that follows from UFL integrals over the undeformed body, such as the area that a force is spread
+    over; ``value`` makes it of the integrals' values, which may be complex."""
 
     constant: fem.Constant
     integrals: list[ufl.Form]
@@ -205,9 +155,7 @@ class DistributedLoad:
         measured: Constants of the loads that follow a mesh that moves.
     """
 
-    def __init__(self, system: Loaded):
-        import ufl
-
+    def __init__(self, system: Equations):
         self.system, self.body = system, system.body
         self.measured: list[MeasuredConstant] = []
         test = ufl.TestFunction(system.space)
@@ -215,13 +163,9 @@ class DistributedLoad:
 
     @property
     def places(self) -> Expr:
-        import ufl
-
         return ufl.SpatialCoordinate(self.body.mesh)
 
     def constant(self, value: npt.ArrayLike | float) -> fem.Constant:
-        from dolfinx import fem
-
         return fem.Constant(self.body.mesh, np.asarray(value, dtype=float))
 
     def measure(self, over: str | MaterialCells) -> Expr:
@@ -231,8 +175,6 @@ class DistributedLoad:
 
     def integral(self, density: Expr, over: str | MaterialCells) -> float:
         """Integrate a density over the undeformed facets of a role, or over one of the body's materials."""
-        from dolfinx import fem
-
         return self.system.integral(fem.form(density * self.body.hoop * self.measure(over)))
 
     def volume(self, matter: MaterialCells) -> float:
@@ -242,8 +184,6 @@ class DistributedLoad:
 
     def mean(self, along: npt.ArrayLike, over: str | MaterialCells) -> ufl.Form:
         """Return the mean test displacement along a vector of the mesh over a face, or over one of the body's materials."""
-        import ufl
-
         size = self.integral(self.constant(1.0), over)
         if not size > 0.0:
             raise ComponentError(f"the face {over!r} has no facets on this mesh")
@@ -275,9 +215,7 @@ class DeadLoads:
         ComponentError: A load that moves nothing, or not on this mesh.
     """
 
-    def __init__(self, system: Loaded, components: Sequence[Component]):
-        from dolfinx import fem
-
+    def __init__(self, system: Equations, components: Sequence[Component]):
         self.system = system
         self.loads = [part for part in components if isinstance(part, LoadPart) and not part.idle(components)]
         on = [DistributedLoad(system) for _ in self.loads]
@@ -330,8 +268,6 @@ class DeadLoads:
     def moved(self) -> Array:
         """Return the work-conjugate of each load in the current state, shape (loads,); linear in w, moved held dofs
         included."""
-        from dolfinx import fem, la
-
         system, found = self.system, []
         w = system.w.x.array[: system.n]
         for forms in self.forms:
@@ -344,13 +280,8 @@ class DeadLoads:
         return np.array(found)
 
     def borne(self, dofs: npt.NDArray[np.int32], drives: Array) -> Array:
-        """Return the loads that act only on some dofs, such as the weight of a plate on the plate's, by
-        owned dof.
-
-        Args:
-            dofs: The dofs; those of other ranks are not needed.
-            drives: Magnitudes of the loads, dimensionless, shape (loads,).
-        """
+        """Return the loads of these dimensionless magnitudes, shape (loads,), that act only on some local dofs, such as the
+        weight of a plate on the plate's, by owned dof."""
         others, found = np.ones(self.system.n, dtype=bool), np.zeros(self.system.n)
         others[dofs[dofs < self.system.n]] = False
         for drive, forms in zip(drives, self.forms, strict=True):
@@ -374,11 +305,8 @@ class DeadLoads:
         return np.array([self.system.body.actuator.size ** (3 - load.arm) for load in self.loads])
 
     def figures(self, drives: Array) -> dict[str, float]:
-        """Return the columns of ``path.csv`` in the current state, of the whole device, on all ranks.
-
-        Args:
-            drives: Magnitudes of the loads, dimensionless, shape (loads,).
-        """
+        """Return the columns of ``path.csv`` in the current state, of the whole device, on all ranks, for dimensionless
+        magnitudes of the loads, shape (loads,)."""
         magnitudes, moved, found = drives * self.units, self.moved() * self.moved_units, dict[str, float]()
         for place, (load, magnitude, way) in enumerate(zip(self.loads, magnitudes, moved, strict=True)):
             found[load.column] = float(magnitude) / load.column_unit

@@ -32,7 +32,7 @@ import numpy as np
 from softmodels.common.arrays import Array
 from softmodels.mechanics.assembly import sparse_matrix
 from softmodels.mechanics.compiling import JIT
-from softmodels.mechanics.dead_loads import Loaded
+from softmodels.mechanics.component import Equations
 from softmodels.mechanics.mpi import total
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from petsc4py import PETSc
 
 
-class Weighing(Loaded, Protocol):
+class Weighing(Equations, Protocol):
     """Interface of the equations for inertia."""
 
     @property

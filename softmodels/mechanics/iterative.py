@@ -1,4 +1,6 @@
-"""Multigrid cycle on the displacements plus the pressures' mass: an approximate K^-1 at linear cost.
+"""Preconditioners of K: a factorisation by MUMPS, and a multigrid cycle.
+
+The cycle is one on the displacements plus the pressures' mass: an approximate K^-1 at linear cost.
 
         [ K_uu  K_up ]      [ M  K_up ]^-1    M: K_uu on quadratic displacements, then on linear ones, then PETSc's GAMG;
         [ K_pu  -C   ]  ~   [ 0   -S  ]       S: (1/shear modulus + 1/bulk modulus) times the diagonal of p's mass
@@ -14,9 +16,11 @@ of the fourth kind with pbjacobi on a BAIJ matrix, GAMG below. Three and two ste
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import itertools
 import math
+from collections.abc import Iterator
 from types import ModuleType
 from typing import TYPE_CHECKING
 
@@ -24,16 +28,178 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
-from softmodels.mechanics.assembly import held_dofs, mark_symmetric
-from softmodels.mechanics.c_library import library
-from softmodels.mechanics.direct import entries_here, entries_in_all
+from softmodels.common.lazy import PETSc, basix, fem, la, ufl
+from softmodels.mechanics.assembly import held_dofs, length, mark_symmetric
+from softmodels.mechanics.compiling import library
 from softmodels.mechanics.newton import Preconditioner, Shell
 
 if TYPE_CHECKING:
-    from dolfinx import fem
-    from petsc4py import PETSc
-
     from softmodels.mechanics.system import System
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Factorise K by MUMPS, in single precision where that is accurate enough.
+#
+# Most back-substitutions precondition GMRES, which works in double precision and recovers the lost digits: they read
+# half the memory and take half to two thirds of the time. Solutions with K^-1 itself are refined on K
+# (`softmodels.mechanics.newton`). After each factorisation, inverse iteration estimates its error in the softest motions:
+# if that is too large, near a critical point or in a very slender device, K is factorised in double precision, so that the
+# inertia is right. With much stiffer regions this estimate is unreliable, and double precision is used from the start.
+
+
+OUT_OF_MEMORY = (-5, -7, -8, -9, -11, -12, -13, -14, -15, -17, -18, -19, -20)
+"""MUMPS' INFOG(1) if it could not allocate, or if its workspace was too small (its guide, section 8)."""
+
+
+MEGA = 1e6
+TRIPLET = 16
+"""Bytes of an entry and its index."""
+SENT = 3
+"""Copies of K while MUMPS distributes entries over ranks: PETSc's, and the send and receive buffers."""
+DOUBLE = 1.95
+"""Memory of double precision relative to single precision: 1.91 on wedges and slabs of 17,502 to 88,570 unknowns."""
+SMALL = 6000
+"""Number of unknowns up to which the factors fit into the processor's cache and single precision gains nothing."""
+MOST_SPREAD = 300.0
+"""Maximum stiffness ratio of regions for single precision: with stiffer ones the unknowns p hide its error, and signs of
+eigenvalues were wrong with sheets of 50 MPa and 1 GPa in a finger."""
+SOFTEST = 3
+"""Steps of inverse iteration towards the softest motions."""
+TRUSTED = 3e-2
+"""Maximum relative error in them for single precision. From 1 on the sign of an eigenvalue is wrong."""
+PREFIX = "body_"
+PRECISION = "pc_precision"
+"""PETSc's option, ignored if MUMPS has no single precision."""
+
+
+class Factorisation(Preconditioner):
+    """LDL^T of K, whose values may change and whose pattern may grow; ``spread`` is how many times stiffer its stiffest
+    material is than its softest."""
+
+    exact = True
+    most_of_a_solve = 25
+    most_in_all = 60
+    most_newton = 15
+    restart = most_iterations = 60
+
+    def __init__(self, K: PETSc.Mat, spread: float = 1.0):
+        self.K, self.spread = K, spread
+        self._make(_roundable(K, spread))
+
+    def _make(self, rounded: bool) -> None:
+        """Create the factorisation of K, with its current pattern, in single or double precision."""
+        self.rounded, self._entries = rounded, entries_in_all(self.K)
+        with _precision(rounded):
+            self._direct = _mumps(self.K)
+
+    def _factorise(self, rounded: bool) -> None:
+        """Factorise the current K; `MemoryError` on all ranks, if one has not enough."""
+        # Contact may have added couplings, but PETSc would keep the analysis of the old pattern.
+        if self.rounded != rounded or entries_in_all(self.K) != self._entries:
+            self._direct.destroy()
+            self._make(rounded)
+        with _precision(rounded):
+            self._direct.setReusePreconditioner(False)
+            self._direct.setUp()
+        if int(self._direct.getFactorMatrix().getMumpsInfog(1)) in OUT_OF_MEMORY:
+            raise MemoryError  # PETSc itself would continue with an invalid preconditioner
+        self._direct.setReusePreconditioner(True)
+
+    @staticmethod
+    def memory(K: PETSc.Mat, spread: float = 1.0) -> tuple[float, float]:
+        """Return the bytes that a factorisation of an assembled K would take on this rank, as predicted by MUMPS' analysis,
+        plus PETSc's copy of K: of the precision that is tried, and of double, which a K near a critical point takes.
+
+        Measured on wedges of 37,120, 70,113 and 181,940 unknowns, with the mass matrix and vectors, in single precision: 202,
+        388 and 1,241 MB taken, 189, 372 and 1,235 MB predicted; of the last two on two ranks 570 and 1,673, and 523 and 1,621.
+        """
+        rounded = _roundable(K, spread)
+        with _precision(rounded):
+            direct = _mumps(K)
+            factor = direct.getFactorMatrix()
+            # One megabyte is never enough: MUMPS stops after its analysis, before it allocates.
+            factor.setMumpsIcntl(23, 1)
+            direct.setUp()
+        copies = 1 if K.comm.size == 1 else SENT
+        factors, copy = factor.getMumpsInfo(15) * MEGA, copies * entries_here(K) / 2 * TRIPLET
+        direct.destroy()
+        return factors + copy, (DOUBLE if rounded else 1.0) * factors + copy
+
+    def set_up(self) -> None:
+        # Decided for every K from K only, so that a resumed path decides the same.
+        rounded = _roundable(self.K, self.spread)
+        self._factorise(rounded)
+        if rounded and not self._error() < TRUSTED:
+            self._factorise(rounded=False)
+
+    def _error(self) -> float:
+        """Return the relative error of the factorisation in the softest motions."""
+        b, x, r = (self.K.createVecRight() for _ in range(3))
+        x.set(1.0)
+        for _ in range(SOFTEST):
+            x.copy(b)
+            b.normalize()
+            self.apply(b, x)
+        self.K.mult(x, r)
+        r.aypx(-1.0, b)
+        size = length(x)
+        self.apply(r, x)
+        found = length(x) / size
+        for vector in (b, x, r):
+            vector.destroy()
+        return found
+
+    def apply(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        self._direct.apply(b, x)
+
+    def negative_pivots(self) -> int:
+        return int(self._direct.getFactorMatrix().getMumpsInfog(12))
+
+    def release(self) -> None:
+        self._direct.destroy()
+
+
+def entries_here(K: PETSc.Mat) -> float:
+    """Return the entries of a matrix on this rank."""
+    return float(K.getInfo(K.InfoType.LOCAL)["nz_used"])  # type: ignore[arg-type]
+
+
+def entries_in_all(K: PETSc.Mat) -> float:
+    """Return the entries of a matrix on all ranks."""
+    return float(K.getInfo()["nz_used"])
+
+
+def _roundable(K: PETSc.Mat, spread: float) -> bool:
+    """Return whether single precision is tried."""
+    return K.getSize()[0] > SMALL and spread < MOST_SPREAD
+
+
+@contextlib.contextmanager
+def _precision(rounded: bool) -> Iterator[None]:
+    """Make PETSc factorise in single precision, unless its options set the precision."""
+    options = PETSc.Options(PREFIX)
+    if not rounded or options.hasName(PRECISION):
+        yield
+        return
+    options.setValue(PRECISION, "single")
+    try:
+        yield
+    finally:
+        options.delValue(PRECISION)
+
+
+def _mumps(K: PETSc.Mat) -> PETSc.PC:
+    """Return PETSc's LDL^T by MUMPS, not yet set up."""
+    direct = PETSc.PC().create(K.comm)
+    direct.setOptionsPrefix(PREFIX)
+    direct.setOperators(K, K)
+    direct.setType("cholesky")
+    direct.setFactorSolverType("mumps")
+    direct.setFactorSetUpSolverType()
+    factor = direct.getFactorMatrix()
+    factor.setOptionsPrefix(PREFIX)  # PETSc itself does so only when it factorises, after it has read the precision
+    factor.setMumpsIcntl(13, 1)  # the last front too counts its negative pivots, on all ranks
+    direct.setFromOptions()
+    return direct
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -44,19 +210,10 @@ Ints = npt.NDArray[np.int32]
 
 
 class MatrixParts:
-    """The columns of this rank, and those of others.
-
-    Args:
-        matrix: Assembled, with as many columns on each rank as rows.
-        c: The C code (`softmodels.mechanics.c_library`).
-
-    Attributes:
-        others: Numbers of the columns of others, rising.
-    """
+    """The columns of this rank in an assembled matrix with as many columns on each rank as rows, and ``others``: numbers of
+    those of others, rising."""
 
     def __init__(self, matrix: PETSc.Mat, c: ModuleType):
-        from petsc4py import PETSc
-
         self._petsc, self._c, self._matrix = ctypes.CDLL(PETSc.__file__), c, matrix
         self.others, handles = np.empty(0, dtype=np.int32), [ctypes.c_void_p(matrix.handle)]
         if matrix.comm.size > 1:
@@ -69,11 +226,8 @@ class MatrixParts:
         self._handles = handles
 
     def read(self, places: tuple[Ints, Ints]) -> object:
-        """Return the rows with their values as they are now, for the C code.
-
-        Args:
-            places: What stands for each column of this rank, and for each of `others`; they have to outlive what is returned.
-        """
+        """Return the rows with their values as they are now, for the C code. The places say what stands for each column of
+        this rank, and for each of `others`; they have to outlive what is returned."""
         ffi = self._c.ffi
         parts = ffi.new("part[2]")
         for part, handle, place in zip(parts, self._handles, places, strict=False):
@@ -91,8 +245,6 @@ class MatrixParts:
         return parts
 
     def _call(self, function: str, *given: object) -> None:
-        from petsc4py import PETSc
-
         error = getattr(self._petsc, function)(*given)
         if error:
             raise PETSc.Error(error)
@@ -149,8 +301,6 @@ class QuadraticLevel:
 
     def _number(self, parts: MatrixParts) -> None:
         """Find the place of each column among the displacements of this rank and, behind them, of others."""
-        from petsc4py import PETSc
-
         d, size = self.d, len(self.rows)
         place = np.full(self._K.getLocalSize()[1], -1, dtype=np.int32)
         place[self.rows] = np.where(self._left, -1, np.arange(size))
@@ -218,12 +368,7 @@ class QuadraticLevel:
         getattr(self._c.lib, f"level_step_{self.d}")(*matrix, b_c, x, inverse, keep, add, change)
 
     def smooth(self, b: Array, begin: bool) -> None:
-        """Smooth the error of `x` in K x = b.
-
-        Args:
-            b: The right side, this rank's entries.
-            begin: Whether from zero, whatever `x` is.
-        """
+        """Smooth the error of `x` in K x = b, of this rank's entries; ``begin`` from zero, whatever `x` is."""
         if begin:
             self.x[:] = 0.0
         for k in range(1, DEGREE + 1):
@@ -265,18 +410,8 @@ OPTIONS = {
 
 
 def corners_of(space: fem.FunctionSpace) -> tuple[Ints, Longs]:
-    """Return the owned nodes of quadratic displacements that are corners of cells, and the two corners each owned node lies
-    between.
-
-    Args:
-        space: The space of only the displacements.
-
-    Returns:
-        Their local numbers, rising; and numbers of corners over all ranks, shape (owned nodes, 2).
-    """
-    import basix
-    from dolfinx import la
-
+    """Return the owned nodes of a space of quadratic displacements that are corners of cells (local numbers, rising), and the
+    two corners between which each owned node lies (numbers over all ranks, shape (owned nodes, 2))."""
     of, layout, index_map = np.array(space.dofmap.list), space.dofmap.dof_layout, space.dofmap.index_map
     cell = space.mesh.basix_cell()
     vertices = [of[:, layout.entity_dofs(0, k)[0]] for k in range(len(basix.topology(cell)[0]))]
@@ -293,18 +428,10 @@ def corners_of(space: fem.FunctionSpace) -> tuple[Ints, Longs]:
 
 
 class LinearLevel:
-    """P^T K P and GAMG on it.
-
-    Args:
-        above: Displacements' level.
-        space: The space of only the displacements.
-        held: Which of the displacements of this rank are held, shape (nodes, d).
-        motions: The rigid motions at this rank's nodes, zero where they are held, shape (motions, nodes, d).
-    """
+    """P^T K P and GAMG on it, below displacements' level; ``held``, shape (nodes, d), are the displacements of this rank that
+    are held, ``motions`` the rigid motions, zero there, shape (motions, nodes, d)."""
 
     def __init__(self, above: QuadraticLevel, space: fem.FunctionSpace, held: npt.NDArray[np.bool_], motions: Array):
-        from petsc4py import PETSc
-
         self._above, self._comm, d = above, space.mesh.comm, above.d
         self._c = library(self._comm, "multigrid")
         own, between = corners_of(space)
@@ -324,8 +451,6 @@ class LinearLevel:
 
     def _number(self, own: int, between: Longs) -> None:
         """Number the corners around the nodes above, the own ones before those of other ranks."""
-        from petsc4py import PETSc
-
         above, begin = self._above, self._comm.exscan(own) or 0
         above.x.reshape(-1, above.d)[: above.nodes, :2] = between
         above.share()
@@ -350,8 +475,6 @@ class LinearLevel:
 
     def _assemble(self) -> None:
         """Put P^T K P into the matrix; held corners' rows and columns are the identity."""
-        from petsc4py import PETSc
-
         ffi, above, d, corners = self._c.ffi, self._above, self._above.d, len(self._numbers)
         buffers = [np.full(corners, -1, np.int32), np.empty(corners, np.int32), np.empty(corners, np.int32)]
         ints = [ffi.from_buffer("int32_t[]", a) for a in (self._starts, self._child, above.rows)]
@@ -368,8 +491,6 @@ class LinearLevel:
 
     def _make_cycle(self, motions: Array) -> None:
         """Make GAMG, with the rigid motions."""
-        from petsc4py import PETSc
-
         vectors = [self._matrix.createVecRight() for _ in motions]
         for i, (vector, motion) in enumerate(zip(vectors, motions, strict=True)):
             vector.array_w[:] = motion
@@ -401,8 +522,6 @@ class LinearLevel:
 
     def correct(self, residual: Array) -> None:
         """Add the coarse-grid correction of a residual to the vector above."""
-        from petsc4py import PETSc
-
         above, buffer = self._above, self._c.ffi.from_buffer
         level = (above.nodes, above.d, buffer("int32_t[]", self._between))
         self._values[:] = 0.0
@@ -438,12 +557,7 @@ unknowns on two ranks: 0.23 and 0.56 GB taken on both, 0.23 and 0.56 GB predicte
 
 
 class Multigrid(Preconditioner):
-    """The block triangular map above.
-
-    Args:
-        system: Whose K it is for.
-        fixed: Owned dofs of the displacement that it leaves out, beside those that are held.
-    """
+    """The block triangular map above, without owned dofs that are ``fixed`` beside those that are held."""
 
     exact = False
     most_of_a_solve = 150
@@ -471,8 +585,6 @@ class Multigrid(Preconditioner):
 
     def _make_fields(self) -> None:
         """The rows of displacements, node by node, and those of p."""
-        from petsc4py import PETSc
-
         system, d = self.system, self.system.body.mesh.geometry.dim
         start, end = self.K.getOwnershipRange()
         if system.mixed:
@@ -492,9 +604,6 @@ class Multigrid(Preconditioner):
 
     def _make_weights(self) -> None:
         """The forms of the lumped mass of p, one for each region."""
-        import ufl
-        from dolfinx import fem
-
         system = self.system
         if not system.mixed:
             return
@@ -618,11 +727,7 @@ FOLLOWED = 1e-2
 
 
 class RigidCycle(Multigrid):
-    """The map above.
-
-    Args:
-        system: Whose K it is for; it has rigid parts.
-    """
+    """The map above, of a system with rigid parts."""
 
     def __init__(self, system: System):
         unknowns, comm = system.unknowns, system.comm
@@ -639,8 +744,6 @@ class RigidCycle(Multigrid):
 
     def _make_solver(self) -> None:
         """Make the iterations for L: on K with the parts held, by the cycle."""
-        from petsc4py import PETSc
-
         self._free = PETSc.Mat().createPython(self.K.getSizes(), context=self._shell, comm=self.K.comm)
         self._free.setUp()
         self._solver = PETSc.KSP().create(self.K.comm)

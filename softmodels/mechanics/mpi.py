@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from softmodels.common.errors import Spoken
+from softmodels.common.lazy import MPI
 from softmodels.common.processes import cores, handlers_kept
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
     import numpy as np
     import numpy.typing as npt
-    from mpi4py import MPI
 
 
 SHARED_MEMORY = Path("/dev/shm")
@@ -195,8 +195,6 @@ def _beside() -> int:
 
 
 def _world() -> MPI.Intracomm:
-    from mpi4py import MPI
-
     return MPI.COMM_WORLD
 
 
@@ -278,21 +276,15 @@ def on_root[T](comm: MPI.Comm, task: Callable[[], T]) -> T:
 
 
 def total(comm: MPI.Comm, value: float) -> float:
-    from mpi4py import MPI
-
     return float(comm.allreduce(value, op=MPI.SUM))
 
 
 def largest(comm: MPI.Comm, value: float) -> float:
-    from mpi4py import MPI
-
     return float(comm.allreduce(value, op=MPI.MAX))
 
 
 def summed(comm: MPI.Comm, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Return the sum of all ranks' arrays of one shape, on every rank."""
-    from mpi4py import MPI
-
     return values if comm.size == 1 else comm.allreduce(values, op=MPI.SUM)
 
 
@@ -369,8 +361,6 @@ class TooLargeError(Spoken, MemoryError):
 
 def available(comm: MPI.Comm) -> float:
     """Return the bytes available per rank, the same on all: the minimum over the machines, shared by their ranks."""
-    from mpi4py import MPI
-
     beside = comm.Split_type(MPI.COMM_TYPE_SHARED)
     ranks = beside.size
     beside.Free()

@@ -6,20 +6,17 @@ import abc
 import math
 import weakref
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
+from softmodels.common.lazy import PETSc
 from softmodels.mechanics.assembly import length
 from softmodels.mechanics.controls import Control, Curve, pressure_control
 from softmodels.mechanics.mpi import owns_scalars, scalars_from_owner, total
 from softmodels.mechanics.system import State, System, rounding_of_stress
-
-if TYPE_CHECKING:
-    from petsc4py import PETSc
-
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Approximate inverse of the tangent K: a factorisation, or a multigrid cycle.
@@ -49,11 +46,7 @@ class Preconditioner(abc.ABC):
 
     @abc.abstractmethod
     def set_up(self) -> None:
-        """Set up for the current K.
-
-        Raises:
-            MemoryError: On all ranks, if one has not enough.
-        """
+        """Set up for the current K; `MemoryError` on all ranks, if one has not enough."""
 
     @abc.abstractmethod
     def apply(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
@@ -68,18 +61,10 @@ class Preconditioner(abc.ABC):
         return iterations
 
     def on_the_right(self, ksp: PETSc.KSP, context: object, tolerance: float, most: int) -> None:
-        """Make a linear solver GMRES with a preconditioner based on this.
+        """Make a linear solver GMRES with a preconditioner based on this, in a PETSc ``context``, to a relative tolerance.
 
         What is rounded to single precision is not linear to the last digits: the flexible kind adds up its very answers.
-
-        Args:
-            ksp: The linear solver.
-            context: PETSc's, of the preconditioner.
-            tolerance: Relative.
-            most: Iterations.
         """
-        from petsc4py import PETSc
-
         ksp.setType("fgmres" if self.exact else "gmres")
         ksp.setGMRESRestart(self.restart)
         ksp.setPCSide(PETSc.PC.Side.RIGHT)  # type: ignore[arg-type]
@@ -101,13 +86,10 @@ type Product[A] = Callable[[A, PETSc.Vec, PETSc.Vec], None]
 
 
 def weakly[**P, T](method: Callable[P, T]) -> Callable[P, T]:
-    """Return a function that calls a bound method without holding its object.
+    """Return a function that calls a bound method without holding its object; `ReferenceError` once that is gone.
 
     PETSc's objects hold what they call. If that in turn holds them, the two are a cycle that Python's collector cannot see
     through PETSc, and neither memory nor MPI's communicators are ever given back.
-
-    Raises:
-        ReferenceError: On a call after the object is gone.
     """
     reference = weakref.WeakMethod(method)
 
@@ -153,24 +135,14 @@ refinement steps."""
 class Bordered:
     """PETSc contexts for the bordered matrix and its preconditioner.
 
-    Vectors of the whole system hold the body's unknowns, then on the last rank the pressure and those of held volumes.
-
-    Args:
-        K: Tangent matrix (PETSc Mat, symmetric).
-        inverse: What stands for its inverse.
-        product: ``product(x, y)`` puts the current tangent times x into y (local owned arrays). Where K was factorised at
-            an earlier state, this is what makes the solution that of the present one.
-        constraints: Number of held volumes.
-
-    Attributes:
-        factorisations: How often the inverse was set up.
+    Vectors of the whole system hold the body's unknowns, then on the last rank the pressure and those of held volumes. Where K
+    was factorised at an earlier state, ``product(x, y)``, which puts the current tangent times x into y (local owned arrays),
+    is what makes the solution that of the present one. ``factorisations`` counts how often the inverse was set up.
     """
 
     def __init__(
         self, K: PETSc.Mat, inverse: Preconditioner, product: Callable[[Array, Array], None], constraints: int = 0
     ):
-        from petsc4py import PETSc
-
         self.K, self.inverse, self.product, self.comm = K, inverse, product, K.comm.tompi4py()
         self.n = K.getLocalSize()[0]
         self.scalars = 1 + constraints
@@ -229,11 +201,7 @@ class Bordered:
         return values[: self.n], scalars_from_owner(self.comm, np.array(values[self.n :]))
 
     def factorise(self) -> None:
-        """Factorise the current K, or set up the approximate inverse.
-
-        Raises:
-            MemoryError: On all ranks, if one has not enough.
-        """
+        """Factorise the current K, or set up the approximate inverse; `MemoryError` on all ranks."""
         self.inverse.set_up()
         self.factorisations += 1
         self._lift(0)
@@ -406,11 +374,8 @@ class LaggedPreconditioner:
         self.worn = iterations > inverse.most_of_a_solve
 
     def solve(self, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> bool:
-        """Solve with a linear solver; if a multigrid cycle of an earlier state fails, set it up anew and retry once.
-
-        Returns:
-            Whether it got to its tolerance.
-        """
+        """Solve with a linear solver; if a multigrid cycle of an earlier state fails, set it up anew and retry once. Return
+        whether it got to its tolerance."""
         ksp.solve(b, x)
         self.count(ksp)
         if not ksp.is_converged and not self.bordered.inverse.exact:
@@ -450,21 +415,10 @@ class NoConvergence(RuntimeError):
 
 
 class Newton:
-    """Newton's method for a system on a control's curve.
-
-    Args:
-        system: The equations; its functions hold the iterate.
-        bordered: The linear system.
-        kept: The factorisation that preconditions it.
-
-    Attributes:
-        snes: PETSc's solver, with the options that the user has given it.
-        x: Its vector of unknowns, ``f`` its residual.
-    """
+    """Newton's method for a system on a control's curve; the system's functions hold the iterate. ``snes`` is PETSc's solver,
+    with the options that the user has given it, ``x`` its vector of unknowns, ``f`` its residual."""
 
     def __init__(self, system: System, bordered: Bordered, kept: LaggedPreconditioner):
-        from petsc4py import PETSc
-
         self.system, self.bordered, self.kept = system, bordered, kept
         self._first = self._before = math.inf
         self._of_stress, self._of_motion, self._round = 0.0, 0.0, rounding_of_stress(system)
@@ -493,13 +447,7 @@ class Newton:
             thing.destroy()
 
     def solve(self, control: Curve, w: Array, P: float, since: Array | None = None, most: int | None = None) -> Array:
-        """Solve on a control's curve from a guess; see `Solver.solve`. Returns P and the multipliers.
-
-        Raises:
-            NoConvergence: Newton's method did not get there. The functions hold its last iterate.
-        """
-        from petsc4py import PETSc
-
+        """Solve on a control's curve from a guess; see `Solver.solve`. Returns P and the multipliers."""
         self.control, self._since = control, since
         self._smallest = None
         self._most = most or self.bordered.inverse.most_newton
@@ -607,8 +555,6 @@ class Newton:
         return factor < 1.0
 
     def _converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int:
-        from petsc4py import PETSc
-
         reasons: Any = PETSc.SNES.ConvergedReason
         _, _, residual = norms
         if not math.isfinite(residual):
@@ -640,10 +586,8 @@ class Newton:
         return reasons.ITERATING
 
     def _loosest(self) -> float:
-        """Return the tolerance of the first linear solves; a tight one if a stress is predicted.
-
-        The forces of what is stiff make up the residual: a loose solve would reduce them only and leave the silicone unchanged.
-        """
+        """Return the tolerance of the first linear solves; a tight one if a stress is predicted: the forces of what is stiff
+        make up the residual, and a loose solve would reduce them only."""
         if self._since is None:
             return LOOSEST
         return max(TIGHTEST, LOOSEST / max(1.0, self.system.potential.predicted_stiffness))

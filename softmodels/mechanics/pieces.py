@@ -22,11 +22,10 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.common.errors import ComponentError
+from softmodels.common.lazy import la, meshes
 from softmodels.common.units import UnitError, brief, quantity
 
 if TYPE_CHECKING:
-    from dolfinx import mesh
-
     from geometries import Actuator
 
 Entities = tuple[int, npt.NDArray[np.int32]]
@@ -62,11 +61,7 @@ class Piece:
 
 
 def pieces_in(text: str) -> list[Piece]:
-    """Return the pieces of a text, separated by commas.
-
-    Raises:
-        ComponentError: A part of it has none of the forms above.
-    """
+    """Return the pieces of a text, separated by commas; `ComponentError` for a part that has none of the forms above."""
     return [_piece(part.strip()) for part in text.split(",") if part.strip()]
 
 
@@ -145,12 +140,9 @@ class Roles(dict[str, Entities]):
         return self[text] if text in self else default  # noqa: SIM401
 
 
-def selected(mesh: mesh.Mesh, actuator: Actuator, roles: Mapping[str, Entities], text: str) -> Entities:
-    """Return the local entities of a text's pieces; all ranks call it.
-
-    Raises:
-        ComponentError: They select nothing, or faces and edges at once.
-    """
+def selected(mesh: meshes.Mesh, actuator: Actuator, roles: Mapping[str, Entities], text: str) -> Entities:
+    """Return the local entities of a text's pieces; all ranks call it. `ComponentError` if they select nothing, or faces and
+    edges at once."""
     from softmodels.mechanics.mpi import any_rank
 
     found, dimensions = [], set()
@@ -166,12 +158,9 @@ def selected(mesh: mesh.Mesh, actuator: Actuator, roles: Mapping[str, Entities],
     return dimensions.pop(), np.unique(np.concatenate(found))
 
 
-def cells_within(mesh: mesh.Mesh, actuator: Actuator, condition: str) -> npt.NDArray[np.int32]:
+def cells_within(mesh: meshes.Mesh, actuator: Actuator, condition: str) -> npt.NDArray[np.int32]:
     """Return the local cells whose middles meet a condition such as ``"5 mm < r < 9 mm"``, ghosts too; all ranks call it.
-
-    Raises:
-        ComponentError: They are none.
-    """
+    `ComponentError` if they are none."""
     from softmodels.mechanics.mpi import any_rank
 
     index_map = mesh.topology.index_map(mesh.topology.dim)
@@ -183,27 +172,19 @@ def cells_within(mesh: mesh.Mesh, actuator: Actuator, condition: str) -> npt.NDA
 
 
 def condition_of(text: str) -> Piece:
-    """Return a condition without a face, such as ``"5 mm < r < 9 mm"``.
-
-    Raises:
-        ComponentError: It is none.
-    """
+    """Return a condition without a face, such as ``"5 mm < r < 9 mm"``; `ComponentError` if it is none."""
     return _piece(f"cells{WITHIN}{text}")
 
 
-def _middles(mesh: mesh.Mesh, actuator: Actuator, dimension: int, entities: npt.NDArray[np.int32]) -> Array:
+def _middles(mesh: meshes.Mesh, actuator: Actuator, dimension: int, entities: npt.NDArray[np.int32]) -> Array:
     """Return the middles of entities in device coordinates, m, shape (n, 3)."""
-    from dolfinx.mesh import compute_midpoints
-
     mesh.topology.create_connectivity(dimension, mesh.topology.dim)
-    middles = compute_midpoints(mesh, dimension, entities) if len(entities) else np.empty((0, 3))
+    middles = meshes.compute_midpoints(mesh, dimension, entities) if len(entities) else np.empty((0, 3))
     return actuator.device_points(middles * actuator.size)
 
 
-def _common(mesh: mesh.Mesh, roles: Mapping[str, Entities], piece: Piece) -> Entities:
+def _common(mesh: meshes.Mesh, roles: Mapping[str, Entities], piece: Piece) -> Entities:
     """Return the facets of a face, or the edges that are of two faces; of an edge between ranks, one of them may know each."""
-    from dolfinx import la
-
     if len(piece.faces) == 1:
         return roles[piece.faces[0]]
     topology, dimension = mesh.topology, mesh.topology.dim - 2
@@ -223,7 +204,7 @@ def _common(mesh: mesh.Mesh, roles: Mapping[str, Entities], piece: Piece) -> Ent
     return dimension, np.flatnonzero(of_both).astype(np.int32)
 
 
-def _spans(mesh: mesh.Mesh, actuator: Actuator, roles: Mapping[str, Entities], piece: Piece) -> str:
+def _spans(mesh: meshes.Mesh, actuator: Actuator, roles: Mapping[str, Entities], piece: Piece) -> str:
     """Return where the entities lie from which a piece was to be selected, as a clause."""
     from softmodels.mechanics.mpi import any_rank, largest
 

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from softmodels.common.lazy import Expr, basix, fem, ufl
 from softmodels.materials.laws import Material
 from softmodels.materials.strain import Strain
 from softmodels.mechanics.assembly import jumping
@@ -28,10 +29,6 @@ from softmodels.mechanics.controls import Coupling
 from softmodels.mechanics.regions import Regions, constants
 
 if TYPE_CHECKING:
-    import ufl
-    from dolfinx import fem
-    from ufl.core.expr import Expr
-
     from softmodels.mechanics.inertia import Motion
     from softmodels.mechanics.memory import History
 
@@ -80,10 +77,6 @@ class Potential:
         mixed: bool,
         components: Sequence[Component] = (),
     ):
-        import basix.ufl
-        import ufl
-        from dolfinx import fem
-
         # The order in which functions and constants are made is part of a form's name in the kernel cache.
         self.body, self.mixed = body, mixed
         regions = Regions(body, material, components)
@@ -131,14 +124,10 @@ class Potential:
         self._known, self._move = (fem.Function(self.space) for _ in range(2))
 
     def _vector_part(self, w: Expr) -> Expr:
-        import ufl
-
         return ufl.split(w)[0] if self.mixed else w
 
     def _pressures(self) -> ufl.Form:
         """Return the work of the pressures on a test function; set the conjugate of P."""
-        from dolfinx import fem
-
         self._cavity_loads: list[tuple[fem.Constant, fem.Constant]] = []  # share of P, and the rest
         if self.body.actuator.ratios == (1.0,):
             self.cavity_volume, self.pressures = self.volumes[0], [self.P]
@@ -155,8 +144,6 @@ class Potential:
 
     def _histories(self) -> list[History]:
         """Return the histories of the regions whose silicone has a memory; make what a step begins with."""
-        from dolfinx import fem
-
         found = [region for region in self.regions if region.material.memory is not None]
         if not found:
             return []
@@ -173,8 +160,6 @@ class Potential:
     def density(self, law: Material, parameters: types.SimpleNamespace, bulk: Expr, shape: Expr | None = None) -> Expr:
         """Return a law's energy per reference volume, of anything that carries its parameters by name; or with another energy
         of the change of shape."""
-        import ufl
-
         strain = Strain(self.body.deformation_gradient(self.displacement))
         shape = law.shape(strain, parameters) if shape is None else shape
         if not self.mixed:
@@ -190,8 +175,6 @@ class Potential:
     def tangent(self, trial: Expr) -> list[ufl.Form]:
         """Return the derivatives of the forces along a trial function, one for each; of sheets and fibres with
         predicted stress."""
-        import ufl
-
         forces = self.forces
         if self.histories:
             curved = [ufl.derivative(energy, self.w, self._test) for energy in self.energies]

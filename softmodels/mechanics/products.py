@@ -14,17 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
+from softmodels.common.lazy import Expr, PETSc, basix, fem, meshes, ufl
 from softmodels.mechanics.assembly import assemble_into
-from softmodels.mechanics.c_library import library
-from softmodels.mechanics.compiling import JIT, LABEL
+from softmodels.mechanics.compiling import JIT, LABEL, library
 
 if TYPE_CHECKING:
     from types import ModuleType
-
-    import ufl
-    from dolfinx import fem, mesh
-    from petsc4py import PETSc
-    from ufl.core.expr import Expr
 
     from softmodels.mechanics.potential import Potential
 
@@ -38,11 +33,8 @@ class NoModuliError(ValueError):
 
 
 def only_integral(energy: ufl.Form) -> ufl.Integral:
-    """Return the integral of an energy that has one, over cells or outer faces, by a rule of a stated degree.
-
-    Raises:
-        NoModuliError: It has several, or an unusual one.
-    """
+    """Return the integral of an energy that has one, over cells or outer faces, by a rule of a stated degree; else raise
+    `NoModuliError`."""
     integrals = energy.integrals()
     integral = integrals[0]
     kinds, known = ("cell", "exterior_facet"), {"quadrature_degree"}
@@ -53,22 +45,12 @@ def only_integral(energy: ufl.Form) -> ufl.Integral:
 
 
 def second_derivatives(density: Expr, w: fem.Function, on_faces: bool, mixed: bool) -> Expr:
-    """Return the second derivative of an energy density by displacement, its gradient and p, then on faces the
-    position.
-
-    Args:
-        density: Integrand over cells, or over faces.
-        w: The unknowns.
-        on_faces: Whether it is of the displacement itself too.
-        mixed: Whether the last component of ``w`` is p.
+    """Return the second derivative of an energy density over cells or faces by displacement (``on_faces``), its gradient and p
+    (if ``mixed``, the last component of w): a vector, the upper triangle by rows; behind it on faces the position.
 
     Raises:
-        NoModuliError: It has something else of the unknowns.
-
-    Returns:
-        A vector: the upper triangle, by rows.
+        NoModuliError: The density has something else of the unknowns.
     """
-    import ufl
     from ufl.algorithms import expand_derivatives, replace
     from ufl.classes import Label, Variable
 
@@ -136,10 +118,8 @@ FACES = np.array([(1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2)])
 
 def known_cells(space: fem.FunctionSpace) -> bool:
     """Return whether the C code supports the cells of a potential's space: tetrahedra, straight or with a node on each edge."""
-    from dolfinx import mesh
-
     of = space.mesh
-    return of.topology.cell_type == mesh.CellType.tetrahedron and of.geometry.cmaps[0].degree <= 2
+    return of.topology.cell_type == meshes.CellType.tetrahedron and of.geometry.cmaps[0].degree <= 2
 
 
 def cell_dofs(space: fem.FunctionSpace, mixed: bool) -> Ints:
@@ -152,21 +132,14 @@ def cell_dofs(space: fem.FunctionSpace, mixed: bool) -> Ints:
 
 
 class QuadratureTangent:
-    """Second derivative of an energy of a solid.
-
-    Args:
-        potential: Of whose unknowns it is, on `known_cells`.
-        energy: Its form, with one integral.
-        force: Its compiled derivative.
-        dofs: `cell_dofs`.
+    """Second derivative of an energy of a solid on `known_cells`, whose form has one integral; ``force`` is its compiled
+    derivative, ``dofs`` are `cell_dofs`.
 
     Raises:
         NoModuliError: The C code has no such integral.
     """
 
     def __init__(self, potential: Potential, energy: ufl.Form, force: fem.Form, dofs: Ints):
-        import basix
-        from dolfinx import fem
         from ufl.algorithms import extract_coefficients
         from ufl.algorithms.analysis import extract_constants
 
@@ -211,30 +184,19 @@ class QuadratureTangent:
 
 
 class _Block:
-    """Cells, or faces on the same side of their cells, with the data for the C code.
-
-    Args:
-        c: The C code.
-        mesh: The mesh.
-        dofs: `cell_dofs`.
-        entities: Local cells, or pairs of one and its side.
-        side: Which of the sides; None for cells.
-        rule: Points and weights of integration on the reference cell or triangle.
-        pressure: Whether p counts.
-    """
+    """Cells, or faces (pairs of a local cell and its side) on the same ``side`` of their cells, with the data for the C code.
+    ``rule`` has points and weights on the reference cell or triangle; ``pressure`` says whether p counts."""
 
     def __init__(
         self,
         c: ModuleType,
-        mesh: mesh.Mesh,
+        mesh: meshes.Mesh,
         dofs: Ints,
         entities: Ints,
         side: int | None,
         rule: tuple[Array, Array],
         pressure: bool,
     ):
-        import basix
-
         self._mesh = mesh
         self._entities = entities if side is None else entities[entities[:, 1] == side]
         self._cells = self._entities if side is None else self._entities[:, 0]
@@ -256,8 +218,6 @@ class _Block:
 
     def _measure(self) -> None:
         """Update the node positions, which a design moves."""
-        import basix
-
         geometry = self._mesh.geometry
         if np.array_equal(self._nodes, geometry.x):
             return
@@ -295,12 +255,8 @@ class _Block:
 
     @staticmethod
     def _in_order(values: Array, places: Array) -> Array:
-        """Return the values at faces' points in the order of the rule, instead of the face's own orientation.
-
-        Args:
-            values: Shape (faces, points, entries and 3): behind the entries are the points' places.
-            places: Those in the order of the rule.
-        """
+        """Return the values at faces' points, shape (faces, points, entries and 3), the points' places behind the entries, in
+        the order of the rule's ``places`` instead of the face's own orientation."""
         far = np.abs(values[:, None, :, -3:] - places[:, :, None]).sum(axis=3)
         return np.ascontiguousarray(np.take_along_axis(values[..., :-3], far.argmin(axis=2)[..., None], axis=1))
 
@@ -312,8 +268,6 @@ class _Block:
 
 def _tabulated(degree: int, points: Array) -> Array:
     """Return the shape functions of a reference tetrahedron and their derivatives at points, shape (1 + 3, points, nodes)."""
-    import basix
-
     element = basix.create_element(basix.ElementFamily.P, basix.CellType.tetrahedron, degree)
     return np.asarray(element.tabulate(1, points)[..., 0])
 
@@ -327,19 +281,11 @@ def _side_by_side[T: np.generic](rows: npt.NDArray[T]) -> npt.NDArray[T]:
 
 
 class TangentOperator:
-    """Products with each term of a potential: by stored second derivatives if possible, else by a compiled form.
+    """Products with each term of a potential: by stored second derivatives (``kept``) if possible, else by a compiled form
+    (``by_forms``).
 
-    Args:
-        potential: The potential.
-        internal: Compiled derivatives of its energies.
-        loads: Compiled derivatives of its cavities' volumes.
-        tangent: See `Potential.tangent`.
-        compiled: Compiles a form.
-
-    Attributes:
-        kept: Second derivatives that are kept.
-        by_forms: Compiled products of the rest.
-        matrices: Compiled tangents of all terms, first those of the regions.
+    ``internal`` are compiled derivatives of its energies, ``loads`` of its cavities' volumes, ``tangent`` is
+    `Potential.tangent`; ``matrices`` are compiled tangents of all terms, first those of the regions.
     """
 
     def __init__(
@@ -368,14 +314,8 @@ class TangentOperator:
                 self.by_forms.append(compiled(potential.tangent(potential.direction)[number]))
 
     def add(self, x: Array, y: Array) -> None:
-        """Add the product with ``x`` to ``y``, both local dofs with ghosts; ghost values belong to their owners.
-
-        Args:
-            x: The change; held dofs are as they are in it. Kept in the potential's ``direction`` too.
-            y: What is added to.
-        """
-        from dolfinx import fem
-
+        """Add the product with ``x`` to ``y``, both local dofs with ghosts; ghost values belong to their owners. Held dofs are
+        as they are in x, which the potential's ``direction`` has too."""
         for moduli in self.kept:
             moduli.add_product(x, y)
         for form in self.by_forms:

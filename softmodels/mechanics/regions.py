@@ -6,28 +6,26 @@ file. The case's material fills all cells outside regions.
 
 from __future__ import annotations
 
+import abc
 import copy
 import dataclasses
 import math
 import types
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from geometries import Actuator
+from geometries import Actuator, Hold
+from softmodels.common.lazy import fem, meshes, ufl
 from softmodels.materials.laws import Material, MaterialError, parameter_fields
 from softmodels.materials.silicones import material_of
 from softmodels.materials.specimens import nudged
 from softmodels.mechanics.assembly import numbered
-from softmodels.mechanics.body import Body, cell_measure
-from softmodels.mechanics.component import Component, ComponentError, check_regions
+from softmodels.mechanics.body import Body, cell_measure, in_section
+from softmodels.mechanics.component import Component, ComponentError, Sealing, check_regions
 from softmodels.mechanics.rigid import RigidPart
-
-if TYPE_CHECKING:
-    import ufl
-    from dolfinx import fem, mesh
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,15 +43,9 @@ class RegionPart(Component):
         check_regions(self.where, actuator, [self.name])
 
     def cells(self, body: Body) -> npt.NDArray[np.int32]:
-        """Return its local cells, ghosts too.
-
-        Raises:
-            ComponentError: The mesh has none.
-        """
+        """Return its local cells, ghosts too; `ComponentError` if the mesh has none."""
         if self.name not in body.regions:
-            raise ComponentError(
-                f"{self.where}: the mesh has no cells of this name; it has {', '.join(body.regions) or 'none'}"
-            )
+            raise self.error(f"the mesh has no cells of this name; it has {', '.join(body.regions) or 'none'}")
         return body.regions[self.name]
 
     @property
@@ -108,11 +100,7 @@ def with_number(material: Material, name: str, value: float) -> Material:
 
 
 def check_compressible(main: Material, components: Sequence[Component], mixed: bool) -> None:
-    """Reject an incompressible material without p as an unknown.
-
-    Raises:
-        MaterialError: There is one.
-    """
+    """Raise `MaterialError` for an incompressible material without p as an unknown."""
     materials = [main, *(part.material for part in components if isinstance(part, RegionPart))]
     if not mixed and any(math.isinf(one.bulk) for one in materials):
         raise MaterialError("poisson = 0.5 needs the mixed formulation; a pure displacement formulation would lock")
@@ -156,15 +144,8 @@ class MaterialRegion:
 
 
 class Regions:
-    """The materials of a body and where they are.
-
-    Args:
-        body: Mesh and regions.
-        material: The main material.
-        components: Regions in other materials among them, and more.
-
-    Attributes:
-        numbers: Number of each local cell's region, 0 for the main one; None where that is the whole body.
+    """The materials of a body and where they are. ``numbers`` has the number of each local cell's region, 0 for the main one;
+    None where that is the whole body.
 
     Raises:
         ComponentError: A region that the mesh does not have, or regions that leave nothing to the main material.
@@ -194,12 +175,7 @@ class Regions:
         return int(topology.index_map(topology.dim).size_local)
 
     def main(self, parameters: types.SimpleNamespace, bulk: fem.Constant) -> MaterialRegion:
-        """Return the region of the main material.
-
-        Args:
-            parameters: Constants of its law.
-            bulk: That of its bulk modulus.
-        """
+        """Return the region of the main material, by the constants of its law and of its bulk modulus."""
         if self.numbers is None:
             cells, dx = np.arange(self._owned(), dtype=np.int32), self._body.measures()[0]
         else:
@@ -208,8 +184,6 @@ class Regions:
 
     def others(self) -> Iterator[MaterialRegion]:
         """Yield the other regions; their constants are made here."""
-        from dolfinx import fem
-
         for number, part in enumerate(self._parts, 1):
             parameters = constants(self._body.mesh, part.material)
             yield MaterialRegion(
@@ -222,13 +196,100 @@ class Regions:
         return cells[cells < self._owned()], cell_measure(self._body, cells)
 
 
-def constants(mesh: mesh.Mesh, material: Material) -> types.SimpleNamespace:
+def constants(mesh: meshes.Mesh, material: Material) -> types.SimpleNamespace:
     """Return UFL constants under the material's parameter names."""
-    from dolfinx import fem
-
     return types.SimpleNamespace(
         **{
             field.name: fem.Constant(mesh, np.asarray(getattr(material, field.name), dtype=float))
             for field in parameter_fields(material)
         }
     )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What holds a device: its own holds and those of clamps, as conditions on its displacement.
+
+
+FREE = 1e-6
+"""Smallest singular value of the held rigid motions, relative to the size, below which one of them is free."""
+
+
+class HoldingPart(Component):
+    """Something that holds faces, edges or regions of a device."""
+
+    @property
+    @abc.abstractmethod
+    def roles(self) -> list[str]:
+        """Names of what it holds."""
+
+    @abc.abstractmethod
+    def holds(self, actuator: Actuator) -> list[Hold]:
+        """What it holds on a device, and in which directions."""
+
+
+def held_with(own: Sequence[Hold], actuator: Actuator, components: Sequence[Component]) -> list[Hold]:
+    """Return the supports of a device: its own, except those replaced by clamps and by seals, and the clamps."""
+    clamps = [part for part in components if isinstance(part, HoldingPart)]
+    roles = {role for clamp in clamps for role in clamp.roles} | {
+        role for seal in seals(components) for role in seal.roles
+    }
+    kept = [hold for hold in own if hold.role not in roles]
+    return [*kept, *(hold for clamp in clamps for hold in clamp.holds(actuator))]
+
+
+def seals(components: Sequence[Component]) -> list[Sealing]:
+    """Return what closes the first cavity among the components."""
+    return [part.sealing for part in components if part.sealing]
+
+
+def clamped(body: Body, components: Sequence[Component]) -> Body:
+    """Return a body with the clamps' supports and its seal, on the same mesh; the body itself if there are none.
+
+    Raises:
+        ComponentError: A role that the mesh does not have, or a device that nothing keeps in its place any more.
+    """
+    clamps = [part for part in components if isinstance(part, HoldingPart)]
+    sealing = seals(components)
+    if not clamps and not sealing:
+        return body
+    for clamp in clamps:
+        for role in clamp.roles:
+            if role not in body.entities and role not in body.regions:
+                known = ", ".join([*body.entities, *body.regions])
+                raise ComponentError(f"{clamp.where}: the mesh has no {role!r}; it has {known}")
+    held = body.held_by(held_with(body.holds, body.actuator, components))
+    for seal in sealing:
+        held = held.sealed_by(seal.roles, np.asarray(seal.point) / body.actuator.size, seal.normal)
+    replaced = {hold.role for hold in body.holds} & {role for clamp in clamps for role in clamp.roles}
+    if replaced and all(
+        isinstance(part, HoldingPart | RegionPart) for part in components
+    ):  # other parts may refer to it
+        _check_place(held, clamps[0].where)
+    return held
+
+
+def _check_place(body: Body, where: str) -> None:
+    """Reject supports that leave the body a rigid motion."""
+    mesh, d = body.mesh, body.actuator.dimension
+    modes = np.zeros((6, 6) if d == 3 else (1, 1))
+    wanted = [(plane.name, plane.normal) for plane in body.actuator.cut_planes]
+    for role, way in [*wanted, *((hold.role, hold.direction) for hold in body.holds)]:
+        dimension, found = body.group(role)
+        mesh.topology.create_connectivity(dimension, mesh.topology.dim)
+        places = mesh.geometry.x[np.unique(meshes.entities_to_geometry(mesh, dimension, found))]
+        for e in np.eye(d) if way is None else in_section(way, d)[None]:
+            turns = np.cross(places, np.broadcast_to(e, places.shape)) if d == 3 else np.empty((len(places), 0))
+            moves = np.broadcast_to(e if d == 3 else e[1:], (len(places), d if d == 3 else 1))
+            rows = np.hstack([moves, turns])
+            modes += rows.T @ rows
+    modes = mesh.comm.allreduce(modes)
+    if np.sqrt(max(np.linalg.eigvalsh(modes)[0], 0.0)) < FREE:
+        raise ComponentError(
+            f"{where}: with these supports the device can move as a rigid body; hold it in all directions, or hold another "
+            f"point"
+        )
+
+
+def conditions(body: Body, vectors: fem.FunctionSpace) -> list[fem.DirichletBC]:
+    """Return the components of a body's displacement that are held at zero."""
+    return [fem.dirichletbc(np.array(0.0), dofs, vectors.sub(i)) for i, dofs in body.held(vectors)]

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import abc
 import dataclasses
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
 from softmodels.common.arrays import Array
+from softmodels.common.lazy import MPI, scipy
 from softmodels.mechanics.component import Component
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
 
 STILL = 1e-9
 """Motion of a held dof per motion of a part, in sizes of the device, up to which the part does not move it."""
@@ -84,14 +80,10 @@ def amounts(R: Array, axes: Array) -> Array:
 
 
 def nearest(moments: Array, axes: Array) -> Array:
-    """Return the rotation about the given axes that takes arms r nearest to arms r'.
+    """Return the rotation, shape (3, 3), about no axis, one, or all three (unit vectors, shape (m, 3)) that takes arms r
+    nearest to arms r', by the sum of r' r^T over points, shape (3, 3).
 
-    Args:
-        moments: Sum of r' r^T over points, shape (3, 3).
-        axes: Unit vectors, shape (m, 3): none, one, or three.
-
-    Returns:
-        Shape (3, 3). Kabsch 1976, doi 10.1107/S0567739476001873; about one axis in closed form.
+    Kabsch 1976, doi 10.1107/S0567739476001873; about one axis in closed form.
     """
     if len(axes) == 0:
         return np.eye(3)
@@ -108,9 +100,7 @@ def nearest(moments: Array, axes: Array) -> Array:
 
 def rotation_vector(R: Array) -> Array:
     """Return the axis times angle in rad (0 to pi) of a rotation, shape (3,)."""
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_matrix(R).as_rotvec())
+    return np.asarray(scipy.spatial.transform.Rotation.from_matrix(R).as_rotvec())
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -288,8 +278,5 @@ class RigidPart(Component):
 
     @abc.abstractmethod
     def freedom(self, actuator: Actuator, centre: Array) -> Freedom:
-        """The motions left to it about the point that it turns about.
-
-        Raises:
-            ComponentError: The symmetry of the device's model leaves it none.
-        """
+        """The motions left to it about the point that it turns about; `ComponentError` if the symmetry of the model leaves it
+        none."""

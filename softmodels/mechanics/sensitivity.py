@@ -23,27 +23,346 @@ import math
 import types
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
+from geometries import Actuator
+from geometries.actuator import changed, is_length, parameter
 from softmodels.common.arrays import Array
+from softmodels.common.errors import GeometryError
+from softmodels.common.lazy import Expr, PETSc, basix, fem, la, meshes, ufl
 from softmodels.materials.laws import Material, parameter_fields
 from softmodels.materials.specimens import SOFTENING, nudged
+from softmodels.mechanics.assembly import assembled_matrix, held_dofs, numbered
+from softmodels.mechanics.body import Body
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.controls import Control, Tangent
 from softmodels.mechanics.dead_loads import MeasuredConstant
-from softmodels.mechanics.motion import MeshMotion
-from softmodels.mechanics.mpi import total
+from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.regions import MaterialRegion, RegionPart, number_of
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 
-if TYPE_CHECKING:
-    import ufl
-    from dolfinx import fem
-    from ufl.core.expr import Expr
+# ----------------------------------------------------------------------------------------------------------------------
+# Linear extension of boundary motion to inner mesh nodes by an elastic solid, and its transpose.
+
+
+POISSON = 0.3
+"""Poisson's ratio of the solid."""
+AXIS = "axis"
+"""Role of a section's axis, on which nodes slide as on a cut plane."""
+
+
+class Extension:
+    """The linear operator E from positions of boundary nodes to those of all nodes, and its transpose, in vector functions on
+    the nodes of a mesh as it was made. ``boundary`` are the blocks of local dofs (with ghosts) on the true boundary."""
+
+    def __init__(self, body: Body, space: fem.FunctionSpace):
+        self.body, self.space = body, space
+        mesh, tdim = body.mesh, body.mesh.topology.dim
+        self.dimension = mesh.geometry.dim
+        free = [plane.name for plane in body.actuator.cut_planes] + ([AXIS] if AXIS in body.entities else [])
+        mesh.topology.create_connectivity(tdim - 1, tdim)
+        outside = meshes.exterior_facet_indices(mesh.topology)
+        cut = [body.entities[name][1] for name in free]
+        true = np.setdiff1d(outside, np.concatenate(cut)) if cut else outside
+        if body.actuator.carries_interfaces:
+            true = np.union1d(true, _interfaces(body))
+        blocks = fem.locate_dofs_topological(space, tdim - 1, true.astype(np.int32))
+        self.boundary = np.sort(blocks)
+        self._held = fem.Function(space)
+        self.bcs = [fem.dirichletbc(self._held, self.boundary)]
+        zero = np.array(0.0)
+        for component, name in self._sliding(free):
+            dofs = fem.locate_dofs_topological(space.sub(component), tdim - 1, body.entities[name][1])
+            self.bcs.insert(0, fem.dirichletbc(zero, dofs, space.sub(component)))
+        trial, test = ufl.TrialFunction(space), ufl.TestFunction(space)
+        weight = _stiffness(body)
+
+        def stress(z: ufl.core.expr.Expr) -> ufl.core.expr.Expr:
+            strain = self._strain(z)
+            return strain + POISSON / (1 - 2 * POISSON) * ufl.tr(strain) * ufl.Identity(self.dimension)
+
+        a = (
+            weight
+            * ufl.inner(stress(trial), self._strain(test))
+            * ufl.Measure("dx", mesh, metadata={"quadrature_degree": 2})
+        )
+        form = fem.form(a, jit_options=JIT)
+        # Both are stored, because a new assembly would use the moved mesh.
+        self._free = assembled_matrix(form)
+        self._matrix = assembled_matrix(form, self.bcs)
+        self._matrix.setOption(PETSc.Mat.Option.SPD, True)  # type: ignore[arg-type]
+        self._pc = PETSc.PC().create(mesh.comm)
+        self._pc.setOperators(self._matrix)
+        self._pc.setType("cholesky")
+        self._pc.setFactorSolverType("mumps")
+        self._pc.setUp()
+        self._x, self._b = self._matrix.createVecRight(), self._matrix.createVecLeft()
+        self.owned = self._matrix.getLocalSize()[0]
+
+    def _strain(self, z: ufl.core.expr.Expr) -> ufl.core.expr.Expr:
+        return ufl.sym(ufl.grad(self.body.displacement(z)))
+
+    def _sliding(self, roles: Sequence[str]) -> list[tuple[int, str]]:
+        """Return the component of z = B u that vanishes on each plane of symmetry."""
+        return [
+            (component, role)
+            for role, components in self.body._held_components()
+            if role in roles
+            for component in components
+        ]
+
+    def extend(self, shift: Array) -> Array:
+        """Return the displacement of all nodes (n, d) from that of the boundary's, shape (k, d)."""
+        z = self._held.x
+        z.array[:] = 0.0
+        z.array.reshape(-1, self.dimension)[self.boundary] = shift @ self.body.skew.T
+        inner = self._solve(-self._product(z.array[: self.owned]))
+        z.array[: self.owned] += inner
+        z.scatter_forward()
+        return z.array.reshape(-1, self.dimension) @ self.body.skew_inverse.T
+
+    def transposed(self, covector: Array) -> Array:
+        """Apply the transpose of `extend`: map a covector on all nodes (flat, owners complete) to the boundary's, shape (k,
+        d). Rows of ghosts are zero: their owners have them."""
+        c = (covector.reshape(-1, self.dimension) @ self.body.skew_inverse).ravel()
+        c[: self.owned] -= self._product(self._solve(c[: self.owned]))
+        c[self.owned :] = 0.0
+        return c.reshape(-1, self.dimension)[self.boundary] @ self.body.skew
+
+    def _product(self, z: Array) -> Array:
+        """Return the stiffness without conditions times a vector; owned entries of both."""
+        self._x.array_w[:] = z
+        self._free.mult(self._x, self._b)
+        return np.array(self._b.array_r)
+
+    def _solve(self, force: Array) -> Array:
+        """Return the inner nodes' response to a force, zero at conditions; owned entries."""
+        force = force.copy()
+        force[held_dofs(self.bcs)] = 0.0
+        self._b.array_w[:] = force
+        self._pc.apply(self._b, self._x)
+        return np.array(self._x.array_r)
+
+    def release(self) -> None:
+        for thing in (self._pc, self._matrix, self._free, self._x, self._b):
+            thing.destroy()
+
+
+def _interfaces(body: Body) -> npt.NDArray[np.int32]:
+    """Return the local facets between cells of different regions."""
+    topology, d = body.mesh.topology, body.mesh.topology.dim
+    regions = numbered(body.mesh, list(body.regions.values()))
+    topology.create_connectivity(d - 1, d)
+    cells = topology.connectivity(d - 1, d)
+    first, count = cells.offsets[:-1], np.diff(cells.offsets)
+    inner = np.flatnonzero(count == 2)
+    one, other = cells.array[first[inner]], cells.array[first[inner] + 1]
+    return inner[regions[one] != regions[other]].astype(np.int32)
+
+
+def _stiffness(body: Body) -> fem.Function:
+    """Return the inverse of each cell's volume, relative to the mean, so that small cells keep their shape."""
+    space = fem.functionspace(body.mesh, ("DG", 0))
+    found = fem.Function(space)
+    volume = fem.form(ufl.TestFunction(space) * ufl.Measure("dx", body.mesh, metadata={"quadrature_degree": 2}))
+    fem.assemble_vector(found.x.array, volume)
+    found.x.scatter_forward()
+    count = space.dofmap.index_map.size_global
+    owned = found.x.array[: space.dofmap.index_map.size_local]
+    mean = total(body.mesh.comm, float(owned.sum())) / count
+    found.x.array[:] = mean / found.x.array
+    return found
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Mesh motion: boundary nodes map to another device of the class, inner nodes follow like a solid.
+#
+# Boundary nodes are mapped by the device itself (`Actuator.carried`), from the device b0 that the mesh was made
+# of to b(theta). The inner ones follow by one fixed linear operator E, an elastic solid on the initial mesh whose small
+# cells are stiffer (Tezduyar, Behr, Mittal, Johnson 1992, New methods in transient analysis, AMD-246):
+#
+#     x(theta) = x0 + E (b(theta) - b0)
+#
+# Nodes on a cut plane slide in it. Because E is constant, results on these meshes are smooth functions of theta, and a
+# gradient by all parameters costs one transposed E: a boundary covector, and its products with db/dtheta.
+
+
+STEP = 1e-6
+"""Step of the central differences of boundary positions, relative to the device's size (or to 1 for numbers and angles)."""
+
+
+def coordinates(domain: meshes.Mesh) -> tuple[fem.FunctionSpace, npt.NDArray[np.int64]]:
+    """Return the vector functions on a mesh's own nodes, and the node of the geometry that each block of dofs belongs to."""
+    space = fem.functionspace(domain, domain.ufl_domain().ufl_coordinate_element())
+    found = np.empty(len(space.tabulate_dof_coordinates()), dtype=np.int64)
+    found[space.dofmap.list.ravel()] = domain.geometry.dofmaps[0].ravel()
+    return space, found
+
+
+class MeshMotion:
+    """Moves a body's mesh to other devices of its class.
+
+    Args:
+        body: The device, its mesh as it was read.
+
+    Attributes:
+        device: The device that the mesh shows now.
+        space: Vector functions on the mesh's own nodes.
+        followers: Called when the mesh has moved.
+    """
+
+    def __init__(self, body: Body):
+        mesh = body.mesh
+        self.body, self.base, self.device, self.comm = body, body.actuator, body.actuator, mesh.comm
+        self.dimension, self.followers = mesh.geometry.dim, list[Callable[[], None]]()
+        self._places = mesh.geometry.x.copy()
+        self.space, self._nodes = coordinates(mesh)
+        self._extension = Extension(body, self.space)
+        self._boundary = self._extension.boundary
+        points = self._places[self._nodes[self._boundary]] * body.actuator.size
+        self._boundary_points = body.actuator.device_points(points)
+        self._volumes = self._cell_volumes()
+
+    @property
+    def entries(self) -> int:
+        """Number of local places' components, with ghosts."""
+        return len(self._nodes) * self.dimension
+
+    @property
+    def owned_entries(self) -> int:
+        """Number of the first of them, owned by this rank."""
+        return int(self.space.dofmap.index_map.size_local) * self.dimension
+
+    def rest_places(self) -> Array:
+        """Return the dimensionless places of the owned nodes on the mesh as it was made, shape (n, 3)."""
+        return self._places[self._nodes[: self.space.dofmap.index_map.size_local]]
+
+    def now(self, node: int | npt.NDArray[np.int64]) -> Array:
+        """Return the dimensionless places of nodes of `space` on the current mesh, shape (..., d)."""
+        return self.body.mesh.geometry.x[self._nodes[node], : self.dimension]
+
+    # -- moving ---------------------------------------------------------------------------------------------------------
+
+    def move(self, device: Actuator) -> None:
+        """Move the mesh to a device; `GeometryError` if the mesh as it was made cannot reach its boundary."""
+        shift = self._carried(device) - self._in_mesh(self._boundary_points)
+        moved = self._places.copy()
+        moved[self._nodes, : self.dimension] += self._extension.extend(shift / self.base.size)
+        self.body.mesh.geometry.x[:] = moved
+        self.device = device
+        for follow in self.followers:
+            follow()
+
+    def quality(self) -> float:
+        """Return the least ratio of a cell's Jacobian to its own on the initial mesh, over all ranks; 1 if
+        nothing moved."""
+        now = self._cell_volumes()
+        ratio = float((now / self._volumes).min()) if now.size else np.inf
+        return -largest(self.comm, -ratio)
+
+    def _cell_volumes(self) -> Array:
+        """Return the signed Jacobians of the owned cells at some points, shape (cells, points)."""
+        mesh = self.body.mesh
+        points, _ = basix.make_quadrature(mesh.basix_cell(), 3)
+        # Of order 1 or 2, for which all variants of the element are one.
+        cells = basix.ufl.element("P", mesh.basix_cell(), mesh.geometry.cmaps[0].degree)
+        gradients = cells.tabulate(1, points)[1:]  # (d, points, nodes)
+        owned = mesh.topology.index_map(mesh.topology.dim).size_local
+        corners = mesh.geometry.x[mesh.geometry.dofmaps[0][:owned]][..., : self.dimension]
+        jacobians = np.einsum("dpn,cni->cpid", gradients, corners)
+        return np.linalg.det(jacobians)
+
+    def _in_mesh(self, points: Array) -> Array:
+        """Return the device coordinates (n, 3) as the mesh has them, (n, d)."""
+        return points if self.dimension == 3 else points[:, [0, 2]]
+
+    def _carried(self, device: Actuator) -> Array:
+        return self._in_mesh(self.base.carried(device, self._boundary_points))
+
+    # -- derivatives ----------------------------------------------------------------------------------------------------
+
+    def boundary_velocities(self, names: Sequence[str]) -> dict[str, Array]:
+        """Return the derivatives of the boundary nodes by each parameter at the current device, in m per SI unit, shape (n,
+        d): central differences of `Actuator.carried`, one-sided where the device does not exist on one side.
+
+        Raises:
+            GeometryError: The device exists on neither side.
+        """
+        return {name: self._velocity(name) for name in names}
+
+    def _velocity(self, name: str) -> Array:
+        device, value = self.device, parameter(self.device, name)
+        step = STEP * max(abs(value), 0.1 * scale_of(device, name))
+        ends = []
+        for sign in (1.0, -1.0):
+            try:
+                ends.append((sign, self._carried(changed(device, {name: value + sign * step}))))
+            except GeometryError as error:
+                failure = error
+        if not ends:
+            raise failure
+        if len(ends) == 1:
+            ends.append((0.0, self._carried(device)))
+        (a, high), (b, low) = ends
+        return (high - low) / ((a - b) * step)
+
+    def gradient(self, covector: Array, velocities: dict[str, Array]) -> dict[str, float]:
+        """Return the derivatives of a quantity by the parameters, per their SI unit, from `boundary_velocities` and its
+        derivative by the dimensionless places of the nodes: dofs of `space`, every owner's complete, ghosts not read."""
+        at_boundary = self._extension.transposed(covector)
+        return {
+            name: total(self.comm, float(np.sum(at_boundary * velocity))) / self.base.size
+            for name, velocity in velocities.items()
+        }
+
+    def velocity(self, name: str) -> Array:
+        """Return the motion of all dimensionless nodes with a parameter at the current device, per its SI unit; see
+        `nodes_rate`."""
+        return self.nodes_rate(self._velocity(name))
+
+    def nodes_rate(self, velocity: Array) -> Array:
+        """Return the motion of all dimensionless nodes with one of `boundary_velocities`, shape (nodes of `space`, d)."""
+        return self._extension.extend(velocity / self.base.size)
+
+    def at_nodes(self, motion: Array) -> Array:
+        """Return a motion of the nodes of `space`, shape (nodes, d), in the order of the mesh's geometry."""
+        found = np.zeros((len(self.body.mesh.geometry.x), self.dimension))
+        found[self._nodes] = motion
+        return found
+
+    def by_nodes(self, rates: Array) -> Array:
+        """Return shares of a derivative by the mesh's own nodes in the order of its geometry as a covector over `space`,
+        complete on the owners."""
+        b = fem.Function(self.space).x
+        b.array[:] = rates[self._nodes].ravel()
+        b.scatter_reverse(la.InsertMode.add)
+        return np.array(b.array)
+
+    def compiled(self, form: ufl.Form) -> fem.Form:
+        """Return the compiled derivative of a form without arguments by the places of the nodes."""
+        X = ufl.SpatialCoordinate(self.body.mesh)
+        return fem.form(ufl.derivative(form, X, ufl.TestFunction(self.space)), jit_options=JIT)
+
+    def assembled(self, form: fem.Form) -> Array:
+        """Return a form's vector over the dofs of `space`, complete on their owners."""
+        b = fem.Function(self.space).x
+        fem.assemble_vector(b.array, form)
+        b.scatter_reverse(la.InsertMode.add)
+        return b.array
+
+    def release(self) -> None:
+        """Release the PETSc objects."""
+        self._extension.release()
+
+
+def scale_of(device: Actuator, name: str) -> float:
+    """Return the scale of a parameter: the device's size for lengths, 1 for numbers and angles."""
+    return device.size if is_length(device, name) else 1.0
+
 
 TOLERANCE = 1e-10  # of the linear solves
 RATIO = "ratio"
@@ -104,16 +423,9 @@ def memory_parameters(material: Material) -> tuple[str, ...]:
 
 
 class Sensitivity:
-    """Derivatives of a device's states.
-
-    Args:
-        solver: The device.
-        motion: Moves its mesh; None for derivatives by the material only.
-    """
+    """Derivatives of a device's states; with a ``motion`` of its mesh also by lengths."""
 
     def __init__(self, solver: Solver, motion: MeshMotion | None = None):
-        import ufl
-
         self.solver, self.motion, eq = solver, motion, solver.system
         self._along = _Directions(eq)
         test = ufl.TestFunction(eq.space)
@@ -129,9 +441,6 @@ class Sensitivity:
     @functools.cached_property
     def _moving(self) -> tuple[fem.Function, list[fem.Form], list[list[fem.Form]], fem.Form]:
         """A motion of the mesh's nodes, and the derivatives along it of the forces, of the loads and of the cavity's volume."""
-        import ufl
-        from dolfinx import fem
-
         eq = self.solver.system
         assert self.motion is not None
         X, moving = ufl.SpatialCoordinate(eq.body.mesh), fem.Function(self.motion.space)
@@ -140,17 +449,14 @@ class Sensitivity:
         return moving, forces, loads, eq.form(ufl.derivative(eq.potential.cavity_volume, X, moving))
 
     def rates(self, state: State, control: Control, names: Sequence[str]) -> tuple[Tangent, dict[str, Rate]]:
-        """Return the derivatives of the state that stays on one line of pressure and volume (in SI units) as parameters change.
-
-        The tangent matrix is factorised at the state.
+        """Return the derivatives of the state that stays on one line of pressure and volume (in SI units) as parameters
+        change: the direction of the path, for one unit of the control's line, and a rate per name. The tangent matrix is
+        factorised at the state.
 
         Args:
             state: A state of the system's present material and lengths.
             control: The line, dimensionless as for `Solver.solve`.
             names: Of `known_parameters`, or lengths of the device.
-
-        Returns:
-            Direction of the path, for one unit of the control's line; and a rate per name.
 
         Raises:
             NoConvergence: The linear solver failed: the line touches the path.
@@ -194,12 +500,9 @@ class Sensitivity:
         )
 
     def force(self, name: str) -> Force:
-        """Return the derivative of the equations by any parameter at the loaded state.
-
-        Args:
-            name: Of `known_parameters`; ``part.number`` with a part's `Component.key` and one of its `Component.variable`; or
-                ``ratio.0`` for the ratio of the first cavity's pressure.
-        """
+        """Return the derivative of the equations at the loaded state by any parameter: one of `known_parameters`;
+        ``part.number`` with a part's `Component.key` and one of its `Component.variable`; or ``ratio.0`` for the ratio of
+        the first cavity's pressure."""
         eq = self.solver.system
         where, _, own = name.rpartition(".")
         if where == RATIO:
@@ -247,15 +550,11 @@ class Sensitivity:
         self._along.turn(self.solver.system.material, name)
 
     def material_force(self, name: str) -> tuple[Array, float]:
-        """Return the derivative of the residual by a material parameter at the loaded state.
+        """Return the derivative of the residual (owned entries, shape (n,), dimensionless per SI unit) and of the shear
+        modulus by one of `known_parameters` or `memory_parameters` at the loaded state; an empty name for no change of the
+        material.
 
         Within a step in time it includes the direction in which `histories` say that its beginning changes.
-
-        Args:
-            name: Of `known_parameters` or `memory_parameters`; empty for no change of the material.
-
-        Returns:
-            Owned entries, shape (n,), dimensionless per SI unit; and the shear modulus' derivative.
         """
         eq = self.solver.system
         dmu = self._along.turn(eq.material, name)
@@ -268,14 +567,8 @@ class Sensitivity:
         return force, dmu
 
     def motion_force(self, X: Array) -> tuple[Array, float]:
-        """Return the derivatives of the residual and of the cavity's volume by a motion of the mesh at the loaded state.
-
-        Args:
-            X: Motion of the nodes, see `Rate`.
-
-        Returns:
-            Owned entries, shape (n,), and a number; dimensionless.
-        """
+        """Return the derivatives of the residual (owned entries, shape (n,)) and of the cavity's volume by a motion of the
+        nodes, see `Rate`, at the loaded state; dimensionless."""
         eq, (moving, forces, loads, volume) = self.solver.system, self._moving
         moving.x.array[:] = X.ravel()
         force = eq.assemble(forces).copy()
@@ -298,12 +591,9 @@ class Sensitivity:
         return [[MeasuredSlope(eq, self.motion, one, forms) for one in own] for own, forms in loads]
 
     def rate(self, state: State, control: Control, name: str, rise: float = 0.0) -> Rate:
-        """Return one of `rates`, which must have been called at this state.
+        """Return one of `rates`, which must have been called at this state; an empty name for no change of the device.
 
-        Args:
-            state, control: See `rates`.
-            name: See `rates`; empty for no change of the device.
-            rise: Derivative of the line's left side, dimensionless, beside what the line in Pa and m3 has itself.
+        ``rise`` is the derivative of the line's left side, dimensionless, beside what the line in Pa and m3 has itself.
         """
         eq = self.solver.system
         mu, dmu, opened, X = eq.stress_unit, 0.0, 0.0, None
@@ -320,8 +610,6 @@ class Sensitivity:
 
 def slope_along(form: ufl.Form, turns: Mapping[fem.Constant, fem.Constant]) -> ufl.Form | None:
     """Return the derivative of a form along a direction in the space of constants; None if it has none of them."""
-    import ufl
-
     turns = {constant: turn for constant, turn in turns.items() if constant in form.constants()}
     if not turns:
         return None
@@ -339,9 +627,6 @@ class _TermDirection:
     """The derivative of a part's energy along a direction in the space of its constants."""
 
     def __init__(self, eq: System, part: Component):
-        import ufl
-        from dolfinx import fem
-
         self.eq, self.term = eq, eq.potential.terms[part.label]
         self.turns = {
             known: fem.Constant(eq.body.mesh, np.zeros_like(known.value)) for known, _ in self.term.constants_of(part)
@@ -358,18 +643,10 @@ class _TermDirection:
 
 
 class MeasuredSlope:
-    """How a load changes with one of the constants that follow the mesh (`MeasuredConstant`).
-
-    Args:
-        eq: The equations.
-        motion: Moves their mesh.
-        measured: The constant.
-        forms: UFL forms of the load's unit magnitude.
-    """
+    """How a load changes with one of the constants that follow the mesh (`MeasuredConstant`); ``forms`` are those of its unit
+    magnitude."""
 
     def __init__(self, eq: System, motion: MeshMotion, measured: MeasuredConstant, forms: Sequence[ufl.Form]):
-        from dolfinx import fem
-
         self.eq, self.motion, self.measured = eq, motion, measured
         self.turn = fem.Constant(eq.body.mesh, np.zeros_like(measured.constant.value))
         slopes = [slope_along(form, {measured.constant: self.turn}) for form in forms]
@@ -411,14 +688,10 @@ class MeasuredSlope:
 
 
 class InTime:
-    """Derivatives of a device's states through its steps in time, from rest on.
+    """Derivatives of a device's states through its steps in time, from rest on, by ``names`` of `known_parameters` or
+    `memory_parameters`; and by ``loads``, by which only the control's values change.
 
     Viscosity that depends on stress has none at rest where its exponent is below 1.
-
-    Args:
-        sensitivity: Of the device, whose silicone has a memory.
-        names: Of `known_parameters` or `memory_parameters`.
-        loads: Names of further parameters, by which only the control's values change.
     """
 
     def __init__(self, sensitivity: Sensitivity, names: Sequence[str], loads: Sequence[str] = ()):
@@ -429,12 +702,8 @@ class InTime:
         self._before = {name: np.zeros_like(sensitivity.solver.system.w.x.array) for name in names}
 
     def begin(self, state: State, rates: Mapping[str, Rate]) -> None:
-        """Begin in a state that has lasted: the potential has begun a step there that is long beside the relaxation times.
-
-        Args:
-            state: The state, with which the step ends too.
-            rates: Its derivatives; 0 by other parameters.
-        """
+        """Begin in a state that has lasted, with its derivatives, 0 by other parameters: the potential has begun a step there
+        that is long beside the relaxation times, and ends in the state too."""
         known, eq = self.sensitivity, self.sensitivity.solver.system
         eq.load(state)
         for name, own in self._own.items():
@@ -452,15 +721,7 @@ class InTime:
         self, state: State, control: Control, rises: Mapping[str, float] = MappingProxyType({})
     ) -> tuple[Tangent, dict[str, Rate]]:
         """Return the derivatives of a state that ends a step, before the potential keeps it; see `Sensitivity.rates`.
-
-        Args:
-            state: The state.
-            control: Its line.
-            rises: Derivatives of the line's left side in SI units, where they are not 0.
-
-        Raises:
-            NoConvergence: The linear solver failed.
-        """
+        ``rises`` are derivatives of the line's left side in SI units, where they are not 0."""
         known, eq = self.sensitivity, self.sensitivity.solver.system
         along, _ = known.rates(state, control, ())
         unit = control.volume_coefficient * eq.volume_unit + control.pressure_coefficient * eq.stress_unit
@@ -480,16 +741,10 @@ class InTime:
 
 
 class _Directions:
-    """The stored energy's derivative along a direction in the space of the laws' dimensionless constants.
-
-    Attributes:
-        energies: UFL integrals, that of the main material first.
-    """
+    """The stored energy's derivative along a direction in the space of the laws' dimensionless constants: UFL integrals
+    ``energies``, that of the main material first."""
 
     def __init__(self, eq: System):
-        import ufl
-        from dolfinx import fem
-
         mesh = eq.body.mesh
         self.laws = [_LawDirection(eq, region) for region in eq.potential.regions]
         self.mixed = eq.mixed
@@ -502,12 +757,8 @@ class _Directions:
                     self.energies.append(ufl.replace(energy, {eq.potential.per_pascal: self.per_pascal}))
 
     def turn(self, material: Material, name: str) -> float:
-        """Point the direction along one parameter of a law; returns the main shear modulus' derivative by it.
-
-        Args:
-            material: The main material.
-            name: Of its numbers; of a region's with the region's name in front, as in ``base.c1``.
-        """
+        """Point the direction along one number of the main material, or of a region's with its name in front, as in
+        ``base.c1``; return the main shear modulus' derivative by it."""
         where, _, number = name.rpartition(".")
         moved = material if where or not name else nudged(material, number, 1j * _STEP)
         mu = complex(moved.shear_modulus_0)
@@ -522,9 +773,6 @@ class _LawDirection:
     """One region's share of `_Directions`: a direction in the space of its law's constants, and the density's slope."""
 
     def __init__(self, eq: System, region: MaterialRegion):
-        import ufl
-        from dolfinx import fem
-
         self.region, mesh = region, eq.body.mesh
         self.history = next((one for one in eq.potential.histories if one.region is region), None)
         names = [field.name for field in parameter_fields(region.material) if field.name != "poisson"]
@@ -549,14 +797,10 @@ class _LawDirection:
             self.slope += ufl.derivative(self.history.density, self.history.begun, self.begun)
 
     def _in_variables(self, of: Expr) -> Expr:
-        import ufl
-
         return ufl.replace(of, {constant: variable for constant, variable, _ in self._numbers})
 
     def _turned(self, of: Expr) -> list[Expr]:
         """Return the derivative of an expression in the variables, one summand for each."""
-        import ufl
-
         slopes = [(ufl.diff(of, variable), turn) for _, variable, turn in self._numbers]
         return [ufl.dot(slope, turn) if turn.ufl_shape else slope * turn for slope, turn in slopes]
 
@@ -580,16 +824,9 @@ class _LawDirection:
 
 
 class _HistoryDirection:
-    """How what a region's silicone remembers changes over one step in time, along the direction of its law.
-
-    Attributes:
-        history: What it remembers.
-    """
+    """How what a region's silicone remembers changes over one step in time, along the direction of its law."""
 
     def __init__(self, eq: System, law: _LawDirection):
-        import ufl
-        from dolfinx import fem
-
         assert law.history is not None
         self.history, self._begun, before = law.history, law.begun, eq.potential.before
         self._before, self._w = fem.Function(eq.space), fem.Function(eq.space)
@@ -605,12 +842,8 @@ class _HistoryDirection:
         self._begin, self._end = (fem.Expression(one, self.history.points, jit_options=JIT) for one in slopes)
 
     def begin(self, before: Array, values: Array) -> None:
-        """Set how the beginning of the step changes.
-
-        Args:
-            before: Derivative of the dofs there, with ghosts.
-            values: Derivative of what is remembered there, as `History.values`.
-        """
+        """Set how the beginning of the step changes: derivatives of the dofs there, with ghosts, and of what is remembered
+        there, as `History.values`."""
         history, begun = self.history, self._begun.x.array.reshape(-1, self.history.width)
         self._before.x.array[:], self._values.x.array[:] = before, values
         if history.step.value == 0.0:
@@ -619,11 +852,7 @@ class _HistoryDirection:
         begun[history.places] = history.at_points(self._begin, history.width)
 
     def end(self, w: Array) -> Array:
-        """Return the derivative of what is remembered at the end of the step.
-
-        Args:
-            w: Derivative of the dofs there, with ghosts.
-        """
+        """Return the derivative of what is remembered at the end of the step, from that of the dofs there, with ghosts."""
         history, found = self.history, np.zeros_like(self.history.values.x.array)
         self._w.x.array[:] = w[: len(self._w.x.array)]
         found.reshape(-1, history.size)[history.places] = history.at_points(self._end, history.size)

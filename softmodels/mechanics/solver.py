@@ -11,8 +11,9 @@ import numpy as np
 
 from softmodels.common import errors
 from softmodels.common.arrays import Array
+from softmodels.common.lazy import PETSc
 from softmodels.mechanics.controls import Control, Coupling, Curve, Tangent, pressure_control
-from softmodels.mechanics.direct import Factorisation, entries_here
+from softmodels.mechanics.iterative import Factorisation, entries_here
 from softmodels.mechanics.mpi import GIGA, TooLargeError, available, needed, total
 from softmodels.mechanics.newton import (
     LOOSEST,
@@ -26,8 +27,6 @@ from softmodels.mechanics.newton import (
 from softmodels.mechanics.system import State, System, spread
 
 if TYPE_CHECKING:
-    from petsc4py import PETSc
-
     from softmodels.mechanics.iterative import Multigrid
 
 
@@ -50,10 +49,9 @@ MASS_ENTRY = 6
 
 @dataclasses.dataclass(frozen=True)
 class SolverMethod:
-    """The selected method.
+    """The selected method, ``"direct"`` or ``"iterative"``.
 
     Attributes:
-        name: ``"direct"`` or ``"iterative"``.
         memory: Estimate of what it takes beside the model itself, bytes on all ranks; 0 if it was not looked at.
         why: Why it is not the other one, a clause; empty where that was not asked.
     """
@@ -83,11 +81,8 @@ def cycle_of(system: System) -> type[Multigrid]:
 
 
 def select_solver(system: System, method: str) -> SolverMethod:
-    """Return the method to use for the requested one.
-
-    Args:
-        system: What is to be solved; assembled at rest and analysed where memory could be short.
-        method: One of `METHODS`.
+    """Return the method to use for the requested one of `METHODS`; the system is assembled at rest and analysed where memory
+    could be short.
 
     Raises:
         TooLargeError: The machine's memory holds neither, or not the one asked for.
@@ -163,16 +158,8 @@ class Solver:
         self._y = system.K.createVecRight()
 
     def couple(self, coupling: Coupling, state: State, pressures: Array) -> State:
-        """Change the coupling of the cavities at a state.
-
-        Args:
-            coupling: The new coupling.
-            state: The state; its pressures are not read.
-            pressures: Those of the cavities there, shape (k,).
-
-        Returns:
-            The same state in the new coupling, with P = 0.
-        """
+        """Change the coupling of the cavities at a state with these pressures, shape (k,); return the same state in the new
+        coupling, with P = 0."""
         system = self.system
         constraints = len(system.coupling.constraints)
         system.coupling = coupling
@@ -186,14 +173,10 @@ class Solver:
     # -- states -------------------------------------------------------------------------------------------------------
 
     def solve(self, control: Curve, w: Array, P: float, since: Array | None = None, most: int | None = None) -> State:
-        """Find the state on the control's curve, starting from the guess (w, P).
+        """Find the state on the control's curve from the guess (w, P), w of the shape of `State.w`, by at most ``most``
+        iterations.
 
-        Args:
-            control: The curve.
-            w: Guess of the dofs, shape as `State.w`.
-            P: Guess of the pressure.
-            since: If given, stress in Newton's matrix is predicted (`Potential.predict_stress`), at first that of these dofs.
-            most: Iterations of Newton's method before it is given up; the solver's own number if None.
+        With ``since``, stress in Newton's matrix is predicted (`Potential.predict_stress`), at first that of these dofs.
 
         Raises:
             NoConvergence: Newton's method did not get there. The functions hold its last iterate.
@@ -207,17 +190,9 @@ class Solver:
         raise NoConvergence("the pressure on the sealing faces did not settle")
 
     def solve_along(self, force: PETSc.Vec, anchor: Array, amount: float, w: Array, P: float) -> State:
-        """Find the state with ``force . (w - anchor) = amount`` at whatever pressure, starting from the guess (w, P).
+        """Find the state with ``force . (w - anchor) = amount`` at whatever pressure, from the guess (w, P); see `solve`.
 
-        Args:
-            force: PETSc vector of the body's owned dofs.
-            anchor: Dofs from which the amount is counted, shape as `State.w`.
-            amount: What the equation asks for; takes the volume's place in a control.
-            w: Guess of the dofs, shape as `State.w`.
-            P: Guess of the pressure.
-
-        Raises:
-            NoConvergence: Newton's method did not get there.
+        The force is a PETSc vector of the body's owned dofs; the equation takes the volume's place in a control.
         """
         return self._state(self.newton.solve_along(force, anchor, amount, w, P))
 
@@ -244,12 +219,6 @@ class Solver:
     ) -> Tangent:
         """Return the direction of the path at a state, scaled to one unit of the control's line, to a relative tolerance.
 
-        Args:
-            state: The state.
-            control: The line.
-            tolerance: Of the linear solver, relative.
-            guess: Of the direction, in the same scale.
-
         Raises:
             NoConvergence: The linear solver did not get there (the line runs along the path, say).
         """
@@ -257,17 +226,8 @@ class Solver:
         return self.linear_response(0.0, 1.0, tolerance, guess)
 
     def tangent_along(self, state: State, force: PETSc.Vec, tolerance: float = TANGENT_TOLERANCE) -> Tangent:
-        """Return the same scaled to ``force . dw = 1``, as `solve_along` goes: regular even if pressure and volume both
-        turn back.
-
-        Args:
-            state: The state.
-            force: PETSc vector of the body's owned dofs.
-            tolerance: Of the linear solver, relative.
-
-        Raises:
-            NoConvergence: The linear solver did not get there (the force is square to the path, say).
-        """
+        """Return the same scaled to ``force . dw = 1``, as `solve_along` goes: regular even if pressure and volume both turn
+        back."""
         row = force.copy()
         self.system.load(state)
         self.system.unknowns.pull(row.array_w)
@@ -289,7 +249,8 @@ class Solver:
     def linear_response(
         self, force: Array | float, gap: float, tolerance: float, guess: Tangent | None = None
     ) -> Tangent:
-        """Answer of the current state, linearised, to a ``force`` on the body and a ``gap`` of the control's line.
+        """Answer of the current state, linearised, to a ``force`` on the body and a ``gap`` of the control's line, to a
+        relative tolerance.
 
         `tangent` has to have been called at this state: it sets the border.
 
@@ -298,9 +259,6 @@ class Solver:
             gap: Change of the line's left side.
             tolerance: Of the linear solver, relative to the force and the gap.
             guess: Of the answer; its V is not read.
-
-        Raises:
-            NoConvergence: The linear solver did not get there.
         """
         if guess is not None:
             body = self.system.unknowns.nearest(guess.w)
@@ -317,17 +275,8 @@ class Solver:
         by: Callable[[PETSc.KSP, PETSc.Vec, PETSc.Vec], object] = lambda ksp, b, x: ksp.solve(b, x),
         guessed: bool = False,
     ) -> None:
-        """Solve the bordered equations for a force and gaps.
-
-        Args:
-            force, gaps: The right side.
-            tolerance: Relative.
-            by: Calls the linear solver; by itself its iterations do not count as the path's.
-            guessed: Whether the vector of unknowns has a guess.
-
-        Raises:
-            NoConvergence: The linear solver did not get there.
-        """
+        """Solve the bordered equations for a force and gaps; called ``by`` itself, the linear solver's iterations do not count
+        as the path's."""
         bordered, newton, ksp = self.bordered, self.newton, self.newton.snes.getKSP()
         bordered.join(newton.f, force, gaps)
         bordered.mat.assemble()
@@ -351,27 +300,15 @@ class Solver:
         return Tangent(w, float(pressures[0]), bordered.q.dot(self._y))
 
     def aside(self, state: State, control: Control, force: Array, tolerance: float) -> Tangent:
-        """Return the linear response of a state to a ``force`` on the body on a control's line; not counted as the path's.
-
-        Args:
-            state: The state.
-            control: The line.
-            force: Owned entries, shape (n,), zero at held dofs.
-            tolerance: Of the linear solver, relative.
-
-        Raises:
-            NoConvergence: The linear solver did not get there.
-        """
+        """Return the response of a state to a ``force`` on the body (owned entries, shape (n,)) on a control's line; see
+        `linear_response`. It does not count as the path's."""
         self._border(state, control)
         self._solve(force, np.zeros(self.bordered.scalars), tolerance)
         return self._answer()
 
     def dead_load_compliance(self, state: State, load: Array) -> float:
-        """Return the work of a dead load (entries of owned dofs, shape (n,)) on the motion it causes at constant
-        cavity pressure.
-
-        To 1e-8; infinite where the tangent has no solution.
-        """
+        """Return the work of a dead load (entries of owned dofs, shape (n,)) on the motion it causes at constant cavity
+        pressure, to 1e-8; infinite where the tangent has no solution."""
         self.system.load(state)
         bordered, newton = self.bordered, self.newton
         bordered.control = pressure_control(0.0)
@@ -390,10 +327,8 @@ class Solver:
         return total(self.system.comm, float((2.0 * pulled - forces) @ moved)) + float(pressures[1:] @ opened[1:])
 
     def release(self) -> None:
-        """Release the PETSc and MPI objects of this device, which cannot be solved afterwards.
-
-        What is merely dropped is released on only one rank: on several PETSc waits until all agree.
-        """
+        """Release the PETSc and MPI objects of this device, which cannot be solved afterwards. What is merely dropped is
+        released on only one rank: on several PETSc waits until all agree."""
         self._drop()
         self.system.K.destroy()
 

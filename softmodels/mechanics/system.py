@@ -9,35 +9,34 @@ import dataclasses
 import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from geometries.actuator import Hold, check_closed
 from softmodels.common.arrays import Array
+from softmodels.common.lazy import MPI, PETSc, basix, fem, la, meshes, ufl
 from softmodels.materials.laws import Material
 from softmodels.materials.strain import Strain
 from softmodels.mechanics.assembly import AssembledTerms, known_to_all, mark_symmetric, matrix_of
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body, BodyError, cell_measure, in_section
-from softmodels.mechanics.c_library import begin
-from softmodels.mechanics.compiling import JIT, compile_ahead
+from softmodels.mechanics.compiling import JIT, begin, compile_ahead
 from softmodels.mechanics.component import Component, ComponentError
 from softmodels.mechanics.controls import Coupling
 from softmodels.mechanics.dead_loads import DeadLoads
-from softmodels.mechanics.holds import clamped, conditions, seals
 from softmodels.mechanics.mpi import any_rank, largest, total
 from softmodels.mechanics.potential import Potential
 from softmodels.mechanics.products import TangentOperator, known_cells
-from softmodels.mechanics.regions import MaterialRegion, RegionPart, check_compressible, relaxed
+from softmodels.mechanics.regions import (
+    MaterialRegion,
+    RegionPart,
+    check_compressible,
+    clamped,
+    conditions,
+    relaxed,
+    seals,
+)
 from softmodels.mechanics.rigid import STILL, RigidMotion, RigidPart
-
-if TYPE_CHECKING:
-    import ufl
-    from dolfinx import fem, mesh as meshes
-    from mpi4py import MPI
-    from petsc4py import PETSc
-
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The reduced unknowns of Newton's method: w = T(q).
@@ -52,10 +51,7 @@ Ints = npt.NDArray[np.int32]
 
 
 class Unknowns:
-    """The owned dofs themselves.
-
-    Args:
-        n: How many there are.
+    """The owned dofs themselves, n of them.
 
     Attributes:
         idle: Owned entries of q that stand for nothing.
@@ -95,21 +91,12 @@ class Unknowns:
         """Convert owned entries conjugate to w into those conjugate to q."""
 
     def matrix(self, whole: PETSc.Mat, fill: Callable[[], None]) -> PETSc.Mat:
-        """Return a matrix with the pattern of the reduced one.
-
-        Args:
-            whole: K, not yet assembled.
-            fill: Assembles it.
-        """
+        """Return a matrix with the pattern of the reduced one; ``fill`` assembles the ``whole`` K."""
         return whole
 
     def reduce(self, whole: PETSc.Mat, forces: Callable[[], Array]) -> None:
-        """Put T^T K T, for the assembled K, and the second derivatives' part into what `matrix` made.
-
-        Args:
-            whole: K.
-            forces: Gives the residual conjugate to w, owned entries.
-        """
+        """Put T^T K T and the second derivatives' part into what `matrix` made; ``forces`` gives the residual conjugate to w,
+        owned entries."""
 
     def projected(self, whole: PETSc.Mat, into: PETSc.Mat | None = None) -> PETSc.Mat:
         """Return T^T M T of another matrix; an earlier result is updated if a part has rotated."""
@@ -120,13 +107,7 @@ class Unknowns:
 
 
 class RigidUnknowns(Unknowns):
-    """Unknowns of a body with rigid parts.
-
-    Args:
-        comm: Communicator.
-        n: Number of owned dofs.
-        motions: The parts' motions by their names; no dof follows two of them.
-        held: Local dofs that are held, where parts do not move either.
+    """Unknowns of a body with rigid parts, whose motions share no dof; parts do not move local dofs that are ``held``.
 
     Raises:
         ValueError: The mesh has too few dofs on a part for its unknowns.
@@ -194,8 +175,6 @@ class RigidUnknowns(Unknowns):
     # -- matrices -----------------------------------------------------------------------------------------------------
 
     def matrix(self, whole: PETSc.Mat, fill: Callable[[], None]) -> PETSc.Mat:
-        from petsc4py import PETSc
-
         fill()  # an empty matrix would lose its pattern
         self._T = PETSc.Mat().createAIJ(whole.getSizes(), csr=self._rows(whole), comm=whole.comm)
         self._product: PETSc.Mat = whole.ptap(self._T)
@@ -226,8 +205,6 @@ class RigidUnknowns(Unknowns):
         return pointers, columns, values
 
     def reduce(self, whole: PETSc.Mat, forces: Callable[[], Array]) -> None:
-        from petsc4py import PETSc
-
         self._take_rates(whole)
         same = whole.getInfo()["nz_used"] == self._entries  # contact adds couplings over time
         self._product = whole.ptap(self._T, self._product if same else None)
@@ -283,39 +260,285 @@ def _slots(comm: MPI.Comm, n: int, motion: RigidMotion, held: Ints, name: str) -
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Assemble the residual and the tangent of a device's equations at the current state.
+# Nodes of rigid parts on a mesh, and the unknowns of Newton's method with them.
 
 
-class Assembly:
-    """Assembly methods of `System`, which sets the attributes.
+def _nodes_of(space: fem.FunctionSpace) -> tuple[fem.FunctionSpace, Ints, Array]:
+    """Return the displacement's own space, local dofs of w's components at its nodes, shape (nodes, d), and the nodes'
+    undeformed places in sizes of the device, shape (nodes, d)."""
+    d = space.mesh.geometry.dim
+    mixed = space.dofmap.index_map_bs == 1  # only a pure displacement is numbered in blocks
+    vectors, parents = space.sub(0).collapse() if mixed else (space, None)
+    places = vectors.tabulate_dof_coordinates()[:, :d]
+    every = np.arange(len(places) * d) if parents is None else np.asarray(parents)
+    return vectors, every.astype(np.int32).reshape(-1, d), places
+
+
+def _on_part(vectors: fem.FunctionSpace, body: Body, part: RigidPart) -> Ints:
+    """Return the local nodes on a part's face, or of its region; `ComponentError` if the mesh has no such face."""
+    if part.region:
+        return np.asarray(fem.locate_dofs_topological(vectors, body.mesh.topology.dim, body.regions[part.region]))
+    if part.face not in body.entities:
+        raise ComponentError(f"{part.where}: the mesh has no face {part.face!r}; it has {', '.join(body.entities)}")
+    dimension, found = body.entities[part.face]
+    body.mesh.topology.create_connectivity(dimension, body.mesh.topology.dim)
+    return np.asarray(fem.locate_dofs_topological(vectors, dimension, found))
+
+
+def unknowns_of(
+    body: Body, space: fem.FunctionSpace, held: Sequence[fem.DirichletBC], components: Sequence[Component]
+) -> Unknowns:
+    """Return the unknowns on a mesh: its owned dofs, fewer with rigid parts.
+
+    Raises:
+        ComponentError: A rigid part on no face of the mesh, two that meet, or one that meets what holds the device.
+    """
+    n = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+    rigid = [part for part in components if isinstance(part, RigidPart)]
+    if not rigid:
+        return Unknowns(n)
+    comm, (vectors, all_dofs, all_places) = body.mesh.comm, _nodes_of(space)
+    none = np.empty(0, dtype=np.int32)
+    still = np.concatenate([none, *(bc.dof_indices()[0] for bc in held)])
+    motions: dict[str, RigidMotion] = {}
+    taken = none
+    for part in rigid:
+        found = _on_part(vectors, body, part)
+        dofs, places = all_dofs[found], all_places[found]
+        freedom = part.freedom(body.actuator, _centre(body, part))
+        motion = motions[part.label] = RigidMotion(comm, freedom, body.skew, dofs, places, dofs[:, 0] < n)
+        if any_rank(comm, bool(np.isin(dofs, taken).any())):
+            raise ComponentError(f"{part.where} touches another rigid part; merge them")
+        if any_rank(comm, bool((np.isin(dofs, still)[..., None] & (np.abs(motion.rates()) > STILL)).any())):
+            raise ComponentError(
+                f"{part.where} touches the device's support along an edge, so it cannot move; guide it along a free "
+                "direction of the support, or use kind = 'held'"
+            )
+        taken = np.concatenate([taken, dofs.ravel()])
+    try:
+        return RigidUnknowns(comm, n, motions, still)
+    except ValueError as few:
+        raise ComponentError(str(few)) from None
+
+
+def _centre(body: Body, part: RigidPart) -> Array:
+    """Return the centre of a part's whole undeformed face or region, in sizes of the device, mirror images included."""
+    d = body.actuator.dimension
+    if d == 2:
+        return np.zeros(d)
+    area = body.sheet_face(part.face)[0] if part.face else cell_measure(body, body.regions[part.region])
+    X = ufl.SpatialCoordinate(body.mesh)
+    one = fem.Constant(body.mesh, 1.0)
+    size, *moments = (total(body.mesh.comm, fem.assemble_scalar(fem.form(f * area))) for f in (one, *X))
+    centre = np.array(moments) / size
+    normals = np.array([plane.normal for plane in body.actuator.cut_planes]).reshape(-1, d)
+    return np.asarray(centre - np.linalg.pinv(normals) @ normals @ centre)
+
+
+def still_pressures(body: Body, space: fem.FunctionSpace, components: Sequence[Component]) -> list[fem.DirichletBC]:
+    """Return conditions that fix p in rigid regions, which do not strain: a region has its own p, see `mechanics.assembly`."""
+    regions = [part.region for part in components if isinstance(part, RigidPart) and part.region]
+    if not regions or space.dofmap.index_map_bs != 1:
+        return []
+    rows = np.array(space.sub(1).dofmap.list)
+    dofs = known_to_all(space, np.concatenate([rows[body.regions[name]].ravel() for name in regions]))
+    return [fem.dirichletbc(np.array(0.0), dofs, space.sub(1))]
+
+
+FORMULATIONS = ("mixed", "displacement")
+VOLUME_TOLERANCE = 0.1
+"""Tolerance of the meshed cavity's volume against the exact one: straight edges, or three curved ones around a channel,
+give a few percent error; six a part in a thousand."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class State:
+    """An equilibrium state, dimensionless.
+
+    Attributes:
+        w: Local dof values with ghosts, shape (n,): skew displacement components and, if mixed, p; behind them, where
+            volumes are held, those cavities' pressures.
+        P: Cavity pressure.
+        V: Volume of the cavity, of the slice in 3-D; with several cavities what P works on.
+        iterations: Newton iterations that led here.
+    """
+
+    w: Array
+    P: float
+    V: float
+    iterations: int = 0
+
+
+class System:
+    """The discrete equations of a body.
 
     Vectors of all dofs are entries by w. Those of the unknowns are what Newton's method has: zero at held dofs, and with rigid
     parts by the parts' own unknowns instead of the dofs that follow them.
+
+    Args:
+        body: Mesh and roles.
+        material: Law and parameters; regions among ``components`` have their own.
+        formulation: ``"mixed"`` (P2 displacement, P1 pressure) or ``"displacement"`` (P2).
+        components: What else is added to it; see `softmodels.mechanics.component`.
+        creeping: Whether silicone with a memory creeps and softens; else it is what it is after a long time.
+
+    Attributes:
+        potential: What all of it is derived from.
+        w: The current state's unknowns; P and ``pressures`` go with it.
+        K: Matrix with the pattern of the tangent.
+        n: Number of owned dofs; ``dofs`` counts ghosts too.
+        still_pressures: Number of p that are held, in rigid regions.
+        unknowns: What Newton's method solves for instead of w: vectors of K's size are of these.
+        direction: 1, or -1 if a path with proportional pressures goes to vacuum: P and V, which rise along it, are then
+            minus the pressure and minus the volume.
+        coupling: How the drivers are coupled: the cavities' pressures and volumes, then the dead loads and what they move.
+        dead: The dead loads.
+        volume_error: Of the cavity's volume by its mesh, against the closed form; nan where there is none.
+
+    Raises:
+        BodyError: A cavity whose wall encloses another volume than the device's.
+        GeometryError: A cavity that is open.
+        MaterialError: An incompressible material in the displacement formulation.
+        ComponentError: A part that cannot be on this mesh.
     """
 
-    potential: Potential
-    w: fem.Function
-    n: int
-    bcs: list[fem.DirichletBC]
-    unknowns: Unknowns
-    assembled: AssembledTerms
-    dead: DeadLoads
-    pressures: Array
-    _whole: PETSc.Mat
-    _vector: fem.Function
-    _internal: list[fem.Form]
-    _loads: list[list[fem.Form]]
-    _products: TangentOperator
-    form: Callable[[ufl.Form], fem.Form]
+    potential_class: type[Potential] = Potential  # a user's potential may have further terms
+
+    def __init__(
+        self,
+        body: Body,
+        material: Material,
+        formulation: str = "mixed",
+        components: Sequence[Component] = (),
+        creeping: bool = False,
+    ):
+        if formulation not in FORMULATIONS:
+            raise ValueError(f"formulation {formulation!r} is not one of {', '.join(FORMULATIONS)}")
+        if not creeping:
+            material, components = relaxed(material, components)
+        check_compressible(material, components, formulation == "mixed")
+        self.body, self.formulation, self.comm = clamped(body, components), formulation, body.mesh.comm
+        self.components, self.ratios = tuple(components), tuple(body.actuator.ratios)
+        if type(body).volume_integrand is Body.volume_integrand:  # a user's volume integral may close them differently
+            closing = [Hold(role, seal.normal) for seal in seals(components) for role in seal.roles]
+            check_closed(body.actuator, body.openings, [*self.body.holds, *closing])
+        self.mixed = formulation == "mixed"
+        self.potential = self.potential_class(self.body, material, self.mixed, components)
+        self.space, self.w = self.potential.space, self.potential.w
+        self.set_material(material)
+        self.form = functools.partial(fem.form, jit_options=JIT)
+        self._compile()
+        still = still_pressures(self.body, self.space, components)
+        self.still_pressures = round(total(self.comm, sum(bc.dof_indices()[1] for bc in still)))
+        self.bcs = [*conditions(self.body, self.vectors), *still]
+        self.assembled = AssembledTerms(self.potential.terms.values(), self.bcs)
+        self._whole: PETSc.Mat = matrix_of(self.space, self._products.matrices[: len(self.matter)])
+        self.unknowns = unknowns_of(body, self.space, self.bcs, components)
+        self.K: PETSc.Mat = self.unknowns.matrix(self._whole, self._assemble_whole)
+        self._vector = fem.Function(self.space)
+        self.cells = np.arange(body.mesh.topology.index_map(body.mesh.topology.dim).size_local, dtype=np.int32)
+        self.n, self.dofs = self.K.getLocalSize()[0], len(self.w.x.array)
+        self.dead = DeadLoads(self, components)
+        self._loads += self.dead.forms
+        self.direction = 1
+        self.coupling = self.inflating(np.zeros(len(self.dead.forms)))
+        self._set_pressures(0.0, np.empty(0))
+        self.dead.check()
+        self._check_volume()
+
+    def _compile(self) -> None:
+        """Compile the forms. Every term of the potential has its own, added up when assembled: bodies share the law's."""
+        potential, form = self.potential, self.form
+        tangent = potential.tangent(ufl.TrialFunction(self.space))
+        first = [*tangent, *potential.internal, *potential.loads, *potential.volumes, *potential.free_energies]
+        if known_cells(self.space):
+            begin(self.comm, "moduli")
+        compile_ahead(self.comm, first)
+        self._volumes = [form(own) for own in potential.volumes]
+        self._loads = [[form(load)] for load in potential.loads]
+        for term in potential.terms.values():
+            term.compile(self)
+        self._stored = [form(energy) for energy in potential.free_energies]
+        self._internal = [form(force) for force in potential.internal]
+        loads = [load for (load,) in self._loads]
+        self._products: TangentOperator = TangentOperator(potential, self._internal, loads, tangent, form)
+        self.points, self._weights = basix.make_quadrature(self.body.mesh.basix_cell(), QUADRATURE_DEGREE)
+        strain = Strain(self.body.deformation_gradient(potential.displacement))
+        self._J = fem.Expression(strain.J, self.points, jit_options=JIT)
+        self._densities: fem.Expression | None = None
+
+    def _check_volume(self) -> None:
+        """Reject a cavity whose openings are not in planes through the origin, because its volume would be wrong."""
+        found, known = self.rest().V * self.volume_unit, self.body.actuator.cavity_volume
+        self.volume_error = found / known - 1 if self._volumes else 0.0
+        if abs(self.volume_error) > VOLUME_TOLERANCE:
+            raise BodyError(
+                f"the cavity's wall encloses {found * 1e6:.4g} ml instead of {known * 1e6:.4g} ml: include "
+                f"every face around the air in its walls, let planes that cut the cavity pass through the "
+                f"origin, or use smaller cells if the mesh is coarse (--cell-size)"
+            )
+
+    @property
+    def matter(self) -> Sequence[MaterialRegion]:
+        """Its materials and where they are."""
+        return self.potential.regions
+
+    @property
+    def vectors(self) -> fem.FunctionSpace:
+        """The displacement's part of the function space."""
+        return self.space.sub(0) if self.mixed else self.space
+
+    def set_material(self, material: Material) -> None:
+        """Set other parameters of the same law, without recompiling."""
+        self.potential.set_material(material)
+        self.material = material
+
+    def take(self, material: Material, components: Sequence[Component], ratios: Sequence[float]) -> None:
+        """Set the numbers of a law and of parts like those that it was made of, in the same order and unchecked, and the
+        cavities' pressures over P, without recompiling; the dead loads keep their own magnitudes."""
+        P = self.common_pressure()
+        self.components, self.ratios, self.material = tuple(components), tuple(ratios), material
+        own = {part.name: part.material for part in components if isinstance(part, RegionPart)}
+        self.potential.set_material(material, own)
+        for part in components:
+            if (term := self.potential.terms.get(part.label)) is not None:
+                term.take(part)
+        self.dead.take(components)
+        self.coupling = self.inflating(self.dead.amounts / self.dead.units)
+        self._set_pressures(P, np.empty(0))
+
+    def common_pressure(self) -> float:
+        """Return P of the current state where it is the cavities' common pressure."""
+        shares = self.coupling.shares
+        cavity = int(np.argmax(np.abs(shares)))
+        return float((self.pressures[cavity] - self.coupling.fixed_pressures[cavity]) / shares[cavity])
+
+    def follow_mesh(self) -> None:
+        """Follow a mesh that has moved, in all that is not a form."""
+        self.dead.remeasure()
+        for term in self.potential.terms.values():
+            term.follow_mesh()
+
+    @property
+    def stress_unit(self) -> float:
+        """Pa in one dimensionless stress."""
+        return self.material.shear_modulus_0
+
+    @property
+    def length_unit(self) -> float:
+        """Metres in one dimensionless length."""
+        return self.body.actuator.size
+
+    @property
+    def volume_unit(self) -> float:
+        """m3 of the whole device in one dimensionless volume of the slice."""
+        return self.length_unit**3 * self.body.actuator.copies
+
+    # -- assembly -------------------------------------------------------------------------------------------------------
 
     def assemble(self, forms: list[fem.Form], held: bool = False) -> Array:
         """Return the sum of assembled linear forms, owned entries: by the unknowns and zero at held dofs, or by all dofs if
-        ``held``.
-
-        It is a view that the next call overwrites.
-        """
-        from dolfinx import fem, la
-
+        ``held``. It is a view that the next call overwrites."""
         b = self._vector.x
         b.array[:] = 0.0
         for form in forms:
@@ -329,7 +552,6 @@ class Assembly:
         return self._by_unknowns()
 
     def _by_unknowns(self) -> Array:
-        """Return what has been assembled by all dofs, by the unknowns."""
         b = self._vector.x.array
         for bc in self.bcs:
             bc.set(b, alpha=0.0)
@@ -368,8 +590,6 @@ class Assembly:
 
     def tangent_product(self, x: Array, y: Array) -> None:
         """Put the current state's tangent times x into y, without assembling the matrix."""
-        from dolfinx import la
-
         d = self.potential.direction.x
         self.unknowns.push(x, d.array)
         for bc in self.bcs:
@@ -417,323 +637,6 @@ class Assembly:
             found += factor * self.assemble([form], held=True)
         return self._add_own_forces(found, held=True)
 
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Nodes of rigid parts on a mesh, and the unknowns of Newton's method with them.
-
-
-class Nodes:
-    """The displacement's nodes in a function space.
-
-    Args:
-        space: Of w: mixed with p, or of only the displacement.
-
-    Attributes:
-        dofs: Local dofs of w's components at each local node, shape (nodes, d).
-        places: Undeformed, in sizes of the device, shape (nodes, d).
-    """
-
-    def __init__(self, space: fem.FunctionSpace):
-        d = space.mesh.geometry.dim
-        mixed = space.dofmap.index_map_bs == 1  # only a pure displacement is numbered in blocks
-        self.vectors, parents = space.sub(0).collapse() if mixed else (space, None)
-        self.places = self.vectors.tabulate_dof_coordinates()[:, :d]
-        every = np.arange(len(self.places) * d) if parents is None else np.asarray(parents)
-        self.dofs = every.astype(np.int32).reshape(-1, d)
-
-    def on(self, body: Body, part: RigidPart) -> npt.NDArray[np.int32]:
-        """Return the local nodes on a part's face, or of its region.
-
-        Raises:
-            ComponentError: The mesh has no such face.
-        """
-        from dolfinx import fem
-
-        if part.region:
-            return np.asarray(
-                fem.locate_dofs_topological(self.vectors, body.mesh.topology.dim, body.regions[part.region])
-            )
-        if part.face not in body.entities:
-            raise ComponentError(f"{part.where}: the mesh has no face {part.face!r}; it has {', '.join(body.entities)}")
-        dimension, found = body.entities[part.face]
-        body.mesh.topology.create_connectivity(dimension, body.mesh.topology.dim)
-        return np.asarray(fem.locate_dofs_topological(self.vectors, dimension, found))
-
-
-def unknowns_of(
-    body: Body, space: fem.FunctionSpace, held: Sequence[fem.DirichletBC], components: Sequence[Component]
-) -> Unknowns:
-    """Return the unknowns on a mesh: its owned dofs, fewer with rigid parts.
-
-    Args:
-        body: Mesh and roles.
-        space: Function space of w.
-        held: Conditions on dofs that are zero.
-        components: What is added to the device, rigid parts among them.
-
-    Raises:
-        ComponentError: A rigid part on no face of the mesh, two that meet, or one that meets what holds the device.
-    """
-    n = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-    rigid = [part for part in components if isinstance(part, RigidPart)]
-    if not rigid:
-        return Unknowns(n)
-    comm, nodes = body.mesh.comm, Nodes(space)
-    none = np.empty(0, dtype=np.int32)
-    still = np.concatenate([none, *(bc.dof_indices()[0] for bc in held)])
-    motions: dict[str, RigidMotion] = {}
-    taken = none
-    for part in rigid:
-        found = nodes.on(body, part)
-        dofs, places = nodes.dofs[found], nodes.places[found]
-        freedom = part.freedom(body.actuator, _centre(body, part))
-        motion = motions[part.label] = RigidMotion(comm, freedom, body.skew, dofs, places, dofs[:, 0] < n)
-        if any_rank(comm, bool(np.isin(dofs, taken).any())):
-            raise ComponentError(f"{part.where} touches another rigid part; merge them")
-        if any_rank(comm, bool((np.isin(dofs, still)[..., None] & (np.abs(motion.rates()) > STILL)).any())):
-            raise ComponentError(
-                f"{part.where} touches the device's support along an edge, so it cannot move; guide it along a free "
-                "direction of the support, or use kind = 'held'"
-            )
-        taken = np.concatenate([taken, dofs.ravel()])
-    try:
-        return RigidUnknowns(comm, n, motions, still)
-    except ValueError as few:
-        raise ComponentError(str(few)) from None
-
-
-def _centre(body: Body, part: RigidPart) -> Array:
-    """Return the centre of a part's whole undeformed face or region, in sizes of the device, mirror images included."""
-    import ufl
-    from dolfinx import fem
-
-    d = body.actuator.dimension
-    if d == 2:
-        return np.zeros(d)
-    area = body.sheet_face(part.face)[0] if part.face else cell_measure(body, body.regions[part.region])
-    X = ufl.SpatialCoordinate(body.mesh)
-    one = fem.Constant(body.mesh, 1.0)
-    size, *moments = (total(body.mesh.comm, fem.assemble_scalar(fem.form(f * area))) for f in (one, *X))
-    centre = np.array(moments) / size
-    normals = np.array([plane.normal for plane in body.actuator.cut_planes]).reshape(-1, d)
-    return np.asarray(centre - np.linalg.pinv(normals) @ normals @ centre)
-
-
-def still_pressures(body: Body, space: fem.FunctionSpace, components: Sequence[Component]) -> list[fem.DirichletBC]:
-    """Return the conditions that fix p in rigid regions, which do not strain; a region has its own p, see `mechanics.assembly`.
-
-    Args:
-        body: The mesh; it has the regions, which `softmodels.mechanics.regions.Regions` checks.
-        space: Function space of w.
-        components: What is added to the device, rigid regions among them.
-    """
-    from dolfinx import fem
-
-    regions = [part.region for part in components if isinstance(part, RigidPart) and part.region]
-    if not regions or space.dofmap.index_map_bs != 1:
-        return []
-    rows = np.array(space.sub(1).dofmap.list)
-    dofs = known_to_all(space, np.concatenate([rows[body.regions[name]].ravel() for name in regions]))
-    return [fem.dirichletbc(np.array(0.0), dofs, space.sub(1))]
-
-
-FORMULATIONS = ("mixed", "displacement")
-VOLUME_TOLERANCE = 0.1
-"""Tolerance of the meshed cavity's volume against the exact one: straight edges, or three curved ones around a channel,
-give a few percent error; six a part in a thousand."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class State:
-    """An equilibrium state, dimensionless.
-
-    Attributes:
-        w: Local dof values with ghosts, shape (n,): skew displacement components and, if mixed, p; behind them, where
-            volumes are held, those cavities' pressures.
-        P: Cavity pressure.
-        V: Volume of the cavity, of the slice in 3-D; with several cavities what P works on.
-        iterations: Newton iterations that led here.
-    """
-
-    w: Array
-    P: float
-    V: float
-    iterations: int = 0
-
-
-class System(Assembly):
-    """The discrete equations of a body.
-
-    Args:
-        body: Mesh and roles.
-        material: Law and parameters; regions among ``components`` have their own.
-        formulation: ``"mixed"`` (P2 displacement, P1 pressure) or ``"displacement"`` (P2).
-        components: What else is added to it; see `softmodels.mechanics.component`.
-        creeping: Whether silicone with a memory creeps and softens; else it is what it is after a long time.
-
-    Attributes:
-        potential: What all of it is derived from.
-        w: The current state's unknowns; P and ``pressures`` go with it.
-        K: Matrix with the pattern of the tangent.
-        n: Number of owned dofs; ``dofs`` counts ghosts too.
-        still_pressures: Number of p that are held, in rigid regions.
-        unknowns: What Newton's method solves for instead of w: vectors of K's size are of these.
-        direction: 1, or -1 if a path with proportional pressures goes to vacuum: P and V, which rise along it, are then
-            minus the pressure and minus the volume.
-        coupling: How the drivers are coupled: the cavities' pressures and volumes, then the dead loads and what they move.
-        dead: The dead loads.
-        volume_error: Of the cavity's volume by its mesh, against the closed form; nan where there is none.
-
-    Raises:
-        BodyError: A cavity whose wall encloses another volume than the device's.
-        GeometryError: A cavity that is open.
-        MaterialError: An incompressible material in the displacement formulation.
-        ComponentError: A part that cannot be on this mesh.
-    """
-
-    potential_class: type[Potential] = Potential  # a user's potential may have further terms
-
-    def __init__(
-        self,
-        body: Body,
-        material: Material,
-        formulation: str = "mixed",
-        components: Sequence[Component] = (),
-        creeping: bool = False,
-    ):
-        from dolfinx import fem
-
-        if formulation not in FORMULATIONS:
-            raise ValueError(f"formulation {formulation!r} is not one of {', '.join(FORMULATIONS)}")
-        if not creeping:
-            material, components = relaxed(material, components)
-        check_compressible(material, components, formulation == "mixed")
-        self.body, self.formulation, self.comm = clamped(body, components), formulation, body.mesh.comm
-        self.components, self.ratios = tuple(components), tuple(body.actuator.ratios)
-        if type(body).volume_integrand is Body.volume_integrand:  # a user's volume integral may close them differently
-            closing = [Hold(role, seal.normal) for seal in seals(components) for role in seal.roles]
-            check_closed(body.actuator, body.openings, [*self.body.holds, *closing])
-        self.mixed = formulation == "mixed"
-        self.potential = self.potential_class(self.body, material, self.mixed, components)
-        self.space, self.w = self.potential.space, self.potential.w
-        self.set_material(material)
-        self.form = functools.partial(fem.form, jit_options=JIT)
-        self._compile()
-        still = still_pressures(self.body, self.space, components)
-        self.still_pressures = round(total(self.comm, sum(bc.dof_indices()[1] for bc in still)))
-        self.bcs = [*conditions(self.body, self.vectors), *still]
-        self.assembled = AssembledTerms(self.potential.terms.values(), self.bcs)
-        self._whole: PETSc.Mat = matrix_of(self.space, self._products.matrices[: len(self.matter)])
-        self.unknowns = unknowns_of(body, self.space, self.bcs, components)
-        self.K: PETSc.Mat = self.unknowns.matrix(self._whole, self._assemble_whole)
-        self._vector = fem.Function(self.space)
-        self.cells = np.arange(body.mesh.topology.index_map(body.mesh.topology.dim).size_local, dtype=np.int32)
-        self.n, self.dofs = self.K.getLocalSize()[0], len(self.w.x.array)
-        self.dead = DeadLoads(self, components)
-        self._loads += self.dead.forms
-        self.direction = 1
-        self.coupling = self.inflating(np.zeros(len(self.dead.forms)))
-        self._set_pressures(0.0, np.empty(0))
-        self.dead.check()
-        self._check_volume()
-
-    def _compile(self) -> None:
-        """Compile the forms. Every term of the potential has its own, added up when assembled: bodies share the law's."""
-        import basix
-        import ufl
-        from dolfinx import fem
-
-        potential, form = self.potential, self.form
-        tangent = potential.tangent(ufl.TrialFunction(self.space))
-        first = [*tangent, *potential.internal, *potential.loads, *potential.volumes, *potential.free_energies]
-        if known_cells(self.space):
-            begin(self.comm, "moduli")
-        compile_ahead(self.comm, first)
-        self._volumes = [form(own) for own in potential.volumes]
-        self._loads = [[form(load)] for load in potential.loads]
-        for term in potential.terms.values():
-            term.compile(self)
-        self._stored = [form(energy) for energy in potential.free_energies]
-        self._internal = [form(force) for force in potential.internal]
-        self._products = TangentOperator(potential, self._internal, [load for (load,) in self._loads], tangent, form)
-        self.points, self._weights = basix.make_quadrature(self.body.mesh.basix_cell(), QUADRATURE_DEGREE)
-        strain = Strain(self.body.deformation_gradient(potential.displacement))
-        self._J = fem.Expression(strain.J, self.points, jit_options=JIT)
-        self._densities: fem.Expression | None = None
-
-    def _check_volume(self) -> None:
-        """Reject a cavity whose openings are not in planes through the origin, because its volume would be wrong."""
-        found, known = self.rest().V * self.volume_unit, self.body.actuator.cavity_volume
-        self.volume_error = found / known - 1 if self._volumes else 0.0
-        if abs(self.volume_error) > VOLUME_TOLERANCE:
-            raise BodyError(
-                f"the cavity's wall encloses {found * 1e6:.4g} ml instead of {known * 1e6:.4g} ml: include "
-                f"every face around the air in its walls, let planes that cut the cavity pass through the "
-                f"origin, or use smaller cells if the mesh is coarse (--cell-size)"
-            )
-
-    @property
-    def matter(self) -> Sequence[MaterialRegion]:
-        """Its materials and where they are."""
-        return self.potential.regions
-
-    @property
-    def vectors(self) -> fem.FunctionSpace:
-        """The displacement's part of the function space."""
-        return self.space.sub(0) if self.mixed else self.space
-
-    def set_material(self, material: Material) -> None:
-        """Set other parameters of the same law, without recompiling."""
-        self.potential.set_material(material)
-        self.material = material
-
-    def take(self, material: Material, components: Sequence[Component], ratios: Sequence[float]) -> None:
-        """Set the numbers of a law and of parts like those that it was made of, and the cavities' ratios, without
-        recompiling; the dead loads keep their own magnitudes.
-
-        Args:
-            material: Of the same law.
-            components: In the same order; unchecked, so that they may be nudged.
-            ratios: The cavities' pressures over P.
-        """
-        P = self.common_pressure()
-        self.components, self.ratios, self.material = tuple(components), tuple(ratios), material
-        own = {part.name: part.material for part in components if isinstance(part, RegionPart)}
-        self.potential.set_material(material, own)
-        for part in components:
-            if (term := self.potential.terms.get(part.label)) is not None:
-                term.take(part)
-        self.dead.take(components)
-        self.coupling = self.inflating(self.dead.amounts / self.dead.units)
-        self._set_pressures(P, np.empty(0))
-
-    def common_pressure(self) -> float:
-        """Return P of the current state where it is the cavities' common pressure."""
-        shares = self.coupling.shares
-        cavity = int(np.argmax(np.abs(shares)))
-        return float((self.pressures[cavity] - self.coupling.fixed_pressures[cavity]) / shares[cavity])
-
-    def follow_mesh(self) -> None:
-        """Follow a mesh that has moved, in all that is not a form."""
-        self.dead.remeasure()
-        for term in self.potential.terms.values():
-            term.follow_mesh()
-
-    @property
-    def stress_unit(self) -> float:
-        """Pa in one dimensionless stress."""
-        return self.material.shear_modulus_0
-
-    @property
-    def length_unit(self) -> float:
-        """Metres in one dimensionless length."""
-        return self.body.actuator.size
-
-    @property
-    def volume_unit(self) -> float:
-        """m3 of the whole device in one dimensionless volume of the slice."""
-        return self.length_unit**3 * self.body.actuator.copies
-
     # -- the current state --------------------------------------------------------------------------------------------
 
     def load(self, state: State) -> None:
@@ -765,11 +668,8 @@ class System(Assembly):
         return self.coupling.pressures(state.P, state.w[self.dofs :])
 
     def inflating(self, dead: Array) -> Coupling:
-        """Return the coupling in which P is the cavities' common pressure, or their vacuum if the `direction` is -1.
-
-        Args:
-            dead: Constant magnitudes of the dead loads, shape (k - cavities,).
-        """
+        """Return the coupling in which P is the cavities' common pressure, or their vacuum if the `direction` is -1, beside
+        constant magnitudes of the dead loads, shape (k - cavities,)."""
         return Coupling.proportional([self.direction * ratio for ratio in self.ratios], dead)
 
     def pressures_at(self, state: State) -> Array:
@@ -811,17 +711,12 @@ class System(Assembly):
     def point_volumes(self) -> Array:
         """Return the dimensionless undeformed volumes of the integration points of the owned cells, shape (cells, points)."""
         if self._densities is None:
-            import ufl
-            from dolfinx import fem
-
             density = self.body.hoop * abs(ufl.JacobianDeterminant(self.body.mesh))
             self._densities = fem.Expression(density, self.points, jit_options=JIT)
         return self._densities.eval(self.body.mesh, self.cells).reshape(len(self.cells), -1) * self._weights
 
     def integral(self, form: fem.Form) -> float:
         """Return the value of a compiled form without arguments, over all ranks."""
-        from dolfinx import fem
-
         return total(self.comm, fem.assemble_scalar(form))
 
 
@@ -850,8 +745,6 @@ def rounding_of_stress(system: System) -> float:
 
 def _thinnest(mesh: meshes.Mesh) -> float:
     """Return the least height of a cell in the mesh's units, on all ranks."""
-    from mpi4py import MPI
-
     dimension = mesh.topology.dim
     corners = np.asarray(mesh.geometry.x)[mesh.geometry.dofmaps[0][:, : dimension + 1], :]
     sides = corners[:, 1:] - corners[:, :1]
@@ -864,39 +757,21 @@ def _thinnest(mesh: meshes.Mesh) -> float:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Reaction forces of a device's supports.
+# Forces of supports and of dead loads.
 
 
 def held_force(system: System, role: str, component: int) -> float:
-    """Return the current force on the support of a role along a component of w, of the slice, dimensionless.
-
-    It is what of the forces on the role's dofs nothing else balances, see `Assembly.surplus`.
-    """
-    from dolfinx import fem
-
+    """Return the current force on the support of a role along a component of w, of the slice, dimensionless: what of the
+    forces on the role's dofs nothing else balances, see `System.surplus`."""
     dimension, found = system.body.entities[role]
     dofs = fem.locate_dofs_topological(system.vectors.sub(component), dimension, found)
     return total(system.comm, -float(system.surplus()[dofs[dofs < system.n]].sum()))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# A dead load that is spread evenly over a face.
-
-
 def face_load(system: System, role: str, direction: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Return a unit load on the slice, spread evenly over a role's undeformed facets: entries of all owned dofs.
-
-    Args:
-        system: The equations.
-        role: Of facets.
-        direction: Unit vector in device coordinates.
-
-    Returns:
-        Shape (n,), dimensionless; `System.by_unknowns` turns it into what Newton's method has.
-    """
-    import ufl
-    from dolfinx import fem
-
+    """Return a unit load on the slice along a unit vector of device coordinates, spread evenly over a role's undeformed
+    facets: entries of all owned dofs, shape (n,), dimensionless; `System.by_unknowns` turns it into what Newton's method
+    has."""
     body = system.body
     measure, _ = body.sheet_face(role)
     test = ufl.TestFunction(system.space)
@@ -907,19 +782,9 @@ def face_load(system: System, role: str, direction: npt.ArrayLike) -> npt.NDArra
     return system.assemble([spread], held=True) / system.integral(fem.form(one * body.hoop * measure))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The dead loads of a device as forces on its nodes, for other programs.
-
-
 def nodal_forces(system: System) -> tuple[Array, Array]:
-    """Return all dead loads at their own magnitudes, on the modelled slice.
-
-    Args:
-        system: The equations of a solid with only displacements, on one rank.
-
-    Returns:
-        Undeformed places of the nodes in m and forces on them in N, shape (n, 3) each, in device coordinates.
-    """
+    """Return all dead loads at their own magnitudes on the slice, of a solid with only displacements on one rank: undeformed
+    places of the nodes in m and forces on them in N, shape (n, 3) each, in device coordinates."""
     body, dead = system.body, system.dead
     drives = dead.amounts / dead.units
     held = [drive * system.assemble(forms, held=True) for drive, forms in zip(drives, dead.forms, strict=True)]

@@ -1,8 +1,9 @@
 """Following a device along its load path.
 
-Begin with `continuation`: `trace` yields one `Point` after another, limit points and bifurcations among them.
+Begin with `continuation`: `trace` yields one `Point` after another, limit points and bifurcations among them; `follow` takes
+the branch that leaves one.
 
 - `points`: points, ends, and the quantities a path is asked for. `stability`: eigenvalues and modes.
-- `branching`: the branch that leaves a bifurcation. `supply`: syringes and gas. `air_flow`: tubes, valves and leaks.
+- `supply`: syringes and gas; tubes, valves and leaks in time.
 - `program`, `schedule`: load programs, preload, loading and unloading with snap-through. `time_steps`: silicone that creeps.
 """

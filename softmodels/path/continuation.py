@@ -11,12 +11,12 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
+from softmodels.common.lazy import fem, meshes, scipy, ufl
 from softmodels.mechanics.component import EnergyTerm, PathFailure
 from softmodels.mechanics.controls import Control, Curve, Tangent, volume_control
 from softmodels.mechanics.mpi import largest, total
@@ -45,20 +45,9 @@ MIN_RELATIVE_DISTANCE = 1e-2
 """Minimum distance of a new state for predicting the tangent; closer, its change is rounding."""
 
 
-class Foretelling(Protocol):
-    """A predictor point: a state of a path and its tangent."""
-
-    @property
-    def state(self) -> State: ...
-
-    @property
-    def tangent(self) -> Tangent: ...
-
-
-def predict(points: Sequence[Foretelling], line: Curve) -> tuple[Array, float]:
-    """Guess (w, P) on a line from one point and its tangent, or from the cubic through two.
-
-    The parameter is the line's own left side; beyond a point where that turns, only the tangent is used.
+def predict(points: Sequence[Point], line: Curve) -> tuple[Array, float]:
+    """Guess (w, P) on a line from one point and its tangent, or from the cubic through two. The parameter is the line's own
+    left side; beyond a point where that turns, only the tangent is used.
 
     Raises:
         NoConvergence: The path runs along the line.
@@ -72,11 +61,8 @@ def predict(points: Sequence[Foretelling], line: Curve) -> tuple[Array, float]:
     return _sum(points, values, slopes / rates)
 
 
-def predict_direction(
-    points: Sequence[Foretelling], state: State, line: Curve, creeping: bool = False
-) -> Tangent | None:
-    """Predict the tangent at a state beyond the last points, per unit of a line's left side; None
-    if not possible.
+def predict_direction(points: Sequence[Point], state: State, line: Curve, creeping: bool = False) -> Tangent | None:
+    """Predict the tangent at a state beyond the last points, per unit of a line's left side; None if not possible.
 
     It is that of the polynomial through the points, their tangents and the state itself. Where silicone creeps between the
     states they do not follow their tangents, which alone are then extrapolated.
@@ -102,7 +88,7 @@ def predict_direction(
     return Tangent(w + own * state.w, P + own * state.P, 0.0)
 
 
-def _along(points: Sequence[Foretelling], line: Curve) -> tuple[Array, Array]:
+def _along(points: Sequence[Point], line: Curve) -> tuple[Array, Array]:
     """Return a line's left side at points, and its rates along their tangents."""
     slopes = np.array([line.slopes(p.state.V, p.state.P) for p in points])
     rates = np.einsum("pi,pi->p", slopes, [(p.tangent.V, p.tangent.P) for p in points])
@@ -131,7 +117,7 @@ def _weights(places: Array, at: float) -> tuple[tuple[Array, Array], tuple[Array
     return (values, slopes), (np.array([-rate, rate]), np.array([(1 - x) * (1 - 3 * x), x * (3 * x - 2)]))
 
 
-def _sum(points: Sequence[Foretelling], values: Array, slopes: Array) -> tuple[Array, float]:
+def _sum(points: Sequence[Point], values: Array, slopes: Array) -> tuple[Array, float]:
     """Return the weighted sum of the points' states and tangents, (w, P)."""
     w, P = np.zeros_like(points[0].state.w), 0.0
     for p, value, slope in zip(points, map(float, values), map(float, slopes), strict=True):
@@ -146,16 +132,12 @@ def _sum(points: Sequence[Foretelling], values: Array, slopes: Array) -> tuple[A
 
 
 class PathHistory:
-    """The last points of a path.
-
-    Args:
-        solver: The device.
+    """The end of a path of a device.
 
     Attributes:
         points: The last one or two, in order.
         modes: Those of the bifurcations that the path has passed: a state with much of one lies on another branch.
         line: Name of what the path follows.
-        stability: Of the device.
     """
 
     def __init__(self, solver: Solver):
@@ -177,15 +159,6 @@ class PathHistory:
         """Make a point the last one that they remember already."""
         self.points = [*self.points[-1:], point]
         return point
-
-    def change_line(self, line: str, step: float) -> None:
-        """Switch the control at the last point, with a step of this length."""
-        self.line = line
-        self.points[-1] = dataclasses.replace(self.last, step=step, line=line)
-
-    def begin_again(self, line: str) -> None:
-        """Drop all points and modes before another branch."""
-        self.points, self.modes, self.line = [], [], line
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -215,13 +188,7 @@ class Emptied(NoConvergence):
 
 
 class Corrector:
-    """Newton's method along a path.
-
-    Args:
-        solver: The device.
-        trail: The path's last points.
-        plane: Scales of volume and pressure.
-    """
+    """Newton's method along a path, from its last points, with the scales of volume and pressure."""
 
     def __init__(self, solver: Solver, trail: PathHistory, plane: ArcLengthMetric):
         self.solver, self.trail, self.plane = solver, trail, plane
@@ -261,9 +228,8 @@ class Corrector:
         return cosine(found.w) < -ALONG and cosine(self.trail.last.tangent.w) > ALONG
 
     def solve(self, line: Curve, around: Sequence[Point]) -> State:
-        """Return the state on a line, guessed by the cubic through one or two points and their tangents.
-
-        Past a bifurcation there are several. One with much more or less of the mode than predicted lies on another branch.
+        """Return the state on a line, guessed by the cubic through one or two points and their tangents. Past a bifurcation
+        there are several: one with much more or less of the mode than predicted lies on another branch.
 
         Raises:
             NoConvergence: There is none, or it lies on another branch.
@@ -287,14 +253,8 @@ class Corrector:
             return self.solver.solve(line, w, P, since=last.w)
 
     def point(self, state: State, requested: bool = False, limit: bool = False, step: float | None = None) -> Point:
-        """Return the point of a state, with tangent and signature, factorised if these need it.
-
-        Args:
-            state: A state near the last point.
-            requested: Whether it is one of the requested values.
-            limit: Whether it is a limit point of the pressure.
-            step: Length of the next step; the last point's if None.
-        """
+        """Return the point of a state near the last one, with tangent and signature, factorised if these need it, and with the
+        last point's ``step`` if None is given."""
         solver, last = self.solver, self.trail.last
         if solver.system.potential.motion:
             return dataclasses.replace(last, state=state, tangent=at_once(state), requested=requested)
@@ -380,18 +340,16 @@ class Corrector:
 
     def middle(self, before: Point, after: Point) -> Point:
         """Return the point half way between two, with its signature."""
-        state = self.on_the_way(before, after, 0.5).state
-        self.solver.factorise(state)
-        return dataclasses.replace(
-            after, state=state, tangent=self.tangent(state), requested=False, limit=False,
-            signature=self.stability.signature(exact=True),
-        )  # fmt: skip
+        found = self.on_the_way(before, after, 0.5)
+        self.solver.factorise(found.state)
+        signature, tangent = self.stability.signature(exact=True), self.tangent(found.state)
+        return dataclasses.replace(found, tangent=tangent, limit=False, signature=signature)
 
     def root(self, low: Point, high: Point, f: Callable[[Point], float]) -> State:
         """Return the root of f between two points by the Illinois variant of the secant, on lines of given volume.
 
-        Each value is a solve, started from the bracket's own two points, which a root finder for plain numbers does not
-        know; and it ends as soon as f is small beside its ends.
+        Each value is a solve, started from the bracket's own two points, which a root finder for plain numbers does not know;
+        and it ends as soon as f is small beside its ends.
         """
         f_low, f_high = f(low), f(high)
         scale = max(abs(f_low), abs(f_high))
@@ -437,17 +395,15 @@ class PassedLimits:
         """Return those of the points, in order, from which a path continues."""
         limit = next((point for point in points if point.limit), None)
         turn = next((point for point in reversed(points) if point.turn), None)
-        jumping = turn is not None and _value(requested, turn) > _value(requested, points[-1])
+        jumping = turn is not None and requested.value(turn.state.V, turn.state.P) > requested.value(
+            points[-1].state.V, points[-1].state.P
+        )
         return cls(limit, turn, jumping)
 
     def ended(self, end: PathEnd, requested: PathQuantity) -> PathEnd:
         """Return the end of a path, with the limit point of the requested quantity."""
         limit = requested.limit_met(self.limit, self.turn)
         return PathEnd(str(end), limit, end.cause if limit is None else None)
-
-
-def _value(requested: PathQuantity, point: Point) -> float:
-    return requested.value(point.state.V, point.state.P)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -472,13 +428,8 @@ SNAPPED = PathFailure(
 
 
 def folded(cells: float, place: str, at: str) -> PathFailure:
-    """Return the end of a path at which only a few cells fold.
-
-    Args:
-        cells: How many take part in it.
-        place: Undeformed place of the one that moves most, with its unit.
-        at: What it is at, a clause that begins with a comma; empty inside.
-    """
+    """Return the end of a path at which only a few cells fold, around an undeformed place with its unit; ``at`` is a clause
+    that begins with a comma on what it is at, empty inside."""
     few = "one cell" if cells < 1.5 else f"{cells:.0f} cells"
     return PathFailure(
         f"{few} of the mesh would fold at {place} of the undeformed device{at}, and the requested quantity turns "
@@ -495,7 +446,7 @@ def folded(cells: float, place: str, at: str) -> PathFailure:
 #
 # Pressure and volume may both turn back at once, if a small part of the device snaps with little change of volume. Then no line
 # in their plane leads further, however short the step. The states beyond are found by prescribing the motion of that
-# part, which is regular there, as near a bifurcation (`softmodels.path.branching`).
+# part, which is regular there, as near a bifurcation (`softmodels.path.continuation`).
 
 
 MOST_STATES = 24
@@ -514,27 +465,9 @@ FALLING = 2
 """Consecutive decreases after which the requested quantity counts as turned back."""
 
 
-def check_yields(first: Point, plane: ArcLengthMetric, *followed: ContinuationParameter) -> None:
-    """Raise `PathEnd` if the requested volume or travel cannot change.
-
-    Args:
-        first: Its first point.
-        plane: Its scales.
-        followed: What is requested of it and what it follows.
-    """
-    if first.stiffest <= plane.felt(0.0) and any(isinstance(one, AddedVolume) for one in followed):
-        raise PathEnd("the supports prevent any change", cause=LOCKED)
-
-
 def lost(corrector: Corrector, requested: PathQuantity, why: str, failure: NoConvergence) -> PathEnd:
-    """Return the end of a path that could not be continued from its last point, with its cause if that is physical.
-
-    Args:
-        corrector: Of the path; its factorisation is not kept.
-        requested: What is requested.
-        why: A clause.
-        failure: What the solver reported.
-    """
+    """Return the end of a path that could not be continued from its last point, with its cause if that is physical; the path's
+    factorisation is not kept."""
     return PathEnd(f"{why} ({failure})", cause=_cause_of(corrector, requested, failure))
 
 
@@ -557,13 +490,8 @@ def _cause_of(corrector: Corrector, requested: PathQuantity, failure: NoConverge
 
 
 def snapping(corrector: Corrector, requested: PathQuantity) -> Array | None:
-    """Return the snapping motion (local dofs) if the requested quantity turns back just beyond the last point; else None.
-
-    It does where the device loses its stability there.
-
-    Args:
-        corrector: Of the path; its factorisation is not kept.
-        requested: What is requested.
+    """Return the snapping motion (local dofs) if the requested quantity turns back just beyond the last point, because the
+    device loses its stability there; else None. The path's factorisation is not kept.
 
     Raises:
         NoConvergence: There are no states near beyond it.
@@ -593,21 +521,13 @@ def _unstable(requested: PathQuantity, point: Point) -> int:
 
 
 class Ahead:
-    """States beyond a path's last point, controlled by the motion of the snapping part.
+    """States beyond a path's last two points, controlled by the motion of the snapping part; `NoConvergence` if the path has
+    no direction there.
 
-    The whole device moves on as it did before, and turns back with pressure and volume. What the motion has beyond that is
-    the part's: it grows without bound as the path nears the state where it snaps, and leads on through it. It may be so little
-    beside the whole that no measure of the whole shows it.
-
-    Args:
-        corrector: Of the path, with its last two points.
-
-    Attributes:
-        state: The last state found.
-        tangent: Direction of the path there, its dofs of unit length.
-
-    Raises:
-        NoConvergence: The path has no direction there.
+    The whole device moves on as it did before, and turns back with pressure and volume. What the motion has beyond that is the
+    part's: it grows without bound as the path nears the state where it snaps, and leads on through it. It may be so little
+    beside the whole that no measure of the whole shows it. ``state`` is the last state found, ``tangent`` the direction of the
+    path there, its dofs of unit length.
     """
 
     def __init__(self, corrector: Corrector):
@@ -618,11 +538,7 @@ class Ahead:
         self._amount = abs(self._part().share(last.state.w - before.state.w))
 
     def step(self) -> None:
-        """Solve for the next state.
-
-        Raises:
-            NoConvergence: There is none near.
-        """
+        """Solve for the next state; `NoConvergence` if there is none near."""
         state, rate, part = self.state, self.tangent, self._part()
         for _ in range(HALVINGS):
             far = self._amount / part.share(rate.w)
@@ -630,10 +546,8 @@ class Ahead:
                 found = self.solver.solve_along(
                     part.image, state.w, self._amount, state.w + far * rate.w, state.P + far * rate.P
                 )
-                if (
-                    self._measure(found.w - state.w).length < ASTRAY * far
-                    and (self.solver.system.volumes() > 0.0).all()
-                ):
+                near = self._measure(found.w - state.w).length < ASTRAY * far
+                if near and (self.solver.system.volumes() > 0.0).all():
                     self.state, self.tangent = found, self._direction(found, part)
                     self._amount *= SNAP_STEP_GROWTH
                     return
@@ -669,20 +583,13 @@ class Ahead:
 
 
 class Concentration:
-    """Effective number of cells in a motion, by its squared gradient: a fold moves the rest only rigidly.
+    """Effective number of cells in a motion (local dofs), by its squared gradient: a fold moves the rest only rigidly. w is
+    overwritten.
 
-    Args:
-        system: The equations; w is overwritten.
-        shape: Local dofs, shape as `State.w`.
-
-    Attributes:
-        cells: (sum e)^2 / sum e^2 of the cells' integrals e: 1 where one has all of it, all of them where all have as much.
+    ``cells`` is (sum e)^2 / sum e^2 of the cells' integrals e: 1 where one has all of it, all of them where all have as much.
     """
 
     def __init__(self, system: System, shape: Array):
-        import ufl
-        from dolfinx import fem
-
         self.system, body = system, system.body
         system.w.x.array[:] = shape[: system.dofs]
         test = ufl.TestFunction(fem.functionspace(body.mesh, ("DG", 0)))
@@ -700,8 +607,6 @@ class Concentration:
     @property
     def place(self) -> tuple[str, str]:
         """Undeformed centre in mm of the cell with the largest part, and its faces; the same on all ranks."""
-        from dolfinx import mesh as meshes
-
         system, body = self.system, self.system.body
         mesh, comm = body.mesh, system.comm
         mine = int(self._shares.argmax()) if len(self._shares) else 0
@@ -773,16 +678,11 @@ def unexplained(before: Point, after: Point) -> int:
 def events(
     corrector: Corrector, requested: PathQuantity, before: Point, after: Point, report: Callable[[str], None]
 ) -> list[Point]:
-    """Return the limit points, of the pressure and of the requested quantity, and bifurcations between two points, in order.
+    """Return the limit points, of the pressure and of the requested quantity, and bifurcations between the path's last point
+    and the next, in order; ``report`` takes a sentence on a bifurcation that cannot be located.
 
-    The kept factorisation is that of ``after`` then: none of the states solved for in between leaves a trace in what
-    follows, which a run that is resumed could not follow.
-
-    Args:
-        corrector: Of the path, whose last point is ``before``.
-        requested: What is requested of the path.
-        before, after: The points.
-        report: Takes a sentence on a bifurcation that cannot be located.
+    The kept factorisation is that of ``after`` then: none of the states solved for in between leaves a trace in what follows,
+    which a run that is resumed could not follow.
     """
     solver, stability = corrector.solver, corrector.stability
     kept = solver.kept.base, stability.modes
@@ -838,11 +738,8 @@ def changes(
 
 
 def bifurcation(corrector: Corrector, before: Point, after: Point) -> Point:
-    """Return the bifurcation between two points: the root of the eigenvalue that changes its sign there.
-
-    Raises:
-        NoConvergence: No state in between could be solved for.
-    """
+    """Return the bifurcation between two points: the root of the eigenvalue that changes its sign there. `NoConvergence` if no
+    state in between could be solved for."""
     stability = corrector.stability
     # The negative eigenvalue nearest to zero is the one that has just changed its sign, or is about to.
     fewer, more = sorted((before, after), key=lambda point: point.signature.negative_eigenvalues)
@@ -878,8 +775,6 @@ def bifurcation(corrector: Corrector, before: Point, after: Point) -> Point:
 def _root(known: list[Known], scale: float) -> float:
     """Return the volume at which the eigenvalue is zero, by interpolation through the states far enough
     from it."""
-    import scipy
-
     far = _far(known, scale)
     (_, low), (_, high) = _around(far)
     middle = (low.state.V + high.state.V) / 2
@@ -975,12 +870,9 @@ class Continuation:
         return self.keep(first)
 
     def resume(self, points: Sequence[Point]) -> None:
-        """Go on from points of an earlier trace.
-
-        Args:
-            points: In order: bifurcations, and behind others the last one or two that were solved for. Of their tangents the
-                changes of P and V count, the rest is found again; so is the last state, from what was stored of it.
-        """
+        """Go on from points of an earlier trace, in order: bifurcations, and behind others the last one or two that were
+        solved for. Of their tangents the changes of P and V count, the rest is found again; so is the last state, from what
+        was stored of it."""
         self.begin()
         self.recall()
         solver, trail, stability = self.solver, self.trail, self.trail.stability
@@ -1076,11 +968,8 @@ class Continuation:
         return None
 
     def advance(self, step: float, goal: float) -> Point:
-        """Take a step towards the requested value ``goal``, shortened until it converges.
-
-        Raises:
-            PathEnd: Not even the shortest step succeeded.
-        """
+        """Take a step towards the requested value ``goal``, shortened until it converges; `PathEnd` if not even the shortest
+        one did."""
         direct = self.direct
         begun = step = min(step, self._longest())
         left = goal - self.value(self.last.state)
@@ -1099,9 +988,7 @@ class Continuation:
                 step = share / 2
                 shortest = SHORTEST_STEP * self.first_step
                 if self.may_follow_volume and direct and step < max(0.02 * self.last.step, shortest):
-                    self.follow(
-                        AddedVolume.name
-                    )  # volume control passes a limit point, which distinguishes it from a failure
+                    self.follow(AddedVolume.name)  # which passes a limit point: that distinguishes it from a failure
                     step, direct = self.last.step, False
                 elif step < shortest:
                     why = "no step converged, down to a thousandth of the first one"
@@ -1145,7 +1032,8 @@ class Continuation:
         self.report(f"control switched to {line}")
         s, t, now, new = self.last.state, self.last.tangent, self.followed, self._known[line]
         step = abs(self.last.step * new.rate(s, t) / now.rate(s, t))
-        self.trail.change_line(line, min(step, new.largest_step(s, self.plane)))
+        self.trail.line, step = line, min(step, new.largest_step(s, self.plane))
+        self.trail.points[-1] = dataclasses.replace(self.last, step=step, line=line)
 
     @property
     def by_volume(self) -> bool:
@@ -1186,7 +1074,9 @@ def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = (
         first = path.begin()
         requested = bool(left) and left[0] == 0.0
         yield dataclasses.replace(first, requested=requested)
-        check_yields(first, path.plane, path.requested, path.followed)
+        by_volume = any(isinstance(one, AddedVolume) for one in (path.requested, path.followed))
+        if by_volume and first.stiffest <= path.plane.felt(0.0):
+            raise PathEnd("the supports prevent any change", cause=LOCKED)
         left = left[1:] if requested else left
     passed = PassedLimits.among(start, path.requested)
     while left:
@@ -1248,3 +1138,134 @@ def _check_end(path: Continuation, passed: PassedLimits) -> None:
     if not path.by_volume and added > path.largest_growth * path.plane.V_scale:
         why = f"the cavity has grown {path.largest_growth:g}-fold without reaching the requested value"
         raise passed.ended(PathEnd(why), path.requested)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Branch switching at a bifurcation.
+#
+# If K is singular in a mode, two more branches exist: the path's shape plus or minus a small amount of
+# the mode. Near the bifurcation the branch, its mirror image and the path have nearly the same volumes
+# and pressures, so its first states are solved with a prescribed amount of the mode, which stays regular. Once
+# two states predict the third, arc-length control takes over.
+
+
+AMOUNTS = (0.05, 0.1, 0.02, 0.2, 0.01)
+"""Amounts of the mode tried in turn for the first state, as largest displacement relative to the device's size."""
+GROWTH = 1.3
+"""Factor between prescribed amounts of the mode."""
+MOST_AMOUNTS = 14
+"""Maximum number of prescribed amounts before arc-length control takes over."""
+FORETOLD = 0.2
+"""Relative error of a predicted amount below which arc-length control takes over."""
+MOST_POINTS = 60
+
+
+class Branch:
+    """One of the two directions from a bifurcation, by a sign: 1 or -1 along the mode. Where a symmetry of the device maps one
+    to the other, both are the same. The path that met it is taken over: its last points become the branch's."""
+
+    def __init__(self, path: Continuation, bifurcation: Point, sign: int):
+        self.path, self.start, self.sign = path, bifurcation, sign
+        assert bifurcation.mode is not None
+        self.shape = bifurcation.mode
+        self.mode = Mode(path.trail.stability.mass, self.shape)
+        path.trail.points, path.trail.modes, path.trail.line = [], [], ArcLength.name
+
+    def amount(self, w: npt.NDArray[np.float64]) -> float:
+        """Return the amount of the mode in dofs (shape as `State.w`) relative to the bifurcation, along the chosen
+        direction."""
+        return self.sign * self.mode.share(w - self.start.state.w)
+
+    def first(self) -> Point:
+        """Return the first state on the branch; `NoConvergence` if no amount of the mode led to one."""
+        at = self.start.state
+        for amount in AMOUNTS:
+            try:
+                return self._given(amount, at.w + self.sign * amount * self.shape, at.P)
+            except NoConvergence as failure:
+                self.path.report(f"no converged state with amplitude {amount:g} of the mode ({failure})")
+        raise NoConvergence("no converged state on the branch")
+
+    def next(self) -> Point:
+        """Return the state with `GROWTH` times as much of the mode as the last."""
+        path, last = self.path, self.path.last.state
+        points = path.trail.points
+        before = points[0].state if len(points) > 1 else self.start.state
+        old, new = self.amount(before.w), self.amount(last.w)
+        ahead = (GROWTH - 1) * new / (new - old)
+        return self._given(GROWTH * new, last.w + ahead * (last.w - before.w), last.P + ahead * (last.P - before.P))
+
+    def _given(self, amount: float, guess: npt.NDArray[np.float64], P: float) -> Point:
+        """Return the state with the given amplitude of the mode, its tangent towards larger ones."""
+        path, solver, at = self.path, self.path.solver, self.start.state
+        solver.factorise(dataclasses.replace(at, w=guess, P=P))
+        state = solver.solve_along(self.mode.image, at.w, self.sign * amount, guess, P)
+        solver.factorise(state)
+        signature = path.trail.stability.signature(exact=True)
+        t = path.corrector.tangent(state)
+        tangent = t if self.sign * self.mode.share(t.w) > 0 else -t
+        step = self._distance(path.last.state, state) if path.trail.points else path.first_step
+        return dataclasses.replace(
+            self.start, state=state, tangent=tangent, mode=None, line="mode", step=step, signature=signature,
+            stiffest=abs(tangent.compliance),
+        )  # fmt: skip
+
+    def _distance(self, a: State, b: State) -> float:
+        """Return the arc length between two states in the plane of volume and pressure."""
+        change = (b.V - a.V, b.P - a.P)
+        return self.path.plane.product(change, change) ** 0.5
+
+    def predicted(self, known: list[Point], found: Point) -> bool:
+        """Return whether two points predict a third well enough for arc-length control."""
+        s, t = known[-1].state, known[-1].tangent
+        path, new = self.path, found.state
+        line = path.plane.square_to(t, s)
+        line = line.at(line.value(new.V, new.P))
+        forward = all(path.plane.product((p.tangent.V, p.tangent.P), (t.V, t.P)) > 0 for p in (*known, found))
+        if len(known) < 2 or not forward or line.target <= line.value(s.V, s.P):
+            return False
+        amount = self.amount(new.w)
+        error = self.amount(predict(known, line)[0]) - amount
+        return abs(error) <= FORETOLD * abs(amount - self.amount(s.w))
+
+
+def follow(path: Continuation, bifurcation: Point, sign: int = 1, farthest: float = float("inf")) -> Iterator[Point]:
+    """Follow the branch away from a bifurcation, by a sign along its mode; the path that met it is taken over.
+
+    It ends at the value ``farthest`` of the path's quantity, and where a cavity has grown or shrunk too far.
+
+    Yields:
+        The branch's points, limit points and further bifurcations among them; at most `MOST_POINTS`.
+
+    Raises:
+        PathEnd: The branch could be followed no further.
+    """
+
+    system = path.solver.system
+
+    def ends(point: Point) -> bool:
+        value, growth = path.value(point.state), abs(point.state.V) / path.plane.V_scale
+        least = 0.05 if system.drives_cavities else -1.0  # the travel of a dead load may be zero
+        return value >= farthest or value <= 0.0 or not least < growth < LARGEST_GROWTH
+
+    branch = Branch(path, bifurcation, sign)
+    try:
+        yield path.keep(branch.first())
+        for _ in range(MOST_AMOUNTS):
+            known, found = path.trail.points, branch.next()
+            yield path.keep(found)
+            if ends(found):
+                return
+            if branch.predicted(known, found):
+                break
+    except NoConvergence as failure:
+        raise PathEnd(str(failure)) from failure
+    path.trail.modes = [branch.mode]
+    for _ in range(MOST_POINTS):
+        stops, leak = path.stops(min(path.last.step, 0.5), float("inf"))
+        for stop in stops:
+            yield stop if stop.bifurcation else path.keep(dataclasses.replace(stop, step=stops[-1].step))
+        if leak:
+            raise leak
+        if ends(stops[-1]):
+            return

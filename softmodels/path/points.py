@@ -5,7 +5,7 @@ from __future__ import annotations
 import abc
 import dataclasses
 import math
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 from softmodels.common.arrays import Array
 from softmodels.mechanics.component import PathFailure
@@ -58,13 +58,11 @@ class Point:
         return self.stable_under(volume_control(self.state.V))
 
     def stable_under(self, control: Control) -> bool:
-        """Return whether the state is stable if pressure and volume are tied by a control's line a V + b P = d.
+        """Return whether the state is stable if pressure and volume are tied by a line a V + b P = d, neither a nor b
+        negative; of a gas law its tangent at this state.
 
         What drives the air then gives way by dP = -k dV, k = a/b, and adds k q q^T to K. That takes one of the negative
         eigenvalues away where 1 + k q.K^-1 q = 1 + k dV/dP is negative, and else changes nothing (Sylvester's law again).
-
-        Args:
-            control: The line, neither a nor b negative; of a gas law its tangent at this state.
         """
         t = self.tangent
         rate = control.volume_coefficient * t.V + control.pressure_coefficient * t.P
@@ -128,12 +126,8 @@ class ArcLengthMetric:
         return abs(compliance) <= LOCKED_BELOW * self.V_scale
 
     def stiffened(self, compliance: float) -> ArcLengthMetric:
-        """Return the plane scaled at the stiffest state: for a flat membrane the scale at rest soon becomes
-        meaningless.
-
-        Args:
-            compliance: Smallest dV/dP on the path.
-        """
+        """Return the plane scaled at the stiffest state, by the smallest dV/dP on the path: for a flat membrane the scale at
+        rest soon becomes meaningless."""
         return dataclasses.replace(self, P_scale=max(self.P_scale, self.V_scale / compliance))
 
     def product(self, a: tuple[float, float], b: tuple[float, float]) -> float:
@@ -143,28 +137,6 @@ class ArcLengthMetric:
     def square_to(self, tangent: Tangent, state: State, step: float = 0.0) -> Control:
         """Return the line perpendicular to a tangent, ``step`` away from a state."""
         return arc_length(state.V, state.P, tangent.V, tangent.P, step, self.V_scale, self.P_scale)
-
-
-class ContinuationParameter(Protocol):
-    """A control of a path.
-
-    Attributes:
-        name: As in the column ``control`` of ``path.csv``.
-    """
-
-    @property
-    def name(self) -> str: ...
-    def ahead(self, state: State, tangent: Tangent, step: float) -> Curve:
-        """Return the curve ``step`` ahead of a state."""
-
-    def rate(self, state: State, tangent: Tangent) -> float:
-        """Return the change along a tangent."""
-
-    def first_step(self, plane: ArcLengthMetric, V0: float) -> float:
-        """Return the length of a path's first step from the volume V0."""
-
-    def largest_step(self, state: State, plane: ArcLengthMetric) -> float:
-        """Return the longest first step after a switch to this control."""
 
 
 class PathQuantity(abc.ABC):
@@ -210,9 +182,11 @@ class PathQuantity(abc.ABC):
         return None
 
     def ahead(self, state: State, tangent: Tangent, step: float) -> Curve:
+        """Return the curve ``step`` ahead of a state."""
         return self.curve(self.value(state.V, state.P) + step)
 
     def rate(self, state: State, tangent: Tangent) -> float:
+        """Return the change along a tangent."""
         a, b = self.slopes(state.V, state.P)
         return a * tangent.V + b * tangent.P
 
@@ -222,10 +196,12 @@ class PathQuantity(abc.ABC):
         return a + b * point.tangent.P / point.tangent.V
 
     def first_step(self, plane: ArcLengthMetric, V0: float) -> float:
+        """Return the length of a path's first step from the volume V0."""
         a, b = self.slopes(V0, 0.0)
         return FIRST_STEP * (a * plane.V_scale + b * plane.P_scale)
 
     def largest_step(self, state: State, plane: ArcLengthMetric) -> float:
+        """Return the longest first step after a switch to this control."""
         return math.inf
 
 
@@ -253,11 +229,7 @@ class Pressure(PathQuantity):
 
 @dataclasses.dataclass(frozen=True)
 class AddedVolume(PathQuantity):
-    """The cavity's volume minus that of the undeformed device.
-
-    Attributes:
-        V0: The volume from which it counts; a path puts in its own.
-    """
+    """The cavity's volume minus that of the undeformed device, ``V0``; a path puts in its own."""
 
     V0: float = 0.0
     name: ClassVar[str] = "volume"
@@ -312,10 +284,8 @@ class Supply(PathQuantity):
     """An air supply driven by a prescribed value, such as a stroke, instead of a pressure or volume.
 
     With its value kept, the supply's pressure falls as the cavity takes volume, so that it holds some states past the
-    pressure's limit point. Where its value has a limit point of its own along the path, the device jumps.
-
-    Attributes:
-        weight: Factor that brings an error of the value to the size of a pressure's or volume's, for Newton's method.
+    pressure's limit point. Where its value has a limit point of its own along the path, the device jumps. ``weight`` brings an
+    error of the value to the size of a pressure's or volume's, for Newton's method.
     """
 
     has_limits = True
@@ -380,3 +350,7 @@ class ArcLength:
 
     def largest_step(self, state: State, plane: ArcLengthMetric) -> float:
         return math.inf
+
+
+type ContinuationParameter = PathQuantity | ArcLength
+"""A control of a path."""

@@ -3,7 +3,7 @@
 Each cavity, and each dead load that changes, has a series of values, one for each step; from step to step all of them change
 together, in proportion. A step changes either pressures, forces and the like, or volumes and travels. A series of times says
 when; a step between equal values is then a hold, and one between equal times a jump. With an air supply in time
-(`softmodels.path.air_flow`) the series is that of its source, not of the cavities. A device is taken through it by
+(`softmodels.path.supply`) the series is that of its source, not of the cavities. A device is taken through it by
 `softmodels.path.schedule`.
 """
 

@@ -18,7 +18,6 @@ from softmodels.mechanics.controls import Coupling
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
-from softmodels.path.air_flow import Gas, Source
 from softmodels.path.continuation import Continuation, trace
 from softmodels.path.points import ArcLength, PathEnd, PathQuantity, Point, Pressure, VolumeGain
 from softmodels.path.program import (
@@ -34,6 +33,7 @@ from softmodels.path.program import (
     timed,
     value_at,
 )
+from softmodels.path.supply import Gas, Source
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Load stages: all drivers change proportionally from one state to another, as one path.
@@ -47,12 +47,7 @@ POINTS_PER_STAGE = 4
 
 
 class HangingEnd(PathEnd):
-    """No equilibrium exists under the preload.
-
-    Attributes:
-        what: What was being applied, a clause.
-        share: How much of it was reached.
-    """
+    """No equilibrium exists under the preload: ``what`` was being applied, a clause, and ``share`` of it was reached."""
 
     def __init__(self, end: PathEnd, what: str, share: float):
         super().__init__(str(end), end.limit, end.cause)
@@ -123,15 +118,11 @@ class Stage:
         cls, start: StageEnd, change: Array, held: Sequence[int], volumes: Array, duration: float = 0.0,
         before: Array | None = None,
     ) -> Stage:  # fmt: skip
-        """Return a stage that changes either magnitudes or their conjugates.
+        """Return a stage that changes either magnitudes or, of the drivers ``held``, their conjugates, by ``change``, shape
+        (k,), in a time in s.
 
-        Args:
-            start: Where it begins.
-            change: By how much each driver changes, shape (k,): of those held what it works on.
-            held: Drivers whose volume or travel is given.
-            volumes: What is worked on where it begins, shape (k,).
-            duration: Time in s that it takes.
-            before: Last change of a stage that is a hold: what that has reached is kept.
+        ``volumes`` is what is worked on where it begins, shape (k,); ``before`` the last change of a stage that is a hold:
+        what that has reached is kept.
         """
         goal = float(np.abs(change).max())
         change = change if goal or before is None else before
@@ -143,13 +134,7 @@ class Stage:
     def follow(
         self, solver: Solver, control: str, report: Callable[[str], None], tolerance: float = TOLERANCE
     ) -> Iterator[tuple[float, Point]]:
-        """Follow the stage to its end.
-
-        Args:
-            solver: The device.
-            control: What is followed, as in `Continuation`.
-            report: Takes sentences on what is going on.
-            tolerance: Of steps in time, see `march`.
+        """Follow the stage to its end under a control of `Continuation`; ``tolerance`` is that of steps in time, see `march`.
 
         Yields:
             Which share of it is done, and the point; the first one is its beginning.
@@ -190,9 +175,10 @@ def hang(
     control: str = "auto",
 ) -> StageEnd:
     """Apply the preload to the undeformed state, one magnitude after the other, such as the dead loads and then a pressure.
+    The coupling of the drivers is changed.
 
     Args:
-        solver: The device; the coupling of its drivers is changed.
+        solver: The device.
         targets: What is applied, a clause, and the magnitudes of all drivers then, dimensionless, shape (k,).
         report: Takes sentences on what is going on.
         control: What is followed, as in `Continuation`.
@@ -256,11 +242,12 @@ def follow(
     begin: StageEnd | None = None,
     hung: StageEnd | None = None,
 ) -> Iterator[tuple[float, Point]]:
-    """Follow a device through a program.
+    """Follow a device at rest through a program: one series for each of its cavities, or none for them, and series for dead
+    loads. The coupling of its cavities is changed.
 
     Args:
-        solver: The device, at rest; the coupling of its cavities is changed.
-        program: One series for each of its cavities, or none for them, and series for dead loads.
+        solver: The device.
+        program: The program.
         settings: How.
         begin: The end of a step to go on from; where it hangs if None.
         hung: Where it hangs under the loads that the program does not change; the undeformed state if None.
@@ -306,11 +293,8 @@ def _told(
 ) -> Generator[tuple[float, Point], None, Point]:
     """Yield how far a program has come at a stage's points, and these; return the last one.
 
-    Args:
-        points: Shares of the stage that are done, and points; the first one is its beginning, which the stage before has given.
-        number: The stage's.
-        begin: Where the program goes on from; None where it begins: then the first stage gives its beginning too.
-        at_rest: Whether that beginning is requested.
+    The first point is the stage's beginning, which the stage before has given; only the first stage of a program that does not
+    go on (``begin``) gives it too, requested if ``at_rest``.
     """
     _, point = next(points)
     if number == 1 and begin is None:
@@ -328,16 +312,8 @@ def supply(
     begin: StageEnd | None = None,
     hung: StageEnd | None = None,
 ) -> Iterator[tuple[float, Point]]:
-    """Follow a device that gas is supplied to in time; see `follow`.
-
-    Args:
-        solver: The device, at rest; the coupling of its cavities is changed.
-        program: The series of the source and of the times, perhaps one of the valve.
-        gas: The gas of the supply.
-        settings, begin, hung: As of `follow`.
-
-    Yields:
-        How far the program has come, and its point. A jump of the source leaves the device where it is.
+    """Follow a device that gas is supplied to in time, by the series of its source and of the times, perhaps one of the valve;
+    see `follow`. A jump of the source leaves the device where it is.
 
     Raises:
         PathEnd: The device snaps through, or no step was found.
@@ -385,13 +361,7 @@ def in_drivers(
     solver: Solver, program: Program, pascal_per_cm: float, kept: npt.NDArray[np.float64]
 ) -> tuple[npt.NDArray[np.float64], list[int]]:
     """Return the values of a program by step and driver, dimensionless, and the drivers with prescribed volume or travel.
-
-    Args:
-        solver: The device.
-        program: The program.
-        pascal_per_cm: Pa in one cm of the column.
-        kept: Magnitudes of all drivers where the program begins, shape (k,): those it does not tell of stay so.
-    """
+    ``kept`` has the magnitudes of all drivers where it begins, shape (k,): those it does not tell of stay so."""
     eq, cavities = solver.system, len(solver.system.body.actuator.ratios)
     units = {
         "pressure_cm": [pascal_per_cm / eq.stress_unit] * cavities,

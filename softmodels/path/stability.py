@@ -21,35 +21,26 @@ import contextlib
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
+from softmodels.common.lazy import PETSc, fem
 from softmodels.mechanics.assembly import entries_of
 from softmodels.mechanics.inertia import Inertia, mass_matrix
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 
-if TYPE_CHECKING:
-    from petsc4py import PETSc
-
-
 # ----------------------------------------------------------------------------------------------------------------------
 # Buckling modes as measures of other shapes.
 
 
 class Mode:
-    """A buckling mode, as a measure of other shapes.
+    """A buckling mode (local dofs, shape as `State.w`), as a measure of other shapes by the mass matrix M.
 
-    Args:
-        M: Mass matrix of the device, see `Stability`.
-        shape: Local dofs, shape as `State.w`.
-
-    Attributes:
-        image: M times the shape over shape.M.shape, a PETSc vector: its product with dofs is what they have of the shape.
+    ``image`` is M times the shape over shape.M.shape, a PETSc vector: its product with dofs is what they have of the shape.
     """
 
     def __init__(self, M: PETSc.Mat, shape: Array):
@@ -107,13 +98,8 @@ DEPENDENT = 1e-8
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Pencil:
-    """K and M as maps of PETSc vectors.
-
-    Attributes:
-        product: ``product(x, y)`` puts K x into y.
-        M: The mass matrix, positive but for a null space.
-        solve: ``solve(b, x, tolerance)`` puts K^-1 b into x, to a relative tolerance.
-    """
+    """K and M as maps of PETSc vectors: ``product(x, y)`` puts K x into y, M is positive but for a null space, and ``solve(b,
+    x, tolerance)`` puts K^-1 b into x, to a relative tolerance."""
 
     product: Callable[[PETSc.Vec, PETSc.Vec], None]
     M: PETSc.Mat
@@ -121,15 +107,8 @@ class Pencil:
 
 
 def stiffened(pencil: Pencil, columns: Sequence[PETSc.Vec], stiffnesses: Array) -> tuple[Pencil, int]:
-    """Return K + sum k q q^T with M, and how many negative eigenvalues that takes away.
-
-    Its inverse is Woodbury's; the inertia of [[K, q], [q^T, -1/k]] counts them (Haynsworth 1968).
-
-    Args:
-        pencil: K and M.
-        columns: The q.
-        stiffnesses: The k, above 0.
-    """
+    """Return K + sum k q q^T with M for some columns q and stiffnesses k above 0, and how many negative eigenvalues that takes
+    away. Its inverse is Woodbury's; the inertia of [[K, q], [q^T, -1/k]] counts them (Haynsworth 1968)."""
     lifted = [pencil.M.createVecRight() for _ in columns]
     for column, x in zip(columns, lifted, strict=True):
         pencil.solve(column, x, LIFTED)
@@ -328,12 +307,7 @@ def natural(count: int) -> list[float]:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Springs:
-    """Stiffnesses k q q^T added to K.
-
-    Attributes:
-        columns: The q by K's unknowns, shape (springs, n); none leave K as it is.
-        stiffnesses: The k, above 0, shape (springs,).
-    """
+    """Stiffnesses k q q^T added to K: the q by K's unknowns, shape (springs, n), and the k above 0; none leave K as it is."""
 
     columns: Array
     stiffnesses: Array
@@ -349,15 +323,10 @@ class Springs:
 
 
 class Spectrum(abc.ABC):
-    """Lowest eigenvalues of a solver's K x = lambda M x.
+    """Lowest eigenvalues of a solver's K x = lambda M x; the values of M, by its unknowns, may change.
 
-    Args:
-        solver: The device.
-        M: Mass matrix by its unknowns; its values may change.
-
-    Attributes:
-        seeds: Vectors with a part of every mode. A search begins with the first one; where modes of equal eigenvalues are to be
-            told apart, with all.
+    ``seeds`` are vectors with a part of every mode. A search begins with the first one; where modes of equal eigenvalues are
+    to be told apart, with all.
     """
 
     seeds: Sequence[PETSc.Vec]
@@ -379,34 +348,18 @@ class Spectrum(abc.ABC):
 
     @abc.abstractmethod
     def lowest(self, modes: Sequence[PETSc.Vec]) -> tuple[float, list[PETSc.Vec]]:
-        """Return the lowest eigenvalue at the state where K was factorised, its mode, and approximations of the next ones.
-
-        Args:
-            modes: Those of a state near by; may be none.
-
-        Raises:
-            NoConvergence: It was not found.
-        """
+        """Return the lowest eigenvalue at the state where K was factorised, its mode, and approximations of the next ones,
+        from those of a state near by, if there are any; `NoConvergence` if it was not found."""
 
     @abc.abstractmethod
     def corrected(self, state: State, modes: Sequence[PETSc.Vec]) -> float:
-        """Return the lowest eigenvalue of another state from modes of the last one, without a new factorisation.
-
-        Raises:
-            NoConvergence: The mode changes too much between the two states.
-        """
+        """Return the lowest eigenvalue of another state from modes of the last one, without a new factorisation;
+        `NoConvergence` if the mode changes too much between the two."""
 
     @abc.abstractmethod
     def pairs(self, count: int, springs: Springs | None = None) -> list[tuple[float, PETSc.Vec]]:
-        """Return at least so many eigenvalues nearest zero with their vectors, at the state where K was factorised.
-
-        Args:
-            count: How many.
-            springs: Stiffnesses added to K; then modes of equal eigenvalues are separated.
-
-        Raises:
-            NoConvergence: They were not found.
-        """
+        """Return at least so many eigenvalues nearest zero with their vectors, at the state where K was factorised; with
+        springs, which are added to K, modes of equal eigenvalues are separated. `NoConvergence` if they were not found."""
 
 
 def spectrum_of(solver: Solver, M: PETSc.Mat) -> Spectrum:
@@ -569,12 +522,7 @@ class Signature:
 
 
 class Stability:
-    """Signatures of a device's states. One per `Solver`; see `of`.
-
-    Args:
-        solver: The device.
-        inertia: Its masses; of unit density if None, as along a path.
-    """
+    """Signatures of a device's states, with its masses, or of unit density as along a path. One per `Solver`; see `of`."""
 
     def __init__(self, solver: Solver, inertia: Inertia | None = None):
         self.solver = solver
@@ -599,8 +547,6 @@ class Stability:
 
         Every search for modes begins with it, so that the result depends only on the state, not on the history.
         """
-        from dolfinx import fem
-
         eq = self.solver.system
         shape, d = fem.Function(eq.space), eq.body.mesh.geometry.dim
         seeds = [self.M.createVecRight() for _ in range(d)]
@@ -676,24 +622,15 @@ class Stability:
     # -- at one state -------------------------------------------------------------------------------------------------
 
     def eigenpairs(self, state: State, count: int = 4, springs: Springs | None = None) -> list[tuple[float, Array]]:
-        """Return the eigenvalues nearest zero and their modes at a state, rising, by shift and invert through the factorised K.
-
-        Args:
-            state: The state; K is factorised there.
-            count: How many at least.
-            springs: Stiffnesses added to K; see `Spectrum.pairs`.
-
-        Returns:
-            Pairs of eigenvalue (dimensionless) and mode: shape as `State.w`, largest entry 1 or -1.
-        """
+        """Return at least so many eigenvalues (dimensionless) nearest zero and their modes (shape as `State.w`, largest entry
+        1 or -1), rising, by shift and invert through K factorised at the state. Springs are added to K; see
+        `Spectrum.pairs`."""
         self.solver.factorise(state)
         self.solver.system.unknowns.projected(self.mass, self.M)
         pairs = [(value, self._mode(vector)) for value, vector in self.spectrum.pairs(count, springs)]
         return sorted(pairs, key=lambda pair: pair[0])
 
     def _mode(self, vector: PETSc.Vec) -> Array:
-        from dolfinx import fem
-
         function = fem.Function(self.solver.system.space)
         self.solver.system.unknowns.push(vector.array_r, function.x.array)
         function.x.scatter_forward()
@@ -712,16 +649,8 @@ class Stability:
         return pairs[chosen]
 
     def like(self, state: State, shape: Array) -> tuple[float, Array]:
-        """Return the eigenvalue whose mode is closest to a shape, and that mode, to track it past crossings
-        with others.
-
-        Args:
-            state: The state; K is factorised there.
-            shape: Mode at a neighbouring state, local dofs.
-
-        Raises:
-            NoConvergence: No mode is like it.
-        """
+        """Return the eigenvalue whose mode is closest to that of a neighbouring state (local dofs), and its mode, to track it
+        past crossings with others; K is factorised at the state. `NoConvergence` if no mode is like it."""
         measure = Mode(self.mass, shape)
         pairs = [
             (abs(measure.share(mode)) / measure.size(mode), value, mode) for value, mode in self.eigenpairs(state, 8)

@@ -20,8 +20,8 @@ from softmodels.path.program import TOLERANCE
 
 if TYPE_CHECKING:
     from softmodels.mechanics.system import State
-    from softmodels.path.air_flow import Gas, GasStep, Source
     from softmodels.path.continuation import Continuation
+    from softmodels.path.supply import Gas, GasStep, Source
 
 FEWEST_STEPS = 12
 """Usual minimum number of steps of a stage, for smooth curves."""

@@ -31,7 +31,7 @@ from softmodels.pictures.style import DPI, FAINT, INK, LINE_COLOURS, STYLE, WARN
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from softmodels.materials.stability import MaterialCurves
+    from softmodels.materials.specimens import MaterialCurves
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -429,7 +429,7 @@ def draw(many: Sequence[MaterialCurves], measured: Sequence[TensileCurve], radiu
 
 def _mark(axes: object, one: MaterialCurves, mode: str, stress: np.ndarray) -> None:
     """Mark the first instability of the law in this mode by a cross."""
-    from softmodels.materials.stability import instabilities
+    from softmodels.materials.specimens import instabilities
 
     for weak in instabilities(one.material):
         if weak.mode == mode and one.stretch[0] <= weak.stretch <= one.stretch[-1]:

@@ -22,7 +22,7 @@ import numpy as np
 
 from softmodels.common.arrays import Array
 from softmodels.common.errors import Spoken
-from softmodels.components.contact import RigidShape, RubbingShapeTerm, SampledShapeTerm, StandingShape, copies_around
+from softmodels.components.contact import RigidShape, RubbingShapeTerm, SampledShapeTerm, StandingTerm, copies_around
 from softmodels.components.pressing import Grip, Rubbed
 from softmodels.mechanics.assembly import FaceNodes
 from softmodels.mechanics.component import Component, EnergyTerm, FormContext
@@ -57,7 +57,7 @@ class HeldTerm(RubbingShapeTerm):
         turn: Its rotation, shape (3, 3).
     """
 
-    def __init__(self, shape: RigidShape, standing: StandingShape, setting: FormContext):
+    def __init__(self, shape: RigidShape, standing: StandingTerm, setting: FormContext):
         self.moved, self.turn = np.zeros(3), np.eye(3)
         self.centre = np.asarray(shape.at) / setting.body.actuator.size
         super().__init__(shape, standing, setting)

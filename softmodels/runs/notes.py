@@ -18,11 +18,9 @@ from softmodels.case.case import Case
 from softmodels.case.entries import followed_text
 from softmodels.case.materials import Region
 from softmodels.common.commands import FULL
-from softmodels.components.clamps import Clamp
-from softmodels.components.contact import obstacle_of
+from softmodels.components.contact import Walls, obstacle_of
 from softmodels.components.loads import Gravity
-from softmodels.components.rigid import Rigid
-from softmodels.components.walls import Walls
+from softmodels.components.rigid import Clamp, Rigid
 from softmodels.materials.silicones import (
     broken,
     density_of,
@@ -32,13 +30,13 @@ from softmodels.materials.silicones import (
     sheet_of,
     stretch_at_break,
 )
-from softmodels.materials.stability import described, instabilities, last_stretch, weakest, weakness
+from softmodels.materials.specimens import described, instabilities, last_stretch, weakest, weakness
 from softmodels.mechanics.compiling import LONG
 from softmodels.mechanics.component import PathFailure, names_in
 from softmodels.mechanics.dead_loads import LoadPart, requestable
 from softmodels.mechanics.mpi import petsc_reason
-from softmodels.path.air_flow import TURBULENT_FROM, Reservoir
 from softmodels.path.program import VALVE, drivers, step_text, time_at, value_at
+from softmodels.path.supply import TURBULENT_FROM, Reservoir
 from softmodels.runs.columns import SourceRows, StateLabels, loads_words, span_sentence, state_labels
 from softmodels.runs.fields import Row, split
 from softmodels.runs.outcomes import RunError, UnwrittenError, no_memory

@@ -13,7 +13,7 @@ from geometries import MeshingStopped, meshing
 from softmodels.case.case import Case
 from softmodels.case.materials import MaterialErrors, SourceBand
 from softmodels.common.arrays import Array
-from softmodels.materials.stability import weakness
+from softmodels.materials.specimens import weakness
 from softmodels.mechanics.compiling import cache, compiling, wait_for_cache
 from softmodels.mechanics.mpi import any_rank, is_root, on_root
 from softmodels.runs.columns import Solved, row_of
@@ -312,8 +312,8 @@ class Simulation:
         """Follow the device's program."""
         from softmodels.mechanics.newton import NoConvergence
         from softmodels.path import schedule
-        from softmodels.path.air_flow import Gas
         from softmodels.path.points import PathEnd
+        from softmodels.path.supply import Gas
 
         case, rows = self.case, list(begun.rows)
         come = float(begun.stop.number) if begun.stop else 0.0
@@ -350,7 +350,7 @@ class Simulation:
 
     def _branch(self) -> Iterator[Step]:
         from softmodels.mechanics.newton import NoConvergence
-        from softmodels.path.branching import follow
+        from softmodels.path.continuation import follow
         from softmodels.path.points import PathEnd
 
         assert self._path is not None

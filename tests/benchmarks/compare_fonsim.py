@@ -23,9 +23,9 @@ from softmodels.materials.specimens import sphere_pressure
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
-from softmodels.path.air_flow import VISCOSITY, Gas, Reservoir
 from softmodels.path.program import from_tables, time_at
 from softmodels.path.schedule import Settings, supply
+from softmodels.path.supply import VISCOSITY, Gas, Reservoir
 from tests.support.bodies import Sphere
 
 LAW = Yeoh(15e3, 0.0, 20.0, 0.5)

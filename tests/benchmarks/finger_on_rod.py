@@ -20,8 +20,7 @@ def main() -> None:
     """Print the forces."""
     comm = start()
     from geometries import PneuNet
-    from softmodels.components.contact import RigidShape
-    from softmodels.components.walls import Walls
+    from softmodels.components.contact import RigidShape, Walls
     from softmodels.materials.silicones import SILICONES
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.component import EnergyComponent

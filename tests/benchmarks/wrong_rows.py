@@ -41,7 +41,7 @@ from softmodels.fitting.outlines.residuals import (
 )
 from softmodels.fitting.outlines.shapes import prepare
 from softmodels.fitting.problem import BENCH, FitError, LawChoice
-from softmodels.materials.stability import judge
+from softmodels.materials.specimens import judge
 from softmodels.mechanics.mpi import start
 from tests.support.simulated import SimulatedCamera, simulated_outlines
 

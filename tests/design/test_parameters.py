@@ -12,9 +12,8 @@ import softmodels as sm
 from geometries import Bellows, Cylinder, HollowDisk, PneuNet
 from softmodels.case.case import Case
 from softmodels.components.contact import RigidShape
-from softmodels.components.fibres import Fabric, Fibres
+from softmodels.components.fibres import Fabric, Fibres, Sheet
 from softmodels.components.loads import Mass as Weight
-from softmodels.components.sheets import Sheet
 from softmodels.design.actions import FacePlace, ForceOn, InflationWork, Turn
 from softmodels.design.extremes import StressDeviation, StressNorm, StressUnevenness, StretchNorm, TopHeight
 from softmodels.design.model import DesignModel

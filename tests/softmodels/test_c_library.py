@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from softmodels.mechanics import c_library
+from softmodels.mechanics import compiling as c_library
 from softmodels.mechanics.compiling import CompilingError, compiling
 
 

@@ -12,7 +12,7 @@ import softmodels as sm
 from geometries import Bellows, BendingBellows, HollowDisk, PneuNet
 from softmodels.case.case import Case
 from softmodels.case.components import without_walls
-from softmodels.components.walls import WallTerm
+from softmodels.components.contact import WallTerm
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.system import System

@@ -19,7 +19,7 @@ DISKS = {
 @pytest.fixture(scope="module", params=DISKS.values(), ids=DISKS.keys())
 def motion(request, comm, tmp_path_factory):
     from softmodels.mechanics.body import Body
-    from softmodels.mechanics.motion import MeshMotion
+    from softmodels.mechanics.sensitivity import MeshMotion
 
     disk = request.param
     path = disk.write(tmp_path_factory.mktemp("motion") / "disk.msh")

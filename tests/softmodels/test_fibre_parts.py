@@ -12,8 +12,8 @@ import softmodels as sm
 from softmodels.case.case import Case
 from softmodels.case.components import VARIABLE, own_modules
 from softmodels.case.entries import CaseError
+from softmodels.components.contact import Walls
 from softmodels.components.fibres import Fabric, Fibres, register_fibre_law
-from softmodels.components.walls import Walls
 from softmodels.mechanics.component import ComponentError
 from softmodels.runs.columns import term
 from softmodels.runs.notes import advice

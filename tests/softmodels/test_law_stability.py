@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 from softmodels.materials.laws import Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
-from softmodels.materials.stability import instabilities, judge, last_stretch
+from softmodels.materials.specimens import instabilities, judge, last_stretch
 
 
 @pytest.mark.parametrize("law", [NeoHookean(20e3), Yeoh(8e3, 90.0), Gent(20e3, 40.0), MooneyRivlin(8e3, 1e3),

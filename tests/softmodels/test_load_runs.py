@@ -13,10 +13,9 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.load import LoadRequest
 from softmodels.case.materials import Region
-from softmodels.components.contact import Obstacle, RigidShape
+from softmodels.components.contact import Obstacle, RigidShape, Walls
 from softmodels.components.loads import Force, Gravity, Mass
 from softmodels.components.rigid import Rigid
-from softmodels.components.walls import Walls
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.silicones import silicone
 from softmodels.mechanics.component import ComponentError

@@ -24,7 +24,7 @@ from geometries.meshing import mirror_mesh, private_model
 from softmodels.__main__ import softmodels
 from softmodels.case.case import Case
 from softmodels.common.schema import number_field
-from softmodels.components.clamps import Clamp
+from softmodels.components.rigid import Clamp
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.body import Body, BodyError
 from softmodels.mechanics.system import System

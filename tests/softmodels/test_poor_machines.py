@@ -11,7 +11,7 @@ from tests.support import runs
 RUN = """
 import sys
 from pathlib import Path
-import softmodels.mechanics.direct, softmodels.mechanics.mpi
+import softmodels.mechanics.iterative, softmodels.mechanics.mpi
 {change}
 from softmodels.{module} import {names}
 {main}
@@ -19,7 +19,7 @@ from softmodels.{module} import {names}
 DISK = {"module": "disk", "names": "command, main", "main": "main(command)"}
 WHOLE = {"module": "__main__", "names": "main", "main": "main()"}
 SMALL = ("--pressure-cm", "0:20", "--section", "axisymmetric", "--no-pictures")
-NO_MEMORY = "softmodels.mechanics.direct.OUT_OF_MEMORY = (0,)"  # what MUMPS reports where all is well
+NO_MEMORY = "softmodels.mechanics.iterative.OUT_OF_MEMORY = (0,)"  # what MUMPS reports where all is well
 NO_SHARED_MEMORY = "softmodels.mechanics.mpi.SHARED_MEMORY = Path('/proc/none')"
 
 

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from softmodels.materials.laws import MaterialError, NeoHookean, Ogden, Yeoh
-from softmodels.materials.stability import check_rest, weakest, weakness
+from softmodels.materials.specimens import check_rest, weakest, weakness
 from tests.support import runs
 
 SOFTENING = Yeoh(10e3, -400.0, 0.0, 0.495)

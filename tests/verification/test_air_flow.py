@@ -17,10 +17,10 @@ from softmodels.materials.specimens import sphere_pressure
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path import time_steps
-from softmodels.path.air_flow import Gas, InSeries, Orifice, Reservoir, Tube, end_weight
 from softmodels.path.points import PathEnd
 from softmodels.path.program import from_tables, time_at
 from softmodels.path.schedule import Settings, source_at, supply
+from softmodels.path.supply import Gas, InSeries, Orifice, Reservoir, Tube, end_weight
 from softmodels.path.time_steps import TOLERANCE, Filling
 from tests.support import bodies
 from tests.support.on_ranks import filling

@@ -10,7 +10,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from softmodels.materials.laws import MooneyRivlin, NeoHookean
-from softmodels.path.branching import follow
+from softmodels.path.continuation import follow
 from softmodels.runs.fields import Fields
 from tests.support import bodies
 from tests.support.cavities import OutsideBody, TubeBody

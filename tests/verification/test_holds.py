@@ -10,7 +10,7 @@ from geometries import HollowDisk
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.materials import Region
-from softmodels.components.clamps import Clamp
+from softmodels.components.rigid import Clamp
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.body import BodyError
 from softmodels.mechanics.component import ComponentError

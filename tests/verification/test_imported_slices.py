@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from softmodels.components.sheets import Sheet
+from softmodels.components.fibres import Sheet
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.specimens import sphere_pressure
 from softmodels.mechanics.solver import Solver

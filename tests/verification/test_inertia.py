@@ -21,11 +21,11 @@ from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.inertia import Inertia, Motion
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
-from softmodels.path.air_flow import Gas, Reservoir
 from softmodels.path.points import PathEnd
 from softmodels.path.program import from_tables, time_at
 from softmodels.path.schedule import Settings, follow, supply
 from softmodels.path.stability import Mode, Stability
+from softmodels.path.supply import Gas, Reservoir
 from tests.support import bodies
 from tests.support.on_ranks import moving
 from tests.support.ranks import figures_on

@@ -11,7 +11,7 @@ import scipy.linalg
 import scipy.sparse
 
 from geometries import HollowDisk, PneuNet, SeminarActuator
-from softmodels.components.walls import Walls
+from softmodels.components.contact import Walls
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver

@@ -12,8 +12,7 @@ from softmodels.fitting.curves.residuals import StressError, largest_strain, res
 from softmodels.fitting.problem import LawChoice
 from softmodels.materials.laws import Ogden
 from softmodels.materials.silicones import silicone_called
-from softmodels.materials.specimens import respond
-from softmodels.materials.stability import judge
+from softmodels.materials.specimens import judge, respond
 
 MARECHAL = "least squares done elsewhere, Ecoflex 00-30 (Marechal et al. 2021)"
 MODES = {"UT": "uniaxial", "PS": "planar", "ET": "equibiaxial"}

@@ -14,9 +14,8 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.materials import Region
 from softmodels.common.schema import choice_field, length_field
-from softmodels.components.clamps import Clamp
 from softmodels.components.loads import Force
-from softmodels.components.rigid import Rigid
+from softmodels.components.rigid import Clamp, Rigid
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.rigid import Turn, amounts, nearest, rotation_vector

@@ -102,7 +102,7 @@ def test_figures_tell_of_one_tip(inflated):
 
 
 def test_sheet_on_the_thin_side_lessens_the_stretch(body_of, solved, inflated):
-    from softmodels.components.sheets import Sheet
+    from softmodels.components.fibres import Sheet
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
 

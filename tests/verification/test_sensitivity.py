@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk, Membrane
+from softmodels.components.fibres import Sheet
 from softmodels.components.loads import Force, Gravity, Mass
 from softmodels.components.rigid import Rigid
-from softmodels.components.sheets import Sheet
 from softmodels.materials.laws import Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
 from softmodels.mechanics.controls import Coupling, pressure_control, volume_control
-from softmodels.mechanics.motion import MeshMotion
-from softmodels.mechanics.sensitivity import Sensitivity, known_parameters
+from softmodels.mechanics.sensitivity import MeshMotion, Sensitivity, known_parameters
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace

@@ -14,7 +14,7 @@ import pytest
 
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
-from softmodels.components.sheets import Sheet
+from softmodels.components.fibres import Sheet
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.specimens import sphere_pressure
 from softmodels.mechanics.component import ComponentError

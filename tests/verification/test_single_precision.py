@@ -7,7 +7,7 @@ import pytest
 
 from geometries import Beam, HollowDisk
 from softmodels.materials.laws import NeoHookean
-from softmodels.mechanics import direct
+from softmodels.mechanics import iterative as direct
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace

@@ -7,7 +7,7 @@ import pytest
 
 from geometries import HollowDisk, SeminarActuator
 from softmodels.case.case import Case
-from softmodels.components.sheets import Sheet
+from softmodels.components.fibres import Sheet
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System

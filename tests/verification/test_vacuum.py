@@ -18,13 +18,13 @@ from scipy.optimize import root
 
 import softmodels as sm
 from geometries import Balloon, HollowDisk
-from softmodels.components.walls import Walls
+from softmodels.components.contact import Walls
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.materials.specimens import sphere_pressure
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path import schedule
-from softmodels.path.branching import follow
+from softmodels.path.continuation import follow
 from softmodels.path.program import Series
 from softmodels.runs.fields import Fields
 from tests.support import bodies, runs

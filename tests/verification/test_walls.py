@@ -13,9 +13,8 @@ from geometries.actuator import reflected
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.common.schema import length_field, number_field
-from softmodels.components.contact import Obstacle
+from softmodels.components.contact import Obstacle, Walls, passes
 from softmodels.components.pressing import Pairs, Penalty, Pressed, Surface
-from softmodels.components.walls import Walls, passes
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.component import ComponentError

@@ -63,8 +63,7 @@ from softmodels.fitting.problem import (
     law_choices,
 )
 from softmodels.materials.laws import Material, MaterialError
-from softmodels.materials.specimens import FLOW, SOFTENING, respond
-from softmodels.materials.stability import judge
+from softmodels.materials.specimens import FLOW, SOFTENING, judge, respond
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The fit of one law to tensile curves, from starts in closed form.

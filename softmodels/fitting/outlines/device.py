@@ -34,10 +34,9 @@ from softmodels.materials.silicones import SILICONE_DENSITY
 from softmodels.mechanics.component import ALONG, Component, ComponentError
 from softmodels.mechanics.controls import Control, Coupling, pressure_control, volume_control
 from softmodels.mechanics.dead_loads import LoadPart
-from softmodels.mechanics.motion import MeshMotion
 from softmodels.mechanics.mpi import on_root
 from softmodels.mechanics.newton import NoConvergence
-from softmodels.mechanics.sensitivity import Rate, Sensitivity
+from softmodels.mechanics.sensitivity import MeshMotion, Rate, Sensitivity
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 from softmodels.path.continuation import Continuation, trace

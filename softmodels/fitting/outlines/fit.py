@@ -73,7 +73,7 @@ from softmodels.fitting.problem import (
     all_parameters,
     law_choices,
 )
-from softmodels.materials.stability import judge
+from softmodels.materials.specimens import judge
 from softmodels.mechanics.mpi import start
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.mechanics.body import Body, BodyError
-from softmodels.mechanics.motion import coordinates
 from softmodels.mechanics.mpi import everywhere
+from softmodels.mechanics.sensitivity import coordinates
 from softmodels.mechanics.system import State, System
 from softmodels.runs.grid import Grid, QuadraticCurve, displacement_maps, shapes
 

@@ -150,7 +150,7 @@ def loaded(comm, section: Path) -> list[float]:
 
 def meeting(comm, wedge: Path) -> list[float]:
     """A wedge that is sucked empty until the cavity's floor and ceiling press on each other, images across the cuts too."""
-    from softmodels.components.walls import Walls
+    from softmodels.components.contact import Walls
     from softmodels.materials.laws import NeoHookean
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.controls import volume_control
@@ -227,8 +227,7 @@ def bifurcation(equations) -> dict[str, list[float]]:
     """Volume and pressure where two equal membranes begin to differ, and some states further along that branch."""
     import itertools
 
-    from softmodels.path.branching import follow
-    from softmodels.path.continuation import Continuation, trace
+    from softmodels.path.continuation import Continuation, follow, trace
     from softmodels.path.points import AddedVolume
 
     path = Continuation(equations, AddedVolume(), largest_step=2.0)
@@ -246,8 +245,7 @@ def rates(equations, added: float) -> list[float]:
 
     from softmodels.fitting.outlines.silhouette import Silhouette
     from softmodels.mechanics.controls import volume_control
-    from softmodels.mechanics.motion import MeshMotion
-    from softmodels.mechanics.sensitivity import Sensitivity
+    from softmodels.mechanics.sensitivity import MeshMotion, Sensitivity
     from softmodels.path.continuation import Continuation, trace
     from softmodels.path.points import AddedVolume
 
