@@ -53,10 +53,8 @@ from softmodels.mechanics.component import (
     FormContext,
     MixedPointStress,
     PathFailure,
-    bases,
     check_faces,
     check_regions,
-    faces_of,
     names_in,
     register_component,
 )
@@ -123,12 +121,7 @@ class Sheet(EnergyComponent):
 
     def check_on(self, actuator: Actuator) -> None:
         """Raise `ComponentError` if a device has no such face."""
-        for face in bases(self.where, [self.face], actuator):
-            if face not in faces_of(actuator):
-                raise ComponentError(
-                    f"sheet {face!r} is not a face of {type(actuator).__name__} for a sheet; use "
-                    f"{' or '.join(faces_of(actuator)) or 'none of its faces'}"
-                )
+        check_faces(self.where, actuator, [self.face])
 
     def undesigned(self, actuator: Actuator) -> str:
         return ""
@@ -281,21 +274,32 @@ class StrainTerm(EnergyTerm):
     def _strains(self, displacement: Expr, place: StrainSite) -> Expr:
         return self.strains(self.setting.body.deformation_gradient(displacement), place)
 
-    def check_laid(self, part: str, direction: Callable[[Expr], Expr], equations: Equations) -> None:
-        """Raise `ComponentError` for faces normal to a direction (of a face's normal, see `Helix.field`), along which nothing
-        can be laid; ``part`` is what is laid there, for messages."""
-        one = fem.Constant(self.setting.body.mesh, 1.0)
+    def compile_means(
+        self, part: str, helix: Helix, of: Callable[[Expr], Sequence[Expr]], equations: Equations
+    ) -> None:
+        """Compile the integrals of functions of the strains for `means`.
+
+        Raises:
+            ComponentError: A face normal to the helix, along which the part cannot be laid.
+        """
+        body, one = self.setting.body, fem.Constant(self.setting.body.mesh, 1.0)
+        self._means = []
         for place in self.where:
+            integrands = (one, *of(self._strains(self.setting.displacement, place)))
+            self._means.append([equations.form(self.integral(integrand, place)) for integrand in integrands])
             if place.normal is None:
                 continue
-            laid = direction(place.normal)
-            integrands = (ufl.dot(laid, laid), one)
-            square, area = (equations.integral(equations.form(self.integral(value, place))) for value in integrands)
-            if square < BARE * area:
+            laid = helix.field(body, place.normal)
+            square = equations.integral(equations.form(self.integral(ufl.dot(laid, laid), place)))
+            if square < BARE * equations.integral(self._means[-1][0]):
                 raise ComponentError(
-                    f"{part}: its direction is normal to the face {place.name}; use another "
-                    f"angle or axis, or another face"
+                    f"{part}: its direction is normal to the face {place.name}; use another angle or axis, or another face"
                 )
+
+    def means(self, equations: Equations) -> Array:
+        """Return the means over all places of what `compile_means` has compiled."""
+        size, *sums = np.sum([[equations.integral(form) for form in forms] for forms in self._means], axis=0)
+        return np.array(sums) / size
 
     def stress(self, strains: Expr) -> tuple[Expr, Expr]:
         """Return the derivative of the energy by the strains, and its derivative."""
@@ -428,14 +432,9 @@ STEP = 1e-3
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Reinforced:
-    """States of a silicone with fibres, at n points with k families.
-
-    Attributes:
-        gradients: Deformation gradients, shape (n, 3, 3).
-        lines: Directions of the fibres, undeformed, unit vectors, shape (n, k, 3).
-        stresses: Derivatives of the fibres' energy by their change of squared length, over a stress unit, shape (n, k).
-        slopes: The same of these, shape (n, k).
-    """
+    """States of a silicone with k families of fibres at n points: deformation gradients, shape (n, 3, 3), undeformed
+    directions of the fibres, unit vectors, shape (n, k, 3), and the first two derivatives of the fibres' energy by their
+    change of squared length, over a stress unit, shape (n, k)."""
 
     gradients: Array
     lines: Array
@@ -760,16 +759,12 @@ class FibreTerm(StrainTerm):
     def compile(self, equations: Equations) -> None:
         """Compile the means of stretch and tension, which is the energy's derivative by the stretch; `ComponentError` for a
         face that has no such direction."""
-        self.check_laid(self._part.where, lambda normal: self._helix.field(self.setting.body, normal), equations)
 
-        one = fem.Constant(self.setting.body.mesh, 1.0)
-        self._means = []
-        for place in self.where:
-            x = self._strains(self.setting.displacement, place)
+        def of(x: Expr) -> list[Expr]:
             stretches = [ufl.sqrt(1 + x[i]) for i in range(self._part.helices)]
-            tension = sum(2 * self.stress(x)[0][i] * stretch for i, stretch in enumerate(stretches))
-            integrands = (one, sum(stretches), tension)
-            self._means.append([equations.form(self.integral(integrand, place)) for integrand in integrands])
+            return [sum(stretches), sum(2 * self.stress(x)[0][i] * stretch for i, stretch in enumerate(stretches))]
+
+        self.compile_means(self._part.where, self._helix, of, equations)
 
     def breakdown(self, equations: Equations) -> PathFailure | None:
         """Return the kinks of fibres that are compressed in the silicone."""
@@ -786,12 +781,11 @@ class FibreTerm(StrainTerm):
         return None if worst is None or worst[0] >= 0.0 else kinked(self._part.where, worst)
 
     def figures(self, equations: Equations) -> dict[str, float]:
-        integrals = [[equations.integral(form) for form in forms] for forms in self._means]
-        size, stretch, tension = np.sum(integrals, axis=0).tolist()
-        mean = tension / size / self._part.helices * equations.stress_unit
+        stretch, tension = (self.means(equations) / self._part.helices).tolist()
+        mean = tension * equations.stress_unit
         name, value = ("N_per_m", mean * self._unit) if self.in_face else ("kPa", mean / 1e3)
         return {
-            f"{self.label}_mean_stretch": stretch / size / self._part.helices,
+            f"{self.label}_mean_stretch": stretch,
             f"{self.label}_mean_tension_{name}": value,
         }
 
@@ -921,19 +915,8 @@ class FabricTerm(StrainTerm):
 
     def compile(self, equations: Equations) -> None:
         """Compile the mean stretches; raise `ComponentError` for a face without such a direction."""
-        self.check_laid(self._called, lambda normal: self._helix.field(self.setting.body, normal), equations)
-
-        one = fem.Constant(self.setting.body.mesh, 1.0)
-        self._means = []
-        for place in self.where:
-            x = self._strains(self.setting.displacement, place)
-            integrands = (one, ufl.sqrt(1 + x[0]), ufl.sqrt(1 + x[1]))
-            self._means.append([equations.form(self.integral(integrand, place)) for integrand in integrands])
+        self.compile_means(self._called, self._helix, lambda x: [ufl.sqrt(1 + x[0]), ufl.sqrt(1 + x[1])], equations)
 
     def figures(self, equations: Equations) -> dict[str, float]:
-        integrals = [[equations.integral(form) for form in forms] for forms in self._means]
-        area, *stretches = np.sum(integrals, axis=0).tolist()
-        return {
-            f"{self.label}_stretch_{name}": stretch / area
-            for name, stretch in zip(("along", "across"), stretches, strict=True)
-        }
+        along, across = self.means(equations).tolist()
+        return {f"{self.label}_stretch_along": along, f"{self.label}_stretch_across": across}

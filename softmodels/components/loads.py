@@ -226,6 +226,16 @@ class Mass(HeavyPart):
         return {"amount": "kg"}
 
 
+def _column_texts(*columns: tuple[str, str, str]) -> dict[str, tuple[str, str]]:
+    """Return names and meanings of a load's columns by their patterns, without and with the load's own name."""
+    found = {}
+    for column, title, text in columns:
+        what, _, unit = column.rpartition("_")
+        found[column] = (title, text)
+        found[rf"{what}_(\w+)_{unit}"] = (title.replace(" the ", " ") + " {0}", text)
+    return found
+
+
 @register_component
 @dataclasses.dataclass(frozen=True)
 class Force(FaceLoad):
@@ -263,18 +273,15 @@ class Force(FaceLoad):
             "mm", True, 1e-3, "travels", "travel of the face along the force in mm, instead of forces"
         ),
     }
-    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
-        "force_N": ("force", "on the whole device, spread over its undeformed face"),
-        r"force_(\w+)_N": ("force {0}", "on the whole device, spread over its undeformed face"),
-        "moved_mm": (
-            "displacement along the force", "mean of the loaded face along the force, from the undeformed state",
+    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = _column_texts(
+        ("force_N", "force", "on the whole device, spread over its undeformed face"),
+        (
+            "moved_mm",
+            "displacement along the force",
+            "mean of the loaded face along the force, from the undeformed state",
         ),
-        r"moved_(\w+)_mm": (
-            "displacement along force {0}", "mean of the loaded face along the force, from the undeformed state",
-        ),
-        "travel_mm": ("travel along the force", "displacement of the loaded face from the start of the path"),
-        r"travel_(\w+)_mm": ("travel along force {0}", "displacement of the loaded face from the start of the path"),
-    }  # fmt: skip
+        ("travel_mm", "travel along the force", "displacement of the loaded face from the start of the path"),
+    )
 
     @property
     def kept(self) -> bool:
@@ -338,20 +345,15 @@ class Moment(FaceLoad):
             "deg", True, math.pi / 180, "turns", "rotation of the face of the moment in degrees, instead of moments"
         ),
     }
-    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
-        "moment_Nmm": ("moment", "of dead forces on the whole device that rise linearly over its undeformed face"),
-        r"moment_(\w+)_Nmm": (
-            "moment {0}", "of dead forces on the whole device that rise linearly over its undeformed face",
+    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = _column_texts(
+        ("moment_Nmm", "moment", "of dead forces on the whole device that rise linearly over its undeformed face"),
+        (
+            "rotation_deg",
+            "rotation by the moment",
+            "mean of the face's displacements about the axis, weighted by their distance",
         ),
-        "rotation_deg": (
-            "rotation by the moment", "mean of the face's displacements about the axis, weighted by their distance",
-        ),
-        r"rotation_(\w+)_deg": (
-            "rotation by moment {0}", "mean of the face's displacements about the axis, weighted by their distance",
-        ),
-        "turn_deg": ("turn by the moment", "the rotation from the start of the path"),
-        r"turn_(\w+)_deg": ("turn by moment {0}", "the rotation from the start of the path"),
-    }  # fmt: skip
+        ("turn_deg", "turn by the moment", "the rotation from the start of the path"),
+    )
     column_unit: ClassVar[float] = 1e-3
     moved_column_unit: ClassVar[float] = math.pi / 180
 

@@ -166,15 +166,9 @@ BEHIND = 1e-6
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Pairs:
-    """The search for pairs of samples, mirror images of the walls included.
-
-    Sample j of image g has the number g s + j, where there are s samples.
-
-    Attributes:
-        surface: All walls.
-        meets: Whether a wall may press on another, or on itself, shape (walls, walls), symmetric.
-        images: Orthogonal matrices of the images, the identity first, shape (g, d, d).
-    """
+    """The search for pairs of samples on all walls of a surface, mirror images of the walls included (orthogonal matrices, the
+    identity first, shape (g, d, d)). Sample j of image g has the number g s + j, where there are s samples. ``meets`` says
+    whether a wall may press on another, or on itself, shape (walls, walls), symmetric."""
 
     surface: Surface
     meets: npt.NDArray[np.bool_]
@@ -286,12 +280,9 @@ LEAST, WHOLE = 0.1, 0.4
 
 @dataclasses.dataclass(frozen=True)
 class Penalty:
-    """phi(d) of a penetration d: a stiffness with a smoothed onset, as for a rigid plane.
+    """phi(d) of a penetration d: a pressure per penetration with a smoothed onset, as for a rigid plane.
 
-    Attributes:
-        stiffness: Pressure per penetration.
-        onset: Penetration over which it sets in.
-        ahead: Gap from which it counts as penetration already; walls between the points of a rule may stand out by as much.
+    It counts from a gap ``ahead``: walls between the points of a rule may stand out by as much.
     """
 
     stiffness: float
@@ -334,15 +325,9 @@ def gaps_of(N: Array, S: Array) -> Array:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Near:
-    """Pairs of samples with their kernels.
-
-    Attributes:
-        i, j: Samples, those of the points and those of the wall, shape (p,).
-        image: Which image of the wall it is, shape (p,).
-        r: x_i - y_j, shape (p, d); y_j is of the image.
-        m: Area vectors of j, of the image, shape (p, d).
-        K: Kernel and its first two derivatives by r.r, shape (3, p).
-    """
+    """Pairs of samples with their kernels: i of the points and j of the wall, shape (p,), which image of the wall it is, r =
+    x_i - y_j and area vectors m of j, both of the image, shape (p, d), and the kernel K with its first two derivatives by
+    r.r, shape (3, p)."""
 
     i: Numbers
     j: Numbers
@@ -892,14 +877,14 @@ class Rubbing:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Grip:
-    """History variables of the samples at the last accepted state, in sizes and shear moduli.
+    """History variables of the samples at the last accepted state, in sizes and shear moduli, shape (s,) each.
 
     Attributes:
         held: Where they were held; of those that did not touch, where they were, shape (s, d).
-        gaps: Their distances from the body, below zero of those that touched, shape (s,).
-        limits: mu times the forces that pressed on them, shape (s,).
-        drawn: `Rubbing.drawn` of them, shape (s,).
-        slid: How far each has slid so far, shape (s,).
+        gaps: Their distances from the body, below zero of those that touched.
+        limits: mu times the forces that pressed on them.
+        drawn: `Rubbing.drawn` of them.
+        slid: How far each has slid so far.
         lost: Work against friction so far; what has drawn those that stick comes back.
     """
 
@@ -1045,15 +1030,11 @@ LONGEST = 0.02
 
 @dataclasses.dataclass(frozen=True)
 class Stand:
-    """The support of a body: a spring, and a stand under its weight.
+    """The support of a body: a spring (force per way), and a stand under its weight, a force below zero where it is pulled off
+    and only the spring holds it.
 
-    The weight is taken off the stand over a short way, so that stiffnesses have no jump: the stand's force is
+    The weight is taken off the stand over a short way, the onset, so that stiffnesses have no jump: the stand's force is
     ``weight * tanh(s / onset)`` above it, and grows as steeply below it.
-
-    Attributes:
-        spring: Force per way.
-        weight: Force with which it lies on its stand; below zero where it is pulled off and only the spring holds it.
-        onset: The short way.
     """
 
     spring: float
@@ -1082,14 +1063,8 @@ class Stand:
 
 
 class GivingWay:
-    """Faces in a deformed shape, in contact with such a body.
-
-    Args:
-        pressed: Of the nodes' places, the faces pressed on by the body in its first place.
-        stand: What holds it.
-        along: The line's direction, shape (d,).
-        nodes: Places of the nodes, shape (n, d).
-        start: Place on the line to look from.
+    """Faces in a deformed shape, in contact with such a body on a line of direction ``along``, looked for from a place on it;
+    ``pressed`` gives the faces pressed on by the body in its first place.
 
     Attributes:
         s: Its place.

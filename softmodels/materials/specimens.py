@@ -564,13 +564,7 @@ REST = 0.01
 
 @dataclasses.dataclass(frozen=True)
 class Instability:
-    """The first unstable state along a mode, from rest.
-
-    Attributes:
-        mode: Of `softmodels.materials.specimens.MODE_NAMES`.
-        stretch: Below 1 in compression.
-        strain: I1 - 3 of that state.
-    """
+    """The first unstable state along a mode of `MODE_NAMES`, from rest: its stretch, below 1 in compression, and I1 - 3."""
 
     mode: str
     stretch: float

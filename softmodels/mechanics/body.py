@@ -59,13 +59,8 @@ class BodyError(Spoken, RuntimeError):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Seal:
-    """A plane on which faces close the first cavity where they press on it.
-
-    Attributes:
-        roles: The faces.
-        point, normal: Of the plane, in mesh coordinates and sizes of the device, shape (d,).
-        share: Share of the cavity's pressure that acts on the faces: 1 inside the seal, 0 outside.
-    """
+    """A plane, in mesh coordinates and sizes of the device, shape (d,), on which faces close the first cavity where they press
+    on it. ``share`` of the cavity's pressure acts on the faces: 1 inside the seal, 0 outside."""
 
     roles: tuple[str, ...]
     point: Array

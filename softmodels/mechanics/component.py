@@ -54,13 +54,8 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True)
 class PathFailure:
-    """A cause, with its advice.
-
-    Attributes:
-        clause: What happens there.
-        advice: What can be done, a sentence without its full stop.
-        of_mesh: Whether it is the mesh's, and the device may well go on: no limit of the device is known then.
-    """
+    """A cause (a clause on what happens there), with its advice, a sentence without its full stop. Where it is ``of_mesh``,
+    the device may well go on: no limit of the device is known then."""
 
     clause: str
     advice: str
@@ -248,12 +243,8 @@ class Component(abc.ABC):
 
 @dataclasses.dataclass(frozen=True)
 class Sealing:
-    """A plane that closes the first cavity where faces press on it: these are free, whatever the device holds them by.
-
-    Attributes:
-        roles: The faces.
-        point, normal: Of the plane in m, in device coordinates.
-    """
+    """A plane (point and normal in m, in device coordinates) that closes the first cavity where faces press on it: these are
+    free, whatever the device holds them by."""
 
     roles: tuple[str, ...]
     point: Vector

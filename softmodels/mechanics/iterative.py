@@ -267,17 +267,11 @@ READ = 4
 
 
 class QuadraticLevel:
-    """Displacements' rows of K on this rank, by blocks of a node and another.
+    """Displacements' rows of an assembled K on this rank, by blocks of a node and another. For rows that are ``left`` out the
+    identity stands.
 
-    Args:
-        K: The matrix, assembled.
-        rows: Local rows of the displacements, d of each node one after the other.
-        d: Components of a node.
-        left: Which of the rows are left out, for which the identity stands.
-
-    Attributes:
-        x: The level's vector: nodes of this rank, then those of others in their rows.
-        parts: K's rows for the C code, with the values of the last `take`.
+    ``x`` is the level's vector: nodes of this rank, then those of others in their rows; ``parts`` are K's rows for the C code,
+    with the values of the last `take`.
     """
 
     def __init__(self, K: PETSc.Mat, rows: Ints, d: int, left: npt.NDArray[np.bool_]):

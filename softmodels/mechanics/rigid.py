@@ -37,15 +37,8 @@ def cross(v: Array) -> Array:
 
 
 class Turn:
-    """R(v) where v is a sum of axes, and its derivatives by the amounts of these.
-
-    Args:
-        amounts: Of each axis, shape (m,).
-        axes: Unit vectors, shape (m, 3).
-
-    Attributes:
-        matrix: R, shape (3, 3).
-    """
+    """R(v), ``matrix`` of shape (3, 3), where v is a sum of amounts, shape (m,), of unit axes, shape (m, 3), and its
+    derivatives by these amounts."""
 
     def __init__(self, amounts: Array, axes: Array):
         self._v, self._axes = amounts @ axes, axes
@@ -116,13 +109,8 @@ Ints = npt.NDArray[np.int32]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Freedom:
-    """The free motions of a part.
-
-    Attributes:
-        centre: The point c, shape (d,), in sizes of the device.
-        directions: Orthonormal, of the translations, shape (k, d).
-        axes: Unit vectors, of the rotations, shape (m, 3): none, one, or three.
-    """
+    """The free motions of a part about its centre c, shape (d,), in sizes of the device: orthonormal directions of
+    translations, shape (k, d), and unit axes of rotations, shape (m, 3): none, one, or three."""
 
     centre: Array
     directions: Array
@@ -134,12 +122,12 @@ class Freedom:
 
 
 class RigidMotion:
-    """The motion of one rigid part of a mesh.
+    """The motion of one rigid part of a mesh, with w = B u by the body's skew B.
 
     Args:
         comm: Communicator.
         freedom: The motions left to it.
-        skew: B, as of the body: w = B u.
+        skew: B.
         dofs: Local indices of the dofs that follow it, by node and component of w, shape (nodes, d), this rank's ghosts too.
         places: The nodes' undeformed places, shape (nodes, d).
         owned: Which of the nodes are this rank's own, shape (nodes,).

@@ -390,13 +390,9 @@ class Rate:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Force:
-    """Derivative of the equations by a parameter per its SI unit, at fixed unknowns.
-
-    Attributes:
-        residual: Owned entries, shape (n,).
-        stress: Of the shear modulus, in which stresses are counted.
-        opened: Of the volume that the control's line has, from the undeformed device on, dimensionless.
-    """
+    """Derivative of the equations by a parameter per its SI unit, at fixed unknowns: residual (owned entries, shape (n,)), the
+    shear modulus in which stresses are counted, and the dimensionless volume that the control's line has, from the
+    undeformed device on."""
 
     residual: Array
     stress: float

@@ -378,13 +378,8 @@ class Corrector:
 
 @dataclasses.dataclass
 class PassedLimits:
-    """Limit points passed so far.
-
-    Attributes:
-        limit: The first limit point of the pressure.
-        turn: The last limit point of the requested quantity itself.
-        jumping: Whether the path is between that one and where the device lands.
-    """
+    """The first limit point of the pressure passed so far, the last one of the requested quantity itself, and whether the path
+    is between that one and where the device lands."""
 
     limit: Point | None = None
     turn: Point | None = None

@@ -70,13 +70,8 @@ class Point:
 
 
 class PathEnd(Exception):
-    """The path cannot reach the requested value.
-
-    Args:
-        why: A clause.
-        limit: The limit point met, or None.
-        cause: What happens there, where that is an end of the device's own and no limit point of what drives it.
-    """
+    """The path cannot reach the requested value, for a reason that is a clause: a limit point met, or a cause where that is an
+    end of the device's own and no limit point of what drives it."""
 
     def __init__(self, why: str, limit: Point | None = None, cause: PathFailure | None = None):
         super().__init__(why)

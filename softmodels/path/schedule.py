@@ -72,14 +72,8 @@ class HangingEnd(PathEnd):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class StageEnd:
-    """The end of a stage; dimensionless.
-
-    Attributes:
-        number: The stage's.
-        state: The state.
-        drives: Magnitudes of all drivers there, shape (k,).
-        driven: What they work on there, shape (k,).
-    """
+    """The end of a stage of a number; dimensionless: the state, magnitudes of all drivers there and what they work on, shape
+    (k,)."""
 
     number: int
     state: State
@@ -220,14 +214,8 @@ def load_from(solver: Solver, hung: StageEnd, driver: int) -> State:
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """How a program is followed.
-
-    Attributes:
-        pascal_per_cm: Pa in one cm of the column.
-        control: What each step follows, as in `Continuation`.
-        report: Takes sentences on what is going on.
-        tolerance: Of steps in time, see `softmodels.path.time_steps.march`.
-    """
+    """How a program is followed: Pa in one cm of the column, what each step follows and how it reports, as in `Continuation`,
+    and the tolerance of steps in time, see `softmodels.path.time_steps.march`."""
 
     pascal_per_cm: float
     control: str = "auto"

@@ -270,12 +270,8 @@ class Tube:
 
 @dataclasses.dataclass(frozen=True)
 class Orifice:
-    """Flow through an orifice or a valve (ISO 6358): choked below the critical ratio of the pressures, else an ellipse.
-
-    Attributes:
-        conductance: Sonic conductance C in m3/(s Pa).
-        ratio: Critical ratio b.
-    """
+    """Flow through an orifice or a valve (ISO 6358) of a sonic conductance C in m3/(s Pa): choked below the critical ratio b
+    of the pressures, else an ellipse."""
 
     conductance: float
     ratio: float
@@ -452,12 +448,8 @@ class Source:
 
 @dataclasses.dataclass(frozen=True)
 class Gas(Supply):
-    """The gas in tubes, fittings and cavity, as its volume at ambient pressure.
-
-    Attributes:
-        supply: What supplies it.
-        pressure_unit, volume_unit: Pa in one dimensionless pressure, m3 of the whole device in one dimensionless volume.
-    """
+    """The gas in tubes, fittings and cavity, as its volume at ambient pressure; units are Pa in one dimensionless pressure and
+    m3 of the whole device in one dimensionless volume."""
 
     supply: Reservoir
     pressure_unit: float
