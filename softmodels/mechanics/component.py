@@ -26,27 +26,23 @@ import itertools
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar, Protocol, Self
+from typing import ClassVar, Protocol, Self
 
 import numpy as np
+import numpy.typing as npt
 
 from geometries import Actuator
 from geometries.actuator import Vector, cavity_roles
 from softmodels.common import schema
+from softmodels.common.arrays import Array
 from softmodels.common.errors import ComponentError, FieldError
 from softmodels.common.lazy import MPI, Expr, fem, ufl
 from softmodels.common.names import Registry
 from softmodels.common.schema import Text, about, doubt_of, settle
 from softmodels.common.units import brief
+from softmodels.materials.laws import Material
+from softmodels.mechanics.body import Body
 from softmodels.mechanics.pieces import WITHIN, condition_of, pieces_in
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from softmodels.common.arrays import Array
-    from softmodels.materials.laws import Material
-    from softmodels.mechanics.body import Body
-
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Physical causes of the end of a path, other than limit points.

@@ -22,7 +22,6 @@ import itertools
 import math
 from collections.abc import Iterator
 from types import ModuleType
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -32,9 +31,7 @@ from softmodels.common.lazy import PETSc, basix, fem, la, ufl
 from softmodels.mechanics.assembly import held_dofs, length, mark_symmetric
 from softmodels.mechanics.compiling import library
 from softmodels.mechanics.newton import Preconditioner, Shell
-
-if TYPE_CHECKING:
-    from softmodels.mechanics.system import System
+from softmodels.mechanics.system import System
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Factorise K by MUMPS, in single precision where that is accurate enough.

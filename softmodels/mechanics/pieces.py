@@ -15,18 +15,16 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from geometries import Actuator
 from softmodels.common.arrays import Array
 from softmodels.common.errors import ComponentError
 from softmodels.common.lazy import la, meshes
 from softmodels.common.units import UnitError, brief, quantity
-
-if TYPE_CHECKING:
-    from geometries import Actuator
+from softmodels.mechanics.mpi import any_rank, largest
 
 Entities = tuple[int, npt.NDArray[np.int32]]
 """Dimension and local indices of mesh entities."""
@@ -143,8 +141,6 @@ class Roles(dict[str, Entities]):
 def selected(mesh: meshes.Mesh, actuator: Actuator, roles: Mapping[str, Entities], text: str) -> Entities:
     """Return the local entities of a text's pieces; all ranks call it. `ComponentError` if they select nothing, or faces and
     edges at once."""
-    from softmodels.mechanics.mpi import any_rank
-
     found, dimensions = [], set()
     for piece in pieces_in(text):
         dimension, entities = _common(mesh, roles, piece)
@@ -161,8 +157,6 @@ def selected(mesh: meshes.Mesh, actuator: Actuator, roles: Mapping[str, Entities
 def cells_within(mesh: meshes.Mesh, actuator: Actuator, condition: str) -> npt.NDArray[np.int32]:
     """Return the local cells whose middles meet a condition such as ``"5 mm < r < 9 mm"``, ghosts too; all ranks call it.
     `ComponentError` if they are none."""
-    from softmodels.mechanics.mpi import any_rank
-
     index_map = mesh.topology.index_map(mesh.topology.dim)
     cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
     cells = cells[condition_of(condition).holds(_middles(mesh, actuator, mesh.topology.dim, cells))]
@@ -206,8 +200,6 @@ def _common(mesh: meshes.Mesh, roles: Mapping[str, Entities], piece: Piece) -> E
 
 def _spans(mesh: meshes.Mesh, actuator: Actuator, roles: Mapping[str, Entities], piece: Piece) -> str:
     """Return where the entities lie from which a piece was to be selected, as a clause."""
-    from softmodels.mechanics.mpi import any_rank, largest
-
     dimension, entities = _common(mesh, roles, piece)
     if not any_rank(mesh.comm, bool(len(entities))):
         return f"the faces {' and '.join(piece.faces)} share no edge in the modelled part"

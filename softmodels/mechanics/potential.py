@@ -14,7 +14,6 @@ from __future__ import annotations
 import types
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -26,12 +25,9 @@ from softmodels.mechanics.assembly import jumping
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.component import Component, EnergyComponent, FormContext, MixedPointStress, gravity_of
 from softmodels.mechanics.controls import Coupling
+from softmodels.mechanics.inertia import Motion
+from softmodels.mechanics.memory import History
 from softmodels.mechanics.regions import Regions, constants
-
-if TYPE_CHECKING:
-    from softmodels.mechanics.inertia import Motion
-    from softmodels.mechanics.memory import History
-
 
 type Remembered = tuple[npt.NDArray[np.float64] | None, list[tuple[npt.NDArray[np.float64], float]], dict[str, object]]
 """A state's dofs, what each history remembers there and has dissipated, and what its motion was."""
@@ -147,8 +143,6 @@ class Potential:
         found = [region for region in self.regions if region.material.memory is not None]
         if not found:
             return []
-        from softmodels.mechanics.memory import History
-
         self.step, self.before = fem.Constant(self.body.mesh, 0.0), fem.Function(self.space)
         self._fixed = fem.Function(self.space, self.w.x)
         self._looked_at: npt.NDArray[np.float64] | None = (

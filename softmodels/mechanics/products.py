@@ -8,7 +8,7 @@ half of the seminar slab 1.14 and 1.50; iterative solver at 37,120 and 181,940 u
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from types import ModuleType
 
 import numpy as np
 import numpy.typing as npt
@@ -17,12 +17,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.lazy import Expr, PETSc, basix, fem, meshes, ufl
 from softmodels.mechanics.assembly import assemble_into
 from softmodels.mechanics.compiling import JIT, LABEL, library
-
-if TYPE_CHECKING:
-    from types import ModuleType
-
-    from softmodels.mechanics.potential import Potential
-
+from softmodels.mechanics.potential import Potential
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Second derivatives of energy densities by the unknowns and gradients at a point, in UFL.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from softmodels.common import errors
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import PETSc
 from softmodels.mechanics.controls import Control, Coupling, Curve, Tangent, pressure_control
-from softmodels.mechanics.iterative import Factorisation, entries_here
+from softmodels.mechanics.iterative import PER_UNKNOWN, Factorisation, Multigrid, RigidCycle, entries_here
 from softmodels.mechanics.mpi import GIGA, TooLargeError, available, needed, total
 from softmodels.mechanics.newton import (
     LOOSEST,
@@ -25,10 +24,6 @@ from softmodels.mechanics.newton import (
     weakly,
 )
 from softmodels.mechanics.system import State, System, spread
-
-if TYPE_CHECKING:
-    from softmodels.mechanics.iterative import Multigrid
-
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Selection of the linear solver: a factorisation, or iterations with multigrid.
@@ -75,8 +70,6 @@ class SolverMethod:
 
 def cycle_of(system: System) -> type[Multigrid]:
     """Return the kind of cycle that a system takes."""
-    from softmodels.mechanics.iterative import Multigrid, RigidCycle
-
     return RigidCycle if system.unknowns.moving else Multigrid
 
 
@@ -101,8 +94,6 @@ def select_solver(system: System, method: str) -> SolverMethod:
     fits = iterative[0] <= room
     if fits and method == "iterative":  # the analysis of a factorisation takes time and memory of its own
         return SolverMethod("iterative", iterative[1])
-    from softmodels.mechanics.iterative import PER_UNKNOWN
-
     usual, most = Factorisation.memory(system.K, spread(system.matter))
     beside = both + 8 * PER_UNKNOWN * system.n  # GMRES and modes have as many vectors
     direct = needed(system.comm, beside + most)

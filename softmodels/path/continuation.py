@@ -441,7 +441,7 @@ def folded(cells: float, place: str, at: str) -> PathFailure:
 #
 # Pressure and volume may both turn back at once, if a small part of the device snaps with little change of volume. Then no line
 # in their plane leads further, however short the step. The states beyond are found by prescribing the motion of that
-# part, which is regular there, as near a bifurcation (`softmodels.path.continuation`).
+# part, which is regular there, as near a bifurcation (`Branch`).
 
 
 MOST_STATES = 24
@@ -603,35 +603,28 @@ class Concentration:
     def place(self) -> tuple[str, str]:
         """Undeformed centre in mm of the cell with the largest part, and its faces; the same on all ranks."""
         system, body = self.system, self.system.body
-        mesh, comm = body.mesh, system.comm
+        topology, comm, d = body.mesh.topology, system.comm, body.mesh.topology.dim
+        topology.create_connectivity(d - 1, 0)
         mine = int(self._shares.argmax()) if len(self._shares) else 0
         best = float(self._shares[mine]) if len(self._shares) else -math.inf
         found = ("", "")
         if best == largest(comm, best):
-            middle = (
-                meshes.compute_midpoints(mesh, mesh.topology.dim, np.array([mine], dtype=np.int32)) * system.length_unit
+            middle = meshes.compute_midpoints(body.mesh, d, np.array([mine], dtype=np.int32)) * system.length_unit
+            place = ", ".join(f"{x:.4g}" for x in body.actuator.device_points(middle)[0] * 1e3)
+            links, corners = (
+                topology.connectivity(d - 1, 0).links,
+                set(topology.connectivity(d, 0).links(mine).tolist()),
             )
-            place = body.actuator.device_points(middle)[0] * 1e3
-            corners = set(mesh.topology.connectivity(mesh.topology.dim, 0).links(mine).tolist())
             cut = {plane.name for plane in body.actuator.cut_planes} | {"axis"}
             faces = [
                 role
-                for role, (dimension, entities) in body.entities.items()
-                if dimension == mesh.topology.dim - 1 and role not in cut and self._touches(entities, corners)
+                for role, (dimension, facets) in body.entities.items()
+                if dimension == d - 1
+                and role not in cut
+                and any(not corners.isdisjoint(links(facet).tolist()) for facet in facets)
             ]
-            found = (
-                f"({', '.join(f'{x:.4g}' for x in place)}) mm",
-                f", where it is at {' and '.join(faces)}" if faces else "",
-            )
-        else:
-            mesh.topology.create_connectivity(mesh.topology.dim - 1, 0)
+            found = (f"({place}) mm", f", where it is at {' and '.join(faces)}" if faces else "")
         return next(one for one in comm.allgather(found) if one[0])
-
-    def _touches(self, entities: npt.NDArray[np.int32], corners: set[int]) -> bool:
-        topology = self.system.body.mesh.topology
-        topology.create_connectivity(topology.dim - 1, 0)
-        links = topology.connectivity(topology.dim - 1, 0).links
-        return any(not corners.isdisjoint(links(facet).tolist()) for facet in entities)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

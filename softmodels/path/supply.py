@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from softmodels.common import errors
 from softmodels.common.errors import Spoken
@@ -22,12 +22,8 @@ from softmodels.common.lazy import scipy
 from softmodels.common.names import Registry
 from softmodels.common.schema import Choice, Length, Quantity, about, doubt_of, field_of, settle
 from softmodels.mechanics.controls import Control
-from softmodels.path.points import Supply
-
-if TYPE_CHECKING:
-    from softmodels.mechanics.system import State
-    from softmodels.path.points import Point
-
+from softmodels.mechanics.system import State
+from softmodels.path.points import Point, Supply
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Air supplies in a case, where neither the pressure nor the volume itself is prescribed.
