@@ -427,7 +427,6 @@ def check_density(density: float, where: str) -> None:
 
 @contextlib.contextmanager
 def _on_face(part: Component) -> Iterator[None]:
-    """Name the part if its face is missing in the mesh."""
     try:
         yield
     except BodyError as error:

@@ -218,14 +218,9 @@ class Pairs:
             if reach + 2 * moved <= far:
                 return i, j
         far = max(reach, float(self.radius.max())) * (1 + SKIN)
-        found = scipy.spatial.cKDTree(places).sparse_distance_matrix(
-            scipy.spatial.cKDTree(self.of_all(places)), far, output_type="ndarray"
-        )
-        i, j = found["i"].astype(np.int64), found["j"].astype(np.int64)
+        i, j = _pairs_within(places, scipy.spatial.cKDTree(self.of_all(places)), far)
         may = self.allowed(i, j)
         i, j = i[may], j[may]
-        order = np.lexsort((j, i))
-        i, j = i[order], j[order]
         object.__setattr__(self, "_found", (places.copy(), far, i, j))
         return i, j
 
@@ -238,6 +233,13 @@ class Pairs:
         return i[close], j[close]
 
 
+def _pairs_within(places: Array, others: scipy.spatial.cKDTree, reach: float) -> tuple[Numbers, Numbers]:
+    """Return the pairs of places and others in a tree that are nearer than ``reach``, sorted by the first, then the second."""
+    found = scipy.spatial.cKDTree(places).sparse_distance_matrix(others, reach, output_type="ndarray")
+    order = np.lexsort((found["j"], found["i"]))
+    return found["i"][order].astype(np.int64), found["j"][order].astype(np.int64)
+
+
 def facing(surface: Surface, images: Array, reach: float) -> npt.NDArray[np.bool_]:
     """Return which facets at rest face another one, or an image of one (orthogonal matrices, the identity first, shape (g, d,
     d)), across air, shape (f,); ``reach`` is the largest distance between their middles."""
@@ -246,10 +248,7 @@ def facing(surface: Surface, images: Array, reach: float) -> npt.NDArray[np.bool
     middle, normal = places.mean(axis=1), areas.sum(axis=1)
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     others, across = (np.einsum("gij,fj->gfi", images, one).reshape(-1, d) for one in (middle, normal))
-    found = scipy.spatial.cKDTree(middle).sparse_distance_matrix(
-        scipy.spatial.cKDTree(others), reach, output_type="ndarray"
-    )
-    i, j = found["i"], found["j"]
+    i, j = _pairs_within(middle, scipy.spatial.cKDTree(others), reach)
     chord = others[j] - middle[i]
     least = FACING * np.linalg.norm(chord, axis=1)
     faces = np.einsum("pi,pi->p", chord, normal[i]) > least
@@ -346,11 +345,8 @@ class Near:
 
     def sums(self, count: int) -> tuple[Array, Array]:
         """Return N, shape (count,), and S, shape (count, d), of each point."""
-        d = self.r.shape[1]
         along = np.einsum("pi,pi->p", self.m, self.r)
-        N = np.bincount(self.i, self.K[0] * along, count)
-        S = np.column_stack([np.bincount(self.i, self.K[0] * self.m[:, c], count) for c in range(d)])
-        return N, S
+        return np.bincount(self.i, self.K[0] * along, count), _summed(self.i, self.K[0][:, None] * self.m, count)
 
     def gaps(self, count: int) -> Array:
         """Return the gap of each point, shape (count,); see `gaps_of`."""
@@ -505,11 +501,10 @@ class Pressed:
     def _by_samples(self) -> tuple[Array, Array]:
         """Return the derivatives of the energy by the samples' places and by their area vectors, shape (s, d) each."""
         by_r, by_m = pair_rates(self.near, self.points.first)
-        count, d = self.S.shape
+        count = len(self.S)
         i, j, back = self.near.i, self.near.j, self.pairs.images[self.near.image]
         at_wall, by_m = np.einsum("pji,pj->pi", back, by_r), np.einsum("pji,pj->pi", back, by_m)
-        places = [np.bincount(i, by_r[:, c], count) - np.bincount(j, at_wall[:, c], count) for c in range(d)]
-        return np.column_stack(places), np.column_stack([np.bincount(j, by_m[:, c], count) for c in range(d)])
+        return _summed(i, by_r, count) - _summed(j, at_wall, count), _summed(j, by_m, count)
 
     @functools.cached_property
     def forces(self) -> Array:
@@ -581,6 +576,11 @@ class Pressed:
         own = (1 + d) * np.arange(len(touching))[:, None] + np.arange(1 + d)
         C = scattered(self.points.second[touching], own, own, size, size)
         return scipy.sparse.csr_array(K + U.T @ C @ U)
+
+
+def _summed(at: Numbers, rows: Array, count: int) -> Array:
+    """Return the sums of the rows, shape (p, d), that belong to the same of so many points, shape (count, d)."""
+    return np.column_stack([np.bincount(at, column, count) for column in rows.T])
 
 
 def components_of(nodes: Numbers, d: int) -> Numbers:
@@ -764,9 +764,7 @@ class FixedWall:
 
     def near(self, places: Array) -> Near:
         """Return the pairs of points, shape (n, 3), and samples nearer than the radius."""
-        found = scipy.spatial.cKDTree(places).sparse_distance_matrix(self.tree, self.radius, output_type="ndarray")
-        order = np.lexsort((found["j"], found["i"]))
-        i, j = found["i"][order].astype(np.int64), found["j"][order].astype(np.int64)
+        i, j = _pairs_within(places, self.tree, self.radius)
         r = places[i] - self.places[j]
         return Near(i, j, np.zeros_like(i), r, self.areas[j], kernels(r, self.radius))
 
@@ -818,9 +816,7 @@ class PressedOn(PressedSamples):
         return float(self._energies.value.sum())
 
     def slopes(self) -> Array:
-        count, d = self.S.shape
-        by_r, _ = pair_rates(self.near, self._energies.first)
-        return np.column_stack([np.bincount(self.near.i, by_r[:, c], count) for c in range(d)])
+        return _summed(self.near.i, pair_rates(self.near, self._energies.first)[0], len(self.S))
 
     def curvatures(self) -> Array:
         d, touching, near = self.S.shape[1], np.flatnonzero(self.touching), self.near

@@ -175,7 +175,6 @@ def symmetric_motions(actuator: Actuator) -> tuple[Array, Array]:
 
 
 def _basis(vectors: Sequence[Array]) -> list[Array]:
-    """Return the orthonormal vectors that span the same."""
     found: list[Array] = []
     for vector in vectors:
         left = np.array(vector, dtype=float)

@@ -483,7 +483,6 @@ def _softened(
     W_slopes: Array,
     parameters: Sequence[str],
 ) -> tuple[Array, Array]:
-    """Return a law's stress and its slopes with Mullins softening."""
     Wm, Wm_slopes = _largest_energy(time, W, W_slopes, soft.recovery)
     damage, s = 1 / soft.r, soft.m + soft.beta * Wm
     y = np.where(s > 0.0, (Wm - W) / np.where(s > 0.0, s, 1.0), 0.0)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -18,8 +18,8 @@ Expression = Any
 """Values of an energy's arguments: UFL expressions (untyped), numpy arrays or numbers, real or complex, or `Dual`."""
 
 
-class StrainMeasures(Protocol):
-    """Strain measures available to an energy. All dimensionless.
+class StrainMeasures:
+    """Strain measures available to an energy, in UFL and numpy. All dimensionless.
 
     Attributes:
         J: Volume ratio det F.
@@ -28,29 +28,14 @@ class StrainMeasures(Protocol):
         I1_bar: First invariant of the isochoric part, J^(-2/3) I1.
         I2_bar: Second invariant of the isochoric part, J^(-4/3) I2.
         stretches_bar: The three isochoric principal stretches J^(-1/3) lambda_i.
+        log: The natural logarithm of numbers of this kind.
     """
-
-    @property
-    def J(self) -> Expression: ...
-    @property
-    def I1(self) -> Expression: ...
-    @property
-    def I2(self) -> Expression: ...
-    @property
-    def I1_bar(self) -> Expression: ...
-    @property
-    def I2_bar(self) -> Expression: ...
-    @property
-    def stretches_bar(self) -> tuple[Expression, Expression, Expression]: ...
-    def log(self, x: Expression) -> Expression: ...
-
-
-class Isochoric:
-    """The isochoric invariants, identical in UFL and numpy."""
 
     J: Expression
     I1: Expression
     I2: Expression
+    stretches_bar: Expression
+    log: Expression
 
     @functools.cached_property
     def I1_bar(self) -> Expression:
@@ -62,7 +47,7 @@ class Isochoric:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Strain(Isochoric):
+class Strain(StrainMeasures):
     """Strain measures of a UFL deformation gradient ``F`` (3 x 3)."""
 
     F: Expression
@@ -110,7 +95,7 @@ def eigenvalues(A: Expression, gap: float = 1e-4) -> tuple[Expression, Expressio
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class HomogeneousStrain(Isochoric):
+class HomogeneousStrain(StrainMeasures):
     """Strain measures of principal stretches: numpy arrays of one shape, real or complex, or `Dual`."""
 
     stretches: tuple[Expression, Expression, Expression]

@@ -75,6 +75,15 @@ def sparse_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal:
     return made
 
 
+def assembled_vector(b: la.Vector, forms: Sequence[fem.Form]) -> Array:
+    """Assemble the sum of linear forms into a vector; return its local entries, which are complete on their owners."""
+    b.array[:] = 0.0
+    for form in forms:
+        fem.assemble_vector(b.array, form)
+    b.scatter_reverse(la.InsertMode.add)
+    return b.array
+
+
 def length(x: PETSc.Vec) -> float:
     """Return the Euclidean length of a vector."""
     return float(x.dot(x)) ** 0.5

@@ -138,7 +138,7 @@ class Component(abc.ABC):
     @classmethod
     def read_table(cls, name: str, table: Mapping[str, object]) -> Component:
         """Return the part of a table of a case file; raise `FieldError` or the part's own error if invalid."""
-        where = f"[{cls.table}.{name}]" if name else f"[{cls.table}]"
+        where = f"[{cls.table}{f'.{name}' if name else ''}]"
         values = schema.from_table(cls, table, where, f"{cls.table} ")
         cls.check_required(name, values)
         return cls(**values, name=name)

@@ -18,7 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
-from softmodels.common.lazy import Expr, fem, la, ufl
+from softmodels.common.lazy import Expr, fem, ufl
+from softmodels.mechanics.assembly import assembled_vector
 from softmodels.mechanics.component import COMPONENTS, Component, ComponentError, Equations, MaterialCells
 from softmodels.mechanics.mpi import any_rank, total
 
@@ -271,12 +272,8 @@ class DeadLoads:
         system, found = self.system, []
         w = system.w.x.array[: system.n]
         for forms in self.forms:
-            b = self._vector.x  # a separate function, because the system's may be in use
-            b.array[:] = 0.0
-            for form in forms:
-                fem.assemble_vector(b.array, form)
-            b.scatter_reverse(la.InsertMode.add)
-            found.append(total(system.comm, float(b.array[: system.n] @ w)))
+            b = assembled_vector(self._vector.x, forms)  # a separate function, because the system's may be in use
+            found.append(total(system.comm, float(b[: system.n] @ w)))
         return np.array(found)
 
     def borne(self, dofs: npt.NDArray[np.int32], drives: Array) -> Array:

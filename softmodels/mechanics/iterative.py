@@ -166,7 +166,6 @@ def entries_in_all(K: PETSc.Mat) -> float:
 
 
 def _roundable(K: PETSc.Mat, spread: float) -> bool:
-    """Return whether single precision is tried."""
     return K.getSize()[0] > SMALL and spread < MOST_SPREAD
 
 
@@ -481,7 +480,6 @@ class LinearLevel:
         self._matrix.zeroRowsColumns(self._held_rows, 1.0)  # type: ignore[arg-type]
 
     def _make_cycle(self, motions: Array) -> None:
-        """Make GAMG, with the rigid motions."""
         vectors = [self._matrix.createVecRight() for _ in motions]
         for i, (vector, motion) in enumerate(zip(vectors, motions, strict=True)):
             vector.array_w[:] = motion
@@ -594,7 +592,6 @@ class Multigrid(Preconditioner):
         ]
 
     def _make_weights(self) -> None:
-        """The forms of the lumped mass of p, one for each region."""
         system = self.system
         if not system.mixed:
             return
@@ -619,7 +616,6 @@ class Multigrid(Preconditioner):
         self._fresh = 0.0
 
     def _make_levels(self) -> None:
-        """Make the levels of displacements, and their coupling to p."""
         d = self.system.body.mesh.geometry.dim
         held = np.zeros(self.K.getLocalSize()[0], dtype=np.bool_)
         held[self._held] = True
@@ -688,7 +684,6 @@ class Multigrid(Preconditioner):
         raise NotImplementedError("a multigrid cycle does not provide K's inertia")
 
     def _drop(self) -> None:
-        """Destroy the levels and the coupling."""
         for level in self._levels or ():
             level.release()
         if self._coupling is not None:

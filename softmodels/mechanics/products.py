@@ -168,7 +168,6 @@ class QuadratureTangent:
             block.add_product(x, y)
 
     def _take(self) -> None:
-        """Compute the second derivatives, if the state has changed."""
         here = [self._mesh.geometry.x, *(field.array for field in self._fields)]
         here += [np.asarray(constant.value) for constant in self._constants]
         here.append(np.array([history.prepared for history in self._histories]))

@@ -269,7 +269,6 @@ def clamped(body: Body, components: Sequence[Component]) -> Body:
 
 
 def _check_place(body: Body, where: str) -> None:
-    """Reject supports that leave the body a rigid motion."""
     mesh, d = body.mesh, body.actuator.dimension
     modes = np.zeros((6, 6) if d == 3 else (1, 1))
     wanted = [(plane.name, plane.normal) for plane in body.actuator.cut_planes]

@@ -34,7 +34,7 @@ from softmodels.common.errors import GeometryError
 from softmodels.common.lazy import Expr, PETSc, basix, fem, la, meshes, ufl
 from softmodels.materials.laws import Material, parameter_fields
 from softmodels.materials.specimens import SOFTENING, nudged
-from softmodels.mechanics.assembly import assembled_matrix, held_dofs, numbered
+from softmodels.mechanics.assembly import assembled_matrix, assembled_vector, held_dofs, numbered
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.component import Component
@@ -153,7 +153,6 @@ class Extension:
 
 
 def _interfaces(body: Body) -> npt.NDArray[np.int32]:
-    """Return the local facets between cells of different regions."""
     topology, d = body.mesh.topology, body.mesh.topology.dim
     regions = numbered(body.mesh, list(body.regions.values()))
     topology.create_connectivity(d - 1, d)
@@ -349,10 +348,7 @@ class MeshMotion:
 
     def assembled(self, form: fem.Form) -> Array:
         """Return a form's vector over the dofs of `space`, complete on their owners."""
-        b = fem.Function(self.space).x
-        fem.assemble_vector(b.array, form)
-        b.scatter_reverse(la.InsertMode.add)
-        return b.array
+        return assembled_vector(fem.Function(self.space).x, [form])
 
     def release(self) -> None:
         """Release the PETSc objects."""

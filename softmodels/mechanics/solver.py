@@ -188,7 +188,6 @@ class Solver:
         return self._state(self.newton.solve_along(force, anchor, amount, w, P))
 
     def _state(self, scalars: Array) -> State:
-        """Return the state that Newton's method has left in the functions."""
         w = np.concatenate([self.system.w.x.array, scalars[1:]])
         return State(w, float(scalars[0]), self.system.volume(), self.newton.snes.getIterationNumber())
 
@@ -280,7 +279,6 @@ class Solver:
             raise NoConvergence(f"the linear solver failed on a linear response{bordered.inverse.instead}")
 
     def _answer(self) -> Tangent:
-        """Return the linear solver's solution: changes of dofs, pressure and volume."""
         bordered = self.bordered
         body, pressures = bordered.split(self.newton.x)
         direction = self.system.potential.direction.x

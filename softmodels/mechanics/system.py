@@ -18,7 +18,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.lazy import MPI, PETSc, basix, fem, la, meshes, ufl
 from softmodels.materials.laws import Material
 from softmodels.materials.strain import Strain
-from softmodels.mechanics.assembly import AssembledTerms, known_to_all, mark_symmetric, matrix_of
+from softmodels.mechanics.assembly import AssembledTerms, assembled_vector, known_to_all, mark_symmetric, matrix_of
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body, BodyError, cell_measure, in_section
 from softmodels.mechanics.compiling import JIT, begin, compile_ahead
 from softmodels.mechanics.component import Component, ComponentError
@@ -138,7 +138,6 @@ class RigidUnknowns(Unknowns):
             motion.take(w)
 
     def _values(self, q: Array) -> list[Array]:
-        """Return each part's own values in q."""
         own = [q[slots] if rank == self.comm.rank else None for rank, slots in self.slots]
         if self.comm.size == 1:
             return [values for values in own if values is not None]
@@ -228,7 +227,6 @@ class RigidUnknowns(Unknowns):
         return whole.ptap(self._T, into)
 
     def _take_rates(self, whole: PETSc.Mat) -> None:
-        """Update T with the current rates."""
         if self.turns:
             self._T.setValuesCSR(*self._rows(whole))  # type: ignore[arg-type]
             self._T.assemble()
@@ -539,12 +537,8 @@ class System:
     def assemble(self, forms: list[fem.Form], held: bool = False) -> Array:
         """Return the sum of assembled linear forms, owned entries: by the unknowns and zero at held dofs, or by all dofs if
         ``held``. It is a view that the next call overwrites."""
-        b = self._vector.x
-        b.array[:] = 0.0
-        for form in forms:
-            fem.assemble_vector(b.array, form)
-        b.scatter_reverse(la.InsertMode.add)
-        return b.array[: self.n] if held else self._by_unknowns()
+        b = assembled_vector(self._vector.x, forms)
+        return b[: self.n] if held else self._by_unknowns()
 
     def by_unknowns(self, entries: Array) -> Array:
         """Return the entries of owned dofs by the unknowns; a view that the next assembly overwrites."""
@@ -580,7 +574,6 @@ class System:
         self.unknowns.reduce(self._whole, self.residual)
 
     def _assemble_whole(self) -> None:
-        """Assemble the tangent by all dofs."""
         self._whole.zeroEntries()
         self._products.add_to(self._whole, self.bcs)
         self._whole.assemble()

@@ -118,7 +118,6 @@ def _weights(places: Array, at: float) -> tuple[tuple[Array, Array], tuple[Array
 
 
 def _sum(points: Sequence[Point], values: Array, slopes: Array) -> tuple[Array, float]:
-    """Return the weighted sum of the points' states and tangents, (w, P)."""
     w, P = np.zeros_like(points[0].state.w), 0.0
     for p, value, slope in zip(points, map(float, values), map(float, slopes), strict=True):
         w += value * p.state.w
@@ -774,7 +773,6 @@ def _root(known: list[Known], scale: float) -> float:
 
 
 def _around(known: list[Known]) -> tuple[Known, Known]:
-    """Return the neighbours between which the eigenvalue changes its sign."""
     return next((a, b) for a, b in itertools.pairwise(known) if a[0] * b[0] <= 0)
 
 
@@ -995,7 +993,6 @@ class Continuation:
         return self.corrector.point(state, requested=goal is not None, step=following)
 
     def _longest(self) -> float:
-        """Return the longest step allowed, in units of the control."""
         s, t = self.last.state, self.last.tangent
         per, along = self.requested.rate(s, t), self.followed.rate(s, t)
         return self.largest_step * abs(along / per) if per else math.inf
@@ -1199,7 +1196,6 @@ class Branch:
         )  # fmt: skip
 
     def _distance(self, a: State, b: State) -> float:
-        """Return the arc length between two states in the plane of volume and pressure."""
         change = (b.V - a.V, b.P - a.P)
         return self.path.plane.product(change, change) ** 0.5
 

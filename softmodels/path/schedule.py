@@ -486,7 +486,6 @@ def _along(path: Continuation, parts: list[CyclePart], here: int, goals: Sequenc
 
 
 def _state(path: Continuation, part: CyclePart, P: float) -> Point:
-    """Return the state of a stable part at a pressure."""
     for before, after in zip(part.points, part.points[1:], strict=False):
         if before.state.P <= P <= after.state.P:
             if P == before.state.P and not before.limit:

@@ -106,27 +106,6 @@ class Pencil:
     solve: Callable[[PETSc.Vec, PETSc.Vec, float], object]
 
 
-def stiffened(pencil: Pencil, columns: Sequence[PETSc.Vec], stiffnesses: Array) -> tuple[Pencil, int]:
-    """Return K + sum k q q^T with M for some columns q and stiffnesses k above 0, and how many negative eigenvalues that takes
-    away. Its inverse is Woodbury's; the inertia of [[K, q], [q^T, -1/k]] counts them (Haynsworth 1968)."""
-    lifted = [pencil.M.createVecRight() for _ in columns]
-    for column, x in zip(columns, lifted, strict=True):
-        pencil.solve(column, x, LIFTED)
-    inner = np.diag(1 / stiffnesses) + np.array([[column.dot(x) for x in lifted] for column in columns])
-
-    def product(x: PETSc.Vec, y: PETSc.Vec) -> None:
-        pencil.product(x, y)
-        for column, k in zip(columns, stiffnesses, strict=True):
-            y.axpy(float(k) * column.dot(x), column)
-
-    def solve(b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> None:
-        pencil.solve(b, x, tolerance)
-        shares = np.linalg.solve(inner, [column.dot(x) for column in columns])
-        x.maxpy([-float(share) for share in shares], lifted)
-
-    return Pencil(product, pencil.M, solve), int(np.count_nonzero(np.linalg.eigvalsh(inner) < 0.0))
-
-
 class Space:
     """Directions x, orthonormal in M, with K x and M x."""
 
@@ -313,13 +292,28 @@ class Springs:
     stiffnesses: Array
 
     def added_to(self, pencil: Pencil) -> tuple[Pencil, int]:
-        """See `stiffened`."""
+        """Return K + sum k q q^T with M, and how many negative eigenvalues that takes away. Its inverse is Woodbury's; the
+        inertia of [[K, q], [q^T, -1/k]] counts them (Haynsworth 1968)."""
         if not len(self.columns):
             return pencil, 0
-        vectors = [pencil.M.createVecLeft() for _ in self.columns]
-        for vector, column in zip(vectors, self.columns, strict=True):
-            vector.array_w[:] = column
-        return stiffened(pencil, vectors, self.stiffnesses)
+        columns = [pencil.M.createVecLeft() for _ in self.columns]
+        lifted = [pencil.M.createVecRight() for _ in columns]
+        for column, entries, x in zip(columns, self.columns, lifted, strict=True):
+            column.array_w[:] = entries
+            pencil.solve(column, x, LIFTED)
+        inner = np.diag(1 / self.stiffnesses) + np.array([[column.dot(x) for x in lifted] for column in columns])
+
+        def product(x: PETSc.Vec, y: PETSc.Vec) -> None:
+            pencil.product(x, y)
+            for column, k in zip(columns, self.stiffnesses, strict=True):
+                y.axpy(float(k) * column.dot(x), column)
+
+        def solve(b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> None:
+            pencil.solve(b, x, tolerance)
+            shares = np.linalg.solve(inner, [column.dot(x) for column in columns])
+            x.maxpy([-float(share) for share in shares], lifted)
+
+        return Pencil(product, pencil.M, solve), int(np.count_nonzero(np.linalg.eigvalsh(inner) < 0.0))
 
 
 class Spectrum(abc.ABC):
@@ -444,7 +438,6 @@ class Iterated(Spectrum):
         return self._negative
 
     def _take(self, found: Modes) -> Modes:
-        """Store the modes of the loaded state."""
         self._negative, self._counted, self._modes = found.negative, self.solver.kept.made, found.vectors
         return found
 
