@@ -651,13 +651,7 @@ def last_stretch(material: Material, mode: str) -> float:
         return math.inf
 
     def left(stretch: float) -> float:
-        power = {
-            "uniaxial": (2.0, -1.0, 1.0, 2.0),
-            "planar": (2.0, -2.0, 1.0, 1.0),
-            "equibiaxial": (2.0, -4.0, 2.0, 1.0),
-        }
-        a, b, many, others = power[mode]
-        return many * stretch**a + others * stretch**b + (mode == "planar") - 3 - limit
+        return float(strain_of(mode, stretch)) - limit
 
     return float(scipy.optimize.brentq(left, 1.0, 2 + 2 * math.sqrt(limit + 3)))
 

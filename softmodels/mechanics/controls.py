@@ -75,17 +75,6 @@ def volume_control(V: float) -> Control:
     return Control(1.0, 0.0, V)
 
 
-def arc_length(V: float, P: float, dV: float, dP: float, step: float, V_scale: float, P_scale: float) -> Control:
-    """Return the line perpendicular to the path's tangent (dV, dP), ``step`` away from the state (V, P).
-
-    Lengths in the plane are measured in ``V_scale`` and ``P_scale``.
-    """
-    a, b = dV / V_scale, dP / P_scale
-    norm = (a * a + b * b) ** 0.5
-    line = Control(a / norm / V_scale, b / norm / P_scale, 0.0)
-    return line.at(line.value(V, P) + step)
-
-
 # ----------------------------------------------------------------------------------------------------------------------
 # Coupling of several cavities' pressures and volumes to a single pair (P, V).
 #

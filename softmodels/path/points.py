@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from softmodels.common.arrays import Array
 from softmodels.mechanics.component import PathFailure
-from softmodels.mechanics.controls import Control, Curve, Tangent, arc_length, pressure_control, volume_control
+from softmodels.mechanics.controls import Control, Curve, Tangent, pressure_control, volume_control
 from softmodels.mechanics.system import State
 from softmodels.path.stability import Signature
 
@@ -131,7 +131,10 @@ class ArcLengthMetric:
 
     def square_to(self, tangent: Tangent, state: State, step: float = 0.0) -> Control:
         """Return the line perpendicular to a tangent, ``step`` away from a state."""
-        return arc_length(state.V, state.P, tangent.V, tangent.P, step, self.V_scale, self.P_scale)
+        a, b = tangent.V / self.V_scale, tangent.P / self.P_scale
+        norm = (a * a + b * b) ** 0.5
+        line = Control(a / norm / self.V_scale, b / norm / self.P_scale, 0.0)
+        return line.at(line.value(state.V, state.P) + step)
 
 
 class PathQuantity(abc.ABC):
