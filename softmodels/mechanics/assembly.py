@@ -564,7 +564,6 @@ def _numbering(space: fem.FunctionSpace, part: Ints, region: Ints) -> tuple[comm
     Returns the new map; and for each region the new number of each old local unknown, -1 where the region does not reach.
     ``part`` has the unknowns that may jump, by cell.
     """
-
     comm, old = space.mesh.comm, space.dofmap.index_map
     n, count = old.size_local, 1 + int(largest(space.mesh.comm, float(region.max(initial=0))))
     vector = la.vector(old, 1)

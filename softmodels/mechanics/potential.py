@@ -187,7 +187,6 @@ class Potential:
 
     def predicted_tangents(self, trial: Expr) -> dict[int, ufl.Form]:
         """Return those of `tangent` that are not second derivatives of their energies, by index."""
-
         found: dict[int, ufl.Form] = {}
         y = self._vector_part(self._known)
         at, foresight = len(self.regions), MixedPointStress(self._known, y, self._move, self._test, trial)

@@ -1224,7 +1224,6 @@ def follow(path: Continuation, bifurcation: Point, sign: int = 1, farthest: floa
     Raises:
         PathEnd: The branch could be followed no further.
     """
-
     system = path.solver.system
 
     def ends(point: Point) -> bool:

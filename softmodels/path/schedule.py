@@ -34,6 +34,7 @@ from softmodels.path.program import (
     value_at,
 )
 from softmodels.path.supply import Gas, Source
+from softmodels.path.time_steps import Filling, Ramp, march
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Load stages: all drivers change proportionally from one state to another, as one path.
@@ -147,8 +148,6 @@ class Stage:
             yield 1.0, dataclasses.replace(first, state=state, requested=True)
             return
         if self.duration:
-            from softmodels.path.time_steps import Ramp, march
-
             yield from march(path, Ramp(self.goal, self.duration), tolerance)
             return
         for point in trace(path, [self.goal]):
@@ -306,8 +305,6 @@ def supply(
     Raises:
         PathEnd: The device snaps through, or no step was found.
     """
-    from softmodels.path.time_steps import Filling, march
-
     here, first = begin or hung or at_rest(solver), int(begins_at_rest(program))
     steps = range(1, len(program[0].values) + 1 - first)
     sources = [source_at(program, float(step), settings.pascal_per_cm) for step in (0, *steps)]
