@@ -598,10 +598,10 @@ def exponential(k: Expr, q: Expr, b: Expr) -> Expr:
     return k * (ufl.exp(b * q) - 1) / (8 * b)
 
 
-def taut(x: Expr, onset: float = ONSET) -> Expr:
+def taut(x: Expr) -> Expr:
     """Return the square q of a change of squared length x, in UFL, that vanishes where it is negative; see the module
     docstring."""
-    e = 2 * onset
+    e = 2 * ONSET
     square = ufl.conditional(ufl.lt(x, e), x**3 / (3 * e), x**2 - e * x + e**2 / 3)
     return ufl.conditional(ufl.lt(x, 0), 0, square)
 

@@ -165,7 +165,6 @@ def hang(
     solver: Solver,
     targets: Sequence[tuple[str, Array]],
     report: Callable[[str], None] = lambda text: None,
-    control: str = "auto",
 ) -> StageEnd:
     """Apply the preload to the undeformed state, one magnitude after the other, such as the dead loads and then a pressure.
     The coupling of the drivers is changed.
@@ -174,7 +173,6 @@ def hang(
         solver: The device.
         targets: What is applied, a clause, and the magnitudes of all drivers then, dimensionless, shape (k,).
         report: Takes sentences on what is going on.
-        control: What is followed, as in `Continuation`.
 
     Raises:
         HangingEnd: There is no such state on the path.
@@ -187,7 +185,7 @@ def hang(
         stage = Stage.between(here, change, (), here.driven)
         come: list[tuple[float, Point]] = []
         try:
-            come.extend(stage.follow(solver, control, report))
+            come.extend(stage.follow(solver, "auto", report))
         except (PathEnd, NoConvergence) as failure:
             end = failure if isinstance(failure, PathEnd) else PathEnd(str(failure))
             raise HangingEnd(end, what, come[-1][0] if come else 0.0) from failure
