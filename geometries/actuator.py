@@ -22,8 +22,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from geometries.meshing import Mirror
 from softmodels.common.errors import GeometryError, MeshingError, known_are
+from softmodels.common.names import lazy_module
 from softmodels.common.schema import Length, Quantity, Several, about, choice_field, settle
 from softmodels.common.units import brief
+
+gmsh = lazy_module("gmsh")
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Interface of a device for designs: parameters a mesh can follow, boundary motion, minimum dimensions.
@@ -913,8 +916,6 @@ def check_closed(actuator: Actuator, openings: Iterable[Opening], holds: Iterabl
 
 def find_openings(actuator: Actuator) -> tuple[Opening, ...]:
     """Return where the cavities of the mesh in the current Gmsh model end, but on cut planes and on the axis of a section."""
-    import gmsh  # type: ignore[import-untyped]
-
     d = actuator.dimension
     groups = [(*group, gmsh.model.getPhysicalName(*group)) for group in gmsh.model.getPhysicalGroups()]
     walls = {name: (dimension, tag) for dimension, tag, name in groups if dimension == d - 1}
@@ -953,8 +954,6 @@ def find_openings(actuator: Actuator) -> tuple[Opening, ...]:
 def _rim(group: tuple[int, int], space: int) -> Ints:
     """Return the edges that an odd number of a group's triangles have (or ends, of its lines in a section), shape (n, space -
     1)."""
-    import gmsh
-
     sides = []
     for entity in gmsh.model.getEntitiesForPhysicalGroup(*group):
         for kind, _, nodes in zip(*gmsh.model.mesh.getElements(group[0], entity), strict=True):

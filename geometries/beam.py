@@ -14,7 +14,10 @@ from geometries.actuator import CutPlane, Hold, MirroredHalf, Pour, Recipe, Vect
 from geometries.meshing import add_block, check_cell_count
 from geometries.registry import register_device
 from softmodels.common.errors import GeometryError
+from softmodels.common.names import lazy_module
 from softmodels.common.schema import choice_field, length_field, shown
+
+gmsh = lazy_module("gmsh")
 
 NEAR = 1e-9
 """Tolerance of equal positions, in lengths of the beam."""
@@ -150,15 +153,11 @@ class Beam(MirroredHalf):
         return Recipe(pours=(beam,), why="A solid bar is cast in an open tray and scraped flat.")
 
     def build_whole(self) -> None:
-        import gmsh  # type: ignore[import-untyped]
-
         half, width = 0.5 * self.thickness, 0.5 * self.width
         add_block((0.0, -width, -half), (self.length, width, half))
         gmsh.model.occ.synchronize()
 
     def build(self) -> None:
-        import gmsh  # type: ignore[import-untyped]
-
         model, mesh, edges = gmsh.model, gmsh.model.mesh, self._edges
         low = (0.0, 0.0, 0.0 if self.part == "quarter" else -0.5 * self.thickness)
         solid = model.occ.addBox(*low, *edges)

@@ -28,7 +28,10 @@ from geometries.actuator import Bending, HeldTip, MirroredHalf, Pour, Recipe, Ve
 from geometries.meshing import MM, Entity, add_block, bond, check_cell_count, face_block, one_solid, set_sizes
 from geometries.registry import register_device
 from softmodels.common.errors import GeometryError
+from softmodels.common.names import lazy_module
 from softmodels.common.schema import LONGEST, ROUNDING, choice_field, length_field, shown
+
+gmsh = lazy_module("gmsh")
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The wavy wall of a bending bellows: arcs that join smoothly, of the same thickness everywhere, and its volumes.
@@ -250,8 +253,6 @@ def build_bellows(bellows: BendingBellows) -> None:
 
 def build_whole_bellows(bellows: BendingBellows) -> None:
     """Fill the current Gmsh model (mm) with the whole bellows, one solid."""
-    import gmsh  # type: ignore[import-untyped]
-
     one_solid(gmsh.model.occ.fuse([_wall(bellows, whole=True)], [_base(bellows, -half_width(bellows))])[0])
     gmsh.model.occ.synchronize()
 
@@ -263,8 +264,6 @@ def _base(bellows: BendingBellows, side: float) -> Entity:
 
 def _wall(bellows: BendingBellows, whole: bool = False) -> Entity:
     """Return the wall and the end plates: their section in the mirror plane, turned down to the base on one side or on both."""
-    import gmsh
-
     occ, axis = gmsh.model.occ, 0.5 * MM * bellows.base
     first, last, outside = bellows.root, planned_length(bellows) - bellows.cap, crest(bellows)
     lines = _Outline(bellows)
@@ -301,14 +300,10 @@ class _Outline:
         self.curves: list[int] = []
 
     def _point(self, x: float, r: float) -> int:
-        import gmsh
-
         return int(gmsh.model.occ.addPoint(MM * x, 0.0, MM * (self.axis + r)))
 
     def to(self, x: float, r: float) -> None:
         """A straight piece to a point, unless the line is there already."""
-        import gmsh
-
         if self.points:
             last, lx, lr = self.points[-1]
             if math.hypot(x - lx, r - lr) < self.near:
@@ -319,8 +314,6 @@ class _Outline:
 
     def along(self, arcs: list[Arc]) -> None:
         """Arcs, with straight pieces between them where they do not meet."""
-        import gmsh
-
         occ = gmsh.model.occ
         for arc in arcs:
             self.to(arc.start, arc.height(arc.start))
@@ -331,15 +324,11 @@ class _Outline:
             self.points.append(end)
 
     def closed(self) -> list[int]:
-        import gmsh
-
         return [*self.curves, int(gmsh.model.occ.addLine(self.points[-1][0], self.points[0][0]))]
 
 
 def _role(bellows: BendingBellows, tag: int) -> str:
     """Return the role of a face: flat ones by the block around them, curved ones by how far from the axis they are."""
-    import gmsh
-
     low, high = face_block(tag)
     near, half = 1e-6, 0.5 * bellows.base
     planes = (("support", 0, 0.0), ("tip", 0, planned_length(bellows)), ("plane0", 1, 0.0), ("bottom", 2, -half))

@@ -33,7 +33,10 @@ from geometries.meshing import MM, check_cell_count, place_of
 from geometries.registry import register_device
 from geometries.revolved import Side, carried_along
 from softmodels.common.errors import GeometryError, MeshingError
+from softmodels.common.names import lazy_module
 from softmodels.common.schema import LONGEST, angle_field, choice_field, length_field, shown
+
+gmsh = lazy_module("gmsh")
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Cylinders with invalid parameters, detected before meshing; and how many cells to expect.
@@ -229,8 +232,6 @@ Edges = list[tuple[int, str]]
 
 def build_section(device: Cylinder) -> None:
     """Fill the current Gmsh model with the axisymmetric profile: x is the radius, y the height (m)."""
-    import gmsh  # type: ignore[import-untyped]
-
     (wall, cap), edges = _profile(device, lambda r, z: (r, z, 0.0))
     gmsh.model.occ.synchronize()
     roles: dict[str, list[int]] = defaultdict(list)
@@ -244,8 +245,6 @@ def build_section(device: Cylinder) -> None:
 
 def build_solid(device: Cylinder) -> None:
     """Fill the current Gmsh model with half of the tube (y > 0) or all of it (m)."""
-    import gmsh
-
     occ = gmsh.model.occ
     (wall, cap), _ = _profile(device, lambda r, z: (r, 0.0, z))
     volumes = []
@@ -271,8 +270,6 @@ def build_solid(device: Cylinder) -> None:
 
 def build_full_turn(device: Cylinder) -> None:
     """Fill the current Gmsh model with the whole tube (mm), one solid."""
-    import gmsh
-
     occ = gmsh.model.occ
     (wall, cap), _ = _profile(device, lambda r, z: (MM * r, 0.0, MM * z))
     ((_, face),) = occ.fuse([(2, wall)], [(2, cap)])[0]
@@ -290,8 +287,6 @@ def _profile(
         device: The tube.
         at: Makes a point in space of radius and height.
     """
-    import gmsh
-
     occ = gmsh.model.occ
     inner, outer, fillet = device.inner_radius, device.outer_radius, device.fillet
     straight, length, height = device.straight, device.length, device.height
@@ -344,8 +339,6 @@ def _size(device: Cylinder) -> Callable[[float, float], float]:
 
 
 def _name_solids(device: Cylinder) -> None:
-    import gmsh
-
     regions: dict[str, list[int]] = defaultdict(list)
     for _, tag in gmsh.model.getEntities(3):
         above = gmsh.model.occ.getCenterOfMass(3, tag)[2] > device.straight
@@ -355,8 +348,6 @@ def _name_solids(device: Cylinder) -> None:
 
 def _name_faces(device: Cylinder) -> None:
     """Assign a role to every boundary face of the solid; inner faces get none."""
-    import gmsh
-
     roles: dict[str, list[int]] = defaultdict(list)
     for _, tag in gmsh.model.getEntities(2):
         if len(gmsh.model.getAdjacencies(2, tag)[0]) == 1:
@@ -366,8 +357,6 @@ def _name_faces(device: Cylinder) -> None:
 
 def _role(device: Cylinder, tag: int) -> str:
     """Return the role of a face from where its corners and its centre of mass are."""
-    import gmsh
-
     near = 1e-7 * device.outer_radius
     corners = gmsh.model.getBoundary([(2, tag)], combined=False, oriented=False, recursive=True)
     x, y, z = np.array([place_of(point) for _, point in corners]).T
@@ -386,8 +375,6 @@ def _role(device: Cylinder, tag: int) -> str:
 
 
 def _name(dimension: int, roles: dict[str, list[int]]) -> None:
-    import gmsh
-
     for role, tags in roles.items():
         if not tags:
             raise MeshingError(f"The shape has no place for {role!r}; please report this with the parameters")

@@ -34,6 +34,7 @@ from geometries.registry import register_device
 from geometries.revolved import carried_along
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
+from softmodels.common.names import lazy_module
 from softmodels.common.schema import (
     LONGEST,
     ROUNDING,
@@ -48,6 +49,8 @@ from softmodels.common.schema import (
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
+
+gmsh = lazy_module("gmsh")
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -557,8 +560,6 @@ MM = 1e3
 
 def build_profile(disk: HollowDisk) -> None:
     """Fill the current Gmsh model with the axisymmetric profile: x is the radius, y the height (m)."""
-    import gmsh  # type: ignore[import-untyped]
-
     face, curves, points = _face(disk, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     gmsh.model.occ.synchronize()
     name_group(2, [face], "solid")
@@ -572,8 +573,6 @@ def build_profile(disk: HollowDisk) -> None:
 
 def build_wedge(disk: HollowDisk) -> None:
     """Fill the current Gmsh model with the slice from the azimuth to azimuth + angle (m)."""
-    import gmsh
-
     occ = gmsh.model.occ
     face, _, _ = _face(disk, disk.radial, disk.lift)
     pieces = math.ceil(disk.angle / WIDEST_PIECE - 1e-9)
@@ -595,8 +594,6 @@ def build_wedge(disk: HollowDisk) -> None:
 
 def build_full_turn(disk: HollowDisk) -> None:
     """Fill the current Gmsh model with the whole disk in mm, one solid."""
-    import gmsh
-
     face, _, _ = _face(disk, (MM, 0.0, 0.0), (0.0, 0.0, MM))
     gmsh.model.occ.revolve([(2, face)], 0, 0, 0, 0, 0, 1, 2.0 * math.pi)
     gmsh.model.occ.remove([(2, face)], recursive=True)
@@ -607,8 +604,6 @@ def _face(
     disk: HollowDisk, right: tuple[float, float, float], up: tuple[float, float, float]
 ) -> tuple[int, dict[str, list[int]], dict[Place, int]]:
     """Add the half profile in the plane of two vectors of a metre each; return its tag, curves by role and corners."""
-    import gmsh
-
     occ = gmsh.model.occ
     points: dict[Place, int] = {}
 
@@ -640,8 +635,6 @@ def _face(
 
 def _name_surfaces(disk: HollowDisk) -> None:
     """Assign a role to every boundary face of the solid; inner faces get none."""
-    import gmsh
-
     roles: dict[str, list[int]] = defaultdict(list)
     for _, tag in gmsh.model.getEntities(2):
         if len(gmsh.model.getAdjacencies(2, tag)[0]) == 1:
@@ -652,8 +645,6 @@ def _name_surfaces(disk: HollowDisk) -> None:
 
 def _surface_role(disk: HollowDisk, tag: int) -> str:
     """Return the role of a face from where its corners and its centre of mass are."""
-    import gmsh
-
     near = 1e-8 * disk.outer_radius
     centre = np.array(gmsh.model.occ.getCenterOfMass(2, tag))
     corners = _corners(2, tag)
@@ -675,8 +666,6 @@ def _surface_role(disk: HollowDisk, tag: int) -> str:
 
 def _name_rim(disk: HollowDisk) -> None:
     """Name the bottom's outer edge and, where rigid motions remain, the anchors."""
-    import gmsh
-
     near = 1e-8 * disk.outer_radius
     rim = []
     for _, tag in gmsh.model.getEntities(1):
@@ -693,8 +682,6 @@ def _name_rim(disk: HollowDisk) -> None:
 
 def _corners(dimension: int, tag: int) -> np.ndarray:
     """Return the corner points of a curve or a face, shape (n, 3)."""
-    import gmsh
-
     found = gmsh.model.getBoundary([(dimension, tag)], combined=False, oriented=False, recursive=True)
     return np.array([place_of(point) for _, point in found])
 

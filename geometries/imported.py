@@ -20,7 +20,10 @@ from numpy.typing import NDArray
 from geometries.actuator import Actuator, CutPlane, Hold, Vector, reflected
 from softmodels.common.errors import GeometryError, whole_path
 from softmodels.common.files import GEOMETRY, file_digest, read_file
+from softmodels.common.names import lazy_module
 from softmodels.common.schema import choice_field, list_field, text_field
+
+gmsh = lazy_module("gmsh")
 
 FORMATS: Mapping[str, str] = {".msh": "gmsh", ".inp": "abaqus", ".stl": "stl"}
 """Endings of the files that are read, and meshio's names for them."""
@@ -322,8 +325,6 @@ def solid_names(path: str | Path) -> list[str]:
 
     Needs a current Gmsh session, and leaves its model unchanged.
     """
-    import gmsh  # type: ignore[import-untyped]
-
     text = _read(path)
     bodies = [(int(number), _plain(name).strip()) for number, name in SOLID.findall(text)]
     if not any(name for _, name in bodies) or len(bodies) >= SHADES**3:
@@ -398,8 +399,6 @@ def _marked(text: str, marks: dict[int, Colour]) -> str:
 
 def _colours(text: str, dimension: int = 2) -> list[Colour | None]:
     """Return the colours of the surfaces, or volumes, that Gmsh makes of a file of this text."""
-    import gmsh  # type: ignore[import-untyped]
-
     before = gmsh.model.getCurrent()
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "copy.step"
@@ -604,15 +603,11 @@ def listed(what: str, known: list[str]) -> str:
 
 
 def _at(places: list[int], tags: list[int], pieces: Sequence[Sequence[int]]) -> list[int]:
-    import gmsh  # type: ignore[import-untyped]
-
     every = pieces or [(tag,) for _, tag in gmsh.model.getEntities(2)]
     return [tag for place in places for tag in every[place] if tag in tags]
 
 
 def _in_box(tag: int, box: tuple[tuple[float, ...], tuple[float, ...]], near: float) -> bool:
-    import gmsh
-
     low, high = np.array(gmsh.model.occ.getBoundingBox(2, tag)).reshape(2, 3)
     return bool(np.all(low > np.array(box[0]) - near) and np.all(high < np.array(box[1]) + near))
 
@@ -625,8 +620,6 @@ def _in_plane(tag: int, normal: NDArray[np.float64], at: float, near: float) -> 
 
 def surface_points(tag: int) -> NDArray[np.float64]:
     """Return some points all over a surface of the current Gmsh model, beyond its border too; shape (16, 3), m."""
-    import gmsh
-
     low, high = gmsh.model.getParametrizationBounds(2, tag)
     places = np.stack(np.meshgrid(*np.linspace(low, high, 4).T), axis=-1)
     return np.array(gmsh.model.getValue(2, tag, places.ravel())).reshape(-1, 3)

@@ -32,11 +32,14 @@ from geometries.imported import (
     region_name,
 )
 from geometries.mesh_arrays import TO_GMSH, Ints, Tetrahedra
-from geometries.meshing import apart
+from geometries.meshing import apart, private_model
 from geometries.registry import register_device
 from softmodels.common.errors import GeometryError, MeshingError
 from softmodels.common.files import GEOMETRY, check_file, read_file
+from softmodels.common.names import lazy_module
 from softmodels.common.schema import choice_field, length_field
+
+gmsh = lazy_module("gmsh")
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Read meshes of other programs into arrays, with their names of faces and regions.
@@ -287,10 +290,6 @@ def _meshed(
     points: NDArray[np.float64], triangles: Ints, cell_size: float, anew: bool
 ) -> tuple[NDArray[np.float64], Ints]:
     """See `_fill`; ``anew`` meshes the surfaces anew with cells of their own, else the file's triangles stay."""
-    import gmsh  # type: ignore[import-untyped]
-
-    from geometries.meshing import private_model
-
     with private_model():
         tag = gmsh.model.addDiscreteEntity(2)
         gmsh.model.mesh.addNodes(2, tag, np.arange(1, len(points) + 1), points.ravel())
@@ -324,8 +323,6 @@ def _meshed(
 
 def _shells(surfaces: list[int]) -> list[list[int]]:
     """Return the surfaces that are connected by their curves."""
-    import gmsh
-
     left, shells = set(surfaces), []
     curves = {tag: {abs(curve) for _, curve in gmsh.model.getBoundary([(2, tag)], oriented=False)} for tag in surfaces}
     while left:
@@ -339,8 +336,6 @@ def _shells(surfaces: list[int]) -> list[list[int]]:
 
 
 def _extent(shell: list[int]) -> float:
-    import gmsh
-
     boxes = np.array([gmsh.model.getBoundingBox(2, tag) for tag in shell])
     return float(np.linalg.norm(boxes[:, 3:].max(axis=0) - boxes[:, :3].min(axis=0)))
 
@@ -578,8 +573,6 @@ class ImportedMesh(ImportedPart):
 
     def build(self) -> None:
         """Put the mesh into the current Gmsh model, every role a group of its boundary, every region of its cells."""
-        import gmsh  # type: ignore[import-untyped]
-
         mesh = self.mesh
         second = mesh.cells.shape[1] == 10
         solid = gmsh.model.addDiscreteEntity(3)

@@ -26,10 +26,13 @@ from geometries.imported import (
     solid_names,
     surface_points,
 )
-from geometries.meshing import apart
+from geometries.meshing import apart, private_model
 from geometries.registry import register_device
 from softmodels.common.errors import GeometryError, MeshingError
+from softmodels.common.names import lazy_module
 from softmodels.common.schema import choice_field, length_field, number_field, shown
+
+gmsh = lazy_module("gmsh")
 
 # ----------------------------------------------------------------------------------------------------------------------
 # How many triangles the mesh of a STEP part's faces takes, from their areas and curvature, before any is made.
@@ -49,8 +52,6 @@ def expected_triangles(faces: list[int], cell_size: float, curvature: float) -> 
         cell_size: Longest edge in m.
         curvature: Cells around a full circle.
     """
-    import gmsh  # type: ignore[import-untyped]
-
     total = 0.0
     for face in faces:
         around = 2.0 * np.pi / (curvature * np.maximum(_curvatures(face), 1e-30))
@@ -61,8 +62,6 @@ def expected_triangles(faces: list[int], cell_size: float, curvature: float) -> 
 
 def _curvatures(face: int) -> np.ndarray:
     """Return the largest curvature (1/m) at places all over a face."""
-    import gmsh
-
     low, high = gmsh.model.getParametrizationBounds(2, face)
     share = (np.arange(SAMPLES) + 0.5) / SAMPLES
     u, v = (low[i] + share * (high[i] - low[i]) for i in range(2))
@@ -100,30 +99,22 @@ class Solids:
     @property
     def boundary(self) -> list[int]:
         """Surfaces that bound the union of the solids, without those between two of them."""
-        import gmsh  # type: ignore[import-untyped]
-
         volumes = [(3, tag) for tag in self.tags]
         return [abs(tag) for _, tag in gmsh.model.getBoundary(volumes, combined=len(volumes) > 1, oriented=False)]
 
     @property
     def volume(self) -> float:
         """Volume in m3."""
-        import gmsh
-
         return sum(float(gmsh.model.occ.getMass(3, tag)) for tag in self.tags)
 
     @property
     def centre(self) -> np.ndarray:
         """Centre of mass in m, shape (3,)."""
-        import gmsh
-
         masses = [gmsh.model.occ.getMass(3, tag) for tag in self.tags]
         return np.average([gmsh.model.occ.getCenterOfMass(3, tag) for tag in self.tags], axis=0, weights=masses)
 
     def holds(self, place: list[float]) -> bool:
         """Return whether a point (m) lies in the solid."""
-        import gmsh
-
         return any(gmsh.model.isInside(3, tag, place) for tag in self.tags)
 
 
@@ -133,8 +124,6 @@ def glued(part: ImportedActuator) -> Solids:
     Raises:
         GeometryError: There is none; they overlap; or one touches no other.
     """
-    import gmsh
-
     volumes = gmsh.model.getEntities(3)
     if len(volumes) == 1:
         return Solids({MAIN: [volumes[0][1]]})
@@ -162,8 +151,6 @@ def glued(part: ImportedActuator) -> Solids:
 
 def _names(file: str, volumes: list[tuple[int, int]]) -> list[str]:
     """Return the names of the regions of a file's solids, in the order of the volumes."""
-    import gmsh
-
     found = []
     for number, (own, volume) in enumerate(zip(solid_names(file), volumes, strict=True), 1):
         label = str(gmsh.model.getEntityName(*volume)).rpartition("/")[2]
@@ -174,8 +161,6 @@ def _names(file: str, volumes: list[tuple[int, int]]) -> list[str]:
 
 def _check_touching(part: ImportedActuator, solids: Solids, owner: dict[int, str]) -> None:
     """Reject a solid that shares no face with those that the first one is connected with."""
-    import gmsh
-
     beside = defaultdict(set)
     for tag in solids.tags:
         for _, face in gmsh.model.getBoundary([(3, tag)], oriented=False):
@@ -203,8 +188,6 @@ def _check_touching(part: ImportedActuator, solids: Solids, owner: dict[int, str
 
 def extent() -> float:
     """Return the diagonal of the current Gmsh model's box in m."""
-    import gmsh  # type: ignore[import-untyped]
-
     low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
     return float(np.linalg.norm(high - low))
 
@@ -252,8 +235,6 @@ def find_roles(part: ImportedActuator, solids: Solids) -> dict[str, list[int]]:
 
 def _some(part: ImportedActuator, field: str, what: str, text: str, left: list[int], solids: Solids) -> list[int]:
     """Return the faces among ``left`` that a text picks; there must be some."""
-    import gmsh
-
     found = chosen(field, faces(field, text), left, _near(), part.file, solids.pieces)
     if not found:
         low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3) * 1e3
@@ -292,8 +273,6 @@ def outward(part: ImportedActuator, solids: Solids, roles: dict[str, list[int]])
     Raises:
         GeometryError: A plane that does not bound the part, or planes between which its images do not fill the whole.
     """
-    import gmsh
-
     centre = solids.centre
     points = gmsh.model.mesh.getNodes()[1].reshape(-1, 3)
     normals = []
@@ -310,8 +289,6 @@ def outward(part: ImportedActuator, solids: Solids, roles: dict[str, list[int]])
 
 def _pieces(tags: list[int]) -> list[list[int]]:
     """Return the faces that are connected by their edges."""
-    import gmsh
-
     by_edge = defaultdict(list)
     for tag in tags:
         for _, edge in gmsh.model.getBoundary([(2, tag)], oriented=False):
@@ -326,8 +303,6 @@ def _pieces(tags: list[int]) -> list[list[int]]:
 
 def _around(pieces: list[list[int]], solids: Solids, text: str) -> list[int]:
     """Return the piece of wall nearest to a point in the air."""
-    import gmsh
-
     place = point("cavities", text)
     if solids.holds(list(place)):
         raise GeometryError(f"cavities has {text!r}; that point lies in the solid, not in a cavity's air")
@@ -355,8 +330,6 @@ def _size(piece: list[int]) -> float:
 
 def _box(piece: list[int]) -> np.ndarray:
     """Return the lowest and highest corner of some faces' box in m, shape (2, 3)."""
-    import gmsh
-
     boxes = np.array([gmsh.model.occ.getBoundingBox(2, tag) for tag in piece])
     return np.array([boxes[:, :3].min(axis=0), boxes[:, 3:].max(axis=0)])
 
@@ -387,10 +360,6 @@ def read_part(part: ImportedActuator, digest: str) -> Reading:
 
 
 def _read_step(part: ImportedActuator) -> Reading:
-    import gmsh  # type: ignore[import-untyped]
-
-    from geometries.meshing import private_model
-
     with private_model():
         solids = open_part(part)
         roles = find_roles(part, solids)
@@ -416,8 +385,6 @@ def _read_step(part: ImportedActuator) -> Reading:
 
 def build_part(part: ImportedActuator) -> None:
     """Fill the current Gmsh model with the part, its roles and its cell sizes (m)."""
-    import gmsh
-
     solids = open_part(part)
     for name, tags in solids.regions.items():
         gmsh.model.addPhysicalGroup(3, tags, name=name)
@@ -430,8 +397,6 @@ def build_part(part: ImportedActuator) -> None:
 
 def open_part(part: ImportedActuator, unit: str = "M") -> Solids:
     """Read the file in metres, or another of the CAD kernel's units, whatever its own; its solids are glued."""
-    import gmsh
-
     gmsh.option.setString("Geometry.OCCTargetUnit", unit)
     gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
     try:
@@ -446,8 +411,6 @@ def open_part(part: ImportedActuator, unit: str = "M") -> Solids:
 
 def _enclosed(solids: Solids, tags: list[int]) -> float:
     """Volume within a wall by the divergence theorem on its mesh, -1/3 int x . n: cut planes through the origin add nothing."""
-    import gmsh
-
     total = 0.0
     for tag in tags:
         for kind in gmsh.model.mesh.getElementTypes(2, tag):
@@ -463,8 +426,6 @@ def _enclosed(solids: Solids, tags: list[int]) -> float:
 
 def _gauge(part: ImportedActuator, support: list[int]) -> Vector:
     """Return the corner nearest to the wanted point, or the one farthest from the held faces, or from the origin."""
-    import gmsh
-
     corners = np.array([gmsh.model.getValue(0, tag, []) for _, tag in gmsh.model.getEntities(0)])
     if not len(corners):
         raise GeometryError(f"file {part.file} has no corner to follow; split an edge where the motion matters")

@@ -14,6 +14,9 @@ from geometries.actuator import joined_by
 from geometries.meshing import load_mesh, private_model
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshFileError
+from softmodels.common.names import lazy_module
+
+gmsh = lazy_module("gmsh")
 
 # ----------------------------------------------------------------------------------------------------------------------
 # A mesh of tetrahedra as arrays: its boundary, which faces are connected, what they enclose.
@@ -234,8 +237,6 @@ def read_arrays(path: Path) -> MeshArrays:
         FileNotFoundError: No such file.
         MeshFileError: Not a mesh of tetrahedra as `Actuator.write` makes them.
     """
-    import gmsh  # type: ignore[import-untyped]
-
     with private_model():
         load_mesh(path, 3)
         tags, places, _ = gmsh.model.mesh.getNodes()
@@ -264,8 +265,6 @@ def read_arrays(path: Path) -> MeshArrays:
 
 def _cells_of(group: int) -> Ints:
     """Node tags of a volume group's tetrahedra, in VTK's order."""
-    import gmsh
-
     parts = []
     for entity in gmsh.model.getEntitiesForPhysicalGroup(3, group):
         for kind, _, nodes in zip(*gmsh.model.mesh.getElements(3, entity), strict=True):
@@ -278,8 +277,6 @@ def _cells_of(group: int) -> Ints:
 
 def _corners_of(group: int) -> Ints:
     """Node tags of the corners of a surface group's triangles."""
-    import gmsh
-
     parts = [np.empty((0, 3), dtype=np.int64)]
     for entity in gmsh.model.getEntitiesForPhysicalGroup(2, group):
         for kind, _, nodes in zip(*gmsh.model.mesh.getElements(2, entity), strict=True):

@@ -31,8 +31,11 @@ from numpy.typing import NDArray
 
 from softmodels.common.errors import GeometryError, MeshFileError, MeshingError, MeshingStopped
 from softmodels.common.files import GEOMETRY, read_file
+from softmodels.common.names import lazy_module
 from softmodels.common.processes import LOCK, handlers_kept, one_at_a_time
 from softmodels.common.schema import shown
+
+gmsh = lazy_module("gmsh")
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Run a Gmsh task in a separate process, so that it can be stopped and cannot crash the caller.
@@ -240,8 +243,6 @@ def _place(actuator: Meshable) -> Path | None:
 @functools.cache
 def _mesher() -> str:
     """Return what meshes: Gmsh and this package."""
-    import gmsh
-
     source = hashlib.sha256(gmsh.__version__.encode())
     for file in sorted(Path(__file__).parent.rglob("*.py")):
         source.update(file.read_bytes())
@@ -298,8 +299,6 @@ def load_mesh(path: str | Path, dimension: int | None = None) -> list[tuple[int,
         FileNotFoundError: No such file.
         MeshFileError: Not a complete mesh of that format and dimension.
     """
-    import gmsh  # type: ignore[import-untyped]
-
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path} is not a file")
@@ -366,8 +365,6 @@ class Mirror:
 
 def mirror_mesh(mirror: Mirror) -> None:
     """Add the image of the current model's mesh and its physical groups; nodes on the plane are shared."""
-    import gmsh  # type: ignore[import-untyped]
-
     tags, places, _ = gmsh.model.mesh.getNodes()
     places = places.reshape(-1, 3).copy()
     groups = {gmsh.model.getPhysicalName(*group): group for group in gmsh.model.getPhysicalGroups()}
@@ -492,8 +489,6 @@ def private_model() -> Iterator[None]:
 
 def _fresh_model() -> Iterator[None]:
     """See `private_model`, whose thread has its turn."""
-    import gmsh
-
     ours = not gmsh.isInitialized()
     if ours:
         # Not interruptible: Gmsh would otherwise replace the signal handler, which only a main thread may do.
@@ -553,8 +548,6 @@ def write_mesh(actuator: Meshable, path: Path, stopped: Callable[[], bool] = boo
 
 def _make(actuator: Meshable, path: Path) -> None:
     """Mesh a device into a file with a private model of Gmsh's."""
-    import gmsh
-
     with private_model():
         try:
             actuator.build()
@@ -585,8 +578,6 @@ def summarize(path: str | Path) -> MeshSummary:
         MeshFileError: Not a complete mesh.
         MeshingError: The file holds no cells.
     """
-    import gmsh
-
     with private_model():
         load_mesh(path)
         cells = _cells(gmsh.model.getDimension())
@@ -599,8 +590,6 @@ def summarize(path: str | Path) -> MeshSummary:
 
 
 def _generate(actuator: Meshable) -> None:
-    import gmsh
-
     if actuator.dimension == 3 and math.isinf(actuator.expected_cells):
         gmsh.model.mesh.generate(2)
         _check_cells()
@@ -635,8 +624,6 @@ def _check_cells() -> None:
 
     Meshes that Gmsh makes of thin and of thick parts alike have within 1.5 times as many tetrahedra as this expects.
     """
-    import gmsh
-
     kinds = gmsh.model.mesh.getElementTypes(2)
     if not len(kinds):
         return  # no solid will come of that, and it is reported so
@@ -661,8 +648,6 @@ def _straighten(dimension: int) -> None:
 
     With straight edges every cell is as good as before it was curved. A few chords instead of arcs cost little volume.
     """
-    import gmsh
-
     (kind,) = gmsh.model.mesh.getElementTypes(dimension)
     tags, nodes = gmsh.model.mesh.getElementsByType(kind)
     nodes = nodes.reshape(len(tags), -1)
@@ -679,22 +664,16 @@ def _straighten(dimension: int) -> None:
 
 
 def _cells(dimension: int) -> np.ndarray:
-    import gmsh
-
     _, tags, _ = gmsh.model.mesh.getElements(dimension)
     return np.concatenate(tags) if tags else np.empty(0, dtype=np.uint64)
 
 
 def _worst(dimension: int) -> float:
-    import gmsh
-
     return float(gmsh.model.mesh.getElementQualities(_cells(dimension), "minSICN").min())
 
 
 def _measure(dimension: int) -> float:
     """Integrate 1 over the cells of the current mesh, curved edges included."""
-    import gmsh
-
     total = 0.0
     for kind in gmsh.model.mesh.getElementTypes(dimension):
         points, weights = gmsh.model.mesh.getIntegrationPoints(kind, "Gauss4")
@@ -741,8 +720,6 @@ MM = 1e3
 
 def add_block(low: Vector, high: Vector) -> Entity:
     """Add a block with sides along the axes, its corners in m."""
-    import gmsh  # type: ignore[import-untyped]
-
     return (3, int(gmsh.model.occ.addBox(*(MM * np.array(low)), *(MM * np.subtract(high, low)))))
 
 
@@ -762,8 +739,6 @@ def bond(layers: Mapping[str, Sequence[Entity]], role_of: Callable[[int], str]) 
         layers: Solids by the region that they are of.
         role_of: Gives the role of a face by its tag.
     """
-    import gmsh
-
     every = [(solid, name) for name, solids in layers.items() for solid in solids]
     _, parts = gmsh.model.occ.fragment([every[0][0]], [solid for solid, _ in every[1:]])
     gmsh.model.occ.synchronize()
@@ -782,24 +757,18 @@ def bond(layers: Mapping[str, Sequence[Entity]], role_of: Callable[[int], str]) 
 
 def set_sizes(size: Callable[[float, float, float], float]) -> None:
     """Let cells have a size in m that is a function of the place in m; the mesh is written in m."""
-    import gmsh
-
     gmsh.option.setNumber("Mesh.ScalingFactor", 1.0 / MM)
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: MM * size(x / MM, y / MM, z / MM))
 
 
 def corners_of(tag: int) -> NDArray[np.float64]:
     """Return the corners of a face in m, shape (n, 3)."""
-    import gmsh
-
     corners = gmsh.model.getBoundary([(2, tag)], combined=False, oriented=False, recursive=True)
     return np.array([gmsh.model.getValue(0, corner, []) for _, corner in corners]) / MM
 
 
 def face_block(tag: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the corners in m of the block around a face, which is larger by up to 1e-10 m."""
-    import gmsh
-
     low, high = np.array(gmsh.model.occ.getBoundingBox(2, tag)).reshape(2, 3) / MM
     return low, high
 
@@ -810,8 +779,6 @@ def face_block(tag: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 def name_group(dimension: int, tags: list[int], role: str) -> None:
     """Give entities of a dimension a role, by a physical group."""
-    import gmsh
-
     if not tags:
         raise MeshingError(f"The shape has no place for {role!r}; please report this with the parameters")
     gmsh.model.addPhysicalGroup(dimension, tags, name=role)
@@ -819,6 +786,4 @@ def name_group(dimension: int, tags: list[int], role: str) -> None:
 
 def place_of(tag: int) -> np.ndarray:
     """Return the coordinates of a point of the CAD model, shape (3,)."""
-    import gmsh
-
     return np.array(gmsh.model.getValue(0, tag, []))

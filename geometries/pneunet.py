@@ -41,7 +41,10 @@ from geometries.meshing import (
 )
 from geometries.registry import register_device
 from softmodels.common.errors import GeometryError
+from softmodels.common.names import lazy_module
 from softmodels.common.schema import LONGEST, ROUNDING, choice_field, length_field, number_field, shown
+
+gmsh = lazy_module("gmsh")
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Where the walls of a PneuNet are: all stand square to the axes, so that a list of positions along each axis defines them.
@@ -292,8 +295,6 @@ def build_finger(finger: PneuNet) -> None:
 
 def build_whole_finger(finger: PneuNet) -> None:
     """Fill the current Gmsh model (mm) with the whole finger, one solid."""
-    import gmsh  # type: ignore[import-untyped]
-
     body = _whole(upper(finger), finger.sides)
     body = Box((*body.low[:2], body.low[2] if finger.sides == 2 else -0.5 * finger.base), body.high)
     _without(
@@ -319,8 +320,6 @@ def _whole(box: Box, sides: int, below: int = -1) -> Box:
 
 def _without(body: Box, empty: list[Box]) -> Entity:
     """Return a block with others cut out of it."""
-    import gmsh
-
     return one_solid(gmsh.model.occ.cut([_add(body)], [_add(box) for box in empty])[0])
 
 

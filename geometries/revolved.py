@@ -18,7 +18,10 @@ from geometries.actuator import CutPlane, Wedged, parameter, parameter_names
 from geometries.meshing import MM, check_cell_count, name_group
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
+from softmodels.common.names import lazy_module
 from softmodels.common.schema import angle_field, choice_field, number_field, shown
+
+gmsh = lazy_module("gmsh")
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Half sections of bodies of revolution as panels: patches with four sides, meshed in rows, that meet side by side.
@@ -300,8 +303,6 @@ class Drawing:
     """
 
     def __init__(self, panels: Iterable[Panel], up: tuple[float, float, float], metre: float = 0.0):
-        import gmsh  # type: ignore[import-untyped]
-
         self.up, self.metre, self.circles, self.occ = up, metre or 1.0, metre > 0.0, gmsh.model.occ
         self.points: dict[Place, int] = {}
         self.curves: dict[frozenset[Place], int] = {}
@@ -349,8 +350,6 @@ class Drawing:
 
 def build_section(device: Revolved) -> None:
     """Fill the current Gmsh model with the axisymmetric profile: x is the radius, y the height (m)."""
-    import gmsh
-
     drawing = Drawing(device.panels, (0.0, 1.0, 0.0))
     gmsh.model.occ.synchronize()
     for region, faces in drawing.faces.items():
@@ -371,8 +370,6 @@ def build_section(device: Revolved) -> None:
 
 def build_full_turn(device: Revolved) -> None:
     """Fill the current Gmsh model (mm) with all of the device that is cast, one solid."""
-    import gmsh
-
     panels = [panel for panel in device.panels if panel.region not in device.loose]
     shared = Counter(side.key for panel in panels for side in panel.sides)
     sides = {side.key: side for panel in panels for side in panel.sides if shared[side.key] == 1}
@@ -387,8 +384,6 @@ def build_full_turn(device: Revolved) -> None:
 
 def build_wedge(device: Revolved) -> None:
     """Fill the current Gmsh model with the slice from the azimuth 0 to the device's angle (m)."""
-    import gmsh
-
     occ = gmsh.model.occ
     drawing = Drawing(device.panels, (0.0, 0.0, 1.0))
     regions = [region for region, faces in drawing.faces.items() for _ in faces]
@@ -420,8 +415,6 @@ def build_wedge(device: Revolved) -> None:
 
 def _name_surfaces(device: Revolved) -> None:
     """Assign a role to every boundary face of the solid; inner faces get none."""
-    import gmsh
-
     roles: dict[str, list[int]] = defaultdict(list)
     for _, tag in gmsh.model.getEntities(2):
         if len(gmsh.model.getAdjacencies(2, tag)[0]) == 1:
@@ -432,8 +425,6 @@ def _name_surfaces(device: Revolved) -> None:
 
 def _surface_role(device: Revolved, tag: int) -> str:
     """Return the role of a face: the cut plane in which it lies, or the side of which it is the turn."""
-    import gmsh
-
     near = 1e-7 * device.size
     corners = _corners(tag)
     centre = np.array(gmsh.model.occ.getCenterOfMass(2, tag))
@@ -456,15 +447,11 @@ def _surface_role(device: Revolved, tag: int) -> str:
 
 def _corners(tag: int) -> np.ndarray:
     """Return the corner points of a face, shape (n, 3)."""
-    import gmsh
-
     found = gmsh.model.getBoundary([(2, tag)], combined=False, oriented=False, recursive=True)
     return np.array([_at(point) for _, point in found])
 
 
 def _at(point: int) -> np.ndarray:
-    import gmsh
-
     return np.array(gmsh.model.getValue(0, point, []))
 
 

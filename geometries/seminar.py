@@ -35,10 +35,11 @@ import scipy
 from numpy.typing import NDArray
 
 from geometries.actuator import HeldTip, MirroredHalf, Recipe, Vector, in_halves, part_field, tip_field
-from geometries.meshing import Mirror, check_cell_count
+from geometries.meshing import Mirror, check_cell_count, private_model
 from geometries.registry import register_device
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshingError
+from softmodels.common.names import lazy_module
 from softmodels.common.schema import (
     LONGEST,
     angle_field,
@@ -49,6 +50,8 @@ from softmodels.common.schema import (
     number_field,
     shown,
 )
+
+gmsh = lazy_module("gmsh")
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The seminar actuator seen from above: outline, centre lines of the channels, and distances between them.
@@ -698,8 +701,6 @@ SHARP = math.radians(5.0)
 
 def build_slab(slab: SeminarActuator) -> None:
     """Fill the current Gmsh model (mm) with the slab, its roles and its cell sizes; the mesh is saved in m."""
-    import gmsh  # type: ignore[import-untyped]
-
     solids = half_slab(slab)
     gmsh.model.occ.synchronize()
     _name_roles(slab, solids)
@@ -711,10 +712,6 @@ def build_slab(slab: SeminarActuator) -> None:
 @functools.lru_cache(maxsize=64)
 def measured_volume(slab: SeminarActuator) -> float:
     """Return the volume in m3 of half the slab without its channels, by the CAD kernel."""
-    import gmsh
-
-    from geometries.meshing import private_model
-
     with private_model():
         volume = float(sum(gmsh.model.occ.getMass(*entity) for entity in half_slab(slab)))
     return volume / MM**3 * (2.0 if slab.level else 1.0)
@@ -725,8 +722,6 @@ def build_both_halves(slab: SeminarActuator) -> None:
 
     Both halves are drawn: the CAD kernel mirrors planes and cones into splines, which it is slow with and less exact.
     """
-    import gmsh
-
     occ = gmsh.model.occ
     lines = [line for line in fan(slab) if line is not None]
     begin = -0.5 * spread(slab)
@@ -741,8 +736,6 @@ def build_both_halves(slab: SeminarActuator) -> None:
 
 def _whole_prism(slab: SeminarActuator) -> Entity:
     """Return the whole slab without channels."""
-    import gmsh
-
     occ = gmsh.model.occ
     length, half, radius = MM * slab.length, 0.5 * MM * slab.base_width, MM * slab.tip_radius
     bottom = -0.5 * MM * slab.thickness
@@ -768,8 +761,6 @@ def half_slab(slab: SeminarActuator) -> list[Entity]:
     Raises:
         MeshingError: The CAD kernel made something else than one solid.
     """
-    import gmsh
-
     occ = gmsh.model.occ
     # The network may reach over the mirror plane: only what lies in the half is cut away.
     solids, _ = occ.cut([_prism(slab)], _network(slab))
@@ -782,8 +773,6 @@ def half_slab(slab: SeminarActuator) -> list[Entity]:
 
 def _prism(slab: SeminarActuator) -> Entity:
     """Return half the slab without channels."""
-    import gmsh
-
     occ = gmsh.model.occ
     bottom, height = (
         (0.0, 0.5 * MM * slab.thickness) if slab.level else (-0.5 * MM * slab.thickness, MM * slab.thickness)
@@ -813,8 +802,6 @@ def _network(slab: SeminarActuator) -> list[Entity]:
 
 def _rounded(slab: SeminarActuator, parts: list[Entity]) -> list[Entity]:
     """Return the manifold and channels in one piece, its creases rounded."""
-    import gmsh
-
     occ = gmsh.model.occ
     air = list(occ.fuse(parts[:1], parts[1:])[0])
     if slab.fillet == 0.0:
@@ -832,8 +819,6 @@ def _rounded(slab: SeminarActuator, parts: list[Entity]) -> list[Entity]:
 
 def _creases(slab: SeminarActuator, air: list[Entity]) -> list[int]:
     """Return the curves on the manifold where two curved walls of the air meet at an angle."""
-    import gmsh
-
     model = gmsh.model
     half, radius = 0.5 * spread(slab), MM * slab.manifold_radius
     walls = [tag for _, tag in model.getBoundary(air, oriented=False) if model.getType(2, tag) != "Plane"]
@@ -858,8 +843,6 @@ def _creases(slab: SeminarActuator, air: list[Entity]) -> list[int]:
 
 def _manifold(slab: SeminarActuator, begin: float) -> list[Entity]:
     """Return the arc from an angle (rad) to its end at y > 0, and the round cap there."""
-    import gmsh
-
     occ = gmsh.model.occ
     half = 0.5 * spread(slab)
     radius, bore, level = MM * slab.manifold_radius, MM * slab.manifold_bore, MM * slab.offset
@@ -872,8 +855,6 @@ def _manifold(slab: SeminarActuator, begin: float) -> list[Entity]:
 
 def _cap(slab: SeminarActuator, angle: float) -> Entity:
     """Return the round cap where the manifold ends at an angle in radians."""
-    import gmsh
-
     radius = MM * slab.manifold_radius
     x, y = radius * math.cos(angle), radius * math.sin(angle)
     return (3, int(gmsh.model.occ.addSphere(x, y, MM * slab.offset, MM * slab.manifold_bore)))
@@ -881,8 +862,6 @@ def _cap(slab: SeminarActuator, angle: float) -> Entity:
 
 def _air(slab: SeminarActuator, line: Channel) -> Entity:
     """Return a channel: its half profile turned around its ray."""
-    import gmsh
-
     occ = gmsh.model.occ
     c, s = math.cos(line.angle), math.sin(line.angle)
 
@@ -907,8 +886,6 @@ def _air(slab: SeminarActuator, line: Channel) -> Entity:
 
 def _name_roles(slab: SeminarActuator, solids: list[Entity]) -> None:
     """Give every face on the boundary of the solid one role; "middle" is where a level slab is mirrored."""
-    import gmsh
-
     gmsh.model.addPhysicalGroup(3, [tag for _, tag in solids], name="solid")
     roles: dict[str, list[int]] = defaultdict(list)
     for _, tag in gmsh.model.getBoundary(solids, combined=True, oriented=False):
@@ -922,8 +899,6 @@ def _name_roles(slab: SeminarActuator, solids: list[Entity]) -> None:
 
 def _role(slab: SeminarActuator, tag: int) -> str:
     """Return the role of a face from points on it."""
-    import gmsh
-
     low, high = (np.array(bound) for bound in gmsh.model.getParametrizationBounds(2, tag))
     # Points of the face's surface, which may lie beside the face itself: enough to know which surface it is.
     grid = np.array([low + (high - low) * (a, b) for a in (0.1, 0.45, 0.8) for b in (0.15, 0.5, 0.9)])

@@ -16,10 +16,15 @@ from scipy.spatial import cKDTree
 
 from geometries import Actuator
 from geometries.actuator import Pour, Recipe, Vector
+from geometries.imported import face_names, named_surfaces
+from geometries.meshing import private_model
 from softmodels.casting.settings import MouldError, Workshop
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshingError
+from softmodels.common.names import lazy_module
 from softmodels.common.schema import shown
+
+gmsh = lazy_module("gmsh")
 
 Solid = tuple[int, int]
 """Dimension, which is 3, and tag."""
@@ -160,8 +165,6 @@ def rotation_up(up: Vector) -> Array:
 
 def turned(solids: Sequence[Solid], turn: Array) -> None:
     """Turn solids about the origin."""
-    import gmsh
-
     angle = math.acos(max(-1.0, min(1.0, 0.5 * (float(np.trace(turn)) - 1.0))))
     if angle == 0.0:
         return
@@ -175,8 +178,6 @@ def scaled(factor: float) -> None:
 
     Gmsh's own `dilate` makes splines of them; the scale of an import does not.
     """
-    import gmsh
-
     if factor == 1.0:
         return
     with tempfile.TemporaryDirectory() as folder:
@@ -197,28 +198,20 @@ def scaled(factor: float) -> None:
 
 def _box(solid: Solid) -> Array:
     """Return the corners of a solid's box, shape (2, 3)."""
-    import gmsh  # type: ignore[import-untyped]
-
     return np.array(gmsh.model.occ.getBoundingBox(*solid)).reshape(2, 3)
 
 
 def _block(low: Array, high: Array) -> Solid:
-    import gmsh
-
     return (3, int(gmsh.model.occ.addBox(*low, *np.subtract(high, low))))
 
 
 def _within(solids: Sequence[Solid], low: Array, high: Array) -> list[Solid]:
     """Return copies of what lies in a box, of several solids."""
-    import gmsh
-
     occ = gmsh.model.occ
     return list(occ.intersect(occ.copy(list(solids)), [_block(low, high)])[0]) if solids else []
 
 
 def _merged(solids: Sequence[Solid]) -> list[Solid]:
-    import gmsh
-
     return list(gmsh.model.occ.fuse(list(solids[:1]), list(solids[1:]))[0]) if len(solids) > 1 else list(solids)
 
 
@@ -236,8 +229,6 @@ class _Maker:
     """Makes the bodies of one piece's mould, step by step."""
 
     def __init__(self, device: Actuator, recipe: Recipe, pour: Pour, workshop: Workshop):
-        import gmsh
-
         self.pour, self.workshop, self.occ = pour, workshop, gmsh.model.occ
         device.build_whole()
         solids = gmsh.model.getEntities(3)
@@ -343,8 +334,6 @@ class _Maker:
 
     def _ring(self, around: Solid) -> Solid:
         """Return what is around the piece in the lid's plane, as a ring on both sides of it: a jig for the bond."""
-        import gmsh
-
         faces = gmsh.model.getBoundary([around], oriented=False)
         flat = [(2, face) for _, face in faces if _box((2, face))[:, 2].max() < self.level + FLUSH]
         half = min(JIG, 0.5 * (self.top - self.level))
@@ -622,16 +611,12 @@ class Inlet:
 
 def left(made: Tooling) -> list[Solid]:
     """Return the cast: the free volume of the closed mould, without its openings. The bodies stay."""
-    import gmsh
-
     taken = [*(body.solid for body in made.bodies), *made.openings]
     return list(gmsh.model.occ.cut([_block(made.low, made.high)], taken, removeTool=False)[0])
 
 
 def _cone(place: tuple[float, float], level: float, height: float, begin: float, end: float) -> Solid:
     """Return a cone, or a cylinder, that stands on a level plane; lengths in mm."""
-    import gmsh
-
     if abs(begin - end) < 1e-9:
         return (3, int(gmsh.model.occ.addCylinder(*place, level, 0, 0, height, begin)))
     return (3, int(gmsh.model.occ.addCone(*place, level, 0, 0, height, begin, end)))
@@ -698,8 +683,6 @@ def hole_places(
 
 def _edge(cast: list[Solid], level: float) -> Array:
     """Return the straight pieces (x, y) of the edge of the faces that lie in the parting plane, shape (n, 2, 2)."""
-    import gmsh
-
     near, pieces = 1e-4, []
     for _, face in gmsh.model.getBoundary(cast, combined=True, oriented=False):
         box = gmsh.model.occ.getBoundingBox(2, face)
@@ -758,10 +741,6 @@ def face_namer(device: Actuator, frame: Frame) -> Callable[[Array], str]:
 
 def _name(device: Actuator, place: Array) -> str:
     """Return ``at`` the place, with the face nearest to it."""
-    import gmsh
-
-    from geometries.imported import face_names, named_surfaces
-    from geometries.meshing import private_model
 
     where = "at " + ", ".join(f"{value + 0.0:.4g}" for value in np.round(place, 3)) + " mm"
     with private_model():

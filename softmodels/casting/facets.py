@@ -9,9 +9,12 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from geometries.meshing import private_model
 from softmodels.common.arrays import Array
 from softmodels.common.errors import MeshingError
-from softmodels.common.names import keep_arrays
+from softmodels.common.names import keep_arrays, lazy_module
+
+gmsh = lazy_module("gmsh")
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Maximum edge lengths of a body's triangles for a given chord error.
@@ -23,8 +26,6 @@ PLANAR, DELAUNAY = 3, 6
 
 def set_sizes(solid: int, shares: dict[int, float], chord: float) -> None:
     """Edges as long as the curvature allows, times a share for each face, on the face and on the curves around it."""
-    import gmsh
-
     low, high = np.reshape(gmsh.model.getBoundingBox(3, solid), (2, 3))
     largest = 0.25 * float(np.linalg.norm(high - low))
     sizes: dict[tuple[int, int], float] = {}
@@ -43,8 +44,6 @@ def set_sizes(solid: int, shares: dict[int, float], chord: float) -> None:
 
 def _curvature(surface: int) -> float:
     """Return the largest principal curvature at some points of a face, 1/mm."""
-    import gmsh
-
     low, high = (np.array(bound) for bound in gmsh.model.getParametrizationBounds(2, surface))
     grid = np.array(
         [low + (high - low) * (a, b) for a in np.linspace(0.05, 0.95, 7) for b in np.linspace(0.05, 0.95, 7)]
@@ -56,8 +55,6 @@ def _curvature(surface: int) -> float:
 
 def _bend(curve: int) -> float:
     """Return the largest curvature of a curve, 1/mm."""
-    import gmsh
-
     low, high = (bound[0] for bound in gmsh.model.getParametrizationBounds(1, curve))
     values = np.abs(gmsh.model.getCurvature(1, curve, np.linspace(low, high, 9)[1:-1]))
     return float(values[np.isfinite(values)].max(initial=0.0))
@@ -130,10 +127,6 @@ def facets_of(file: Path, chord: float) -> Facets:
     Raises:
         MeshingError: It cannot be meshed, or not as finely.
     """
-    import gmsh  # type: ignore[import-untyped]
-
-    from geometries.meshing import private_model
-
     with private_model():
         solid = read_step(file)
         surfaces = [tag for _, tag in gmsh.model.getBoundary([(3, solid)], oriented=False)]
@@ -154,8 +147,6 @@ def facets_of(file: Path, chord: float) -> Facets:
 
 def read_step(file: Path) -> int:
     """Read a STEP file of one solid into the current Gmsh model, in mm; return the solid's tag."""
-    import gmsh
-
     gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
     gmsh.model.occ.importShapes(str(file), format="step")
     gmsh.option.setString("Geometry.OCCTargetUnit", "")
@@ -166,8 +157,6 @@ def read_step(file: Path) -> int:
 
 def _measured(surfaces: list[int], chord: float) -> Facets:
     """Read the current mesh, and orient its triangles outwards."""
-    import gmsh
-
     tags, places, _ = gmsh.model.mesh.getNodes()
     index = np.full(int(tags.max()) + 1, -1)
     index[tags.astype(int)] = np.arange(len(tags))
@@ -225,8 +214,6 @@ def _turns(meshed: dict[int, Cells], points: Array) -> dict[int, float]:
 
 def _normals(surface: int, corners: Cells) -> Array:
     """Return the normals of a face at the corners of its triangles, shape (m, 3, 3), as Gmsh turns them."""
-    import gmsh
-
     tags, places, at = gmsh.model.mesh.getNodes(2, surface, includeBoundary=True, returnParametricCoord=True)
     values = np.reshape(gmsh.model.getNormal(surface, at), (-1, 3))
     index = np.full(int(tags.max()) + 1, -1)
@@ -247,8 +234,6 @@ def _distance(surface: int, chord: float) -> float:
     The surface's point at the mean of the corners' parameters is quick to have, and no nearer than the nearest one, which is
     looked for only where that is not enough.
     """
-    import gmsh
-
     if gmsh.model.getType(2, surface) == "Plane":
         return 0.0
     _, nodes = gmsh.model.mesh.getElementsByType(2, surface)
@@ -300,8 +285,6 @@ def _volume(turns: dict[int, float], middle: Array, count: int) -> tuple[float, 
         middle: What places are counted from, so that little is lost to rounding.
         count: Number of triangles.
     """
-    import gmsh
-
     gmsh.model.mesh.setOrder(4 if count < FINE_ENOUGH else 2)
     volume, moment = 0.0, np.zeros(3)
     for surface, turn in turns.items():

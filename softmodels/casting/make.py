@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from geometries import Actuator
 from geometries.actuator import Pour, Recipe
-from geometries.meshing import apart
+from geometries.meshing import apart, private_model
 from softmodels.casting.bodies import FLUSH, MM, Solid, Tooling, face_namer, left, recipe_of, scaled, tooling, turned
 from softmodels.casting.facets import Facets, facets_of
 from softmodels.casting.plate import coupon_solids
@@ -22,11 +22,14 @@ from softmodels.casting.settings import MouldError, Workshop
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import MeshingError
+from softmodels.common.names import lazy_module
 from softmodels.common.schema import shown
 
 if TYPE_CHECKING:
     from manifold3d import Manifold, OpType
     from vtkmodules.vtkCommonDataModel import vtkStaticCellLocator
+
+gmsh = lazy_module("gmsh")
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Checks of every body of a mould before anything is written.
@@ -331,8 +334,6 @@ def _add() -> OpType:
 def _block_volumes(made: Tooling) -> tuple[float, float]:
     """Return the volume of the block that is in no body, and that of bodies outside of the block, in mm3, by the CAD
     kernel."""
-    import gmsh
-
     occ = gmsh.model.occ
     solids, low, high = [body.solid for body in made.bodies], made.low, made.high
     slack = occ.cut(occ.copy(made.openings), solids, removeTool=False)[0] if made.openings else []
@@ -354,8 +355,6 @@ def balance(drawn: _Drawn, found: Surfaces) -> float:
 
 
 def _is_inside(solid: Solid, low: Array, high: Array) -> bool:
-    import gmsh
-
     box = np.array(gmsh.model.occ.getBoundingBox(*solid)).reshape(2, 3)
     return bool((box[0] > low - 1e-3).all() and (box[1] < high + 1e-3).all())
 
@@ -526,8 +525,6 @@ def _made(device: Actuator, recipe: Recipe, workshop: Workshop) -> Made:
 
 def _extras(drawn: Sequence[_Drawn], workshop: Workshop) -> tuple[MouldBody, ...]:
     """Return the jig and the coupon."""
-    from geometries.meshing import private_model
-
     chord, folder = MM * workshop.chord, drawn[0].folder
     with private_model():
         own = _Drawn(drawn[0].tools, folder, {}, 0.0, 0.0, 0.0, 0.0)
@@ -547,10 +544,6 @@ def _draw(device: Actuator, recipe: Recipe, pour: Pour, workshop: Workshop, fold
     Raises:
         MeshingError: The mould leaves something else than the device.
     """
-    import gmsh  # type: ignore[import-untyped]
-
-    from geometries.meshing import private_model
-
     with private_model():
         tools = tooling(device, recipe, pour, workshop)
         void = left(tools)
@@ -618,8 +611,6 @@ def _difference(one: list[Solid], other: list[Solid], size: float) -> float:
 
     Not the volume of what is left of one without the other: the CAD kernel fails on bodies whose faces all coincide.
     """
-    import gmsh
-
     occ, found = gmsh.model.occ, []
     for solids in (one, other):
         mass = np.array([occ.getMass(*solid) for solid in solids])
@@ -634,10 +625,6 @@ def _difference(one: list[Solid], other: list[Solid], size: float) -> float:
 
 def _bonded(pieces: Sequence[_Drawn], folder: Path) -> bytes:
     """Return the STEP of the pieces merged, with the tube's hole filled, in the device's own size and place."""
-    import gmsh
-
-    from geometries.meshing import private_model
-
     occ, file = gmsh.model.occ, folder / "device.step"
     with private_model():
         parts: list[Solid] = []
@@ -659,8 +646,6 @@ def _bonded(pieces: Sequence[_Drawn], folder: Path) -> bytes:
 
 
 def _imported(file: Path) -> list[Solid]:
-    import gmsh
-
     gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
     solids = list(gmsh.model.occ.importShapes(str(file), format="step"))
     gmsh.option.setString("Geometry.OCCTargetUnit", "")
@@ -668,8 +653,6 @@ def _imported(file: Path) -> list[Solid]:
 
 
 def _export(file: Path) -> None:
-    import gmsh
-
     gmsh.model.occ.synchronize()
     gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
     gmsh.write(str(file))
@@ -678,10 +661,6 @@ def _export(file: Path) -> None:
 
 def _write_steps(named: Mapping[str, Solid], drawn: _Drawn) -> None:
     """Write each of some solids of the current Gmsh model into a file of its own."""
-    import gmsh
-
-    from geometries.meshing import private_model
-
     occ, file = gmsh.model.occ, str(drawn.folder / "all.brep")
     occ.synchronize()
     every = sorted(occ.getEntities(3), key=lambda solid: solid[1])  # as Gmsh writes them

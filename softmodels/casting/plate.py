@@ -13,6 +13,9 @@ from softmodels.casting.bodies import MM, Solid
 from softmodels.casting.facets import Facets
 from softmodels.casting.settings import Workshop
 from softmodels.common.arrays import Array
+from softmodels.common.names import lazy_module
+
+gmsh = lazy_module("gmsh")
 
 FLAT = 1e-3
 """Distance in mm from the lowest plane below which a triangle lies in it."""
@@ -140,8 +143,6 @@ WIDTHS = (0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
 
 def coupon_solids(workshop: Workshop) -> dict[str, Solid]:
     """Add the coupon to the current Gmsh model: a plate with sockets, ribs and slots, and a pin on a foot."""
-    import gmsh  # type: ignore[import-untyped]
-
     occ = gmsh.model.occ
     pitch, deep = MM * workshop.pin + 4.0, MM * workshop.pin_length
     root, drop = 0.5 * MM * workshop.pin, MM * workshop.pin_length * workshop.slope
