@@ -14,7 +14,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, NoReturn, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from geometries.meshing import Mirror
 from softmodels.common.errors import GeometryError, MeshingError, known_are
 from softmodels.common.names import lazy_module
-from softmodels.common.schema import Length, Quantity, Several, about, choice_field, settle
+from softmodels.common.schema import LONGEST, ROUNDING, Length, Quantity, Several, about, choice_field, settle, shown
 from softmodels.common.units import brief
 
 gmsh = lazy_module("gmsh")
@@ -309,6 +309,50 @@ class Actuator(Designable, Castable, Presented, ABC):
             raise GeometryError(f"{cls.__name__} has no variant {brief(name)}; {known_are(name, cls.variants)}")
         return cls(**{**cls.variants[name], **changes})
 
+    def told(self, name: str) -> str:
+        """Return a length with its value for a message, such as ``radius, 20 mm``; of one that is no field, with an article."""
+        what = name if name in about(self) else f"the {name.replace('_', ' ')}"
+        return f"{what}, {shown(getattr(self, name), 'm')}"
+
+    def reject(self, name: str, why: str) -> NoReturn:
+        """Raise `GeometryError` on a parameter: its value, and why it makes no device."""
+        raise GeometryError(f"{name} is {shown(getattr(self, name), about(self)[name].kind.unit)}; {why}")
+
+    def check_most(self, names: str, factor: float, of: str, why: str = "it must be at most {}") -> None:
+        """Reject lengths above a factor times another one; the reason has ``{}`` for these."""
+        for name in names.split():
+            if getattr(self, name) > factor * getattr(self, of):
+                times = "" if factor == 1.0 else f"{factor:g} times "
+                self.reject(name, why.format(times + self.told(of)))
+
+    def check_below(self, name: str, of: str) -> None:
+        """Reject a length that is not smaller than another one."""
+        if getattr(self, name) >= getattr(self, of):
+            self.reject(name, f"it must be smaller than {self.told(of)}")
+
+    def check_size(self, name: str, *lengths: float, given: str = "") -> None:
+        """Reject lengths of the whole device that suggest a wrong unit, such as of a parameter; ``given`` is said with it."""
+        if max(lengths) > LONGEST:
+            self.reject(name, f"{given}the device passes {LONGEST:g} m, which suggests a wrong unit")
+
+    def check_least(self, names: str, share: float, of: str) -> None:
+        """Reject lengths below a share of another one, but 0."""
+        for name in names.split():
+            if 0.0 < getattr(self, name) < share * getattr(self, of):
+                self.reject(name, f"it must be at least {share:g} of {self.told(of)}")
+
+    def check_count(self, more: str = "") -> None:
+        """Reject a mesh that is larger than anyone means: a typing mistake far more often than a wish.
+
+        Args:
+            more: What else decides the number of cells, a clause behind the cell size.
+        """
+        if (expected := self.expected_cells) > self.most_cells:
+            raise GeometryError(
+                f"cell_size is {shown(getattr(self, 'cell_size', 0.0), 'm')}{more}; about {expected:.2g} cells are expected, "
+                f"but at most {self.most_cells:,} are allowed; use larger cells"
+            )
+
     @property
     def key(self) -> str:
         """Twelve hexadecimal digits that stay the same as long as every parameter does."""
@@ -456,6 +500,9 @@ class Actuator(Designable, Castable, Presented, ABC):
     @abstractmethod
     def mesh_order(self) -> int:
         """Polynomial order of the cells' geometry."""
+
+    most_cells: ClassVar[int] = 3_000_000
+    """Maximum expected number of cells; larger meshes are mostly typing errors."""
 
     @property
     def expected_cells(self) -> float:
@@ -650,6 +697,10 @@ def is_length(device: Actuator, name: str) -> bool:
 # Devices that may be modelled by an axisymmetric section instead of a solid, and those whose solid is a wedge.
 
 
+NARROWEST_WEDGE = 5.0
+"""Smallest angle in degrees; a thinner wedge has needles for cells along the axis."""
+
+
 class Sectioned(Actuator):
     """A device of which an axisymmetric section may be modelled; a device is a dataclass of it with the field below."""
 
@@ -669,6 +720,14 @@ class Wedged(Sectioned):
     """A device whose solid is a wedge; a device is a dataclass of it with ``section`` and ``angle``, in degrees."""
 
     angle: float
+
+    def check_angle(self) -> None:
+        """Reject an angle that does not divide the circle, or leaves needles for cells along the axis."""
+        turns = 360.0 / self.angle if self.angle else math.inf
+        if self.dimension == 3 and not NARROWEST_WEDGE <= self.angle <= 360.0:
+            self.reject("angle", f"it must be between {NARROWEST_WEDGE:g} and 360 deg")
+        if self.dimension == 3 and abs(turns - round(turns)) > 1e-9 * turns:
+            self.reject("angle", "it must divide 360 deg evenly, such as 30, 45, 90, 180 or 360 deg")
 
     @property
     def copies(self) -> int:
@@ -710,9 +769,21 @@ class MirroredHalf(Halved):
 
     part: str
 
+    mesh_order: ClassVar = 2
+
+    @property
+    @abstractmethod
+    def length(self) -> float:
+        """Length from the clamp to the tip in m."""
+
     @property
     def halved(self) -> bool:
         return self.part == "half"
+
+    def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Report which points lie on the line in the mirror plane at the height of the gauge, from the clamp to the tip."""
+        points, near = np.asarray(points, dtype=float), 1e-9 * self.length
+        return (np.abs(points[:, 2] - self.probes[self.gauge][2]) < near) & (np.abs(points[:, 1]) < near)
 
     @property
     def fuller(self) -> str:
@@ -752,11 +823,21 @@ class HeldTip(Actuator):
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Bending figures of a finger from the position of its tip.
+# Fingers on a base: checks that they share, and figures of how they bend from the position of the tip.
 
 
-class Bending:
-    """Figures of a device that lies along x from its clamp at x = 0 and bends down, with probes ``tip`` and ``tip_above``."""
+COARSEST = 10.0
+"""Largest ratio of the cell size to the thinnest part: flatter cells are poor."""
+
+
+class Finger(MirroredHalf, HeldTip):
+    """A device that lies along x from its clamp at x = 0 and bends down, with probes ``tip`` and ``tip_above``.
+
+    A device is a dataclass of it with ``least_wall`` and ``cell_size``.
+    """
+
+    least_wall: float
+    cell_size: float
 
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
         "bend_angle_deg": ("bend angle", "rotation of the tip's face, positive towards the base"),
@@ -769,6 +850,28 @@ class Bending:
         low, high = (np.asarray(places[name]) for name in ("tip", "tip_above"))
         x, _, z = (1e3 * float(value) for value in low)
         return {"bend_angle_deg": bend_angle(low, high), "tip_x_mm": x, "tip_z_mm": z}
+
+    def check_walls(self, names: Iterable[str], one: str, count: str) -> None:
+        """Reject dimensions below `least_wall`, and a finger of impossible length: of one part's, times a number of parts."""
+        for name in names:
+            if getattr(self, name) < self.least_wall * (1 - ROUNDING):
+                length, least = (shown(value, "m") for value in (getattr(self, name), self.least_wall))
+                raise GeometryError(f"{name} is {length}, but least_wall requires {least}")
+        if self.length > 0.1 * LONGEST:
+            self.reject(
+                one,
+                f"with {getattr(self, count)} {count} the device is {shown(self.length, 'm')} long, and above "
+                f"{0.1 * LONGEST:g} m this suggests a wrong unit",
+            )
+
+    def check_cells(self, solid: Iterable[str]) -> None:
+        """Reject cells that are too large for the thinnest of some parts, or too many."""
+        thinnest = min(solid, key=lambda name: float(getattr(self, name)))
+        limit = COARSEST * getattr(self, thinnest)
+        if self.cell_size > limit:
+            thin = shown(getattr(self, thinnest), "m")
+            self.reject("cell_size", f"with {thinnest} {thin} it must be at most {shown(limit, 'm')}")
+        self.check_count()
 
 
 def bend_angle(low: NDArray[np.float64], high: NDArray[np.float64]) -> float:

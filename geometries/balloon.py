@@ -32,128 +32,7 @@ from geometries.actuator import Hold, Recipe, Vector, in_halves
 from geometries.registry import register_device
 from geometries.revolved import Panel, Place, Revolved, Side, section_field, through_field, wedge_field
 from softmodels.common.errors import GeometryError
-from softmodels.common.schema import LONGEST, choice_field, length_field, shown
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Balloons with invalid parameters, detected before meshing.
-
-
-FLATTEST = 0.2
-"""Smallest ratio of the polar to the equatorial radius, and of that to this."""
-
-THINNEST = 2e-3
-"""Smallest thickness of a wall in radii: the cells of thinner ones become needles."""
-
-NEEDLE = 20.0
-"""Largest ratio of a cell's length to its width through the wall."""
-
-WIDEST = 0.8
-"""Largest outer radius of the neck in outer radii of the balloon."""
-
-LONGEST_NECK = 20.0
-"""Longest neck in radii."""
-
-
-def check_balloon(balloon: Balloon) -> None:
-    """Check a balloon's parameters against each other.
-
-    Raises:
-        GeometryError: The first parameter found impossible, with its value and the limit.
-    """
-    _check_wall(balloon)
-    if balloon.neck_radius:
-        _check_neck(balloon)
-        _check_fillet(balloon)
-        _check_rod(balloon)
-    else:
-        _check_closed(balloon)
-    balloon.check_cells()
-
-
-def _check_wall(balloon: Balloon) -> None:
-    radius, polar, wall = balloon.radius, balloon.polar_radius or balloon.radius, balloon.wall
-    if not FLATTEST <= polar / radius <= 1.0 / FLATTEST:
-        raise GeometryError(
-            f"polar_radius is {shown(polar, 'm')}; it must be between {FLATTEST:g} and {1 / FLATTEST:g} times radius, "
-            f"{shown(radius, 'm')}"
-        )
-    if max(radius, polar) + wall > LONGEST:
-        raise GeometryError(
-            f"radius is {shown(radius, 'm')}; with its wall it passes {LONGEST:g} m, which suggests a wrong unit"
-        )
-    for name in ("wall", "neck_wall"):
-        value = getattr(balloon, name)
-        if not value:
-            continue
-        if value > radius:
-            raise GeometryError(f"{name} is {shown(value, 'm')}; it must be at most radius, {shown(radius, 'm')}")
-        if value < THINNEST * radius:
-            raise GeometryError(
-                f"{name} is {shown(value, 'm')}; it must be at least {THINNEST:g} of radius, {shown(radius, 'm')}"
-            )
-    longest = min(NEEDLE * balloon.thinnest / max(balloon.through, 1.0), min(radius, polar))
-    if balloon.cell_size > longest:
-        raise GeometryError(
-            f"cell_size is {shown(balloon.cell_size, 'm')}; it must be at most {shown(longest, 'm')}: {NEEDLE:g} times a "
-            f"cell's width through the wall, and the balloon's radii"
-        )
-
-
-def _check_neck(balloon: Balloon) -> None:
-    outside, most = balloon.neck_radius + (balloon.neck_wall or balloon.wall), balloon.radius + balloon.wall
-    if outside > WIDEST * most or balloon.neck_radius > WIDEST * balloon.radius:
-        raise GeometryError(
-            f"neck_radius is {shown(balloon.neck_radius, 'm')}; with its wall it must be at most {WIDEST:g} of the balloon's, "
-            f"{shown(WIDEST * balloon.radius, 'm')} inside and {shown(WIDEST * most, 'm')} outside"
-        )
-    if balloon.neck_length > LONGEST_NECK * balloon.radius:
-        raise GeometryError(
-            f"neck_length is {shown(balloon.neck_length, 'm')}; more than {LONGEST_NECK:g} times radius, "
-            f"{shown(balloon.radius, 'm')}, suggests a wrong unit"
-        )
-    if balloon.meridian.joint[1] <= 0.1 * balloon.neck_length:
-        raise GeometryError(
-            f"neck_wall is {shown(balloon.neck_wall or balloon.wall, 'm')}; so thick a wall leaves no neck_length,  "
-            f"{shown(balloon.neck_length, 'm')}, inside"
-        )
-
-
-def _check_fillet(balloon: Balloon) -> None:
-    if not balloon.fillet:
-        return
-    if balloon.fillet > balloon.radius:
-        raise GeometryError(
-            f"fillet is {shown(balloon.fillet, 'm')}; it must be at most radius, {shown(balloon.radius, 'm')}"
-        )
-    level = balloon.meridian.rounding(balloon.fillet).foot[1]
-    least = 0.1 * balloon.neck_length
-    if level < least or level > balloon.meridian.joint[1] - 1e-3 * balloon.wall:
-        raise GeometryError(
-            f"fillet is {shown(balloon.fillet, 'm')}; with neck_length {shown(balloon.neck_length, 'm')} it begins at the "
-            f"height {shown(abs(level), 'm')}{' below the end' if level < 0 else ''}: it must leave {shown(least, 'm')} of the "
-            f"neck and begin below where the neck opens inside, {shown(balloon.meridian.joint[1], 'm')}"
-        )
-
-
-def _check_rod(balloon: Balloon) -> None:
-    if balloon.rod_radius > 0.95 * balloon.neck_radius:
-        raise GeometryError(
-            f"rod_radius is {shown(balloon.rod_radius, 'm')}; air has to pass between it and the neck: at most 0.95 times "
-            f"neck_radius, {shown(balloon.neck_radius, 'm')}"
-        )
-
-
-def _check_closed(balloon: Balloon) -> None:
-    if balloon.rod_radius:
-        raise GeometryError(f"rod_radius is {shown(balloon.rod_radius, 'm')}; a rod needs a neck, but neck_radius is 0")
-    if balloon.held == "outside":
-        raise GeometryError("held is 'outside', which needs a neck, but neck_radius is 0")
-    if balloon.dimension == 3 and 360.0 / balloon.angle < 2.5:
-        raise GeometryError(
-            f"angle is {shown(balloon.angle, 'degree')}; without a neck the balloon could slide away sideways: use 120 deg or "
-            "less"
-        )
-
+from softmodels.common.schema import choice_field, length_field, shown
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The half section of a balloon: corners where neck, rounding, shell and rod meet, and the panels between them.
@@ -175,6 +54,12 @@ class Rounding(NamedTuple):
     middle: Place
     head: Place
     angle: float
+
+
+FLATTEST = 0.2
+"""Smallest ratio of the polar to the equatorial radius, and of that to this."""
+WIDEST = 0.8
+"""Largest outer radius of the neck in outer radii of the balloon."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -239,12 +124,6 @@ class Meridian:
         return Rounding((wanted, z), (self.neck[1], z), middle, head, angle)
 
 
-def balloon_panels(balloon: Balloon) -> tuple[Panel, ...]:
-    """Return the half section; see `Balloon`."""
-    maker = _Maker(balloon)
-    return (*maker.neck(), *maker.shell(), *maker.rod())
-
-
 class _Maker:
     """Panels of one balloon, from the neck's end to the far pole."""
 
@@ -254,9 +133,6 @@ class _Maker:
         self.inner_angle = self.outer_angle = -0.5 * math.pi
         self.begin: tuple[Place, Place] = (self.meridian.at(self.meridian.inner, self.inner_angle),
                                            self.meridian.at(self.meridian.outer, self.outer_angle))  # fmt: skip
-
-    def _cells(self, length: float) -> int:
-        return max(1, math.ceil(length / self.balloon.cell_size - 1e-9))
 
     def _panel(self, left: Side, right: Side, ends: tuple[str, str] = ("", "")) -> Panel:
         """Between a side on the air's side and one outside, both upwards; roles of the sides across it, lower and upper."""
@@ -273,16 +149,16 @@ class _Maker:
         self.inner_angle, self.outer_angle = meridian.joint_angle, -math.acos(outside / meridian.outer[0])
         if not balloon.fillet:
             corner = (outside, balloon.neck_length)
-            cells = self._cells(balloon.neck_length)
+            cells = self.balloon.along(balloon.neck_length)
             self.begin = (joint, corner)
             return [self._panel(Side((inside, 0.0), joint, cells, "cavity"), Side((outside, 0.0), corner, cells, "neck"),
                                 ("support", ""))]  # fmt: skip
         arc = meridian.rounding(balloon.fillet)
-        cells, level = self._cells(arc.foot[1]), (inside, arc.foot[1])
+        cells, level = self.balloon.along(arc.foot[1]), (inside, arc.foot[1])
         self.outer_angle = arc.angle
         self.inner_angle = max(arc.angle, meridian.joint_angle + 0.5 * balloon.fillet / meridian.inner[0])
         self.begin = (meridian.at(meridian.inner, self.inner_angle), arc.head)
-        axes, few = (balloon.fillet, balloon.fillet), max(2, self._cells(balloon.fillet))
+        axes, few = (balloon.fillet, balloon.fillet), max(2, self.balloon.along(balloon.fillet))
         return [
             self._panel(Side((inside, 0.0), level, cells, "cavity"), Side((outside, 0.0), arc.foot, cells, "neck"),
                         ("support", "")),
@@ -306,7 +182,7 @@ class _Maker:
             if self.balloon.rod_radius and stop == self.rod_angle:
                 to = (self.rod_top, to[1])
             bonded = self.balloon.rod_radius and stop > self.rod_angle
-            cells = self.rod_cells if bonded else self._cells(abs(stop - angle) * max(meridian.outer))
+            cells = self.rod_cells if bonded else self.balloon.along(abs(stop - angle) * max(meridian.outer))
             last = "axis" if stop == stops[-1] else ""
             left = self._arc(inside, to[0], cells, "" if bonded else "cavity")
             right = self._arc(outside, to[1], cells, "outer", True)
@@ -327,7 +203,7 @@ class _Maker:
     @property
     def rod_cells(self) -> int:
         """Cells from the axis to the rod's side."""
-        return max(2, self._cells(self.balloon.rod_radius))
+        return max(2, self.balloon.along(self.balloon.rod_radius))
 
     def rod(self) -> list[Panel]:
         """Along the axis, from z = 0 to the shell; nothing without one."""
@@ -335,7 +211,7 @@ class _Maker:
             return []
         radius, top = self.balloon.rod_radius, self.rod_top
         pole = self.meridian.at(self.meridian.inner, 0.5 * math.pi)
-        along = self._cells(top[1])
+        along = self.balloon.along(top[1])
         return [Panel("rod", (
             Side((0.0, 0.0), (radius, 0.0), self.rod_cells, "rod_end"), Side((radius, 0.0), top, along, "cavity"),
             self._arc(top, pole, self.rod_cells, ""), Side(pole, (0.0, 0.0), along, "axis"),
@@ -390,7 +266,55 @@ class Balloon(Revolved):
     )
 
     def check(self) -> None:
-        check_balloon(self)
+        polar = self.polar_radius or self.radius
+        if not FLATTEST <= polar / self.radius <= 1.0 / FLATTEST:
+            self.reject(
+                "polar_radius", f"it must be between {FLATTEST:g} and {1 / FLATTEST:g} times {self.told('radius')}"
+            )
+        self.check_size("radius", max(self.radius, polar) + self.wall, given="with its wall ")
+        self.check_most("wall neck_wall", 1.0, "radius")
+        self.check_least("wall neck_wall", 2e-3, "radius")
+        if self.neck_radius:
+            self._check_neck()
+        else:
+            self._check_closed()
+        self.check_cells("radius", "polar_radius")
+
+    def _check_neck(self) -> None:
+        inside, outside = WIDEST * self.radius, WIDEST * (self.radius + self.wall)
+        if self.meridian.neck[1] > outside or self.neck_radius > inside:
+            self.reject(
+                "neck_radius",
+                f"with its wall it must be at most {WIDEST:g} of the balloon's, {shown(inside, 'm')} inside and "
+                f"{shown(outside, 'm')} outside",
+            )
+        self.check_most("neck_length", 20.0, "radius", "more than {}, suggests a wrong unit")
+        if self.meridian.joint[1] <= 0.1 * self.neck_length:
+            wall = shown(self.neck_wall or self.wall, "m")
+            raise GeometryError(f"neck_wall is {wall}; so thick a wall leaves no {self.told('neck_length')}, inside")
+        if self.fillet:
+            self._check_fillet()
+        self.check_most("rod_radius", 0.95, "neck_radius", "air has to pass between it and the neck: at most {}")
+
+    def _check_fillet(self) -> None:
+        self.check_most("fillet", 1.0, "radius")
+        level, joint = self.meridian.rounding(self.fillet).foot[1], self.meridian.joint[1]
+        least = 0.1 * self.neck_length
+        if level < least or level > joint - 1e-3 * self.wall:
+            begin = f"{shown(abs(level), 'm')}{' below the end' if level < 0 else ''}"
+            self.reject(
+                "fillet",
+                f"with {self.told('neck_length')}, it begins at the height {begin}: it must leave {shown(least, 'm')} of the "
+                f"neck and begin below where the neck opens inside, {shown(joint, 'm')}",
+            )
+
+    def _check_closed(self) -> None:
+        if self.rod_radius:
+            self.reject("rod_radius", "a rod needs a neck, but neck_radius is 0")
+        if self.held == "outside":
+            raise GeometryError("held is 'outside', which needs a neck, but neck_radius is 0")
+        if self.dimension == 3 and 360.0 / self.angle < 2.5:
+            self.reject("angle", "without a neck the balloon could slide away sideways: use 120 deg or less")
 
     @property
     def meridian(self) -> Meridian:
@@ -399,7 +323,8 @@ class Balloon(Revolved):
 
     @property
     def panels(self) -> tuple[Panel, ...]:
-        return balloon_panels(self)
+        maker = _Maker(self)
+        return (*maker.neck(), *maker.shell(), *maker.rod())
 
     @property
     def thinnest(self) -> float:

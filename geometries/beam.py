@@ -8,23 +8,18 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from geometries.actuator import CutPlane, Hold, MirroredHalf, Pour, Recipe, Vector
-from geometries.meshing import add_block, check_cell_count
+from geometries.meshing import add_block
 from geometries.registry import register_device
 from softmodels.common.errors import GeometryError
 from softmodels.common.names import lazy_module
-from softmodels.common.schema import choice_field, length_field, shown
+from softmodels.common.schema import choice_field, length_field
 
 gmsh = lazy_module("gmsh")
 
 NEAR = 1e-9
 """Tolerance of equal positions, in lengths of the beam."""
-THICKEST = 20.0
-"""Largest width and thickness in lengths of the beam."""
-MOST_CELLS = 3_000_000
-"""Maximum expected number of cells."""
 GMSH_BOX = 1e-6
 """By how much Gmsh's boxes may be wider, in m."""
 
@@ -66,21 +61,9 @@ class Beam(MirroredHalf):
                 "clamp = slip leaves a whole beam free to slide sideways; take part = half, or clamp = held"
             )
         for name in ("length", "width", "thickness"):
-            if self.cell_size > getattr(self, name):
-                raise GeometryError(
-                    f"cell_size is {shown(self.cell_size, 'm')}; it must be at most {name}, {shown(getattr(self, name), 'm')}"
-                )
-        for name in ("width", "thickness"):
-            if getattr(self, name) > THICKEST * self.length:
-                raise GeometryError(
-                    f"{name} is {shown(getattr(self, name), 'm')}; more than {THICKEST:g} times length, "
-                    f"{shown(self.length, 'm')}, suggests a wrong unit"
-                )
-        check_cell_count(self.cell_size, self.expected_cells, MOST_CELLS)
-
-    @property
-    def mesh_order(self) -> int:
-        return 2
+            self.check_most("cell_size", 1.0, name)
+        self.check_most("width thickness", 20.0, "length", "more than {}, suggests a wrong unit")
+        self.check_count()
 
     @property
     def _cells(self) -> tuple[int, int, int]:
@@ -140,12 +123,6 @@ class Beam(MirroredHalf):
     @property
     def solid_volume(self) -> float:
         return self.length * self.width * self.thickness
-
-    def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Report which points lie on the top face's line in the plane y = 0, from the clamp to the tip."""
-        points = np.asarray(points, dtype=float)
-        near = NEAR * self.length
-        return (np.abs(points[:, 2] - 0.5 * self.thickness) < near) & (np.abs(points[:, 1]) < near)
 
     @property
     def recipe(self) -> Recipe:

@@ -35,92 +35,7 @@ from geometries.actuator import HeldTip, Hold, Pour, Recipe, Vector, tip_field
 from geometries.registry import register_device
 from geometries.revolved import Panel, Place, Revolved, Side, rectangle, section_field, through_field, wedge_field
 from softmodels.common.errors import GeometryError
-from softmodels.common.schema import LONGEST, ROUNDING, SHORTEST, choice_field, length_field, shown
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Bellows with invalid parameters, detected before meshing.
-
-
-THINNEST = 5e-3
-"""Smallest thickness of the wall in outer radii."""
-
-NEEDLE = 20.0
-"""Largest ratio of a cell's length to its width through the wall."""
-
-THICKEST = 10.0
-"""Largest thickness of a plate in outer radii."""
-
-
-def check_bellows(bellows: Bellows) -> None:
-    """Check a bellows' parameters against each other.
-
-    Raises:
-        GeometryError: The first parameter found impossible, with its value and the limit.
-    """
-    _check_wall(bellows)
-    _check_rounding(bellows)
-    _check_size(bellows)
-    bellows.check_cells()
-
-
-def _check_wall(bellows: Bellows) -> None:
-    wall, pitch = bellows.wall, bellows.pitch
-    if bellows.outer_radius <= bellows.inner_radius:
-        raise GeometryError(
-            f"outer_radius is {shown(bellows.outer_radius, 'm')}; it must be larger than inner_radius, "
-            f"{shown(bellows.inner_radius, 'm')}"
-        )
-    if wall < THINNEST * bellows.outer_radius:
-        raise GeometryError(
-            f"wall is {shown(wall, 'm')}; it must be at least {THINNEST:g} of outer_radius, "
-            f"{shown(bellows.outer_radius, 'm')}"
-        )
-    if wall > 0.45 * pitch:
-        raise GeometryError(
-            f"wall is {shown(wall, 'm')}; the flanks are half a pitch apart, and 0.45 times pitch, {shown(pitch, 'm')}, is the "
-            "most that leaves air between them"
-        )
-    if bellows.cap > THICKEST * bellows.outer_radius:
-        raise GeometryError(
-            f"cap is {shown(bellows.cap, 'm')}; more than {THICKEST:g} times outer_radius, "
-            f"{shown(bellows.outer_radius, 'm')}, suggests a wrong unit"
-        )
-
-
-def _check_rounding(bellows: Bellows) -> None:
-    bend, quarter = bellows.bend, 0.25 * bellows.pitch
-    least = 0.5 * bellows.wall + SHORTEST
-    if bend < least * (1 - ROUNDING):
-        raise GeometryError(
-            f"rounding is {shown(bend, 'm')}; in the middle of a wall of {shown(bellows.wall, 'm')} it must be at least "
-            f"{shown(least, 'm')}"
-        )
-    if bend > quarter * (1 + ROUNDING):
-        raise GeometryError(
-            f"rounding is {shown(bend, 'm')}; it must be at most a quarter of pitch, {shown(quarter, 'm')}, with which roots "
-            "and crests are half circles"
-        )
-    depth = bellows.outer_radius - bellows.inner_radius - bellows.wall
-    if 2.0 * bend > depth * (1 + ROUNDING):
-        raise GeometryError(
-            f"rounding is {shown(bend, 'm')}; root and crest together need {shown(2 * bend, 'm')} between inner_radius and "
-            f"outer_radius, less the wall, and {shown(max(depth, 0.0), 'm')} are there"
-        )
-
-
-def _check_size(bellows: Bellows) -> None:
-    if max(bellows.height, bellows.outer_radius) > LONGEST:
-        raise GeometryError(
-            f"pitch is {shown(bellows.pitch, 'm')}; with {bellows.convolutions} convolutions the bellows passes {LONGEST:g} m, "
-            "which suggests a wrong unit"
-        )
-    longest = min(NEEDLE * bellows.wall / max(bellows.through, 1.0), bellows.inner_radius)
-    if bellows.cell_size > longest:
-        raise GeometryError(
-            f"cell_size is {shown(bellows.cell_size, 'm')}; it must be at most {shown(longest, 'm')}: {NEEDLE:g} times a "
-            f"cell's width through the wall, and inner_radius"
-        )
-
+from softmodels.common.schema import ROUNDING, SHORTEST, choice_field, length_field, shown
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The half section of a bellows: cross-sections of the wall one after the other, and panels between neighbours.
@@ -142,82 +57,6 @@ class Cut(NamedTuple):
     inside: Place
     outside: Place
     centre: Place | None
-
-
-def lines(bellows: Bellows) -> dict[tuple[str, ...], float]:
-    """Return the lengths in m of the lines between arcs, upright at roots and crests and across in the flanks, by what they
-    hang on."""
-    bend = "rounding" if bellows.rounding else "pitch"
-    depth = bellows.outer_radius - bellows.inner_radius - bellows.wall
-    found = {("outer_radius", "inner_radius", "wall", bend): depth - 2.0 * bellows.bend}
-    return found | ({("pitch", "rounding"): 0.25 * bellows.pitch - bellows.rounding} if bellows.rounding else {})
-
-
-def cuts(bellows: Bellows) -> list[Cut]:
-    """Return the wall's cross-sections from the lower plate to the upper one, where lines and arcs meet and in the crests'
-    middle."""
-    half, turn, bend = 0.5 * bellows.wall, 0.25 * bellows.pitch, bellows.bend
-    root, crest = bellows.inner_radius + half, bellows.outer_radius - half
-    found: list[Cut] = []
-
-    def add(r: float, z: float, across: Place, centre: Place | None = None) -> None:
-        """A cross-section around (r, z); ``across`` is the unit vector from the air outwards."""
-        (x, y) = across
-        cut = Cut((r - half * x, z - half * y), (r + half * x, z + half * y), centre)
-        if not found or math.dist(cut.inside, found[-1].inside) > NEAR * bellows.pitch:
-            found.append(cut)
-
-    for k in range(bellows.convolutions):
-        low = bellows.cap + k * bellows.pitch
-        first, second, high = low + turn, low + 3.0 * turn, low + 4.0 * turn
-        out, up, down = (1.0, 0.0), (0.0, 1.0), (0.0, -1.0)
-        add(root, low, out)
-        add(root, first - bend, out)
-        add(root + bend, first, down, (root + bend, first - bend))
-        add(crest - bend, first, down)
-        add(crest, first + bend, out, (crest - bend, first + bend))
-        add(crest, 0.5 * (first + second), out)
-        add(crest, second - bend, out)
-        add(crest - bend, second, up, (crest - bend, second - bend))
-        add(root + bend, second, up)
-        add(root, second + bend, out, (root + bend, second + bend))
-        add(root, high, out)
-    return found
-
-
-def bellows_panels(bellows: Bellows) -> tuple[Panel, ...]:
-    """Return the half section; see `Bellows`."""
-    through = bellows.rows
-
-    def side(start: Place, end: Place, centre: Place | None, count: int, role: str) -> Side:
-        radius = math.dist(start, centre) if centre else 1.0
-        return Side(start, end, count, role, centre, (radius, radius))
-
-    wall = cuts(bellows)
-    panels = []
-    for a, b in itertools.pairwise(wall):
-        quarter = 0.5 * math.pi * bellows.bend if b.centre else 0.0
-        count = max(3, bellows.along(quarter)) if b.centre else bellows.along(math.dist(a.inside, b.inside))
-        low, high = Side(a.inside, a.outside, through), Side(b.outside, b.inside, through)
-        right, left = (side(*pair, b.centre, count, role) for pair, role in
-                       (((a.outside, b.outside), "outer"), ((b.inside, a.inside), "cavity")))  # fmt: skip
-        panels.append(Panel("solid", (low, right, high, left)))
-    return (*_plate(bellows, wall[0], 0.0), *panels, *_plate(bellows, wall[-1], bellows.height))
-
-
-def _plate(bellows: Bellows, cut: Cut, level: float) -> Iterator[Panel]:
-    """Yield a plate between a height outside and the wall's end: within the wall, and below or above it."""
-    (inner, floor), (outer, _) = cut.inside, cut.outside
-    upper = level > floor
-    low, high = min(level, floor), max(level, floor)
-    across, up, through = bellows.along(inner), max(bellows.rows, bellows.along(high - low)), bellows.rows
-    face, bonded = ("tip" if upper else "support"), ""
-    for left, right, count, inside, ends in (
-        (0.0, inner, across, "cavity", ("axis", "")),
-        (inner, outer, through, bonded, ("", "outer")),
-    ):
-        below, above = (inside, face) if upper else (face, inside)
-        yield rectangle((left, low), (right, high), (count, up), (below, ends[1], above, ends[0]))
 
 
 @register_device
@@ -257,11 +96,105 @@ class Bellows(HeldTip, Revolved):
     meeting: ClassVar = ("outer", "cavity")
 
     def check(self) -> None:
-        check_bellows(self)
+        self._check_wall()
+        self._check_rounding()
+        self.check_size("pitch", self.height, self.outer_radius, given=f"with {self.convolutions} convolutions ")
+        self.check_cells("inner_radius")
+
+    def _check_wall(self) -> None:
+        if self.outer_radius <= self.inner_radius:
+            self.reject("outer_radius", f"it must be larger than {self.told('inner_radius')}")
+        self.check_least("wall", 5e-3, "outer_radius")
+        apart = "the flanks are half a pitch apart, and {} is the most that leaves air between them"
+        self.check_most("wall", 0.45, "pitch", apart)
+        self.check_most("cap", 10.0, "outer_radius", "more than {}, suggests a wrong unit")
+
+    def _check_rounding(self) -> None:
+        def reject(why: str) -> None:
+            raise GeometryError(f"rounding is {shown(self.bend, 'm')}; {why}")
+
+        least, quarter = 0.5 * self.wall + SHORTEST, 0.25 * self.pitch
+        if self.bend < least * (1 - ROUNDING):
+            reject(f"in the middle of a wall of {shown(self.wall, 'm')} it must be at least {shown(least, 'm')}")
+        if self.bend > quarter * (1 + ROUNDING):
+            reject(
+                f"it must be at most a quarter of pitch, {shown(quarter, 'm')}, with which its ends are half circles"
+            )
+        if 2.0 * self.bend > self.depth * (1 + ROUNDING):
+            reject(
+                f"root and crest together need {shown(2 * self.bend, 'm')} between inner_radius and outer_radius, less the "
+                f"wall, and {shown(max(self.depth, 0.0), 'm')} are there"
+            )
+
+    @property
+    def depth(self) -> float:
+        """From a root to a crest in m, in the middle of the wall."""
+        return self.outer_radius - self.inner_radius - self.wall
+
+    @property
+    def cuts(self) -> list[Cut]:
+        """The wall's cross-sections from the lower plate to the upper one, where lines and arcs meet and in the crests'
+        middle."""
+        half, turn, bend = 0.5 * self.wall, 0.25 * self.pitch, self.bend
+        root, crest = self.inner_radius + half, self.outer_radius - half
+        found: list[Cut] = []
+
+        def add(r: float, z: float, across: Place, centre: Place | None = None) -> None:
+            """A cross-section around (r, z); ``across`` is the unit vector from the air outwards."""
+            (x, y) = across
+            cut = Cut((r - half * x, z - half * y), (r + half * x, z + half * y), centre)
+            if not found or math.dist(cut.inside, found[-1].inside) > NEAR * self.pitch:
+                found.append(cut)
+
+        out, up, down = (1.0, 0.0), (0.0, 1.0), (0.0, -1.0)
+        for k in range(self.convolutions):
+            low = self.cap + k * self.pitch
+            first, second, high = low + turn, low + 3.0 * turn, low + 4.0 * turn
+            add(root, low, out)
+            add(root, first - bend, out)
+            add(root + bend, first, down, (root + bend, first - bend))
+            add(crest - bend, first, down)
+            add(crest, first + bend, out, (crest - bend, first + bend))
+            add(crest, 0.5 * (first + second), out)
+            add(crest, second - bend, out)
+            add(crest - bend, second, up, (crest - bend, second - bend))
+            add(root + bend, second, up)
+            add(root, second + bend, out, (root + bend, second + bend))
+            add(root, high, out)
+        return found
 
     @property
     def panels(self) -> tuple[Panel, ...]:
-        return bellows_panels(self)
+        through, wall, panels = self.rows, self.cuts, []
+        for a, b in itertools.pairwise(wall):
+            quarter = 0.5 * math.pi * self.bend
+            count = max(3, self.along(quarter)) if b.centre else self.along(math.dist(a.inside, b.inside))
+            low, high = Side(a.inside, a.outside, through), Side(b.outside, b.inside, through)
+            right, left = (
+                Side(
+                    start,
+                    end,
+                    count,
+                    role,
+                    b.centre,
+                    (radius := math.dist(start, b.centre) if b.centre else 1.0, radius),
+                )
+                for start, end, role in ((a.outside, b.outside, "outer"), (b.inside, a.inside, "cavity"))
+            )
+            panels.append(Panel("solid", (low, right, high, left)))
+        return (*self._plate(wall[0], 0.0), *panels, *self._plate(wall[-1], self.height))
+
+    def _plate(self, cut: Cut, level: float) -> Iterator[Panel]:
+        """Yield a plate between a height outside and the wall's end: within the wall, and below or above it."""
+        (inner, floor), (outer, _) = cut.inside, cut.outside
+        upper, low, high = level > floor, min(level, floor), max(level, floor)
+        across, up, through = self.along(inner), max(self.rows, self.along(high - low)), self.rows
+        face = "tip" if upper else "support"
+        for left, right, count, inside, ends in (
+            (0.0, inner, across, "cavity", ("axis", "")), (inner, outer, through, "", ("", "outer")),
+        ):  # fmt: skip
+            below, above = (inside, face) if upper else (face, inside)
+            yield rectangle((left, low), (right, high), (count, up), (below, ends[1], above, ends[0]))
 
     @property
     def thinnest(self) -> float:
@@ -299,7 +232,10 @@ class Bellows(HeldTip, Revolved):
     @property
     def movable(self) -> tuple[str, ...]:
         """All lengths except those that would insert a line between two arcs where they meet: no mesh can follow that."""
-        met = {name for names, line in lines(self).items() if line < NEAR * self.pitch for name in names}
+        bend = "rounding" if self.rounding else "pitch"
+        lines = {("outer_radius", "inner_radius", "wall", bend): self.depth - 2.0 * self.bend}
+        lines |= {("pitch", "rounding"): 0.25 * self.pitch - self.rounding} if self.rounding else {}
+        met = {name for names, line in lines.items() if line < NEAR * self.pitch for name in names}
         return tuple(name for name in super().movable if name not in met)
 
     @property

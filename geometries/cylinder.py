@@ -29,30 +29,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometries.actuator import Halved, Hold, Pour, Recipe, Sectioned, Vector, parameter, parameter_names
-from geometries.meshing import MM, check_cell_count, place_of
+from geometries.meshing import MM, corners_of, name_boundary, name_groups, place_of
 from geometries.registry import register_device
-from geometries.revolved import Side, carried_along
-from softmodels.common.errors import GeometryError, MeshingError
+from geometries.revolved import TETRAHEDRON, TRIANGLE, Side, carried_along, check_alike, rounded_off, turn_fully
 from softmodels.common.names import lazy_module
-from softmodels.common.schema import LONGEST, angle_field, choice_field, length_field, shown
+from softmodels.common.schema import angle_field, choice_field, length_field, shown
 
 gmsh = lazy_module("gmsh")
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Cylinders with invalid parameters, detected before meshing; and how many cells to expect.
+# How large the cells of a cylinder are.
 
-
-MOST_CELLS = 5_000_000
-"""Maximum expected number of cells; larger meshes are mostly typing errors."""
-
-SLIMMEST, FLATTEST = 200.0, 0.2
-"""Largest and smallest length of the cavity in outer radii."""
-
-THINNEST = 500.0
-"""Largest outer radius in walls; a thinner one is a membrane and needs cells as small."""
-
-THICKEST = 20.0
-"""Largest wall in inner radii, and cap in outer ones."""
 
 COARSEST = 10.0
 """Largest ratio of the cell size to the wall or the cap; the size grades too steeply beyond it."""
@@ -72,72 +59,6 @@ ALONG_ARC = 2
 
 ACROSS_PIECE = 0.6
 """Largest cell size in the wall, in arcs of the narrowest piece that the strip's edges cut out of it."""
-
-TRIANGLE, TETRAHEDRON = 0.43, 0.12
-"""Area and volume of a regular cell with edges of length 1."""
-
-
-def check_cylinder(device: Cylinder) -> None:
-    """Check a cylinder's parameters against each other.
-
-    Raises:
-        GeometryError: The first parameter found impossible, with its value and the limit.
-    """
-    _check_shape(device)
-    if device.section == "axisymmetric" and device.strip:
-        raise GeometryError(
-            f"strip is {shown(device.strip, 'degree')}; an axisymmetric section cannot have a strip; use section half"
-        )
-    if device.strip and not NARROWEST <= device.strip <= WIDEST:
-        raise GeometryError(
-            f"strip is {shown(device.strip, 'degree')}; it must be 0 (none) or lie between {NARROWEST:g} and {WIDEST:g} deg"
-        )
-    for part in ("wall", "cap"):
-        if device.cell_size > COARSEST * getattr(device, part):
-            raise GeometryError(
-                f"cell_size is {shown(device.cell_size, 'm')}; it must be at most {COARSEST:g} times {part}, "
-                f"{shown(getattr(device, part), 'm')}"
-            )
-    if device.cell_size > device.length:
-        raise GeometryError(
-            f"cell_size is {shown(device.cell_size, 'm')}; it must be at most length, {shown(device.length, 'm')}"
-        )
-    more = f" with wall {shown(device.wall, 'm')} and fillet {shown(device.fillet, 'm')}"
-    check_cell_count(device.cell_size, expected_cells(device), MOST_CELLS, more)
-
-
-def _check_shape(device: Cylinder) -> None:
-    radius, outer = device.inner_radius, device.outer_radius
-    if device.fillet >= radius:
-        raise GeometryError(
-            f"fillet is {shown(device.fillet, 'm')}; it must be smaller than inner_radius, {shown(radius, 'm')}"
-        )
-    if not FLATTEST * outer <= device.length <= SLIMMEST * outer:
-        raise GeometryError(
-            f"length is {shown(device.length, 'm')}; it must be between {FLATTEST:g} and {SLIMMEST:g} times the outer radius, "
-            f"{shown(outer, 'm')}"
-        )
-    if device.fillet > 0.4 * device.length:
-        raise GeometryError(
-            f"fillet is {shown(device.fillet, 'm')}; it must be at most 0.4 times length, {shown(device.length, 'm')}"
-        )
-    if device.wall > THICKEST * radius:
-        raise GeometryError(
-            f"wall is {shown(device.wall, 'm')}; it must be at most {THICKEST:g} times inner_radius, {shown(radius, 'm')}"
-        )
-    if outer > THINNEST * device.wall:
-        raise GeometryError(
-            f"wall is {shown(device.wall, 'm')}; it must be at least 1/{THINNEST:g} of the outer radius, {shown(outer, 'm')}"
-        )
-    if device.cap > THICKEST * outer:
-        raise GeometryError(
-            f"cap is {shown(device.cap, 'm')}; it must be at most {THICKEST:g} times the outer radius, {shown(outer, 'm')}"
-        )
-    if max(outer, device.height) > LONGEST:
-        raise GeometryError(
-            f"length is {shown(device.length, 'm')}; with cap {shown(device.cap, 'm')} or wall {shown(device.wall, 'm')} the "
-            f"device passes {LONGEST:g} m, which suggests a wrong unit"
-        )
 
 
 def azimuths(device: Cylinder, stripped: bool) -> list[float]:
@@ -164,24 +85,8 @@ def cell_sizes(device: Cylinder) -> tuple[float, float, float]:
     return wall, cap, min(wall, cap, arc)
 
 
-def expected_cells(device: Cylinder) -> float:
-    """Estimate the number of cells (within a factor of about two) from the sizes."""
-    wall, cap, arc = cell_sizes(device)
-    radius, outer = device.inner_radius, device.outer_radius
-    if device.dimension == 2:
-        return (device.wall * device.length / wall**2 + outer * device.cap / cap**2 + 20.0) / TRIANGLE
-    share = math.pi if device.section == "whole" else 0.5 * math.pi
-    ring = 2.0 * radius * device.fillet**2 / arc**3 if device.fillet else 0.0
-    tube = (outer**2 - radius**2) * device.length / wall**3
-    return share * (tube + outer**2 * device.cap / cap**3 + ring) / TETRAHEDRON
-
-
 # ----------------------------------------------------------------------------------------------------------------------
 # The closed tube's half profile as edges between corners, along which points are carried to another tube.
-
-
-CHOICES = ("section", "strip", "base", "end")
-"""Fields in which two tubes must agree for points to be carried from one to the other."""
 
 
 def outline(tube: Cylinder) -> list[Side]:
@@ -204,22 +109,6 @@ def outline(tube: Cylinder) -> list[Side]:
     ]
 
 
-def check_alike(tube: Cylinder, other: Cylinder) -> None:
-    """Reject tubes between which points cannot be carried.
-
-    Raises:
-        GeometryError: The first choice in which they differ, with both values.
-    """
-    for name in CHOICES:
-        here, there = getattr(tube, name), getattr(other, name)
-        if here != there:
-            raise GeometryError(f"{name} is {here} and {there}; points can only be mapped between tubes of the same")
-    if (tube.fillet > 0.0) != (other.fillet > 0.0):
-        raise GeometryError(
-            "one fillet is 0 and the other is not; points of a rounded corner cannot be mapped to a sharp one"
-        )
-
-
 # ----------------------------------------------------------------------------------------------------------------------
 # The closed tube in Gmsh: one profile of two faces, meshed flat or turned around the axis.
 
@@ -237,8 +126,8 @@ def build_section(device: Cylinder) -> None:
     roles: dict[str, list[int]] = defaultdict(list)
     for tag, role in edges:
         roles[role].append(tag)
-    _name(2, {"wall": [wall], "cap": [cap]})
-    _name(1, roles)
+    name_groups(2, {"wall": [wall], "cap": [cap]})
+    name_groups(1, roles)
     size = _size(device)
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(x, y))
 
@@ -258,24 +147,17 @@ def build_solid(device: Cylinder) -> None:
     occ.fragment(volumes[:1], volumes[1:])
     occ.remove([(2, wall), (2, cap)], recursive=True)
     occ.synchronize()
-    _name_solids(device)
-    _name_faces(device)
+    regions: dict[str, list[int]] = defaultdict(list)
+    for _, tag in gmsh.model.getEntities(3):
+        regions["cap" if occ.getCenterOfMass(3, tag)[2] > device.straight else "wall"].append(tag)
+    name_groups(3, regions)
+    name_boundary(lambda tag: _role(device, tag))
     for role, place in device.anchors.items():
         near = 1e-7 * device.outer_radius
         found = [tag for _, tag in gmsh.model.getEntities(0) if np.abs(place_of(tag) - place).max() < near]
-        _name(0, {role: found})
+        name_groups(0, {role: found})
     size = _size(device)
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(math.hypot(x, y), z))
-
-
-def build_full_turn(device: Cylinder) -> None:
-    """Fill the current Gmsh model with the whole tube (mm), one solid."""
-    occ = gmsh.model.occ
-    (wall, cap), _ = _profile(device, lambda r, z: (MM * r, 0.0, MM * z))
-    ((_, face),) = occ.fuse([(2, wall)], [(2, cap)])[0]
-    occ.revolve([(2, face)], 0, 0, 0, 0, 0, 1, 2.0 * math.pi)
-    occ.remove([(2, face)], recursive=True)
-    occ.synchronize()
 
 
 def _profile(
@@ -338,28 +220,10 @@ def _size(device: Cylinder) -> Callable[[float, float], float]:
     return size
 
 
-def _name_solids(device: Cylinder) -> None:
-    regions: dict[str, list[int]] = defaultdict(list)
-    for _, tag in gmsh.model.getEntities(3):
-        above = gmsh.model.occ.getCenterOfMass(3, tag)[2] > device.straight
-        regions["cap" if above else "wall"].append(tag)
-    _name(3, regions)
-
-
-def _name_faces(device: Cylinder) -> None:
-    """Assign a role to every boundary face of the solid; inner faces get none."""
-    roles: dict[str, list[int]] = defaultdict(list)
-    for _, tag in gmsh.model.getEntities(2):
-        if len(gmsh.model.getAdjacencies(2, tag)[0]) == 1:
-            roles[_role(device, tag)].append(tag)
-    _name(2, roles)
-
-
 def _role(device: Cylinder, tag: int) -> str:
     """Return the role of a face from where its corners and its centre of mass are."""
     near = 1e-7 * device.outer_radius
-    corners = gmsh.model.getBoundary([(2, tag)], combined=False, oriented=False, recursive=True)
-    x, y, z = np.array([place_of(point) for _, point in corners]).T
+    x, y, z = corners_of(tag).T
     centre = np.array(gmsh.model.occ.getCenterOfMass(2, tag))
     if device.section == "half" and max(np.abs(y).max(), abs(centre[1])) < near:
         return "plane0"
@@ -372,13 +236,6 @@ def _role(device: Cylinder, tag: int) -> str:
         return "side"
     azimuth = math.degrees(math.atan2(centre[1], centre[0]))
     return "strip" if device.stripped and abs(azimuth) < 0.5 * device.strip else "outer"
-
-
-def _name(dimension: int, roles: dict[str, list[int]]) -> None:
-    for role, tags in roles.items():
-        if not tags:
-            raise MeshingError(f"The shape has no place for {role!r}; please report this with the parameters")
-        gmsh.model.addPhysicalGroup(dimension, tags, name=role)
 
 
 @register_device
@@ -427,8 +284,27 @@ class Cylinder(Sectioned, Halved):
         "twisting": {"section": "whole", "length": 0.040, "cell_size": 0.004},
     }
 
+    most_cells: ClassVar = 5_000_000
+
     def check(self) -> None:
-        check_cylinder(self)
+        self.check_below("fillet", "inner_radius")
+        if not 0.2 * self.outer_radius <= self.length <= 200.0 * self.outer_radius:
+            self.reject("length", f"it must be between 0.2 and 200 times {self.told('outer_radius')}")
+        self.check_most("fillet", 0.4, "length")
+        self.check_most("wall", 20.0, "inner_radius")
+        if self.outer_radius > 500.0 * self.wall:
+            self.reject("wall", f"it must be at least 1/500 of {self.told('outer_radius')}")
+        self.check_most("cap", 20.0, "outer_radius")
+        given = f"with {self.told('cap')} or {self.told('wall')} "
+        self.check_size("length", self.outer_radius, self.height, given=given)
+        if self.section == "axisymmetric" and self.strip:
+            self.reject("strip", "an axisymmetric section cannot have a strip; use section half")
+        if self.strip and not NARROWEST <= self.strip <= WIDEST:
+            self.reject("strip", f"it must be 0 (none) or lie between {NARROWEST:g} and {WIDEST:g} deg")
+        self.check_most("cell_size", COARSEST, "wall")
+        self.check_most("cell_size", COARSEST, "cap")
+        self.check_most("cell_size", 1.0, "length")
+        self.check_count(f" with wall {shown(self.wall, 'm')} and fillet {shown(self.fillet, 'm')}")
 
     @property
     def faces(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -446,7 +322,14 @@ class Cylinder(Sectioned, Halved):
 
     @property
     def expected_cells(self) -> float:
-        return expected_cells(self)
+        wall, cap, arc = cell_sizes(self)
+        radius, outer = self.inner_radius, self.outer_radius
+        if self.dimension == 2:
+            return (self.wall * self.length / wall**2 + outer * self.cap / cap**2 + 20.0) / TRIANGLE
+        share = math.pi if self.section == "whole" else 0.5 * math.pi
+        ring = 2.0 * radius * self.fillet**2 / arc**3 if self.fillet else 0.0
+        tube = (outer**2 - radius**2) * self.length / wall**3
+        return share * (tube + outer**2 * self.cap / cap**3 + ring) / TETRAHEDRON
 
     @property
     def halved(self) -> bool:
@@ -548,7 +431,7 @@ class Cylinder(Sectioned, Halved):
     def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the points of the boundary at the same share of the same edge of the other's outline; see
         `Actuator.carried`."""
-        check_alike(self, other)
+        check_alike(self, other, ("section", "strip", "base", "end"), ("fillet",))
         return carried_along(outline(self), outline(other), points, self.outer_radius)
 
     @property
@@ -563,10 +446,7 @@ class Cylinder(Sectioned, Halved):
 
     @property
     def cavity_volume(self) -> float:
-        # The rounding is the corner's square less a quarter circle, each turned around the axis.
-        inner, fillet = self.inner_radius - self.fillet, self.fillet
-        rounded = fillet * (self.inner_radius**2 - inner**2 - 0.5 * math.pi * fillet * inner - 2.0 / 3.0 * fillet**2)
-        return math.pi * (self.inner_radius**2 * self.length - rounded)
+        return math.pi * (self.inner_radius**2 * self.length - rounded_off(self.inner_radius, self.fillet))
 
     @property
     def solid_volume(self) -> float:
@@ -592,9 +472,9 @@ class Cylinder(Sectioned, Halved):
         )  # fmt: skip
 
     def build_whole(self) -> None:
-
-        build_full_turn(self)
+        occ = gmsh.model.occ
+        (wall, cap), _ = _profile(self, lambda r, z: (MM * r, 0.0, MM * z))
+        turn_fully(occ.fuse([(2, wall)], [(2, cap)])[0][0][1])
 
     def build(self) -> None:
-
         build_section(self) if self.dimension == 2 else build_solid(self)

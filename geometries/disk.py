@@ -23,20 +23,30 @@ import functools
 import math
 from collections import defaultdict
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from geometries.actuator import CutPlane, Hold, Recipe, Vector, Wedged, in_halves, parameter_names
-from geometries.meshing import check_cell_count, name_group, place_of
+from geometries.meshing import MM, corners_of, name_boundary, name_group, name_groups, place_of
 from geometries.registry import register_device
-from geometries.revolved import carried_along
+from geometries.revolved import (
+    TETRAHEDRON,
+    TRIANGLE,
+    WIDEST_PIECE,
+    Place,
+    Side,
+    carried_along,
+    check_alike,
+    rounded_off,
+    surface_role,
+    turn_fully,
+)
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
 from softmodels.common.names import lazy_module
 from softmodels.common.schema import (
-    LONGEST,
     ROUNDING,
     SHORTEST,
     angle_field,
@@ -79,8 +89,8 @@ FINEST = 3
 SAMPLES = 257
 """Radii at which the size in a membrane of varying thickness is known; straight lines between them."""
 
-TRIANGLE, TETRAHEDRON = 0.43, 0.12
-"""Area and volume of a regular cell with edges of length 1."""
+COARSEST = 10.0
+"""Largest ratio of the cell size to the thinnest part; the size grades too steeply beyond it."""
 
 
 def part_size(disk: HollowDisk, part: str) -> float:
@@ -140,188 +150,6 @@ def size_function(disk: HollowDisk) -> Callable[[float, float], float]:
         )
 
     return size
-
-
-def expected_cells(disk: HollowDisk) -> float:
-    """Estimate the number of cells (within a factor of about two) from the sizes."""
-    radius, outer = disk.cavity_radius, disk.outer_radius
-    upper = disk.height - disk.base
-    if disk.profile:
-        radii, sizes = membrane_sizes(disk)
-        thickness = disk.membrane_top.thickness(radii)
-        around = 2.0 * math.pi * radii if disk.dimension == 3 else 1.0
-        membrane = float(np.trapezoid(around * thickness / sizes**disk.dimension, radii))
-    else:
-        space = math.pi * radius**2 if disk.dimension == 3 else radius
-        membrane = space * disk.membrane / part_size(disk, "membrane") ** disk.dimension
-    if disk.dimension == 2:
-        areas = {"base": outer * disk.base, "wall": disk.wall * upper}
-        # Three quarters of a disk around each root, then rings of growing cells.
-        rings = sum(
-            1.5 * math.pi * (0.5 * (core / cell) ** 2 + math.log(max(disk.cell_size / cell, 1.0)) / GROWTH**2)
-            for _, cell, core in roots(disk)
-        )
-        return (rings + membrane + sum(area / part_size(disk, part) ** 2 for part, area in areas.items())) / TRIANGLE
-    share = disk.angle / 360.0
-    volumes = {
-        "base": math.pi * outer**2 * disk.base,
-        "wall": math.pi * (outer**2 - radius**2) * upper,
-    }
-    bulk = membrane + sum(volume / part_size(disk, part) ** 3 for part, volume in volumes.items())
-    ring = sum(
-        2.0 * math.pi * radius * 1.5 * math.pi * (0.5 * core**2 / cell**3 + 0.5 / (GROWTH**2 * cell))
-        for _, cell, core in roots(disk)
-    )
-    return share * (bulk + ring) / TETRAHEDRON
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Hollow disks with invalid parameters, detected before meshing.
-
-
-MOST_CELLS = 5_000_000
-"""Maximum expected number of cells; larger meshes are mostly typing errors."""
-
-TALLEST = 5.0
-"""Largest thickness of membrane, base or cavity in radii of the disk."""
-
-NARROWEST = 5.0
-"""Smallest angle in degrees; a thinner wedge has needles for cells along the axis."""
-
-COARSEST = 10.0
-"""Largest ratio of the cell size to the thinnest part; the size grades too steeply beyond it."""
-
-FEWEST, MOST = 2, 12
-"""Entries of a membrane's profile."""
-
-LEAST_SHARE, LARGEST_SHARE = 0.1, 10.0
-"""Smallest and largest entry of a membrane's profile."""
-
-PARTS = ("", "a quarter of the way", "half way", "three quarters of the way")
-"""Of the way from an entry of a membrane's profile to the next, where its thickness is a clearance."""
-
-
-def check_disk(disk: HollowDisk) -> None:
-    """Check a disk's parameters against each other.
-
-    Raises:
-        GeometryError: The first parameter found impossible, with its value and the limit.
-    """
-    _check_profile(disk)
-    _check_shape(disk)
-    if disk.dimension == 3:
-        _check_slice(disk)
-    _check_cells(disk)
-
-
-def _check_profile(disk: HollowDisk) -> None:
-    if disk.profile and not FEWEST <= len(disk.profile) <= MOST:
-        raise GeometryError(
-            f"profile has {len(disk.profile)} {'entry' if len(disk.profile) == 1 else 'entries'}; it takes {FEWEST} to "
-            f"{MOST}, from the axis to the cavity's edge, or none for a uniform membrane"
-        )
-    for k, share in enumerate(disk.profile):
-        if not LEAST_SHARE * (1 - ROUNDING) <= share <= LARGEST_SHARE * (1 + ROUNDING):
-            raise GeometryError(
-                f"profile[{k + 1}] is {share:g}; it must be between {LEAST_SHARE:g} and {LARGEST_SHARE:g} times membrane"
-            )
-    thinnest, _ = disk.membrane_top.extremes
-    if thinnest < SHORTEST * (1 - ROUNDING):
-        listed = ", ".join(f"{share:g}" for share in disk.profile)
-        raise GeometryError(
-            f"profile is {listed}; the smooth line through them leaves a membrane of {shown(max(thinnest, 0.0), 'm')} at its "
-            f"thinnest; the minimum is {shown(SHORTEST, 'm')}, so let neighbours differ less"
-        )
-
-
-def _check_shape(disk: HollowDisk) -> None:
-    for fillet in ("fillet", "base_fillet"):
-        for name in ("cavity_height", "cavity_radius"):
-            radius, limit = getattr(disk, fillet), getattr(disk, name)
-            if radius >= limit:
-                raise GeometryError(
-                    f"{fillet} is {shown(radius, 'm')}; it must be smaller than {name}, {shown(limit, 'm')}"
-                )
-    if disk.fillet + disk.base_fillet >= disk.cavity_height:
-        raise GeometryError(
-            f"fillet is {shown(disk.fillet, 'm')}; with base_fillet {shown(disk.base_fillet, 'm')} it leaves nothing of "
-            f"cavity_height, {shown(disk.cavity_height, 'm')}"
-        )
-    sizes = {"membrane": disk.membrane_top.extremes[1], "base": disk.base, "cavity_height": disk.cavity_height}
-    for part, length in sizes.items():
-        if length > TALLEST * disk.outer_radius:
-            raise GeometryError(
-                f"{part} is {shown(length, 'm')}; more than {TALLEST:g} times the disk's radius, "
-                f"{shown(disk.outer_radius, 'm')}, is not a disk and suggests a wrong unit"
-            )
-    if disk.outer_radius > LONGEST:
-        raise GeometryError(
-            f"wall is {shown(disk.wall, 'm')}; with cavity_radius {shown(disk.cavity_radius, 'm')} the disk's radius "
-            f"passes {LONGEST:g} m, which suggests a wrong unit"
-        )
-
-
-def _check_slice(disk: HollowDisk) -> None:
-    # Checked before anything divides by the angle.
-    if not NARROWEST <= disk.angle <= 360.0:
-        raise GeometryError(f"angle is {shown(disk.angle, 'degree')}; it must be between {NARROWEST:g} and 360 deg")
-    turns = 360.0 / disk.angle
-    if abs(turns - round(turns)) > 1e-9 * turns:
-        raise GeometryError(
-            f"angle is {shown(disk.angle, 'degree')}; it must divide 360 deg evenly, such as 30, 45, 90, 180 or 360 deg"
-        )
-    if abs(disk.azimuth) > 360.0:
-        raise GeometryError(f"azimuth is {shown(disk.azimuth, 'degree')}; it must be between -360 and 360 deg")
-
-
-def _check_cells(disk: HollowDisk) -> None:
-    if disk.refinement < 1.0:
-        raise GeometryError(f"refinement is {disk.refinement:g}; it must be 1 (none) or more")
-    if disk.cell_size > disk.cavity_radius:
-        raise GeometryError(
-            f"cell_size is {shown(disk.cell_size, 'm')}; it must be at most cavity_radius, "
-            f"{shown(disk.cavity_radius, 'm')}"
-        )
-    sizes = {"membrane": disk.membrane_top.extremes[0], "base": disk.base, "wall": disk.wall}
-    for part, length in sizes.items():
-        if disk.cell_size > COARSEST * length:
-            raise GeometryError(
-                f"cell_size is {shown(disk.cell_size, 'm')}; it must be at most {COARSEST:g} times {part}, "
-                f"{shown(length, 'm')}"
-            )
-    more = f" with refinement {disk.refinement:g} and fillet {shown(disk.fillet, 'm')}"
-    check_cell_count(disk.cell_size, expected_cells(disk), MOST_CELLS, more)
-
-
-def clearances(disk: HollowDisk) -> dict[str, float]:
-    """Return the dimensions in m that have a least value; see `geometries.Actuator.clearances`.
-
-    A membrane with a profile has one at each entry and three between neighbours, where the smooth line may dip. Where they
-    are a fifth of the membrane or more, none of thousands of random profiles dipped to zero anywhere.
-    """
-    found = {"base": disk.base, "wall": disk.wall, "height of the cavity": disk.cavity_height}
-    return (
-        found
-        | _membrane_clearances(disk)
-        | {
-            "straight part of the cavity's side": disk.cavity_height - disk.fillet - disk.base_fillet,
-            "flat part of the cavity's ceiling": disk.cavity_radius - disk.fillet,
-            "flat part of the cavity's floor": disk.cavity_radius - disk.base_fillet,
-        }
-    )
-
-
-def _membrane_clearances(disk: HollowDisk) -> dict[str, float]:
-    if not disk.profile:
-        return {"membrane": disk.membrane}
-    gaps = len(disk.profile) - 1
-    thickness = disk.membrane_top.thickness(disk.cavity_radius * np.linspace(0.0, 1.0, len(PARTS) * gaps + 1))
-    names = [f"membrane at entry {k} of profile" for k in range(1, gaps + 2)]
-    between = [
-        f"membrane {part} from entry {k} to entry {k + 1} of profile" for k in range(1, gaps + 1) for part in PARTS[1:]
-    ]
-    inner = np.delete(thickness, np.s_[:: len(PARTS)])
-    return dict(zip([*names, *between], [*thickness[:: len(PARTS)].tolist(), *inner.tolist()], strict=True))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -416,146 +244,47 @@ class MembraneTop:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The hollow disk's half profile: a closed outline of lines, arcs and the membrane's top, and where its points go on another.
-#
-# A point of the outline is known by its edge and by how far along the edge it is: a share of the length, of the angle on arcs,
-# of the radius on a curved top. The point with the same share of the same edge of another disk is linear in the lengths.
+# The hollow disk's half profile: a closed outline of lines, arcs and the membrane's top.
 
 
-Place = tuple[float, float]
+FEWEST, MOST = 2, 12
+"""Entries of a membrane's profile."""
 
-CHOICES = ("section", "angle", "azimuth", "support")
-"""Fields in which two disks must agree for points to be carried from one to the other."""
+LEAST_SHARE, LARGEST_SHARE = 0.1, 10.0
+"""Smallest and largest entry of a membrane's profile."""
 
-
-class OutlineEdge(NamedTuple):
-    """An edge of the half profile from ``start`` to ``end`` in (radius, height).
-
-    It is straight, or an arc of less than a half circle round ``centre``, or a piece of a curved top: the cubic Bezier curve
-    of the control points ``start``, ``inner`` and ``end``, whose radii are equally spaced.
-    """
-
-    role: str
-    start: Place
-    end: Place
-    centre: Place | None = None
-    inner: tuple[Place, Place] | None = None
-
-    def places(self, shares: Array) -> Array:
-        """Return the points (n, 2) in m at shares (n,) of the edge."""
-        start, end = np.array(self.start), np.array(self.end)
-        if self.inner is not None:
-            t = shares[:, None]
-            first, second = np.array(self.inner)
-            return (1 - t) ** 3 * start + 3 * (1 - t) ** 2 * t * first + 3 * (1 - t) * t**2 * second + t**3 * end
-        if self.centre is None:
-            return start + shares[:, None] * (end - start)
-        angles = self._begin + shares * self._turn
-        radius = np.linalg.norm(start - self.centre)
-        return np.array(self.centre) + radius * np.column_stack([np.cos(angles), np.sin(angles)])
-
-    def shares(self, points: Array) -> Array:
-        """Return the shares (n,) of the edge at which points (n, 2) on it are, those of points beyond an end being 0 or 1."""
-        start, end = np.array(self.start), np.array(self.end)
-        if self.inner is not None:
-            found = (points[:, 0] - start[0]) / (end[0] - start[0])
-        elif self.centre is None:
-            found = (points - start) @ (end - start) / ((end - start) @ (end - start))
-        else:
-            x, y = (points - self.centre).T
-            found = _wrapped(np.arctan2(y, x) - self._begin) / self._turn
-        return np.clip(found, 0.0, 1.0)
-
-    @property
-    def _begin(self) -> float:
-        """Angle of an arc's start."""
-        assert self.centre is not None
-        return float(np.arctan2(self.start[1] - self.centre[1], self.start[0] - self.centre[0]))
-
-    @property
-    def _turn(self) -> float:
-        """Angle of an arc."""
-        assert self.centre is not None
-        end = np.arctan2(self.end[1] - self.centre[1], self.end[0] - self.centre[0])
-        return float(_wrapped(end - self._begin))
+PARTS = ("", "a quarter of the way", "half way", "three quarters of the way")
+"""Of the way from an entry of a membrane's profile to the next, where its thickness is a clearance."""
 
 
-def _wrapped(angles: Array) -> Array:
-    """Return the angles between -pi and pi."""
-    return (angles + np.pi) % (2.0 * np.pi) - np.pi
-
-
-def outline(disk: HollowDisk) -> list[OutlineEdge]:
+def outline(disk: HollowDisk) -> list[Side]:
     """Return the closed half profile in m, counted against the clock from the bottom centre."""
     inner, outer, fillet, lower = disk.cavity_radius, disk.outer_radius, disk.fillet, disk.base_fillet
     floor, ceiling, top, apex = disk.base, disk.ceiling, disk.height, disk.probes["apex"][2]
-    arc = [
-        OutlineEdge("cavity", (inner - fillet, ceiling), (inner, ceiling - fillet), (inner - fillet, ceiling - fillet))
-    ]
-    foot = [OutlineEdge("cavity", (inner, floor + lower), (inner - lower, floor), (inner - lower, floor + lower))]
-    flat = [OutlineEdge("top", (outer, top), (0.0, top))]
-    arch = [OutlineEdge("top", (outer, top), (inner, top)), *_curved(disk.membrane_top)] if disk.profile else []
-    return [
-        OutlineEdge("support" if disk.support == "base" else "outer", (0.0, 0.0), (outer, 0.0)),
-        OutlineEdge("outer", (outer, 0.0), (outer, top)),
-        *(arch or flat),
-        OutlineEdge("axis", (0.0, apex), (0.0, ceiling)),
-        OutlineEdge("cavity", (0.0, ceiling), (inner - fillet, ceiling)),
-        *(arc if fillet > 0.0 else []),
-        OutlineEdge("cavity", (inner, ceiling - fillet), (inner, floor + lower)),
-        *(foot if lower > 0.0 else []),
-        OutlineEdge("cavity", (inner - lower, floor), (0.0, floor)),
-        OutlineEdge("axis", (0.0, floor), (0.0, 0.0)),
-    ]
 
+    def rounded(start: Place, end: Place, centre: Place, radius: float) -> list[Side]:
+        return [Side(start, end, 1, "cavity", centre, (radius, radius))] if radius else []
 
-def _curved(top: MembraneTop) -> list[OutlineEdge]:
-    """Return the membrane's top from the cavity's edge to the axis."""
-    found = []
-    for points in top.pieces():
+    arch = [Side((outer, top), (inner, top), 1, "top")]
+    for points in disk.membrane_top.pieces() if disk.profile else ():
         start, first, second, end = ((float(r), float(z)) for r, z in points)
-        found.append(OutlineEdge("top", start, end, inner=(first, second)))
-    return found
-
-
-def carried(disk: HollowDisk, other: HollowDisk, points: Array) -> Array:
-    """Return where points on a disk's boundary lie on another disk; see `geometries.Actuator.carried`."""
-    _check_alike(disk, other)
-    return carried_along(outline(disk), outline(other), points, disk.outer_radius)
-
-
-def _check_alike(disk: HollowDisk, other: HollowDisk) -> None:
-    if type(other) is not type(disk):
-        raise GeometryError(f"points of {type(disk).__name__} cannot be carried to {type(other).__name__}")
-    for name in CHOICES[:1] + CHOICES[3:] if disk.dimension == 2 else CHOICES:
-        if getattr(disk, name) != getattr(other, name):
-            raise GeometryError(
-                f"{name} is {getattr(disk, name)} and {getattr(other, name)}; points can only be mapped between disks of the "
-                f"same"
-            )
-    for name in ("fillet", "base_fillet"):
-        if (getattr(disk, name) > 0.0) != (getattr(other, name) > 0.0):
-            raise GeometryError(
-                f"{name} is {shown(getattr(disk, name), 'm')} and {shown(getattr(other, name), 'm')}; points of a rounded "
-                "corner cannot be mapped to a sharp one"
-            )
-    if len(disk.profile) != len(other.profile):
-        raise GeometryError(
-            f"profile has {len(disk.profile)} and {len(other.profile)} entries; points can only be mapped between equal numbers"
-        )
+        arch.append(Side(start, end, 1, "top", inner=(first, second)))
+    return [
+        Side((0.0, 0.0), (outer, 0.0), 1, "support" if disk.support == "base" else "outer"),
+        Side((outer, 0.0), (outer, top), 1, "outer"),
+        *(arch if disk.profile else [Side((outer, top), (0.0, top), 1, "top")]),
+        Side((0.0, apex), (0.0, ceiling), 1, "axis"),
+        Side((0.0, ceiling), (inner - fillet, ceiling), 1, "cavity"),
+        *rounded((inner - fillet, ceiling), (inner, ceiling - fillet), (inner - fillet, ceiling - fillet), fillet),
+        Side((inner, ceiling - fillet), (inner, floor + lower), 1, "cavity"),
+        *rounded((inner, floor + lower), (inner - lower, floor), (inner - lower, floor + lower), lower),
+        Side((inner - lower, floor), (0.0, floor), 1, "cavity"),
+        Side((0.0, floor), (0.0, 0.0), 1, "axis"),
+    ]
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The hollow disk in Gmsh: one outline, meshed flat or turned around the axis.
-
-
-WIDEST_PIECE = 90.0
-"""Largest angle in degrees of one revolution step: the CAD kernel leaves a seam in a full turn, without a vertex at its
-centre."""
-
-
-MM = 1e3
-"""Millimetres in one metre."""
 
 
 def build_profile(disk: HollowDisk) -> None:
@@ -563,8 +292,7 @@ def build_profile(disk: HollowDisk) -> None:
     face, curves, points = _face(disk, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     gmsh.model.occ.synchronize()
     name_group(2, [face], "solid")
-    for role, tags in curves.items():
-        name_group(1, tags, role)
+    name_groups(1, curves)
     if disk.support == "rim":
         name_group(0, [points[disk.outer_radius, 0.0]], "support")
     size = size_function(disk)
@@ -585,19 +313,12 @@ def build_wedge(disk: HollowDisk) -> None:
         volumes = [entity for entity in occ.fragment(volumes[:1], volumes[1:])[0] if entity[0] == 3]
     occ.synchronize()
     name_group(3, [tag for _, tag in volumes], "solid")
-    _name_surfaces(disk)
+    edges = outline(disk)
+    name_boundary(lambda tag: surface_role(disk, tag, edges))
     if disk.support == "rim":
         _name_rim(disk)
     size = size_function(disk)
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(math.hypot(x, y), z))
-
-
-def build_full_turn(disk: HollowDisk) -> None:
-    """Fill the current Gmsh model with the whole disk in mm, one solid."""
-    face, _, _ = _face(disk, (MM, 0.0, 0.0), (0.0, 0.0, MM))
-    gmsh.model.occ.revolve([(2, face)], 0, 0, 0, 0, 0, 1, 2.0 * math.pi)
-    gmsh.model.occ.remove([(2, face)], recursive=True)
-    gmsh.model.occ.synchronize()
 
 
 def _face(
@@ -612,7 +333,7 @@ def _face(
             points[place] = occ.addPoint(*(place[0] * a + place[1] * b for a, b in zip(right, up, strict=True)))
         return points[place]
 
-    def curve(edge: OutlineEdge) -> int:
+    def curve(edge: Side) -> int:
         if edge.inner is not None:
             helpers.extend(edge.inner)
             return int(occ.addBezier([corner(place) for place in (edge.start, *edge.inner, edge.end)]))
@@ -633,43 +354,12 @@ def _face(
     return face, curves, points
 
 
-def _name_surfaces(disk: HollowDisk) -> None:
-    """Assign a role to every boundary face of the solid; inner faces get none."""
-    roles: dict[str, list[int]] = defaultdict(list)
-    for _, tag in gmsh.model.getEntities(2):
-        if len(gmsh.model.getAdjacencies(2, tag)[0]) == 1:
-            roles[_surface_role(disk, tag)].append(tag)
-    for role, tags in roles.items():
-        name_group(2, tags, role)
-
-
-def _surface_role(disk: HollowDisk, tag: int) -> str:
-    """Return the role of a face from where its corners and its centre of mass are."""
-    near = 1e-8 * disk.outer_radius
-    centre = np.array(gmsh.model.occ.getCenterOfMass(2, tag))
-    corners = _corners(2, tag)
-    for plane, outward in zip(disk.cut_planes, (1.0, -1.0), strict=False):
-        normal = np.array(plane.normal)
-        # Half a disk has both planes in one; the slice's planes are distinguished by the side of the axis they lie on.
-        along = outward * np.cross(disk.lift, normal)
-        if np.abs(corners @ normal).max() < near and abs(centre @ normal) < near and centre @ along > 0.0:
-            return plane.name
-    ends = np.column_stack([np.hypot(corners[:, 0], corners[:, 1]), corners[:, 2]])
-
-    def apart(edge: OutlineEdge) -> float:
-        """Return how far the face is from being the edge turned: both have the same ends."""
-        distances = np.linalg.norm(ends[:, None] - np.array([edge.start, edge.end]), axis=2)
-        return float(max(distances.min(axis=0).max(), distances.min(axis=1).max()))
-
-    return min(outline(disk), key=apart).role
-
-
 def _name_rim(disk: HollowDisk) -> None:
     """Name the bottom's outer edge and, where rigid motions remain, the anchors."""
     near = 1e-8 * disk.outer_radius
     rim = []
     for _, tag in gmsh.model.getEntities(1):
-        corners = _corners(1, tag)
+        corners = corners_of(tag, 1)
         radii = np.hypot(corners[:, 0], corners[:, 1])
         if np.abs(corners[:, 2]).max() < near and np.abs(radii - disk.outer_radius).max() < near:
             rim.append(tag)
@@ -678,12 +368,6 @@ def _name_rim(disk: HollowDisk) -> None:
     for role in {hold.role for hold in disk.holds if hold.point}:
         found = [tag for _, tag in gmsh.model.getEntities(0) if np.abs(place_of(tag) - places[role]).max() < near]
         name_group(0, found, role)
-
-
-def _corners(dimension: int, tag: int) -> np.ndarray:
-    """Return the corner points of a curve or a face, shape (n, 3)."""
-    found = gmsh.model.getBoundary([(dimension, tag)], combined=False, oriented=False, recursive=True)
-    return np.array([place_of(point) for _, point in found])
 
 
 @register_device
@@ -753,8 +437,51 @@ class HollowDisk(Wedged):
         },
     }
 
+    most_cells: ClassVar = 5_000_000
+
     def check(self) -> None:
-        check_disk(self)
+        self._check_profile()
+        for fillet in ("fillet", "base_fillet"):
+            self.check_below(fillet, "cavity_height")
+            self.check_below(fillet, "cavity_radius")
+        if self.fillet + self.base_fillet >= self.cavity_height:
+            self.reject("fillet", f"with {self.told('base_fillet')} it leaves nothing of {self.told('cavity_height')}")
+        thinnest, thickest = self.membrane_top.extremes
+        for part, length in {"membrane": thickest, "base": self.base, "cavity_height": self.cavity_height}.items():
+            if length > 5.0 * self.outer_radius:
+                raise GeometryError(
+                    f"{part} is {shown(length, 'm')}; more than 5 times the disk's radius, {shown(self.outer_radius, 'm')}, is "
+                    "not a disk and suggests a wrong unit"
+                )
+        self.check_size("wall", self.outer_radius, given=f"with {self.told('cavity_radius')} ")
+        self.check_angle()
+        if self.dimension == 3 and abs(self.azimuth) > 360.0:
+            self.reject("azimuth", "it must be between -360 and 360 deg")
+        if self.refinement < 1.0:
+            self.reject("refinement", "it must be 1 (none) or more")
+        self.check_most("cell_size", 1.0, "cavity_radius")
+        for part, length in {"membrane": thinnest, "base": self.base, "wall": self.wall}.items():
+            if self.cell_size > COARSEST * length:
+                self.reject("cell_size", f"it must be at most {COARSEST:g} times {part}, {shown(length, 'm')}")
+        self.check_count(f" with refinement {self.refinement:g} and fillet {shown(self.fillet, 'm')}")
+
+    def _check_profile(self) -> None:
+        if self.profile and not FEWEST <= len(self.profile) <= MOST:
+            raise GeometryError(
+                f"profile has {len(self.profile)} {'entry' if len(self.profile) == 1 else 'entries'}; it takes {FEWEST} to "
+                f"{MOST}, from the axis to the cavity's edge, or none for a uniform membrane"
+            )
+        for k, share in enumerate(self.profile, 1):
+            if not LEAST_SHARE * (1 - ROUNDING) <= share <= LARGEST_SHARE * (1 + ROUNDING):
+                limits = f"it must be between {LEAST_SHARE:g} and {LARGEST_SHARE:g} times membrane"
+                raise GeometryError(f"profile[{k}] is {share:g}; {limits}")
+        thinnest, _ = self.membrane_top.extremes
+        if thinnest < SHORTEST * (1 - ROUNDING):
+            listed = ", ".join(f"{share:g}" for share in self.profile)
+            raise GeometryError(
+                f"profile is {listed}; the smooth line through them leaves a membrane of {shown(max(thinnest, 0.0), 'm')} at "
+                f"its thinnest; the minimum is {shown(SHORTEST, 'm')}, so let neighbours differ less"
+            )
 
     @property
     def mesh_order(self) -> int:
@@ -762,7 +489,26 @@ class HollowDisk(Wedged):
 
     @property
     def expected_cells(self) -> float:
-        return expected_cells(self)
+        radius, outer, solid, far = self.cavity_radius, self.outer_radius, self.dimension == 3, self.cell_size
+        if self.profile:
+            radii, sizes = membrane_sizes(self)
+            around = 2.0 * math.pi * radii if solid else 1.0
+            membrane = float(np.trapezoid(around * self.membrane_top.thickness(radii) / sizes**self.dimension, radii))
+        else:
+            space = math.pi * radius**2 if solid else radius
+            membrane = space * self.membrane / part_size(self, "membrane") ** self.dimension
+        upper = self.height - self.base
+        parts = {"base": math.pi * outer**2 * self.base, "wall": math.pi * (outer**2 - radius**2) * upper}
+        parts = parts if solid else {"base": outer * self.base, "wall": self.wall * upper}
+        bulk = membrane + sum(size / part_size(self, part) ** self.dimension for part, size in parts.items())
+        # Three quarters of a disk around each root, then rings of growing cells.
+        if not solid:
+            rings = (
+                0.5 * (core / cell) ** 2 + math.log(max(far / cell, 1.0)) / GROWTH**2 for _, cell, core in roots(self)
+            )
+            return (1.5 * math.pi * sum(rings) + bulk) / TRIANGLE
+        rings = (0.5 * core**2 / cell**3 + 0.5 / (GROWTH**2 * cell) for _, cell, core in roots(self))
+        return self.angle / 360.0 * (bulk + 2.0 * math.pi * radius * 1.5 * math.pi * sum(rings)) / TETRAHEDRON
 
     @property
     def size(self) -> float:
@@ -827,7 +573,7 @@ class HollowDisk(Wedged):
 
     @property
     def cavity_volume(self) -> float:
-        rounded = _rounding(self.cavity_radius, self.fillet) + _rounding(self.cavity_radius, self.base_fillet)
+        rounded = sum(rounded_off(self.cavity_radius, fillet) for fillet in (self.fillet, self.base_fillet))
         return math.pi * (self.cavity_radius**2 * self.cavity_height - rounded)
 
     @property
@@ -871,11 +617,45 @@ class HollowDisk(Wedged):
     def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the points of the boundary at the same share of the same edge of the other's outline; see
         `Actuator.carried`."""
-        return carried(self, other, points)
+        flat = self.dimension == 2
+        check_alike(
+            self, other, ("section", *(() if flat else ("angle", "azimuth")), "support"), ("fillet", "base_fillet")
+        )
+        if len(self.profile) != len(other.profile):
+            raise GeometryError(
+                f"profile has {len(self.profile)} and {len(other.profile)} entries; points can only be mapped between equal "
+                "numbers"
+            )
+        return carried_along(outline(self), outline(other), points, self.outer_radius)
 
     @property
     def clearances(self) -> dict[str, float]:
-        return clearances(self)
+        """See `Actuator.clearances`.
+
+        A membrane with a profile has one at each entry and three between neighbours, where the smooth line may dip. Where they
+        are a fifth of the membrane or more, none of thousands of random profiles dipped to zero anywhere.
+        """
+        return {
+            "base": self.base, "wall": self.wall, "height of the cavity": self.cavity_height,
+            **self._membrane_clearances,
+            "straight part of the cavity's side": self.cavity_height - self.fillet - self.base_fillet,
+            "flat part of the cavity's ceiling": self.cavity_radius - self.fillet,
+            "flat part of the cavity's floor": self.cavity_radius - self.base_fillet,
+        }  # fmt: skip
+
+    @property
+    def _membrane_clearances(self) -> dict[str, float]:
+        if not self.profile:
+            return {"membrane": self.membrane}
+        gaps = len(self.profile) - 1
+        thickness = self.membrane_top.thickness(self.cavity_radius * np.linspace(0.0, 1.0, len(PARTS) * gaps + 1))
+        at = {f"membrane at entry {k} of profile": len(PARTS) * (k - 1) for k in range(1, gaps + 2)}
+        at |= {
+            f"membrane {part} from entry {k} to entry {k + 1} of profile": len(PARTS) * (k - 1) + place
+            for k in range(1, gaps + 1)
+            for place, part in enumerate(PARTS[1:], 1)
+        }
+        return {name: float(thickness[place]) for name, place in at.items()}
 
     variable: ClassVar[tuple[str, ...]] = ("membrane",)
 
@@ -890,18 +670,10 @@ class HollowDisk(Wedged):
         )  # fmt: skip
 
     def build_whole(self) -> None:
-
-        build_full_turn(self)
+        turn_fully(_face(self, (MM, 0.0, 0.0), (0.0, 0.0, MM))[0])
 
     def build(self) -> None:
-
         build_profile(self) if self.dimension == 2 else build_wedge(self)
-
-
-def _rounding(radius: float, fillet: float) -> float:
-    """Return the volume over pi of the solid of revolution between a sharp corner at this radius and the fillet's arc."""
-    inner = radius - fillet
-    return fillet * (radius**2 - inner**2 - 0.5 * math.pi * fillet * inner - 2.0 / 3.0 * fillet**2)
 
 
 def _radial(degrees: float) -> Vector:

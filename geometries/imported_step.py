@@ -11,7 +11,6 @@ from typing import ClassVar
 import numpy as np
 
 from geometries.actuator import Recipe, Vector, check_slice, in_halves
-from geometries.disk import TRIANGLE
 from geometries.imported import (
     AXES,
     MAIN,
@@ -28,6 +27,7 @@ from geometries.imported import (
 )
 from geometries.meshing import apart, private_model
 from geometries.registry import register_device
+from geometries.revolved import TRIANGLE
 from softmodels.common.errors import GeometryError, MeshingError
 from softmodels.common.names import lazy_module
 from softmodels.common.schema import choice_field, length_field, number_field, shown

@@ -25,125 +25,22 @@ from typing import ClassVar, NamedTuple
 
 from geometries.actuator import Hold, Pour, Recipe, Vector
 from geometries.registry import register_device
-from geometries.revolved import ROUNDING, Panel, Revolved, Side, graded, section_field, through_field, wedge_field
+from geometries.revolved import (
+    NEEDLE,
+    ROUNDING,
+    Panel,
+    Revolved,
+    Side,
+    graded,
+    section_field,
+    through_field,
+    wedge_field,
+)
 from softmodels.common.errors import GeometryError
-from softmodels.common.schema import LONGEST, Length, Open, choice_field, field_of, length_field, lengths_field, shown
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Clamped membranes with invalid parameters, detected before meshing.
-
-
-THINNEST = 1e-3
-"""Smallest thickness in radii: thinner ones wrinkle and tear before they are clamped, and their cells become needles."""
-
-ROUNDEST = 0.8
-"""Largest depth of the slope at the held edge in thicknesses: some of the edge has to be held."""
-
-DEEPEST = 20.0
-"""Largest depth of the chamber, and thickness of plate and rings, in radii."""
-
-
-def check_membrane(membrane: Membrane) -> None:
-    """Check a membrane's parameters against each other.
-
-    Raises:
-        GeometryError: The first parameter found impossible, with its value and the limit.
-    """
-    _check_membrane(membrane)
-    _check_clamp(membrane)
-    _check_plate(membrane)
-    _check_rings(membrane)
-    membrane.check_cells()
-
-
-def _check_membrane(membrane: Membrane) -> None:
-    radius, thickness = membrane.radius, membrane.thickness
-    if thickness > radius:
-        raise GeometryError(f"thickness is {shown(thickness, 'm')}; it must be at most radius, {shown(radius, 'm')}")
-    if thickness < THINNEST * radius:
-        raise GeometryError(
-            f"thickness is {shown(thickness, 'm')}; it must be at least {THINNEST:g} of radius, {shown(radius, 'm')}"
-        )
-    if membrane.chamber_depth > DEEPEST * radius:
-        raise GeometryError(
-            f"chamber_depth is {shown(membrane.chamber_depth, 'm')}; more than {DEEPEST:g} times radius, "
-            f"{shown(radius, 'm')}, suggests a wrong unit"
-        )
-    if membrane.cell_size > radius:
-        raise GeometryError(
-            f"cell_size is {shown(membrane.cell_size, 'm')}; it must be at most radius, {shown(radius, 'm')}"
-        )
-
-
-def _check_clamp(membrane: Membrane) -> None:
-    if membrane.radius + membrane.clamp_width > LONGEST:
-        raise GeometryError(
-            f"clamp_width is {shown(membrane.clamp_width, 'm')}; with radius {shown(membrane.radius, 'm')} the membrane passes "
-            f"{LONGEST:g} m, which suggests a wrong unit"
-        )
-    if membrane.clamp_rounding and membrane.clamp_width:
-        raise GeometryError(
-            f"clamp_rounding is {shown(membrane.clamp_rounding, 'm')}; it is of a held edge, and with clamp_width "
-            f"{shown(membrane.clamp_width, 'm')} the faces of a ring are held: leave one of them out"
-        )
-    deepest, inside = ROUNDEST * membrane.thickness, membrane.radius - max(membrane.plate_radius, *membrane.rings, 0.0)
-    if membrane.slope > deepest or membrane.slope >= inside > 0.0:
-        raise GeometryError(
-            f"clamp_rounding is {shown(membrane.slope, 'm')}; it must be at most {ROUNDEST:g} of thickness, "
-            f"{shown(deepest, 'm')}, and less than what is bare inside the clamp, {shown(inside, 'm')}"
-        )
-    if membrane.clamp != "both" and not membrane.clamp_width:
-        raise GeometryError(f"clamp is {membrane.clamp!r}; it needs a clamp_width, which is 0")
-    if membrane.clamp == "slip" and membrane.dimension == 3 and membrane.copies <= 2:
-        raise GeometryError(
-            f"clamp is 'slip'; with angle {shown(membrane.angle, 'degree')} the membrane could slide away sideways: use 120 "
-            "deg or less"
-        )
-
-
-def _check_plate(membrane: Membrane) -> None:
-    if membrane.plate_radius >= membrane.radius:
-        raise GeometryError(
-            f"plate_radius is {shown(membrane.plate_radius, 'm')}; it must be smaller than radius, "
-            f"{shown(membrane.radius, 'm')}"
-        )
-    for name, owner in (("plate_thickness", "plate_radius"), ("ring_thickness", "rings")):
-        value = getattr(membrane, name)
-        if value and not getattr(membrane, owner):
-            raise GeometryError(f"{name} is {shown(value, 'm')}; it needs {owner}")
-        if value > DEEPEST * membrane.radius:
-            raise GeometryError(
-                f"{name} is {shown(value, 'm')}; more than {DEEPEST:g} times radius, {shown(membrane.radius, 'm')}, suggests "
-                "a wrong unit"
-            )
-
-
-def _check_rings(membrane: Membrane) -> None:
-    if len(membrane.rings) % 2:
-        raise GeometryError(
-            f"rings has {len(membrane.rings)} entries; it takes pairs, the inner and the outer radius of each ring"
-        )
-    before, what = membrane.plate_radius, "plate_radius" if membrane.plate_radius else "0"
-    for place, radius in enumerate(membrane.rings, 1):
-        if radius <= before:
-            raise GeometryError(
-                f"rings[{place}] is {shown(radius, 'm')}; it must be larger than {what}, {shown(before, 'm')}: radii rise from "
-                "the inside out, and rings and plate do not touch"
-            )
-        before, what = radius, f"rings[{place}]"
-    if membrane.rings and before >= membrane.radius:
-        raise GeometryError(
-            f"rings[{len(membrane.rings)}] is {shown(before, 'm')}; it must be smaller than radius, "
-            f"{shown(membrane.radius, 'm')}"
-        )
-
+from softmodels.common.schema import Length, Open, choice_field, field_of, length_field, lengths_field, shown
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The half section of a clamped membrane: rows of cells along the radius, small where a clamp, a plate or a ring ends.
-
-
-NEEDLE = 20.0
-"""Largest ratio of a cell's length to its width through the membrane."""
 
 
 class Strip(NamedTuple):
@@ -168,74 +65,8 @@ class Strip(NamedTuple):
     slope: float = 0.0
 
 
-def parts(membrane: Membrane) -> list[tuple[float, float, str, float]]:
-    """Return what covers the membrane from the axis outwards: inner and outer radius, face, thickness in m of what is bonded on
-    it."""
-    found: list[tuple[float, float, str, float]] = []
-    at = membrane.plate_radius
-    if at:
-        found.append((0.0, at, "plate", membrane.plate_thickness))
-    for k, (inner, outer) in enumerate(membrane.ring_pairs, 1):
-        found.append((at, inner, "top", 0.0))
-        found.append((inner, outer, f"ring{k}", membrane.ring_thickness))
-        at = outer
-    found.append((at, membrane.radius - membrane.slope, "top", 0.0))
-    if membrane.clamp_width:
-        found.append((membrane.radius, membrane.radius + membrane.clamp_width, "clamp_top", 0.0))
-    return found
-
-
-def strips(membrane: Membrane) -> list[Strip]:
-    """Return the membrane cut at all radii where something begins or its cells change, from the axis outwards."""
-    across = membrane.thickness / membrane.rows
-    largest = min(membrane.cell_size, NEEDLE * across)
-    first = min(largest, across)
-    found: list[Strip] = []
-    for inner, outer, part, height in parts(membrane):
-        pieces: list[tuple[float, int, float]]
-        if inner == 0.0:
-            pieces = _reversed(graded(outer, first, largest))
-        elif part == "clamp_top":
-            pieces = graded(outer - inner, first, largest)
-        else:
-            half = graded(0.5 * (outer - inner), first, largest)
-            pieces = [*half, *_reversed(half)]
-        begin = inner
-        for k, (length, cells, growth) in enumerate(pieces, 1):
-            end = outer if k == len(pieces) else begin + length
-            found.append(Strip(begin, end, cells, growth, part, height))
-            begin = end
-    if slope := membrane.slope:
-        cells = max(1, math.ceil(slope / across - ROUNDING))
-        found.append(Strip(membrane.radius - slope, membrane.radius, cells, 1.0, "top", 0.0, slope))
-    return found
-
-
 def _reversed(pieces: list[tuple[float, int, float]]) -> list[tuple[float, int, float]]:
     return [(length, cells, 1.0 / growth) for length, cells, growth in reversed(pieces)]
-
-
-def membrane_panels(membrane: Membrane) -> tuple[Panel, ...]:
-    """Return the half section; see `Membrane`."""
-    through, edge = membrane.rows, membrane.radius + membrane.clamp_width
-    found = []
-    along = strips(membrane)
-    for k, strip in enumerate(along):
-        within = "cavity" if strip.inner < membrane.radius else "clamp"
-        rim = "rim" if membrane.clamp_width else "clamp"
-        ends = ("axis" if strip.inner == 0.0 else "", rim if strip.outer == edge else "")
-        bare = strip.height == 0.0
-        found.append(
-            _panel("solid", strip, (0.0, membrane.thickness), (within, strip.part if bare else ""), ends, through)
-        )
-        if not bare:
-            low, high = membrane.thickness, membrane.thickness + strip.height
-            before = along[k - 1].part if k else "axis"
-            left = "axis" if k == 0 else strip.part if before != strip.part else ""
-            right = strip.part if along[k + 1].part != strip.part else ""
-            cells = max(through, round(strip.height / membrane.cell_size))
-            found.append(_panel(strip.part, strip, (low, high), ("", strip.part), (left, right), cells))
-    return tuple(found)
 
 
 def _panel(
@@ -251,6 +82,10 @@ def _panel(
     ))  # fmt: skip
 
 
+ROUNDEST = 0.8
+"""Largest depth of the slope at the held edge in thicknesses: some of the edge has to be held."""
+DEEPEST = 20.0
+"""Largest depth of the chamber, and thickness of plate and rings, in radii."""
 ROUNDED = 1 / 3
 """Width and depth of the slope at the held edge, in thicknesses, where a plate is bonded on."""
 
@@ -307,11 +142,116 @@ class Membrane(Revolved):
     )
 
     def check(self) -> None:
-        check_membrane(self)
+        self.check_most("thickness", 1.0, "radius")
+        self.check_least("thickness", 1e-3, "radius")
+        doubtful = "more than {}, suggests a wrong unit"
+        self.check_most("chamber_depth", DEEPEST, "radius", doubtful)
+        self.check_most("cell_size", 1.0, "radius")
+        self._check_clamp()
+        self.check_below("plate_radius", "radius")
+        for name, owner in (("plate_thickness", "plate_radius"), ("ring_thickness", "rings")):
+            if getattr(self, name) and not getattr(self, owner):
+                self.reject(name, f"it needs {owner}")
+            self.check_most(name, DEEPEST, "radius", doubtful)
+        self._check_rings()
+        self.check_cells()
+
+    def _check_clamp(self) -> None:
+        given = f"with {self.told('radius')} "
+        self.check_size("clamp_width", self.radius + self.clamp_width, given=given)
+        deepest, inside = ROUNDEST * self.thickness, self.radius - max(self.plate_radius, *self.rings, 0.0)
+        rounding = f"clamp_rounding is {shown(self.slope, 'm')}"
+        if self.clamp_rounding and self.clamp_width:
+            raise GeometryError(
+                f"{rounding}; it is of a held edge, and with {self.told('clamp_width')}, the faces of a ring are held: leave "
+                "one of them out"
+            )
+        if self.slope > deepest or self.slope >= inside > 0.0:
+            raise GeometryError(
+                f"{rounding}; it must be at most {ROUNDEST:g} of thickness, {shown(deepest, 'm')}, and less than what is bare "
+                f"inside the clamp, {shown(inside, 'm')}"
+            )
+        if self.clamp != "both" and not self.clamp_width:
+            raise GeometryError(f"clamp is {self.clamp!r}; it needs a clamp_width, which is 0")
+        if self.clamp == "slip" and self.dimension == 3 and self.copies <= 2:
+            raise GeometryError(
+                f"clamp is 'slip'; with angle {shown(self.angle, 'degree')} the membrane could slide away sideways: use 120 "
+                "deg or less"
+            )
+
+    def _check_rings(self) -> None:
+        if len(self.rings) % 2:
+            raise GeometryError(
+                f"rings has {len(self.rings)} entries; it takes pairs, the inner and the outer radius of each ring"
+            )
+        before, what = self.plate_radius, "plate_radius" if self.plate_radius else "0"
+        for place, radius in enumerate(self.rings, 1):
+            if radius <= before:
+                raise GeometryError(
+                    f"rings[{place}] is {shown(radius, 'm')}; it must be larger than {what}, {shown(before, 'm')}: radii rise "
+                    "from the inside out, and rings and plate do not touch"
+                )
+            before, what = radius, f"rings[{place}]"
+        if self.rings and before >= self.radius:
+            raise GeometryError(f"{what} is {shown(before, 'm')}; it must be smaller than {self.told('radius')}")
+
+    @property
+    def parts(self) -> list[tuple[float, float, str, float]]:
+        """What covers it from the axis outwards: inner and outer radius, face, thickness in m of what is bonded on it."""
+        found: list[tuple[float, float, str, float]] = []
+        at = self.plate_radius
+        if at:
+            found.append((0.0, at, "plate", self.plate_thickness))
+        for k, (inner, outer) in enumerate(self.ring_pairs, 1):
+            found += [(at, inner, "top", 0.0), (inner, outer, f"ring{k}", self.ring_thickness)]
+            at = outer
+        found.append((at, self.radius - self.slope, "top", 0.0))
+        if self.clamp_width:
+            found.append((self.radius, self.radius + self.clamp_width, "clamp_top", 0.0))
+        return found
+
+    @property
+    def strips(self) -> list[Strip]:
+        """The membrane cut at all radii where something begins or its cells change, from the axis outwards."""
+        across = self.thickness / self.rows
+        largest = min(self.cell_size, NEEDLE * across)
+        first = min(largest, across)
+        found: list[Strip] = []
+        for inner, outer, part, height in self.parts:
+            if inner == 0.0:
+                pieces = _reversed(graded(outer, first, largest))
+            elif part == "clamp_top":
+                pieces = graded(outer - inner, first, largest)
+            else:
+                half = graded(0.5 * (outer - inner), first, largest)
+                pieces = [*half, *_reversed(half)]
+            begin = inner
+            for k, (length, cells, growth) in enumerate(pieces, 1):
+                end = outer if k == len(pieces) else begin + length
+                found.append(Strip(begin, end, cells, growth, part, height))
+                begin = end
+        if slope := self.slope:
+            cells = max(1, math.ceil(slope / across - ROUNDING))
+            found.append(Strip(self.radius - slope, self.radius, cells, 1.0, "top", 0.0, slope))
+        return found
 
     @property
     def panels(self) -> tuple[Panel, ...]:
-        return membrane_panels(self)
+        through, edge = self.rows, self.radius + self.clamp_width
+        rim, along, found = "rim" if self.clamp_width else "clamp", self.strips, []
+        for k, strip in enumerate(along):
+            within = "cavity" if strip.inner < self.radius else "clamp"
+            ends = ("axis" if strip.inner == 0.0 else "", rim if strip.outer == edge else "")
+            above = "" if strip.height else strip.part
+            found.append(_panel("solid", strip, (0.0, self.thickness), (within, above), ends, through))
+            if strip.height:
+                span = (self.thickness, self.thickness + strip.height)
+                before = along[k - 1].part if k else "axis"
+                left = "axis" if k == 0 else strip.part if before != strip.part else ""
+                right = strip.part if along[k + 1].part != strip.part else ""
+                cells = max(through, round(strip.height / self.cell_size))
+                found.append(_panel(strip.part, strip, span, ("", strip.part), (left, right), cells))
+        return tuple(found)
 
     @property
     def rows(self) -> int:

@@ -33,7 +33,6 @@ from softmodels.common.errors import GeometryError, MeshFileError, MeshingError,
 from softmodels.common.files import GEOMETRY, read_file
 from softmodels.common.names import lazy_module
 from softmodels.common.processes import LOCK, handlers_kept, one_at_a_time
-from softmodels.common.schema import shown
 
 gmsh = lazy_module("gmsh")
 
@@ -683,29 +682,6 @@ def _measure(dimension: int) -> float:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Limit on the number of cells, the last check of every device.
-
-
-def check_cell_count(cell_size: float, expected: float, most: int, more: str = "") -> None:
-    """Reject a mesh that is larger than anyone means: a typing mistake far more often than a wish.
-
-    Args:
-        cell_size: The device's, in m.
-        expected: Number of cells, roughly.
-        most: Largest number that is taken.
-        more: What else decides it, a clause behind the cell size.
-
-    Raises:
-        GeometryError: There are more.
-    """
-    if expected > most:
-        raise GeometryError(
-            f"cell_size is {shown(cell_size, 'm')}{more}; about {expected:.2g} cells are expected, but at most {most:,} are "
-            f"allowed; use larger cells"
-        )
-
-
-# ----------------------------------------------------------------------------------------------------------------------
 # Solids in layers that are bonded to each other, in Gmsh: common faces where they touch, names for regions and faces.
 #
 # The model is in mm and the mesh is written in m: the CAD kernel's fixed tolerances suit mm.
@@ -745,26 +721,18 @@ def bond(layers: Mapping[str, Sequence[Entity]], role_of: Callable[[int], str]) 
     regions: dict[str, list[int]] = defaultdict(list)
     for (_, name), found in zip(every, parts, strict=True):
         regions[name] += [tag for _, tag in found]
-    for name, tags in regions.items():
-        gmsh.model.addPhysicalGroup(3, tags, name=name)
+    name_groups(3, regions)
     solids = [(3, tag) for tags in regions.values() for tag in tags]
     roles: dict[str, list[int]] = defaultdict(list)
     for _, tag in gmsh.model.getBoundary(solids, combined=True, oriented=False):
         roles[role_of(tag)].append(tag)
-    for role, tags in roles.items():
-        gmsh.model.addPhysicalGroup(2, tags, name=role)
+    name_groups(2, roles)
 
 
 def set_sizes(size: Callable[[float, float, float], float]) -> None:
     """Let cells have a size in m that is a function of the place in m; the mesh is written in m."""
     gmsh.option.setNumber("Mesh.ScalingFactor", 1.0 / MM)
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: MM * size(x / MM, y / MM, z / MM))
-
-
-def corners_of(tag: int) -> NDArray[np.float64]:
-    """Return the corners of a face in m, shape (n, 3)."""
-    corners = gmsh.model.getBoundary([(2, tag)], combined=False, oriented=False, recursive=True)
-    return np.array([gmsh.model.getValue(0, corner, []) for _, corner in corners]) / MM
 
 
 def face_block(tag: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -784,6 +752,27 @@ def name_group(dimension: int, tags: list[int], role: str) -> None:
     gmsh.model.addPhysicalGroup(dimension, tags, name=role)
 
 
-def place_of(tag: int) -> np.ndarray:
+def place_of(tag: int) -> NDArray[np.float64]:
     """Return the coordinates of a point of the CAD model, shape (3,)."""
     return np.array(gmsh.model.getValue(0, tag, []))
+
+
+def corners_of(tag: int, dimension: int = 2) -> NDArray[np.float64]:
+    """Return the corner points of a face or a curve of the CAD model, shape (n, 3)."""
+    found = gmsh.model.getBoundary([(dimension, tag)], combined=False, oriented=False, recursive=True)
+    return np.array([place_of(point) for _, point in found])
+
+
+def name_groups(dimension: int, groups: Mapping[str, list[int]]) -> None:
+    """Give entities of a dimension their roles, by physical groups."""
+    for role, tags in groups.items():
+        name_group(dimension, tags, role)
+
+
+def name_boundary(role_of: Callable[[int], str]) -> None:
+    """Give every boundary face of the solids its role, of its tag; inner faces get none."""
+    roles: dict[str, list[int]] = defaultdict(list)
+    for _, tag in gmsh.model.getEntities(2):
+        if len(gmsh.model.getAdjacencies(2, tag)[0]) == 1:
+            roles[role_of(tag)].append(tag)
+    name_groups(2, roles)

@@ -27,18 +27,8 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import Bending, HeldTip, MirroredHalf, Pour, Recipe, part_field, tip_field
-from geometries.meshing import (
-    Entity,
-    Mirror,
-    add_block,
-    bond,
-    check_cell_count,
-    corners_of,
-    face_block,
-    one_solid,
-    set_sizes,
-)
+from geometries.actuator import Finger, Pour, Recipe, part_field, tip_field
+from geometries.meshing import MM, Entity, Mirror, add_block, bond, corners_of, face_block, one_solid, set_sizes
 from geometries.registry import register_device
 from softmodels.common.errors import GeometryError
 from softmodels.common.names import lazy_module
@@ -79,228 +69,15 @@ class Box:
         return bool(np.all(low > np.subtract(self.low, near)) and np.all(high < np.add(self.high, near)))
 
 
-def pitch(finger: PneuNet) -> float:
-    """From a chamber to the next one, in m."""
-    return finger.chamber_length + (2.0 * finger.wall + finger.gap if finger.gap else finger.wall)
-
-
-def planned_length(finger: PneuNet) -> float:
-    """From the clamp to the tip, in m."""
-    return finger.root + (finger.chambers - 1) * pitch(finger) + finger.chamber_length + finger.cap
-
-
-def half_width(finger: PneuNet) -> float:
-    """From the mirror plane to the side, in m."""
-    return 0.5 * finger.chamber_width + finger.side_wall
-
-
-def ceiling(finger: PneuNet) -> float:
-    """Return the height of the chambers' ceiling above the middle of the base, in m."""
-    return 0.5 * finger.base + finger.chamber_height
-
-
-def top(finger: PneuNet) -> float:
-    """Return the height of the chambers' outside, in m."""
-    return ceiling(finger) + finger.top_wall
-
-
-def gap_floor(finger: PneuNet) -> float:
-    """Return the height at which a gap ends, in m."""
-    return 0.5 * finger.base + finger.channel_height + finger.bridge
-
-
-def starts(finger: PneuNet) -> list[float]:
-    """Return where the air of each chamber begins along x, in m."""
-    return [finger.root + k * pitch(finger) for k in range(finger.chambers)]
-
-
-def air(finger: PneuNet) -> list[Box]:
-    """Return the air above the base, half of it (y > 0): the chambers, then the pieces of the channel between them."""
-    floor, half, duct = 0.5 * finger.base, 0.5 * finger.chamber_width, 0.5 * finger.channel_width
-    chambers = [Box((x, 0.0, floor), (x + finger.chamber_length, half, ceiling(finger))) for x in starts(finger)]
-    pieces = [
-        Box((x - pitch(finger) + finger.chamber_length, 0.0, floor), (x, duct, floor + finger.channel_height))
-        for x in starts(finger)[1:]
-    ]
-    return chambers + pieces
-
-
-def gaps(finger: PneuNet) -> list[Box]:
-    """Return the gaps between the chambers above the base, half of each; none between ribs."""
-    if not finger.gap:
-        return []
-    begins = [x + finger.chamber_length + finger.wall for x in starts(finger)[:-1]]
-    return [Box((x, 0.0, gap_floor(finger)), (x + finger.gap, half_width(finger), top(finger))) for x in begins]
-
-
-def upper(finger: PneuNet) -> Box:
-    """Return what lies above the base, half of it, without gaps and air."""
-    return Box((0.0, 0.0, 0.5 * finger.base), (planned_length(finger), half_width(finger), top(finger)))
-
-
-def planned_cavity_volume(finger: PneuNet) -> float:
-    """Return the volume in m3 of the air on one side of the base."""
-    return 2.0 * sum(box.volume for box in air(finger))
-
-
-def planned_solid_volume(finger: PneuNet) -> float:
-    """Return the volume in m3 of the whole solid."""
-    above = upper(finger).volume - sum(box.volume for box in air(finger) + gaps(finger))
-    return 2.0 * (finger.sides * above + planned_length(finger) * half_width(finger) * finger.base)
-
-
-def planned_cells(finger: PneuNet) -> float:
-    """Return the rough number of cells, within a factor of 1.5 as counted: thin walls have cells by their area, thick ones by
-    volume."""
-    boxes = [upper(finger), *air(finger), *gaps(finger)]
-    by_area = 6.5 * finger.sides * sum(box.area for box in boxes) / finger.cell_size**2
-    by_volume = 8.0 * 0.5 * planned_solid_volume(finger) / finger.cell_size**3
-    return max(by_area, by_volume) * 2.0 / finger.copies
-
-
-def places(finger: PneuNet) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return where walls stand along x, y (from the mirror plane) and z (from the middle of the base), rising, in m."""
-    ends = [0.0, planned_length(finger)]
-    for x in starts(finger):
-        ends += [x, x + finger.chamber_length]
-    for box in gaps(finger):
-        ends += [box.low[0], box.high[0]]
-    across = [0.0, 0.5 * finger.channel_width, 0.5 * finger.chamber_width, half_width(finger)]
-    up = [0.0, 0.5 * finger.paper, 0.5 * finger.base, ceiling(finger), top(finger)]
-    up += [0.5 * finger.base + finger.channel_height] if finger.chambers > 1 else []
-    up += [gap_floor(finger)] if gaps(finger) else []
-    return np.sort(ends), np.array(across), np.array(up)
-
-
-def carried_points(finger: PneuNet, other: PneuNet, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return where points on the boundary lie on another finger with as many walls: linear between walls; see
-    `Actuator.carried`."""
-    points = np.array(points, dtype=float)
-    for axis, (mine, theirs) in enumerate(zip(places(finger), places(other), strict=True)):
-        order = np.argsort(mine, kind="stable")
-        if len(mine) != len(theirs) or np.any(np.diff(theirs[order]) < 0.0) or finger.sides != other.sides:
-            raise GeometryError("the mesh of this PneuNet cannot follow: the other one has its walls in another order")
-        mine, theirs = mine[order], theirs[order]
-        points[:, axis] = np.sign(points[:, axis]) * np.interp(np.abs(points[:, axis]), mine, theirs)
-    return points
-
-
 # ----------------------------------------------------------------------------------------------------------------------
-# PneuNets with invalid parameters, detected before meshing.
-
-
-MOST_CELLS = 3_000_000
-"""Maximum expected number of cells; larger meshes are mostly typing errors."""
-
-COARSEST = 10.0
-"""Largest ratio of the cell size to the thinnest part: flatter cells are poor."""
+# A PneuNet in Gmsh: half of it, of two sides the upper one, in its layers, with a name for every face.
 
 
 SOLID = ("wall", "side_wall", "top_wall", "base", "root", "cap", "bridge")
 """Thicknesses of solid."""
 
-
-def walls(finger: PneuNet) -> dict[str, float]:
-    """Return every dimension in m of the solid and of the air that has a least value, by its parameter."""
-    several = finger.chambers > 1
-    names = ["chamber_length", "chamber_width", "chamber_height", "wall" if several else "", "side_wall", "top_wall"]
-    names += ["base", "root", "cap", *(("channel_width", "channel_height") if several else ())]
-    names += ["gap", "bridge"] if several and finger.gap else []
-    return {name: getattr(finger, name) for name in names if name}
-
-
-def check_pneunet(finger: PneuNet) -> None:
-    """Check a finger's parameters against each other.
-
-    Raises:
-        GeometryError: The first parameter found impossible, with its value and the limit.
-    """
-    _check_walls(finger)
-    if finger.chambers > 1:
-        _check_channel(finger)
-    _check_base(finger)
-    _check_cells(finger)
-
-
-def _mm(value: float) -> str:
-    return shown(value, "m")
-
-
-def _check_walls(finger: PneuNet) -> None:
-    for name, value in walls(finger).items():
-        if value < finger.least_wall * (1 - ROUNDING):
-            raise GeometryError(f"{name} is {_mm(value)}, but least_wall requires {_mm(finger.least_wall)}")
-    if planned_length(finger) > 0.1 * LONGEST:
-        raise GeometryError(
-            f"chamber_length is {_mm(finger.chamber_length)}; with {finger.chambers} chambers the finger is "
-            f"{_mm(planned_length(finger))} long, and above {0.1 * LONGEST:g} m this suggests a wrong unit"
-        )
-    for name in ("chamber_width", "chamber_height", "side_wall", "top_wall", "base"):
-        if getattr(finger, name) > 0.1 * LONGEST:
-            raise GeometryError(
-                f"{name} is {_mm(getattr(finger, name))}; above {_mm(0.1 * LONGEST)} this suggests a wrong unit"
-            )
-
-
-def _check_channel(finger: PneuNet) -> None:
-    for along in ("width", "height"):
-        mine, limit = getattr(finger, f"channel_{along}"), getattr(finger, f"chamber_{along}")
-        if mine > limit * (1 - ROUNDING):
-            raise GeometryError(
-                f"channel_{along} is {_mm(mine)}; the channel between chambers is smaller than they are, so that it must be "
-                f"below chamber_{along}, {_mm(limit)}"
-            )
-    if finger.gap and gap_floor(finger) > top(finger) - finger.least_wall:
-        raise GeometryError(
-            f"bridge is {_mm(finger.bridge)}; with channel_height {_mm(finger.channel_height)} no gap is left below the top at "
-            f"{_mm(finger.chamber_height + finger.top_wall)} above the base; with gap 0 the chambers share their walls"
-        )
-
-
-def _check_base(finger: PneuNet) -> None:
-    if finger.paper and finger.base - finger.paper < 2.0 * finger.least_wall * (1 - ROUNDING):
-        raise GeometryError(
-            f"paper is {_mm(finger.paper)}; with base {_mm(finger.base)} less than least_wall {_mm(finger.least_wall)} is "
-            "left above and below it"
-        )
-
-
-def _check_cells(finger: PneuNet) -> None:
-    solid = {name: value for name, value in walls(finger).items() if name in SOLID}
-    thinnest = min(solid, key=solid.__getitem__)
-    limit = COARSEST * solid[thinnest]
-    if finger.cell_size > limit:
-        raise GeometryError(
-            f"cell_size is {_mm(finger.cell_size)}; with {thinnest} {_mm(solid[thinnest])} it must be at most {_mm(limit)}"
-        )
-    check_cell_count(finger.cell_size, finger.expected_cells, MOST_CELLS)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# A PneuNet in Gmsh: half of it, of two sides the upper one, in its layers, with a name for every face.
-
-
 CENTRAL = "middle"
 """Role of the plane z = 0 on which the upper side is mirrored into the lower one."""
-
-
-def build_finger(finger: PneuNet) -> None:
-    """Fill the current Gmsh model (mm) with what is meshed, its roles, its regions and its cell sizes."""
-    bond(
-        {"solid": [_without(upper(finger), [*air(finger), *gaps(finger)])], **_base(finger)},
-        lambda tag: _role(finger, tag),
-    )
-    set_sizes(lambda x, y, z: finger.cell_size)
-
-
-def build_whole_finger(finger: PneuNet) -> None:
-    """Fill the current Gmsh model (mm) with the whole finger, one solid."""
-    body = _whole(upper(finger), finger.sides)
-    body = Box((*body.low[:2], body.low[2] if finger.sides == 2 else -0.5 * finger.base), body.high)
-    _without(
-        body, [_whole(box, finger.sides, below) for box in air(finger) + gaps(finger) for below in range(finger.sides)]
-    )
-    gmsh.model.occ.synchronize()
 
 
 def _add(box: Box) -> Entity:
@@ -325,7 +102,7 @@ def _without(body: Box, empty: list[Box]) -> Entity:
 
 def _base(finger: PneuNet) -> dict[str, list[Entity]]:
     """Return the layers of the base by region."""
-    L, w = planned_length(finger), half_width(finger)
+    L, w = finger.length, finger.half_width
 
     def layer(low: float, high: float) -> Entity:
         return _add(Box((0.0, 0.0, low), (L, w, high)))
@@ -347,22 +124,22 @@ def _role(finger: PneuNet, tag: int) -> str:
     lowest = (CENTRAL, 0.0) if finger.sides == 2 else ("bottom", -0.5 * finger.base)
     for role, axis, place in (
         ("support", 0, 0.0),
-        ("tip", 0, planned_length(finger)),
+        ("tip", 0, finger.length),
         ("plane0", 1, 0.0),
-        ("top", 2, top(finger)),
+        ("top", 2, finger.height),
         (lowest[0], 2, lowest[1]),
     ):
         if flat == axis and abs(at - place) < near:
             return role
     # One face may run along several boxes, as the base's does under the chambers and the channel.
-    if all(any(box.holds(corner, corner, near) for box in air(finger)) for corner in corners_of(tag)):
+    if all(any(box.holds(corner, corner, near) for box in finger.air) for corner in corners_of(tag) / MM):
         return "cavity"
     return "chamber_walls" if flat == 0 else "outer"
 
 
 @register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class PneuNet(Bending, MirroredHalf, HeldTip):
+class PneuNet(Finger):
     """A finger of air chambers on a base that bends towards the base.
 
     Lengths are in m. The middle of the base is z = 0, the clamp x = 0. Physical groups: volumes "solid", "base" (the base
@@ -416,10 +193,99 @@ class PneuNet(Bending, MirroredHalf, HeldTip):
         "--variant ribbed --wall 2.5mm",
         "--base 2mm --paper 0.2mm --part full",
     )
-    mesh_order: ClassVar = 2
 
     def check(self) -> None:
-        check_pneunet(self)
+        self.check_walls(self.walls, "chamber_length", "chambers")
+        for name in ("chamber_width", "chamber_height", "side_wall", "top_wall", "base"):
+            if getattr(self, name) > 0.1 * LONGEST:
+                self.reject(name, f"above {shown(0.1 * LONGEST, 'm')} this suggests a wrong unit")
+        for along in ("width", "height") if self.chambers > 1 else ():
+            if getattr(self, f"channel_{along}") > getattr(self, f"chamber_{along}") * (1 - ROUNDING):
+                chamber = self.told(f"chamber_{along}")
+                why = "the channel between chambers is smaller than they are, so that it must be below"
+                self.reject(f"channel_{along}", f"{why} {chamber}")
+        if self.gaps and self.gap_floor > self.height - self.least_wall:
+            self.reject(
+                "bridge",
+                f"with {self.told('channel_height')} no gap is left below the top at "
+                f"{shown(self.chamber_height + self.top_wall, 'm')} above the base; with gap 0 the chambers share their walls",
+            )
+        if self.paper and self.base - self.paper < 2.0 * self.least_wall * (1 - ROUNDING):
+            self.reject(
+                "paper", f"with {self.told('base')} less than {self.told('least_wall')} is left above and below it"
+            )
+        self.check_cells(name for name in self.walls if name in SOLID)
+
+    @property
+    def walls(self) -> dict[str, float]:
+        """Every dimension in m of the solid and of the air that has a least value, by its parameter."""
+        several = self.chambers > 1
+        names = [
+            "chamber_length",
+            "chamber_width",
+            "chamber_height",
+            "wall" if several else "",
+            "side_wall",
+            "top_wall",
+        ]
+        names += ["base", "root", "cap", *(("channel_width", "channel_height") if several else ())]
+        names += ["gap", "bridge"] if several and self.gap else []
+        return {name: getattr(self, name) for name in names if name}
+
+    @property
+    def pitch(self) -> float:
+        """From a chamber to the next one in m."""
+        return self.chamber_length + (2.0 * self.wall + self.gap if self.gap else self.wall)
+
+    @property
+    def half_width(self) -> float:
+        """From the mirror plane to the side in m."""
+        return 0.5 * self.chamber_width + self.side_wall
+
+    @property
+    def gap_floor(self) -> float:
+        """Height at which a gap ends in m."""
+        return 0.5 * self.base + self.channel_height + self.bridge
+
+    @property
+    def starts(self) -> list[float]:
+        """Where the air of each chamber begins along x in m."""
+        return [self.root + k * self.pitch for k in range(self.chambers)]
+
+    @property
+    def air(self) -> list[Box]:
+        """The air above the base, half of it (y > 0): the chambers, then the pieces of the channel between them."""
+        floor, half, duct = 0.5 * self.base, 0.5 * self.chamber_width, 0.5 * self.channel_width
+        ceiling, starts, wide = floor + self.chamber_height, self.starts, self.chamber_length
+        chambers = [Box((x, 0.0, floor), (x + wide, half, ceiling)) for x in starts]
+        rise = floor + self.channel_height
+        return chambers + [Box((x - self.pitch + wide, 0.0, floor), (x, duct, rise)) for x in starts[1:]]
+
+    @property
+    def gaps(self) -> list[Box]:
+        """The gaps between the chambers above the base, half of each; none between ribs."""
+        begins = [x + self.chamber_length + self.wall for x in self.starts[:-1]] if self.gap else []
+        return [Box((x, 0.0, self.gap_floor), (x + self.gap, self.half_width, self.height)) for x in begins]
+
+    @property
+    def upper(self) -> Box:
+        """What lies above the base, half of it, without gaps and air."""
+        return Box((0.0, 0.0, 0.5 * self.base), (self.length, self.half_width, self.height))
+
+    @property
+    def places(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Where walls stand along x, y (from the mirror plane) and z (from the middle of the base), rising, in m."""
+        ends = [0.0, self.length]
+        for x in self.starts:
+            ends += [x, x + self.chamber_length]
+        for box in self.gaps:
+            ends += [box.low[0], box.high[0]]
+        half = 0.5 * self.base
+        across = [0.0, 0.5 * self.channel_width, 0.5 * self.chamber_width, self.half_width]
+        up = [0.0, 0.5 * self.paper, half, half + self.chamber_height, self.height]
+        up += [half + self.channel_height] if self.chambers > 1 else []
+        up += [self.gap_floor] if self.gaps else []
+        return np.sort(ends), np.array(across), np.array(up)
 
     @property
     def regions(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -431,7 +297,9 @@ class PneuNet(Bending, MirroredHalf, HeldTip):
 
     @property
     def expected_cells(self) -> float:
-        return planned_cells(self)
+        by_area = 6.5 * self.sides * sum(box.area for box in (self.upper, *self.air, *self.gaps)) / self.cell_size**2
+        by_volume = 8.0 * 0.5 * self.solid_volume / self.cell_size**3  # thick walls have cells by their volume
+        return max(by_area, by_volume) * 2.0 / self.copies
 
     @property
     def size(self) -> float:
@@ -439,7 +307,6 @@ class PneuNet(Bending, MirroredHalf, HeldTip):
 
     @property
     def mirrors(self) -> tuple[Mirror, ...]:
-
         # Mirrored cells, not only shapes: nothing of the mesh then bends what symmetry keeps straight.
         below = (Mirror(CENTRAL, 2, {"top": "bottom", "cavity": "cavity2"}),) if self.sides == 2 else ()
         return (*below, *super().mirrors)
@@ -447,16 +314,16 @@ class PneuNet(Bending, MirroredHalf, HeldTip):
     @property
     def length(self) -> float:
         """Length from the clamp to the tip in m."""
-        return planned_length(self)
+        return self.root + (self.chambers - 1) * self.pitch + self.chamber_length + self.cap
 
     @property
     def height(self) -> float:
         """Height from the middle of the base to the chambers' outside in m."""
-        return top(self)
+        return 0.5 * self.base + self.chamber_height + self.top_wall
 
     @property
     def probes(self) -> dict[str, Vector]:
-        low = -top(self) if self.sides == 2 else -0.5 * self.base
+        low = -self.height if self.sides == 2 else -0.5 * self.base
         return {"tip": (self.length, 0.0, low), "tip_above": (self.length, 0.0, self.height)}
 
     @property
@@ -466,11 +333,12 @@ class PneuNet(Bending, MirroredHalf, HeldTip):
     @property
     def cavity_volume(self) -> float:
         """Volume in m3 of the cavity; of two sides, the volume that the pressure works on: each times its ratio."""
-        return planned_cavity_volume(self) * sum(self.ratios)
+        return 2.0 * sum(box.volume for box in self.air) * sum(self.ratios)
 
     @property
     def solid_volume(self) -> float:
-        return planned_solid_volume(self)
+        above = self.upper.volume - sum(box.volume for box in self.air + self.gaps)
+        return 2.0 * (self.sides * above + self.length * self.half_width * self.base)
 
     carries_interfaces: ClassVar = True
 
@@ -480,19 +348,22 @@ class PneuNet(Bending, MirroredHalf, HeldTip):
 
     @property
     def movable(self) -> tuple[str, ...]:
-        return tuple(name for name in (*walls(self), *(("paper",) if self.paper else ())))
+        return tuple(name for name in (*self.walls, *(("paper",) if self.paper else ())))
 
     def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        return carried_points(self, other, points)
+        points = np.array(points, dtype=float)
+        for axis, (mine, theirs) in enumerate(zip(self.places, other.places, strict=True)):  # linear between walls
+            order = np.argsort(mine, kind="stable")
+            if len(mine) != len(theirs) or np.any(np.diff(theirs[order]) < 0.0) or self.sides != other.sides:
+                raise GeometryError(
+                    "the mesh of this PneuNet cannot follow: the other one has its walls in another order"
+                )
+            points[:, axis] = np.sign(points[:, axis]) * np.interp(np.abs(points[:, axis]), mine[order], theirs[order])
+        return points
 
     @property
     def clearances(self) -> dict[str, float]:
-        return {name.replace("_", " "): value for name, value in walls(self).items()}
-
-    def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Report which points lie on the base's lower line in the mirror plane, from the clamp to the tip."""
-        points, near = np.asarray(points, dtype=float), 1e-9 * self.length
-        return (np.abs(points[:, 2] - self.probes["tip"][2]) < near) & (np.abs(points[:, 1]) < near)
+        return {name.replace("_", " "): value for name, value in self.walls.items()}
 
     @property
     def recipe(self) -> Recipe:
@@ -511,9 +382,13 @@ class PneuNet(Bending, MirroredHalf, HeldTip):
         )  # fmt: skip
 
     def build_whole(self) -> None:
-
-        build_whole_finger(self)
+        body = _whole(self.upper, self.sides)
+        body = Box((*body.low[:2], body.low[2] if self.sides == 2 else -0.5 * self.base), body.high)
+        _without(body, [_whole(box, self.sides, below) for box in self.air + self.gaps for below in range(self.sides)])
+        gmsh.model.occ.synchronize()
 
     def build(self) -> None:
-
-        build_finger(self)
+        """Fill the current Gmsh model (mm) with what is meshed, its roles, its regions and its cell sizes."""
+        solid = _without(self.upper, [*self.air, *self.gaps])
+        bond({"solid": [solid], **_base(self)}, lambda tag: _role(self, tag))
+        set_sizes(lambda x, y, z: self.cell_size)

@@ -9,13 +9,13 @@ import math
 from abc import abstractmethod
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, ClassVar, Protocol, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import CutPlane, Wedged, parameter, parameter_names
-from geometries.meshing import MM, check_cell_count, name_group
+from geometries.actuator import Actuator, CutPlane, Wedged, parameter, parameter_names
+from geometries.meshing import MM, corners_of, name_boundary, name_group, name_groups, place_of
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
 from softmodels.common.names import lazy_module
@@ -44,7 +44,10 @@ GAUSS = 24
 
 @dataclasses.dataclass(frozen=True)
 class Side:
-    """A side of a panel: a line, or a piece of an ellipse of less than half its turn.
+    """A side of a panel: a line, a piece of an ellipse of less than half its turn, or a cubic Bezier curve.
+
+    A point on it is known by how far along it is: a share of the length, of the angle on arcs, of the radius on a curve. The
+    point with the same share of the same side of another device is linear in the lengths.
 
     Attributes:
         start: Where it begins.
@@ -54,6 +57,7 @@ class Side:
         centre: Of the ellipse; None of a line.
         axes: Half axes of the ellipse along the radius and the height; equal ones of a circle.
         growth: Length of a cell over that of the one before it, from start to end.
+        inner: Inner control points of a Bezier curve, whose radii are equally spaced.
     """
 
     start: Place
@@ -63,10 +67,15 @@ class Side:
     centre: Place | None = None
     axes: Place = (1.0, 1.0)
     growth: float = 1.0
+    inner: tuple[Place, Place] | None = None
 
     def places(self, shares: Array) -> Array:
         """Return the places (n, 2) at shares (n,) of a line's length or of an arc's angle."""
         start, end = np.array(self.start), np.array(self.end)
+        if self.inner is not None:
+            t = shares[:, None]
+            first, second = np.array(self.inner)
+            return (1 - t) ** 3 * start + 3 * (1 - t) ** 2 * t * first + 3 * (1 - t) * t**2 * second + t**3 * end
         if self.centre is None:
             return start + shares[:, None] * (end - start)
         angle = self._angle(self.start) + shares * self.turn
@@ -75,6 +84,8 @@ class Side:
     def shares(self, places: Array) -> Array:
         """Return the shares (n,) at which places (n, 2) on it are; those of places beyond an end are 0 or 1."""
         start, end = np.array(self.start), np.array(self.end)
+        if self.inner is not None:
+            return np.clip((places[:, 0] - start[0]) / (end[0] - start[0]), 0.0, 1.0)
         if self.centre is None:
             along = end - start
             return np.clip((places - start) @ along / (along @ along), 0.0, 1.0)
@@ -362,8 +373,7 @@ def build_section(device: Revolved) -> None:
         gmsh.model.mesh.setTransfiniteCurve(tag, side.cells + 1, "Progression", side.growth)
         if side.role:
             roles[side.role].append(tag)
-    for role, tags in roles.items():
-        name_group(1, tags, role)
+    name_groups(1, roles)
     for role, place in device.anchors.items():
         name_group(0, [drawing.points[place]], role)
 
@@ -377,6 +387,12 @@ def build_full_turn(device: Revolved) -> None:
     edges = whole_edges([dataclasses.replace(side, role="") for side in sides.values()], ())
     drawing, occ = Drawing((), (0.0, 0.0, MM), MM), gmsh.model.occ
     face = occ.addPlaneSurface([occ.addCurveLoop([drawing.curve(piece) for edge in edges for piece in edge.quarters])])
+    turn_fully(face)
+
+
+def turn_fully(face: int) -> None:
+    """Turn a face of the current Gmsh model all around the axis."""
+    occ = gmsh.model.occ
     occ.revolve([(2, face)], 0, 0, 0, 0, 0, 1, 2.0 * math.pi)
     occ.remove([(2, face)], recursive=True)
     occ.synchronize()
@@ -403,30 +419,20 @@ def build_wedge(device: Revolved) -> None:
     volumes: dict[str, list[int]] = defaultdict(list)
     for region, made in zip(owners, parents, strict=True):
         volumes[region] += [tag for dimension, tag in made if dimension == 3]
-    for region, tags in volumes.items():
-        name_group(3, tags, region)
-    _name_surfaces(device)
+    name_groups(3, volumes)
+    sides = [side for side in device.sides if side.role != AXIS]
+    name_boundary(lambda tag: surface_role(device, tag, sides))
     for role, (r, z) in device.anchors.items():
-        near = np.linalg.norm([_at(tag) - (r, 0.0, z) for _, tag in gmsh.model.getEntities(0)], axis=1)
+        near = np.linalg.norm([place_of(tag) - (r, 0.0, z) for _, tag in gmsh.model.getEntities(0)], axis=1)
         name_group(0, [gmsh.model.getEntities(0)[int(near.argmin())][1]], role)
     size = device.wedge_size
     gmsh.model.mesh.setSizeCallback(lambda *_: size)
 
 
-def _name_surfaces(device: Revolved) -> None:
-    """Assign a role to every boundary face of the solid; inner faces get none."""
-    roles: dict[str, list[int]] = defaultdict(list)
-    for _, tag in gmsh.model.getEntities(2):
-        if len(gmsh.model.getAdjacencies(2, tag)[0]) == 1:
-            roles[_surface_role(device, tag)].append(tag)
-    for role, tags in roles.items():
-        name_group(2, tags, role)
-
-
-def _surface_role(device: Revolved, tag: int) -> str:
+def surface_role(device: Wedged, tag: int, sides: Sequence[Side]) -> str:
     """Return the role of a face: the cut plane in which it lies, or the side of which it is the turn."""
     near = 1e-7 * device.size
-    corners = _corners(tag)
+    corners = corners_of(tag)
     centre = np.array(gmsh.model.occ.getCenterOfMass(2, tag))
     for plane, outward in zip(device.cut_planes, (1.0, -1.0), strict=False):
         normal = np.array(plane.normal)
@@ -435,7 +441,6 @@ def _surface_role(device: Revolved, tag: int) -> str:
         if np.abs(corners @ normal).max() < near and abs(centre @ normal) < near and centre @ along > 0.0:
             return plane.name
     ends = np.unique(np.round(np.column_stack([np.hypot(corners[:, 0], corners[:, 1]), corners[:, 2]]) / near), axis=0)
-    sides = [side for side in device.sides if side.role != AXIS]
 
     def apart(side: Side) -> float:
         """Return how far the face is from being the side turned: both have the same ends."""
@@ -443,16 +448,6 @@ def _surface_role(device: Revolved, tag: int) -> str:
         return float(max(distances.min(axis=0).max(), distances.min(axis=1).max()))
 
     return min(sides, key=apart).role
-
-
-def _corners(tag: int) -> np.ndarray:
-    """Return the corner points of a face, shape (n, 3)."""
-    found = gmsh.model.getBoundary([(2, tag)], combined=False, oriented=False, recursive=True)
-    return np.array([_at(point) for _, point in found])
-
-
-def _at(point: int) -> np.ndarray:
-    return np.array(gmsh.model.getValue(0, point, []))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -463,17 +458,7 @@ FARTHEST = 0.05
 """Tolerance of a point on the outline, relative to the size, because nodes on chords are slightly inside."""
 
 
-class CarriedEdge(Protocol):
-    """A piece of an outline."""
-
-    def places(self, shares: Array) -> Array:
-        """Return the places (n, 2) at shares (n,) of it."""
-
-    def shares(self, points: Array) -> Array:
-        """Return the shares (n,) at which places (n, 2) on it are; those of places beyond an end are 0 or 1."""
-
-
-def carried_along(edges: Sequence[CarriedEdge], others: Sequence[CarriedEdge], points: Array, size: float) -> Array:
+def carried_along(edges: Sequence[Side], others: Sequence[Side], points: Array, size: float) -> Array:
     """Return where points on the boundary lie on another body of revolution; see `geometries.Actuator.carried`.
 
     Args:
@@ -507,6 +492,38 @@ def carried_along(edges: Sequence[CarriedEdge], others: Sequence[CarriedEdge], p
     return points
 
 
+def check_alike(device: Actuator, other: Actuator, choices: Iterable[str], roundings: Iterable[str]) -> None:
+    """Reject devices between which points cannot be carried.
+
+    Args:
+        device, other: The devices.
+        choices: Fields in which they must agree.
+        roundings: Radii, in whether they are 0.
+
+    Raises:
+        GeometryError: The first field in which they differ, with both values.
+    """
+    if type(other) is not type(device):
+        raise GeometryError(f"points of {type(device).__name__} cannot be carried to {type(other).__name__}")
+    for name in choices:
+        here, there = getattr(device, name), getattr(other, name)
+        if here != there:
+            raise GeometryError(f"{name} is {here} and {there}; points can only be mapped between devices of the same")
+    for name in roundings:
+        here, there = getattr(device, name), getattr(other, name)
+        if (here > 0.0) != (there > 0.0):
+            raise GeometryError(
+                f"{name} is {shown(here, 'm')} and {shown(there, 'm')}; points of a rounded corner cannot be mapped to a sharp "
+                "one"
+            )
+
+
+def rounded_off(radius: float, fillet: float) -> float:
+    """Return the volume over pi of the solid of revolution between a sharp corner at a radius and the fillet's arc."""
+    inner = radius - fillet  # the corner's square less a quarter circle, each turned around the axis
+    return fillet * (radius**2 - inner**2 - 0.5 * math.pi * fillet * inner - 2.0 / 3.0 * fillet**2)
+
+
 def _check_near(points: Array, missed: Array, size: float) -> None:
     if len(points) and missed.max() > FARTHEST * size:
         place = ", ".join(f"{1e3 * value:.4g}" for value in points[missed.argmax()])
@@ -516,17 +533,14 @@ def _check_near(points: Array, missed: Array, size: float) -> None:
         )
 
 
-NARROWEST = 5.0
-"""Smallest angle in degrees; a thinner wedge has needles for cells along the axis."""
-
 MOST_THROUGH = 20
 """Most cells through a wall: no result needs them."""
 
-MOST_CELLS = 2_000_000
-"""Maximum expected number of cells; larger meshes are mostly typing errors."""
+NEEDLE = 20.0
+"""Largest ratio of a cell's length to its width through the wall."""
 
-TETRAHEDRON = 0.12
-"""Volume of a regular tetrahedron with edges of length 1."""
+TRIANGLE, TETRAHEDRON = 0.43, 0.12
+"""Area and volume of a regular cell with edges of length 1."""
 
 NEAR = 1e-7
 """Share of the device's size that counts as no distance."""
@@ -562,6 +576,7 @@ class Revolved(Wedged):
 
     axial: ClassVar = True
     mesh_order: ClassVar = 2
+    most_cells: ClassVar = 2_000_000
 
     loose: ClassVar[tuple[str, ...]] = ()
     """Regions that are not cast with the rest."""
@@ -665,31 +680,28 @@ class Revolved(Wedged):
         places = np.array([place + side.shares(flat) for place, side in enumerate(self.profile)])
         return np.asarray(np.take_along_axis(places, missed.argmin(axis=0)[None], axis=0)[0])
 
-    def check_cells(self) -> None:
+    def check_cells(self, *radii: str) -> None:
         """Check what every body of revolution has; called at the end of a device's `check`.
+
+        Args:
+            radii: Lengths beside the thinnest wall that limit the cells' size; without any, nothing does.
 
         Raises:
             GeometryError: The first parameter found impossible, with its value and the limit.
         """
+        if radii:
+            needle = NEEDLE * self.thinnest / max(self.through, 1.0)
+            longest = min(needle, *(getattr(self, name) for name in radii if getattr(self, name)))
+            if self.cell_size > longest:
+                self.reject("cell_size", f"it must be at most {shown(longest, 'm')}: {NEEDLE:g} times a cell's width through "
+                            f"the wall, and {' and '.join(radii)}")  # fmt: skip
         if not 1 <= self.rows <= MOST_THROUGH or self.through != round(self.through):
-            raise GeometryError(f"through is {self.through:g}; it must be a whole number from 1 to {MOST_THROUGH}")
-        if self.dimension == 3:
-            if not NARROWEST <= self.angle <= 360.0:
-                raise GeometryError(
-                    f"angle is {shown(self.angle, 'degree')}; it must be between {NARROWEST:g} and 360 deg"
-                )
-            turns = 360.0 / self.angle
-            if abs(turns - round(turns)) > 1e-9 * turns:
-                raise GeometryError(
-                    f"angle is {shown(self.angle, 'degree')}; it must divide 360 deg evenly, such as 30, 45, 90 or 360 deg"
-                )
-        more = f" with {self.rows} cells through {shown(self.thinnest, 'm')}"
-        check_cell_count(self.cell_size, self.expected_cells, MOST_CELLS, more)
+            self.reject("through", f"it must be a whole number from 1 to {MOST_THROUGH}")
+        self.check_angle()
+        self.check_count(f" with {self.rows} cells through {shown(self.thinnest, 'm')}")
 
     def build_whole(self) -> None:
-
         build_full_turn(self)
 
     def build(self) -> None:
-
         build_section(self) if self.dimension == 2 else build_wedge(self)

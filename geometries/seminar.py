@@ -34,9 +34,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from geometries.actuator import HeldTip, MirroredHalf, Recipe, Vector, in_halves, part_field, tip_field
-from geometries.meshing import Mirror, check_cell_count, private_model
+from geometries.actuator import HeldTip, MirroredHalf, Recipe, Vector, in_halves, parameter_names, part_field, tip_field
+from geometries.meshing import MM, Entity, Mirror, name_group, name_groups, private_model, set_sizes
 from geometries.registry import register_device
+from geometries.revolved import TETRAHEDRON, check_alike
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshingError
 from softmodels.common.names import lazy_module
@@ -266,9 +267,6 @@ CREASE = 1.5
 GROWTH = 0.55
 """Growth of the cell size per distance."""
 
-TETRAHEDRON = 0.12
-"""Volume of a regular cell with edges of length 1."""
-
 
 def wall_size(slab: SeminarActuator, radius: float) -> float:
     """Cell size in m on the wall of a channel of a radius in m."""
@@ -315,30 +313,9 @@ def size_function(slab: SeminarActuator) -> Callable[[float, float, float], floa
     return size
 
 
-def expected_cells(slab: SeminarActuator) -> float:
-    """Estimate the number of cells (within a factor of about two) from the sizes."""
-    share = 0.5 if slab.part == "half" else 1.0
-    total = 0.5 * slab.base_width * slab.length * slab.thickness / slab.cell_size**3
-    lines = [(slab.manifold_radius * spread(slab), slab.manifold_bore)]
-    lines += [
-        (cone.end - cone.start, max(cone.bore, line.radius(cone.end)))
-        for line in fan(slab)
-        if line is not None
-        for cone in line.cones
-    ]
-    for length, radius in lines:
-        h = wall_size(slab, radius)
-        # Rings of cells that grow with distance r from the wall: int 2 pi (radius + r) / (h + g r)^3 dr.
-        total += length * 2.0 * math.pi * (0.5 * radius / (GROWTH * h**2) + 0.5 / (GROWTH**2 * h))
-    return share * total / TETRAHEDRON
-
-
 # ----------------------------------------------------------------------------------------------------------------------
 # Seminar actuators that cannot be: channels that break through a face or each other, found before the mesher starts.
 
-
-MOST_CELLS = 3_000_000
-"""Maximum expected number of cells; larger meshes are mostly typing errors."""
 
 WIDEST, NARROWEST = 160.0, 10.0
 """Largest and smallest spread in degrees; beyond 160 the outermost channels run along the clamp."""
@@ -360,13 +337,20 @@ def check_seminar(slab: SeminarActuator) -> None:
     """
     _check_slab(slab)
     _check_lists(slab)
-    _check_heights(slab)
+    # Solid above and below every part of the network.
+    for bore, name in ((slab.manifold_bore, "manifold_bore"), *_bores(slab)):
+        left = 0.5 * slab.thickness - abs(slab.offset) - bore
+        given = f"{name} is {_mm(bore)}; with offset {_mm(slab.offset)} in thickness {_mm(slab.thickness)} it"
+        _check_wall(slab, left, given, f"the {'top' if slab.offset > 0.0 else 'bottom'} face")
     _check_manifold(slab)
     found = [_check_channel(slab, number, line) for number, line in enumerate(half_fan(slab), 1)]
     _check_sides(slab, found)
     _check_neighbours(slab, found)
     _check_fillet(slab, found)
-    _check_cells(slab)
+    if not 3.0 <= slab.around <= 64.0:
+        slab.reject("around", "it must be between 3 and 64 cells around a channel")
+    slab.check_most("cell_size", 1.0, "thickness")
+    slab.check_count(f" with around {slab.around:g}")
 
 
 def _mm(value: float) -> str:
@@ -378,35 +362,27 @@ def _degrees(value: float) -> str:
 
 
 def _fan(slab: SeminarActuator) -> str:
-    """Return how wide the fan is, by the name it was given."""
+    """Return how wide the fan is, by the name it was given, and where it is."""
     several = f"angles[{half_count(slab)}] {_degrees(slab.angles[-1])}" if slab.angles else ""
-    return several or f"spread {_degrees(slab.spread)}"
+    return f"manifold_radius {_mm(slab.manifold_radius)} and {several or f'spread {_degrees(slab.spread)}'}"
 
 
 def _check_wall(slab: SeminarActuator, left: float, given: str, face: str) -> None:
     """Reject less solid than the least wall between the network and a face; ``given`` begins the sentence."""
     if left < slab.least_wall * (1 - 1e-9):
-        raise GeometryError(
-            f"{given} "
-            + (f"breaks through {face}" if left <= 0.0 else f"leaves {_mm(left)} to {face}")
-            + f", but least_wall requires {_mm(slab.least_wall)}"
-        )
+        how = f"breaks through {face}" if left <= 0.0 else f"leaves {_mm(left)} to {face}"
+        raise GeometryError(f"{given} {how}, but least_wall requires {_mm(slab.least_wall)}")
 
 
 def _check_slab(slab: SeminarActuator) -> None:
+    shorter = min(slab.length, slab.base_width)
     if max(slab.length, slab.base_width) > 0.1 * LONGEST:
-        raise GeometryError(
-            f"length is {_mm(slab.length)} and base_width {_mm(slab.base_width)}; above {0.1 * LONGEST:g} m this suggests "
-            "a wrong unit"
-        )
-    if slab.thickness > 0.5 * min(slab.length, slab.base_width):
-        raise GeometryError(
-            f"thickness is {_mm(slab.thickness)}; a slab is at most half as thick as it is long and wide "
-            f"({_mm(0.5 * min(slab.length, slab.base_width))})"
-        )
-    limit = 0.4 * min(slab.base_width, slab.length)
-    if slab.tip_radius > limit:
-        raise GeometryError(f"tip_radius is {_mm(slab.tip_radius)}; this slab takes at most {_mm(limit)}")
+        wide = f"with base_width {_mm(slab.base_width)}, above {0.1 * LONGEST:g} m this suggests a wrong unit"
+        slab.reject("length", wide)
+    if slab.thickness > 0.5 * shorter:
+        slab.reject("thickness", f"a slab is at most half as thick as it is long and wide ({_mm(0.5 * shorter)})")
+    if slab.tip_radius > 0.4 * shorter:
+        slab.reject("tip_radius", f"this slab takes at most {_mm(0.4 * shorter)}")
     if slab.tip == "held" and slab.tip_radius == 0.0:
         raise GeometryError("tip is 'held' and tip_radius 0; the rounding is the support, so it needs a radius")
 
@@ -436,9 +412,9 @@ def _check_lists(slab: SeminarActuator) -> None:
             )
     arc = math.degrees(spread(slab))
     if not NARROWEST * (1 - 1e-9) <= arc <= WIDEST * (1 + 1e-9):
-        given = f"angles[{count}] is {_degrees(0.5 * arc)}" if slab.angles else f"spread is {_degrees(arc)}"
-        low, high = (0.5 * NARROWEST, 0.5 * WIDEST) if slab.angles else (NARROWEST, WIDEST)
-        raise GeometryError(f"{given}; it must be between {low:g} and {high:g} deg")
+        given, share = (f"angles[{count}]", 0.5) if slab.angles else ("spread", 1.0)
+        limits = f"it must be between {share * NARROWEST:g} and {share * WIDEST:g} deg"
+        raise GeometryError(f"{given} is {_degrees(share * arc)}; {limits}")
 
 
 def _bores(slab: SeminarActuator) -> list[tuple[float, str]]:
@@ -453,29 +429,17 @@ def _bores(slab: SeminarActuator) -> list[tuple[float, str]]:
     return [(bore, name) for name, bore in found.items()]
 
 
-def _check_heights(slab: SeminarActuator) -> None:
-    """Solid above and below every part of the network."""
-    for bore, name in ((slab.manifold_bore, "manifold_bore"), *_bores(slab)):
-        left = 0.5 * slab.thickness - abs(slab.offset) - bore
-        given = f"{name} is {_mm(bore)}; with offset {_mm(slab.offset)} in thickness {_mm(slab.thickness)} it"
-        _check_wall(slab, left, given, f"the {'top' if slab.offset > 0.0 else 'bottom'} face")
-
-
 def _check_manifold(slab: SeminarActuator) -> None:
     bore, radius = slab.manifold_bore, slab.manifold_radius
     for number in range(1, half_count(slab) + 1):
         mouth, name = own(slab, "bores", "channel_bore", number)
         if mouth > LARGEST_BORE_RATIO * bore:
-            raise GeometryError(
-                f"{name} is {_mm(mouth)}; it must be at most {LARGEST_BORE_RATIO:g} times manifold_bore, {_mm(bore)}"
-            )
+            limit = f"it must be at most {LARGEST_BORE_RATIO:g} times manifold_bore, {_mm(bore)}"
+            raise GeometryError(f"{name} is {_mm(mouth)}; {limit}")
     if radius < 2.0 * bore:
-        raise GeometryError(
-            f"manifold_radius is {_mm(radius)}; it must be at least twice manifold_bore, {_mm(bore)}, for an arc"
-        )
+        slab.reject("manifold_radius", f"it must be at least twice manifold_bore, {_mm(bore)}, for an arc")
     gap = radius * math.cos(0.5 * spread(slab)) - bore
-    given = f"manifold_bore is {_mm(bore)}; with manifold_radius {_mm(radius)} and {_fan(slab)} the"
-    _check_wall(slab, gap, f"{given} manifold", "the base")
+    _check_wall(slab, gap, f"manifold_bore is {_mm(bore)}; with {_fan(slab)} the manifold", "the base")
 
 
 def _check_channel(slab: SeminarActuator, number: int, found: Channel | None) -> Channel:
@@ -483,9 +447,10 @@ def _check_channel(slab: SeminarActuator, number: int, found: Channel | None) ->
     end_bore, name = own(slab, "end_bores", "end_bore", number)
     if found is None or found.end - found.start < slab.manifold_bore + end_bore:
         far = f"reaches[{number}] {_mm(slab.reaches[number - 1])}" if slab.reaches else f"edge {_mm(slab.edge)}"
-        raise GeometryError(
-            f"manifold_radius is {_mm(slab.manifold_radius)}; with {far} and {name} "
-            f"{_mm(end_bore)} no length is left for channel {number}, at {math.degrees(half_angles(slab)[number - 1]):.3g} deg"
+        at = math.degrees(half_angles(slab)[number - 1])
+        slab.reject(
+            "manifold_radius",
+            f"with {far} and {name} {_mm(end_bore)} no length is left for channel {number}, at {at:.3g} deg",
         )
     return found
 
@@ -494,26 +459,25 @@ def _check_sides(slab: SeminarActuator, found: list[Channel]) -> None:
     """Solid between the network and the slab's sides, along every centre line."""
     if slab.edge < slab.least_wall:
         raise GeometryError(f"edge is {_mm(slab.edge)}; least_wall requires {_mm(slab.least_wall)}")
-    arc = [0.5 * spread(slab) * k / SAMPLES for k in range(SAMPLES + 1)]
-    bore = slab.manifold_bore
-    given = f"manifold_bore is {_mm(bore)}; with manifold_radius {_mm(slab.manifold_radius)} and {_fan(slab)} it"
+    arc, bore = [0.5 * spread(slab) * k / SAMPLES for k in range(SAMPLES + 1)], slab.manifold_bore
+    given = f"manifold_bore is {_mm(bore)}; with {_fan(slab)} it"
     _check_wall(slab, min(_wall(slab, slab.manifold_radius, angle, bore) for angle in arc), given, "the slab's side")
     for number, line in enumerate(found, 1):
         end_bore, name = own(slab, "end_bores", "end_bore", number)
-        given = f"{name} is {_mm(end_bore)}; with manifold_radius {_mm(slab.manifold_radius)} and {_fan(slab)} channel {number}"
+        given = f"{name} is {_mm(end_bore)}; with {_fan(slab)} channel {number}"
+        if slab.reaches:
+            reach = _mm(slab.reaches[number - 1])
+            given = f"reaches[{number}] is {reach}; with {name} {_mm(end_bore)} channel {number}"
         walls = [_wall(slab, line.centre, line.angle, line.cap)]
         for k in range(SAMPLES + 1):
             along = line.start + (line.end - line.start) * k / SAMPLES
             radius = line.radius(along)
             walls += [_wall(slab, along, line.angle, radius), along * math.cos(line.angle) - radius]
-        if slab.reaches:
-            given = (
-                f"reaches[{number}] is {_mm(slab.reaches[number - 1])}; with {name} {_mm(end_bore)} channel {number}"
-            )
         _check_wall(slab, min(walls), given, "the slab's side")
 
 
 def _wall(slab: SeminarActuator, along: float, angle: float, radius: float) -> float:
+    """Return the solid in m between the slab's side and a ball of a radius on a ray."""
     return edge_distance(slab, along * math.cos(angle), along * math.sin(angle)) - radius
 
 
@@ -527,11 +491,10 @@ def _check_neighbours(slab: SeminarActuator, found: list[Channel]) -> None:
             left = 2.0 * along * math.sin(0.5 * pitch) - one.radius(along) - other.radius(along)
             if left < slab.least_wall * (1 - 1e-9):
                 mouth, name = own(slab, "bores", "channel_bore", second)
+                how = "break into each other" if left <= 0.0 else f"are {_mm(left)} apart"
                 raise GeometryError(
-                    f"channels is {slab.channels}; with {_fan(slab)}, manifold_radius {_mm(slab.manifold_radius)} and "
-                    f"{name} {_mm(mouth)} neighbours (channels {first} and {second}) "
-                    + ("break into each other" if left <= 0.0 else f"are {_mm(left)} apart")
-                    + f", but least_wall requires {_mm(slab.least_wall)}"
+                    f"channels is {slab.channels}; with {_fan(slab)}, and {name} {_mm(mouth)} neighbours (channels {first} "
+                    f"and {second}) {how}, but least_wall requires {_mm(slab.least_wall)}"
                 )
 
 
@@ -545,18 +508,8 @@ def _check_fillet(slab: SeminarActuator, found: list[Channel]) -> None:
     limit, number = min(limits)
     if slab.fillet > limit:
         mouth, name = own(slab, "bores", "channel_bore", number)
-        raise GeometryError(
-            f"fillet is {_mm(slab.fillet)}; with {name} {_mm(mouth)} and {slab.channels} channels this slab takes at most "
-            f"{_mm(max(limit, 0.0))}"
-        )
-
-
-def _check_cells(slab: SeminarActuator) -> None:
-    if not 3.0 <= slab.around <= 64.0:
-        raise GeometryError(f"around is {slab.around:g}; it must be between 3 and 64 cells around a channel")
-    if slab.cell_size > slab.thickness:
-        raise GeometryError(f"cell_size is {_mm(slab.cell_size)}; it must be at most thickness, {_mm(slab.thickness)}")
-    check_cell_count(slab.cell_size, expected_cells(slab), MOST_CELLS, f" with around {slab.around:g}")
+        most = f"this slab takes at most {_mm(max(limit, 0.0))}"
+        slab.reject("fillet", f"with {name} {_mm(mouth)} and {slab.channels} channels {most}")
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -608,34 +561,25 @@ def _sections(slab: SeminarActuator, count: int) -> dict[str, float]:
 
 def _sides(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]:
     """Return the solid between the network and the slab's base, sides and tip."""
-    radius, bore, half = slab.manifold_radius, slab.manifold_bore, 0.5 * spread(slab)
+    radius, bore, half, last = slab.manifold_radius, slab.manifold_bore, 0.5 * spread(slab), lines[-1]
     normal, _ = side(slab)
     nearest = min(math.atan2(normal[1], normal[0]), half)  # there the arc's distance is flat, so this is smooth
     found = {
         "solid between the manifold and the base": radius * math.cos(half) - bore,
-        "solid between the manifold and the side": edge_distance(
-            slab, radius * math.cos(nearest), radius * math.sin(nearest)
-        )
-        - bore,
-        f"solid between the end of channel {len(lines)} and the base": lines[-1].centre * math.cos(half)
-        - lines[-1].cap,
+        "solid between the manifold and the side": _wall(slab, radius, nearest, bore),
+        f"solid between the end of channel {len(lines)} and the base": last.centre * math.cos(half) - last.cap,
     }
     if not slab.reaches:
         found["solid between the channels' ends and the side"] = slab.edge
     for number, line in enumerate(lines, 1):
         if slab.reaches:
-            found[f"solid between the end of channel {number} and the side"] = _to_side(
-                slab, line, line.centre, line.cap
-            )
+            wall = _wall(slab, line.centre, line.angle, line.cap)
+            found[f"solid between the end of channel {number} and the side"] = wall
         if slab.middle_bores:
             middle = line.cones[0].end
-            wall = _to_side(slab, line, middle, line.radius(middle))
+            wall = _wall(slab, middle, line.angle, line.radius(middle))
             found[f"solid between the middle of channel {number} and the side"] = wall
     return found
-
-
-def _to_side(slab: SeminarActuator, line: Channel, along: float, radius: float) -> float:
-    return edge_distance(slab, along * math.cos(line.angle), along * math.sin(line.angle)) - radius
 
 
 def _neighbours(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]:
@@ -650,9 +594,8 @@ def _neighbours(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]
             }
         for place, (along, k) in places.items():
             radii = [cone.bore + cone.slope * (along - cone.start) for cone in (one.cones[k], other.cones[k])]
-            found[f"solid between channels {first} and {second} {place}"] = 2.0 * along * math.sin(0.5 * pitch) - sum(
-                radii
-            )
+            apart = 2.0 * along * math.sin(0.5 * pitch)
+            found[f"solid between channels {first} and {second} {place}"] = apart - sum(radii)
     return found
 
 
@@ -670,9 +613,8 @@ def _rooms(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]:
     if slab.tip_radius:
         found |= {f"room for tip_radius in the {name}": 0.4 * size - slab.tip_radius for name, size in shorter.items()}
     for number, line in enumerate(lines, 1):
-        found[f"straight length of channel {number}"] = (
-            line.end - line.start - bore - own(slab, "end_bores", "end_bore", number)[0]
-        )
+        end_bore = own(slab, "end_bores", "end_bore", number)[0]
+        found[f"straight length of channel {number}"] = line.end - line.start - bore - end_bore
     for number, line in enumerate(lines if slab.bores else lines[:1], 1):
         name = f"channel {number}" if slab.bores else "the channels"
         found[f"room for {name} in the manifold's bore"] = LARGEST_BORE_RATIO * bore - line.bore
@@ -690,23 +632,8 @@ def _rooms(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]:
 # The model is in mm and the mesh is written in m: the CAD kernel rounds edges with fixed tolerances that suit mm.
 
 
-Entity = tuple[int, int]
-
-MM = 1e3
-"""Model lengths in one metre."""
-
 SHARP = math.radians(5.0)
 """Angle between the normals of two walls of the air above which they meet in a crease."""
-
-
-def build_slab(slab: SeminarActuator) -> None:
-    """Fill the current Gmsh model (mm) with the slab, its roles and its cell sizes; the mesh is saved in m."""
-    solids = half_slab(slab)
-    gmsh.model.occ.synchronize()
-    _name_roles(slab, solids)
-    size = size_function(slab)
-    gmsh.option.setNumber("Mesh.ScalingFactor", 1.0 / MM)
-    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: MM * size(x / MM, y / MM, z / MM))
 
 
 @functools.lru_cache(maxsize=64)
@@ -717,21 +644,25 @@ def measured_volume(slab: SeminarActuator) -> float:
     return volume / MM**3 * (2.0 if slab.level else 1.0)
 
 
-def build_both_halves(slab: SeminarActuator) -> None:
-    """Fill the current Gmsh model (mm) with the whole slab, one solid.
+def cut_out(prism: Entity, air: list[Entity]) -> list[Entity]:
+    """Return a slab with the channels cut out of it, in one piece.
 
-    Both halves are drawn: the CAD kernel mirrors planes and cones into splines, which it is slow with and less exact.
+    Raises:
+        MeshingError: The CAD kernel made something else than one solid.
     """
-    occ = gmsh.model.occ
-    lines = [line for line in fan(slab) if line is not None]
-    begin = -0.5 * spread(slab)
-    air = _rounded(slab, [*_manifold(slab, begin), _cap(slab, begin), *(_air(slab, line) for line in lines)])
-    solids, _ = occ.cut([_whole_prism(slab)], air)
+    solids, _ = gmsh.model.occ.cut([prism], air)
     if [dimension for dimension, _ in solids] != [3]:
         raise MeshingError(
             f"the CAD kernel made {len(solids)} solids of one slab; change manifold_bore or channel_bore slightly"
         )
-    occ.synchronize()
+    return list(solids)
+
+
+def _swept(curves: list[int], height: float) -> Entity:
+    """Return what a closed line at the bottom sweeps over a height, in mm."""
+    occ = gmsh.model.occ
+    swept = occ.extrude([(2, occ.addPlaneSurface([occ.addCurveLoop(curves)]))], 0, 0, height)
+    return next(entity for entity in swept if entity[0] == 3)
 
 
 def _whole_prism(slab: SeminarActuator) -> Entity:
@@ -749,26 +680,16 @@ def _whole_prism(slab: SeminarActuator) -> Entity:
     else:
         ends, front = [occ.addPoint(length, 0, bottom)], []
     sides = [occ.addLine(right, ends[0]), *front, occ.addLine(ends[-1], left), occ.addLine(left, right)]
-    swept = occ.extrude([(2, occ.addPlaneSurface([occ.addCurveLoop(sides)]))], 0, 0, MM * slab.thickness)
-    return next(entity for entity in swept if entity[0] == 3)
+    return _swept(sides, MM * slab.thickness)
 
 
 def half_slab(slab: SeminarActuator) -> list[Entity]:
     """Add the half at y > 0 with the channels cut out, of a `SeminarActuator.level` slab what is above the middle.
 
     Nothing is synchronised but the channels.
-
-    Raises:
-        MeshingError: The CAD kernel made something else than one solid.
     """
-    occ = gmsh.model.occ
     # The network may reach over the mirror plane: only what lies in the half is cut away.
-    solids, _ = occ.cut([_prism(slab)], _network(slab))
-    if [dimension for dimension, _ in solids] != [3]:
-        raise MeshingError(
-            f"the CAD kernel made {len(solids)} solids of one slab; change manifold_bore or channel_bore slightly"
-        )
-    return solids
+    return cut_out(_prism(slab), _network(slab))
 
 
 def _prism(slab: SeminarActuator) -> Entity:
@@ -787,9 +708,7 @@ def _prism(slab: SeminarActuator) -> Entity:
         occ.remove([(0, centre)])  # a point on its own would become a node of no cell
     else:
         flank = [occ.addLine(tip, corner)]
-    loop = occ.addCurveLoop([occ.addLine(base, tip), *flank, occ.addLine(corner, base)])
-    swept = occ.extrude([(2, occ.addPlaneSurface([loop]))], 0, 0, height)
-    return next(entity for entity in swept if entity[0] == 3)
+    return _swept([occ.addLine(base, tip), *flank, occ.addLine(corner, base)], height)
 
 
 def _network(slab: SeminarActuator) -> list[Entity]:
@@ -886,15 +805,14 @@ def _air(slab: SeminarActuator, line: Channel) -> Entity:
 
 def _name_roles(slab: SeminarActuator, solids: list[Entity]) -> None:
     """Give every face on the boundary of the solid one role; "middle" is where a level slab is mirrored."""
-    gmsh.model.addPhysicalGroup(3, [tag for _, tag in solids], name="solid")
+    name_group(3, [tag for _, tag in solids], "solid")
     roles: dict[str, list[int]] = defaultdict(list)
     for _, tag in gmsh.model.getBoundary(solids, combined=True, oriented=False):
         roles[_role(slab, tag)].append(tag)
     wanted = {"cavity", "support", "top", "outer", "plane0", "middle" if slab.level else "bottom"}
     for role in sorted(wanted - roles.keys()):
         raise MeshingError(f"The shape has no place for {role!r}; please report this with the parameters")
-    for role, tags in roles.items():
-        gmsh.model.addPhysicalGroup(2, tags, name=role)
+    name_groups(2, roles)
 
 
 def _role(slab: SeminarActuator, tag: int) -> str:
@@ -1436,20 +1354,11 @@ NEARLY = 0.95
 """Part of a channel's length whose motion the faces above and below follow."""
 
 
-def movable(slab: SeminarActuator) -> tuple[str, ...]:
-    """Return the names of the parameters that `carried` follows; see `Actuator.movable`."""
-    from geometries.actuator import parameter_names
-
-    # A corner has no rounding's faces, and a slab symmetric about z = 0 stays so.
-    fixed = {name for name in ("tip_radius", "fillet", "offset") if getattr(slab, name) == 0.0}
-    if slab.channels % 2:
-        fixed.add("angles[1]")
-    return tuple(name for name in parameter_names(slab) if name not in fixed)
-
-
 def carried(slab: SeminarActuator, other: SeminarActuator, points: Array) -> Array:
     """Return where points on the boundary of a slab lie on another; see `Actuator.carried`."""
-    _check_alike(slab, other)
+    check_alike(slab, other, ("channels", "part", "tip", "order"), ("tip_radius", "fillet"))
+    if bool(slab.middle_bores) != bool(other.middle_bores):
+        raise GeometryError("only one of two slabs has middle_bores; a mesh cannot follow that, make a new one")
     points = np.asarray(points, dtype=float)
     if other == slab:
         return points.copy()
@@ -1464,20 +1373,6 @@ def carried(slab: SeminarActuator, other: SeminarActuator, points: Array) -> Arr
     found = (1.0 - share) * result + share * outer
     found[:, 1] = np.where(np.abs(points[:, 1]) < 1e-10 * slab.length, 0.0, np.copysign(found[:, 1], points[:, 1]))
     return found
-
-
-def _check_alike(slab: SeminarActuator, other: SeminarActuator) -> None:
-    """Reject another kind of device, other choices, and a list, a rounding or a level that only one of them has."""
-    if type(other) is not type(slab):
-        raise GeometryError(f"the mesh of a {type(slab).__name__} cannot follow a {type(other).__name__}")
-    for name in ("channels", "part", "tip", "order"):
-        if getattr(slab, name) != getattr(other, name):
-            raise GeometryError(
-                f"{name} is {getattr(slab, name)} and {getattr(other, name)}; a mesh cannot follow that, make a new one"
-            )
-    for name in ("tip_radius", "fillet", "middle_bores"):
-        if bool(getattr(slab, name)) != bool(getattr(other, name)):
-            raise GeometryError(f"only one of two slabs has {name}; a mesh cannot follow that, make a new one")
 
 
 def _lengths(slab: SeminarActuator, other: SeminarActuator) -> Callable[[Array], Array]:
@@ -1611,7 +1506,16 @@ class SeminarActuator(MirroredHalf, HeldTip):
 
     @property
     def expected_cells(self) -> float:
-        return expected_cells(self)
+        share, total = 1.0 / self.copies, 0.5 * self.base_width * self.length * self.thickness / self.cell_size**3
+        tubes = [(self.manifold_radius * spread(self), self.manifold_bore)]
+        for line in fan(self):
+            cones = line.cones if line else ()
+            tubes += [(cone.end - cone.start, max(cone.bore, line.radius(cone.end))) for cone in cones if line]
+        for length, radius in tubes:
+            h = wall_size(self, radius)
+            # Rings of cells that grow with distance r from the wall: int 2 pi (radius + r) / (h + g r)^3 dr.
+            total += length * 2.0 * math.pi * (0.5 * radius / (GROWTH * h**2) + 0.5 / (GROWTH**2 * h))
+        return share * total / TETRAHEDRON
 
     @property
     def size(self) -> float:
@@ -1677,8 +1581,10 @@ class SeminarActuator(MirroredHalf, HeldTip):
 
     @property
     def movable(self) -> tuple[str, ...]:
-
-        return movable(self)
+        # A corner has no rounding's faces, and a slab symmetric about z = 0 stays so.
+        fixed = {name for name in ("tip_radius", "fillet", "offset") if getattr(self, name) == 0.0}
+        fixed |= {"angles[1]"} if self.channels % 2 else set()
+        return tuple(name for name in parameter_names(self) if name not in fixed)
 
     def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return where points on the boundary lie on another slab, to rounding on all of it; see `Actuator.carried`.
@@ -1690,14 +1596,7 @@ class SeminarActuator(MirroredHalf, HeldTip):
 
     @property
     def clearances(self) -> dict[str, float]:
-
         return clearances(self)
-
-    def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Report which points lie on the top face's line in the mirror plane, from the base to the tip."""
-        points = np.asarray(points, dtype=float)
-        near = 1e-9 * self.length
-        return (np.abs(points[:, 2] - 0.5 * self.thickness) < near) & (np.abs(points[:, 1]) < near)
 
     @property
     def recipe(self) -> Recipe:
@@ -1708,9 +1607,19 @@ class SeminarActuator(MirroredHalf, HeldTip):
         )  # fmt: skip
 
     def build_whole(self) -> None:
+        """Fill the current Gmsh model (mm) with the whole slab, one solid.
 
-        build_both_halves(self)
+        Both halves are drawn: the CAD kernel mirrors planes and cones into splines, which it is slow with and less exact.
+        """
+        lines = [line for line in fan(self) if line is not None]
+        begin = -0.5 * spread(self)
+        air = _rounded(self, [*_manifold(self, begin), _cap(self, begin), *(_air(self, line) for line in lines)])
+        cut_out(_whole_prism(self), air)
+        gmsh.model.occ.synchronize()
 
     def build(self) -> None:
-
-        build_slab(self)
+        """Fill the current Gmsh model (mm) with the slab, its roles and its cell sizes."""
+        solids = half_slab(self)
+        gmsh.model.occ.synchronize()
+        _name_roles(self, solids)
+        set_sizes(size_function(self))

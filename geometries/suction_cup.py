@@ -30,63 +30,7 @@ from typing import ClassVar
 from geometries.actuator import Hold, Pour, Recipe, Vector
 from geometries.registry import register_device
 from geometries.revolved import Panel, Revolved, Side, rectangle, section_field, through_field, wedge_field
-from softmodels.common.errors import GeometryError
-from softmodels.common.schema import LONGEST, length_field, shown
-
-THINNEST = 5e-3
-"""Smallest thickness of roof and lip in radii of the cup."""
-NEEDLE = 20.0
-"""Largest ratio of a cell's length to its width through the wall."""
-FLARED = 4.0
-"""Largest change of the skirt's radius in depths: a flatter one is a plate."""
-
-
-def check_cup(cup: SuctionCup) -> None:
-    """Check a cup's parameters against each other.
-
-    Raises:
-        GeometryError: The first parameter found impossible, with its value and the limit.
-    """
-
-    def reject(name: str, why: str) -> None:
-        raise GeometryError(f"{name} is {shown(getattr(cup, name), 'm')}; {why}")
-
-    if cup.ceiling > cup.radius:
-        reject(
-            "ceiling", f"the skirt opens towards the lip, so that it must be at most radius, {shown(cup.radius, 'm')}"
-        )
-    if cup.stem_radius >= cup.ceiling:
-        reject("stem_radius", f"it must be smaller than ceiling, {shown(cup.ceiling, 'm')}")
-    for name in ("roof", "lip"):
-        if getattr(cup, name) < THINNEST * cup.radius:
-            reject(name, f"it must be at least {THINNEST:g} of radius, {shown(cup.radius, 'm')}")
-    if cup.radius - cup.ceiling > FLARED * cup.depth:
-        reject("depth", f"the skirt is flatter than {FLARED:g} to 1 then; enlarge it, or ceiling")
-    if max(cup.height, cup.outer_radius) > LONGEST:
-        reject("stem_height", f"the cup passes {LONGEST:g} m, which suggests a wrong unit")
-    longest = min(NEEDLE * cup.thinnest / max(cup.through, 1.0), cup.ceiling)
-    if cup.cell_size > longest:
-        reject(
-            "cell_size",
-            f"it must be at most {shown(longest, 'm')}: {NEEDLE:g} times a cell's width through the wall, and ceiling",
-        )
-    cup.check_cells()
-
-
-def cup_panels(cup: SuctionCup) -> tuple[Panel, ...]:
-    """Return the half section; see `SuctionCup`."""
-    through, level, top = cup.rows, cup.depth + cup.roof, cup.height
-    stem, ceiling = cup.along(cup.stem_radius), cup.along(cup.ceiling - cup.stem_radius)
-    skirt, rise = cup.along(math.hypot(cup.radius - cup.ceiling, cup.depth)), cup.along(cup.stem_height)
-    s, c, h = cup.stem_radius, cup.ceiling, cup.depth
-    inner, outer = (cup.radius, 0.0), (cup.outer_radius, 0.0)
-    return (
-        rectangle((0.0, level), (s, top), (stem, rise), ("", "outer", "top", "axis")),
-        rectangle((0.0, h), (s, level), (stem, through), ("cavity", "", "", "axis")),
-        rectangle((s, h), (c, level), (ceiling, through), ("cavity", "", "outer", "")),
-        Panel("solid", (Side(inner, outer, through, "lip"), Side(outer, (c, level), skirt, "outer"),
-                        Side((c, level), (c, h), through), Side((c, h), inner, skirt, "cavity"))),
-    )  # fmt: skip
+from softmodels.common.schema import length_field
 
 
 @register_device
@@ -120,11 +64,28 @@ class SuctionCup(Revolved):
     seen: ClassVar = ("top", "outer")
 
     def check(self) -> None:
-        check_cup(self)
+        self.check_most("ceiling", 1.0, "radius", "the skirt opens towards the lip, so that it must be at most {}")
+        self.check_below("stem_radius", "ceiling")
+        self.check_least("roof lip", 5e-3, "radius")
+        if self.radius - self.ceiling > 4.0 * self.depth:
+            self.reject("depth", "the skirt is flatter than 4 to 1 then, a plate; enlarge it, or ceiling")
+        self.check_size("stem_height", self.height, self.outer_radius)
+        self.check_cells("ceiling")
 
     @property
     def panels(self) -> tuple[Panel, ...]:
-        return cup_panels(self)
+        through, level, top = self.rows, self.depth + self.roof, self.height
+        stem, ceiling = self.along(self.stem_radius), self.along(self.ceiling - self.stem_radius)
+        skirt, rise = self.along(math.hypot(self.radius - self.ceiling, self.depth)), self.along(self.stem_height)
+        s, c, h = self.stem_radius, self.ceiling, self.depth
+        inner, outer = (self.radius, 0.0), (self.outer_radius, 0.0)
+        return (
+            rectangle((0.0, level), (s, top), (stem, rise), ("", "outer", "top", "axis")),
+            rectangle((0.0, h), (s, level), (stem, through), ("cavity", "", "", "axis")),
+            rectangle((s, h), (c, level), (ceiling, through), ("cavity", "", "outer", "")),
+            Panel("solid", (Side(inner, outer, through, "lip"), Side(outer, (c, level), skirt, "outer"),
+                            Side((c, level), (c, h), through), Side((c, h), inner, skirt, "cavity"))),
+        )  # fmt: skip
 
     @property
     def thinnest(self) -> float:
