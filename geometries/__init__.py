@@ -14,8 +14,7 @@ Begin with `actuator`: a device is a frozen dataclass of it that is registered (
 
 - `disk`, `seminar`, `pneunet`, `membrane`, `balloon`, `bellows`, `bending_bellows`, `cylinder`, `beam`, `suction_cup`: one
   file for each device: its lengths, their checks, its mesh and its outline.
-- `imported`: parts from files: faces and points chosen by short texts. `imported_step`: STEP files. `imported_mesh`: meshes of
-  Gmsh, Abaqus or CalculiX, and STL surfaces.
+- `imported`: parts from files, faces and points chosen by short texts: STEP files, meshes of Gmsh, Abaqus or CalculiX, STL.
 - `revolved`: half sections of bodies of revolution. `meshing`: Gmsh, in a process of its own where it takes long.
 - `mesh_arrays`: meshes as arrays. `options`: command-line options of a device.
 """
@@ -33,8 +32,8 @@ PLACES = {
     "BendingBellows": "geometries.bending_bellows",
     "Cylinder": "geometries.cylinder",
     "HollowDisk": "geometries.disk",
-    "ImportedActuator": "geometries.imported_step",
-    "ImportedMesh": "geometries.imported_mesh",
+    "ImportedActuator": "geometries.imported",
+    "ImportedMesh": "geometries.imported",
     "Membrane": "geometries.membrane",
     "PneuNet": "geometries.pneunet",
     "SeminarActuator": "geometries.seminar",
@@ -50,8 +49,7 @@ if TYPE_CHECKING:
     from geometries.bending_bellows import BendingBellows as BendingBellows
     from geometries.cylinder import Cylinder as Cylinder
     from geometries.disk import HollowDisk as HollowDisk
-    from geometries.imported_mesh import ImportedMesh as ImportedMesh
-    from geometries.imported_step import ImportedActuator as ImportedActuator
+    from geometries.imported import ImportedActuator as ImportedActuator, ImportedMesh as ImportedMesh
     from geometries.membrane import Membrane as Membrane
     from geometries.pneunet import PneuNet as PneuNet
     from geometries.registry import ACTUATORS as ACTUATORS, register_device as register_device
@@ -68,7 +66,7 @@ if TYPE_CHECKING:
 _NAMES, __getattr__, __dir__ = lazy_names(
     __name__,
     {
-        **{place: (name,) for name, place in PLACES.items()},
+        **{place: tuple(name for name, own in PLACES.items() if own == place) for place in PLACES.values()},
         "geometries.actuator": ("Actuator", "CutPlane", "Hold"),
         "softmodels.common.errors": ("GeometryError", "MeshFileError", "MeshingError", "MeshingStopped"),
         "geometries.registry": ("ACTUATORS", "register_device"),

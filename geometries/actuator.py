@@ -314,6 +314,10 @@ class Actuator(Designable, Castable, Presented, ABC):
         what = name if name in about(self) else f"the {name.replace('_', ' ')}"
         return f"{what}, {shown(getattr(self, name), 'm')}"
 
+    def given(self, *names: str) -> str:
+        """Return parameters with their values for a message, such as ``radius 20 mm and wall 2 mm``."""
+        return " and ".join(self.told(name).replace(",", "") for name in names)
+
     def reject(self, name: str, why: str) -> NoReturn:
         """Raise `GeometryError` on a parameter: its value, and why it makes no device."""
         raise GeometryError(f"{name} is {shown(getattr(self, name), about(self)[name].kind.unit)}; {why}")

@@ -304,7 +304,7 @@ class Balloon(Revolved):
             begin = f"{shown(abs(level), 'm')}{' below the end' if level < 0 else ''}"
             self.reject(
                 "fillet",
-                f"with {self.told('neck_length')}, it begins at the height {begin}: it must leave {shown(least, 'm')} of the "
+                f"with {self.given('neck_length')} it begins at the height {begin}: it must leave {shown(least, 'm')} of the "
                 f"neck and begin below where the neck opens inside, {shown(joint, 'm')}",
             )
 

@@ -212,18 +212,18 @@ class BendingBellows(Finger):
         if self.crest > 2.0 * self.length:
             self.reject(
                 "radius",
-                f"with {self.told('depth')} and {self.told('wall')} the crests are at {_mm(self.crest)}, more than twice "
+                f"with {self.given('depth', 'wall')} the crests are at {_mm(self.crest)}, more than twice "
                 f"{self.told('length')}",
             )
         if self.fold_radius - 0.5 * self.wall < 0.5 * self.least_wall * (1 - ROUNDING):
             self.reject(
                 "wall",
-                f"with {self.told('pitch')} and {self.told('depth')} the folds have a radius of {_mm(self.fold_radius)}, and "
+                f"with {self.given('pitch', 'depth')} the folds have a radius of {_mm(self.fold_radius)}, and "
                 f"least_wall {_mm(self.least_wall)} of air is left inside them only below "
                 f"{_mm(2.0 * self.fold_radius - self.least_wall)}",
             )
         self.check_most("depth", 3.0, "pitch", "folds are at most {}, deep")
-        self.check_most("base rim root cap", 1.0, "folded")
+        self.check_most("base rim root cap", 1.0, "length_of_the_folds")
         self.check_cells(("wall", "base", "root", "cap"))
 
     @property
@@ -237,7 +237,7 @@ class BendingBellows(Finger):
         return self.pitch / (4.0 * math.sin(self.half_angle))
 
     @property
-    def folded(self) -> float:
+    def length_of_the_folds(self) -> float:
         """Length of the folds in m."""
         return self.length - self.root - self.cap
 

@@ -295,7 +295,7 @@ class Cylinder(Sectioned, Halved):
         if self.outer_radius > 500.0 * self.wall:
             self.reject("wall", f"it must be at least 1/500 of {self.told('outer_radius')}")
         self.check_most("cap", 20.0, "outer_radius")
-        given = f"with {self.told('cap')} or {self.told('wall')} "
+        given = f"with {self.given('cap')} or {self.given('wall')} "
         self.check_size("length", self.outer_radius, self.height, given=given)
         if self.section == "axisymmetric" and self.strip:
             self.reject("strip", "an axisymmetric section cannot have a strip; use section half")

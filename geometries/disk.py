@@ -445,7 +445,7 @@ class HollowDisk(Wedged):
             self.check_below(fillet, "cavity_height")
             self.check_below(fillet, "cavity_radius")
         if self.fillet + self.base_fillet >= self.cavity_height:
-            self.reject("fillet", f"with {self.told('base_fillet')} it leaves nothing of {self.told('cavity_height')}")
+            self.reject("fillet", f"with {self.given('base_fillet')} it leaves nothing of {self.told('cavity_height')}")
         thinnest, thickest = self.membrane_top.extremes
         for part, length in {"membrane": thickest, "base": self.base, "cavity_height": self.cavity_height}.items():
             if length > 5.0 * self.outer_radius:
@@ -453,7 +453,7 @@ class HollowDisk(Wedged):
                     f"{part} is {shown(length, 'm')}; more than 5 times the disk's radius, {shown(self.outer_radius, 'm')}, is "
                     "not a disk and suggests a wrong unit"
                 )
-        self.check_size("wall", self.outer_radius, given=f"with {self.told('cavity_radius')} ")
+        self.check_size("wall", self.outer_radius, given=f"with {self.given('cavity_radius')} ")
         self.check_angle()
         if self.dimension == 3 and abs(self.azimuth) > 360.0:
             self.reject("azimuth", "it must be between -360 and 360 deg")

@@ -1,27 +1,36 @@
-"""Base class of parts from files, drawn or meshed, with texts that assign roles to faces."""
+"""Parts from files, with texts that assign roles to faces: STEP drawings, meshes of other programs, surfaces (STL)."""
 
 from __future__ import annotations
 
 import abc
 import contextlib
 import dataclasses
+import functools
 import hashlib
+import io
+import math
 import re
 import tempfile
 import unicodedata
+import warnings
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import Actuator, CutPlane, Hold, Vector, reflected
-from softmodels.common.errors import GeometryError, whole_path
-from softmodels.common.files import GEOMETRY, file_digest, read_file
+from geometries.actuator import Actuator, CutPlane, Hold, Recipe, Vector, check_slice, in_halves, joined, reflected
+from geometries.mesh_arrays import TO_GMSH, Ints, Tetrahedra
+from geometries.meshing import apart, private_model
+from geometries.registry import register_device
+from geometries.revolved import TRIANGLE
+from softmodels.common.arrays import Array
+from softmodels.common.errors import GeometryError, MeshingError, whole_path
+from softmodels.common.files import GEOMETRY, check_file, file_digest, read_file
 from softmodels.common.names import lazy_module
-from softmodels.common.schema import choice_field, list_field, text_field
+from softmodels.common.schema import choice_field, length_field, list_field, number_field, shown, text_field
 
 gmsh = lazy_module("gmsh")
 
@@ -33,33 +42,6 @@ MAIN = "solid"
 """Region of a file with one solid."""
 NONE = "none"
 """What ``cavities`` says of a part without air."""
-
-
-def only_inner_shell[Shell](file: str, inner: Sequence[Shell], centre: Callable[[Shell], NDArray[np.float64]]) -> Shell:
-    """Return the wall of a part's only cavity.
-
-    Args:
-        file: The part's file.
-        inner: Walls of the part that are neither its outside nor joined to it.
-        centre: Gives the middle of a wall's box in m, shape (3,).
-
-    Raises:
-        GeometryError: There is none, or there are several; the message lists where they are.
-    """
-    if not inner:
-        raise GeometryError(
-            f"cavities is empty, and file {file} has no closed inner shell that could be the cavity: close its inlet where "
-            "it is drawn, name the planes of a part that is cut, or write cavities = ['none'] for a part without air"
-        )
-    if len(inner) > 1:
-        middles = sorted(tuple(1e3 * centre(shell)) for shell in inner)
-        places = "; ".join(", ".join(f"{value:.4g}" for value in middle) for middle in middles[:4])
-        places += "; ..." if len(inner) > 4 else ""
-        raise GeometryError(
-            f"cavities is empty, and file {file} has {len(inner)} closed inner shells, with their middles at {places} mm; "
-            "give a point in the air of each cavity, such as cavities = ['at 10, 0, 4 mm']"
-        )
-    return inner[0]
 
 
 def cavity_role(number: int) -> str:
@@ -623,3 +605,1013 @@ def surface_points(tag: int) -> NDArray[np.float64]:
     low, high = gmsh.model.getParametrizationBounds(2, tag)
     places = np.stack(np.meshgrid(*np.linspace(low, high, 4).T), axis=-1)
     return np.array(gmsh.model.getValue(2, tag, places.ravel())).reshape(-1, 3)
+
+
+def shells(surfaces: list[int]) -> list[list[int]]:
+    """Return the surfaces that are connected by their curves."""
+    left, shells = set(surfaces), []
+    curves = {tag: {abs(curve) for _, curve in gmsh.model.getBoundary([(2, tag)], oriented=False)} for tag in surfaces}
+    while left:
+        shell = [left.pop()]
+        for tag in shell:
+            joined = {other for other in left if curves[other] & curves[tag]}
+            left -= joined
+            shell += joined
+        shells.append(shell)
+    return shells
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What each face of a part does: cut plane, wall of a cavity, support, or just its outside.
+#
+# A cavity is found from a point in its air or from faces of its wall. Take away the faces on the cut planes: the walls that
+# hang together by their edges are then the outside or one cavity each, and the wall nearest to the point is that of its own
+# cavity, since the straight way there crosses no other. So a cavity is open only on cut planes; one with an inlet is connected
+# with the outside.
+
+
+class Boundary(abc.ABC):
+    """Faces of a part by number: surfaces of a drawing in the current Gmsh model, or triangles of a mesh.
+
+    Args:
+        part: The part.
+        near: What counts as the same place, m.
+
+    Attributes:
+        program: Where a user changes the part, a clause.
+    """
+
+    program: ClassVar[str]
+
+    def __init__(self, part: ImportedPart, near: float):
+        self.part, self.near = part, near
+
+    @property
+    @abc.abstractmethod
+    def every(self) -> Ints:
+        """All faces."""
+
+    @property
+    @abc.abstractmethod
+    def nodes(self) -> Array:
+        """Places all over the part in m, shape (n, 3)."""
+
+    @abc.abstractmethod
+    def pieces(self, among: Ints) -> list[Ints]:
+        """Return the faces that are connected by their edges."""
+
+    @abc.abstractmethod
+    def chosen(self, field: str, text: str, among: Ints) -> Ints:
+        """Return the faces that a text picks."""
+
+    @abc.abstractmethod
+    def points(self, faces: Ints) -> Array:
+        """Return places on faces in m, as many on each, shape (n, 3)."""
+
+    @abc.abstractmethod
+    def box(self, faces: Ints) -> Array:
+        """Return the lowest and highest corner of some faces' box in m, shape (2, 3)."""
+
+    @abc.abstractmethod
+    def holds(self, place: Vector) -> bool:
+        """Return whether a point (m) lies in the solid."""
+
+    @abc.abstractmethod
+    def nearest(self, place: Vector, pieces: list[Ints]) -> Ints:
+        """Return the piece nearest to a point."""
+
+    @abc.abstractmethod
+    def fitted(self, faces: Ints) -> Array:
+        """Return the unit normal of the plane nearest to some faces."""
+
+    @abc.abstractmethod
+    def inwards(self, normal: Array, faces: Ints) -> bool:
+        """Return whether a normal of flat faces points into the solid."""
+
+    def roles(self) -> dict[str, Ints]:
+        """Return the faces by role; every face has one.
+
+        Raises:
+            GeometryError: A choice that picks nothing, or something that cannot have this role.
+        """
+        part, left, roles = self.part, self.every, dict[str, Ints]()
+
+        def take(role: str, found: Ints) -> None:
+            nonlocal left
+            roles[role], left = found, left[~np.isin(left, found)]
+
+        for i, text in enumerate(part.planes):
+            take(f"plane{i}", self._in_cut_plane(text, left))
+        pieces = self.pieces(left)
+        outside = max(
+            pieces, key=lambda piece: float(np.linalg.norm(np.ptp(self.box(piece), axis=0))), default=left[:0]
+        )
+        if not part.cavities:
+            take(cavity_role(0), self._only_inner([piece for piece in pieces if piece is not outside]))
+        for i, text in enumerate(part.cavities[: part.cavity_count]):
+            wall = self._wall(text, pieces, left)
+            if np.isin(outside, wall).any():
+                raise GeometryError(
+                    f"cavities has {text!r}; that is outside the part, or its cavity is open to the outside"
+                )
+            if not np.isin(wall, left).all():
+                raise GeometryError(f"cavities has {text!r}; that cavity is already selected")
+            take(cavity_role(i), wall)
+        patches = [(name, "surfaces", text) for name, text in part.patches.items()]
+        for role, field, text in (("support", "support", part.support), *patches):
+            if text:
+                take(role, self._some(f"{field} is {text!r}", field, text, left))
+        return {name: faces for name, faces in {**roles, "outer": left}.items() if len(faces)}
+
+    def outward(self, roles: Mapping[str, Ints]) -> tuple[Vector, ...]:
+        """Return the unit normals of the cut planes, away from the solid.
+
+        Raises:
+            GeometryError: A plane that does not bound the part, or planes between which its images do not fill the whole.
+        """
+        normals = []
+        for i, text in enumerate(self.part.planes):
+            normal = self.fitted(roles[f"plane{i}"])
+            normal = np.where(self.inwards(normal, roles[f"plane{i}"]), -normal, normal) + 0.0
+            if (self.nodes @ normal).max() > self.near:
+                raise GeometryError(
+                    f"planes has {text!r}; the part extends to both sides of it, so it is not cut there"
+                )
+            x, y, z = (float(value) for value in normal)
+            normals.append((x, y, z))
+        check_slice(normals, self.part.planes)
+        return tuple(normals)
+
+    def _some(self, what: str, field: str, text: str, left: Ints) -> Ints:
+        """Return the faces among ``left`` that a text picks; there must be some."""
+        found = self.chosen(field, text, left)
+        if not len(found):
+            ends = zip(AXES, *(1e3 * self.box(self.every)), strict=True)
+            spans = ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, low, high in ends)
+            raise GeometryError(
+                f"{what}; the part has no such face, or it already belongs to a cut plane or a cavity (it spans {spans} mm)"
+            )
+        return found
+
+    def _in_cut_plane(self, text: str, left: Ints) -> Ints:
+        """Return all faces in the plane of those that a text picks, which must go through the origin."""
+        what = f"planes has {text!r}"
+        picked = self._some(what, "planes", text, left)
+        normal = self.fitted(picked)
+        distances = self.points(picked) @ normal
+        if np.ptp(distances) > 2 * self.near:
+            raise GeometryError(f"{what}; these faces do not lie in one plane")
+        if abs(distances.mean()) > self.near:
+            shift = ", ".join(f"{value:.6g}" for value in -1e3 * distances.mean() * normal + 0.0)
+            raise GeometryError(f"{what}; cut planes go through the origin: move the part by {shift} mm {self.program}")
+        off = np.abs(self.points(left) @ normal).reshape(len(left), -1).max(axis=1)
+        return left[off < self.near]
+
+    def _only_inner(self, inner: list[Ints]) -> Ints:
+        """Return the wall of the only cavity, of those that are neither the outside nor joined to it."""
+        file = self.part.file
+        if not inner:
+            raise GeometryError(
+                f"cavities is empty, and file {file} has no closed inner shell that could be the cavity: close its inlet where "
+                "it is drawn, name the planes of a part that is cut, or write cavities = ['none'] for a part without air"
+            )
+        if len(inner) > 1:
+            middles = sorted(tuple(1e3 * self.box(shell).mean(axis=0)) for shell in inner)
+            places = "; ".join(", ".join(f"{value:.4g}" for value in middle) for middle in middles[:4])
+            places += "; ..." if len(inner) > 4 else ""
+            raise GeometryError(
+                f"cavities is empty, and file {file} has {len(inner)} closed inner shells, with their middles at {places} mm; "
+                "give a point in the air of each cavity, such as cavities = ['at 10, 0, 4 mm']"
+            )
+        return inner[0]
+
+    def _wall(self, text: str, pieces: list[Ints], left: Ints) -> Ints:
+        """Return the piece of wall nearest to a point in the air, or that or those to which picked faces belong."""
+        if re.match(r"\s*at\b", text):
+            place = point("cavities", text)
+            if self.holds(place):
+                raise GeometryError(f"cavities has {text!r}; that point lies in the solid, not in a cavity's air")
+            return self.nearest(place, pieces)
+        picked = self._some(f"cavities has {text!r}", "cavities", text, left)
+        return np.concatenate([piece for piece in pieces if np.isin(piece, picked).any()])
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How many triangles the mesh of a STEP part's faces takes, from their areas and curvature, before any is made.
+
+
+MOST_TRIANGLES = 1_000_000
+
+SAMPLES = 5
+"""Places in each direction of a face's parameters where its curvature is looked at."""
+
+
+def expected_triangles(faces: Ints, cell_size: float, curvature: float) -> float:
+    """Return the number of triangles on faces of the current Gmsh model, or fewer: fine edges make the faces beside them finer.
+
+    Args:
+        faces: Their tags.
+        cell_size: Longest edge in m.
+        curvature: Cells around a full circle.
+    """
+    total = 0.0
+    for face in faces:
+        around = 2.0 * np.pi / (curvature * np.maximum(_curvatures(face), 1e-30))
+        sizes = np.minimum(cell_size, around)
+        total += float(gmsh.model.occ.getMass(2, face)) * float(np.mean(sizes**-2.0))
+    return total / TRIANGLE
+
+
+def _curvatures(face: int) -> np.ndarray:
+    """Return the largest curvature (1/m) at places all over a face."""
+    low, high = gmsh.model.getParametrizationBounds(2, face)
+    share = (np.arange(SAMPLES) + 0.5) / SAMPLES
+    u, v = (low[i] + share * (high[i] - low[i]) for i in range(2))
+    places = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1)
+    largest, smallest = gmsh.model.getPrincipalCurvatures(face, list(places))[:2]
+    return np.maximum(np.abs(largest), np.abs(smallest))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The solids of a STEP file: one, or several that are glued where they touch, each a region with its own name.
+#
+# A solid's name is that of its body in the file, else that of its part. Bodies' names do not come through Gmsh; they travel as
+# colours, as faces' names do (`geometries.imported`).
+
+
+NAMELESS = re.compile(r"Open CASCADE STEP translator.*|SOLID|COMPOUND|")
+
+
+class Solids(Boundary):
+    """Solids of the current Gmsh model.
+
+    Args:
+        part: The part.
+        regions: Volumes by region.
+        made: For each of the file's surfaces, in their order, those that gluing made of it; empty if nothing was glued.
+    """
+
+    program = "in its CAD program"
+
+    def __init__(self, part: ImportedPart, regions: dict[str, list[int]], made: Sequence[Sequence[int]] = ()):
+        low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
+        self.extent, self.regions, self.made = float(np.linalg.norm(high - low)), regions, made
+        super().__init__(part, 1e-5 * self.extent)  # Gmsh's boxes are wider by its tolerance
+
+    @property
+    def tags(self) -> list[int]:
+        return [tag for tags in self.regions.values() for tag in tags]
+
+    @functools.cached_property
+    def every(self) -> Ints:
+        """Surfaces that bound the union of the solids, without those between two of them."""
+        volumes = [(3, tag) for tag in self.tags]
+        found = gmsh.model.getBoundary(volumes, combined=len(volumes) > 1, oriented=False)
+        return np.array([abs(tag) for _, tag in found], dtype=np.int64)
+
+    @property
+    def volume(self) -> float:
+        """Volume in m3."""
+        return sum(float(gmsh.model.occ.getMass(3, tag)) for tag in self.tags)
+
+    @property
+    def centre(self) -> np.ndarray:
+        """Centre of mass in m, shape (3,)."""
+        masses = [gmsh.model.occ.getMass(3, tag) for tag in self.tags]
+        return np.average([gmsh.model.occ.getCenterOfMass(3, tag) for tag in self.tags], axis=0, weights=masses)
+
+    @property
+    def nodes(self) -> Array:
+        """Nodes of the surfaces, once they are meshed."""
+        return np.asarray(gmsh.model.mesh.getNodes()[1].reshape(-1, 3))
+
+    def pieces(self, among: Ints) -> list[Ints]:
+        return [np.array(sorted(shell), dtype=np.int64) for shell in shells([int(tag) for tag in among])]
+
+    def chosen(self, field: str, text: str, among: Ints) -> Ints:
+        found = chosen(field, faces(field, text), among.tolist(), self.near, self.part.file, self.made)
+        return np.array(found, dtype=np.int64)
+
+    def points(self, faces: Ints) -> Array:
+        return np.concatenate([np.zeros((0, 3)), *(surface_points(tag) for tag in faces)])
+
+    def box(self, faces: Ints) -> Array:
+        boxes = np.array([gmsh.model.occ.getBoundingBox(2, tag) for tag in faces])
+        return np.array([boxes[:, :3].min(axis=0), boxes[:, 3:].max(axis=0)])
+
+    def holds(self, place: Vector) -> bool:
+        return any(gmsh.model.isInside(3, tag, list(place)) for tag in self.tags)
+
+    def nearest(self, place: Vector, pieces: list[Ints]) -> Ints:
+        probe = gmsh.model.occ.addPoint(*place)
+        found = min(pieces, key=lambda piece: min(gmsh.model.occ.getDistance(0, probe, 2, tag)[0] for tag in piece))
+        gmsh.model.occ.remove([(0, probe)])
+        return found
+
+    def fitted(self, faces: Ints) -> Array:
+        points = self.points(faces)
+        normal = np.linalg.svd(points - points.mean(axis=0))[2][2]
+        return np.asarray(np.round(normal, 12) + 0.0)  # square to an axis means so, without -0
+
+    def inwards(self, normal: Array, faces: Ints) -> bool:
+        return bool(normal @ self.centre > 0)
+
+
+def glued(part: ImportedActuator) -> Solids:
+    """Return the solids of the current Gmsh model, read from a part's file, glued where they touch.
+
+    Raises:
+        GeometryError: There is none; they overlap; or one touches no other.
+    """
+    volumes = gmsh.model.getEntities(3)
+    if len(volumes) == 1:
+        return Solids(part, {MAIN: [volumes[0][1]]})
+    if not volumes:
+        raise GeometryError(f"file {part.file} holds no solid, but {len(gmsh.model.getEntities(2))} faces")
+    names = _names(part.file, volumes)
+    surfaces = gmsh.model.getEntities(2)
+    _, made = gmsh.model.occ.fragment(volumes, surfaces)
+    gmsh.model.occ.synchronize()
+    regions: dict[str, list[int]] = defaultdict(list)
+    owner: dict[int, str] = {}
+    for name, found in zip(names, made, strict=False):
+        for _, tag in found:
+            if tag in owner:
+                raise GeometryError(
+                    f"file {part.file}: the solids {owner[tag]} and {name} overlap; cut one by the other"
+                )
+            owner[tag] = name
+            regions[name].append(tag)
+    pieces = tuple(tuple(tag for _, tag in found) for found in made[len(volumes) :])
+    solids = Solids(part, dict(regions), pieces)
+    _check_touching(part, solids, owner)
+    return solids
+
+
+def _names(file: str, volumes: list[tuple[int, int]]) -> list[str]:
+    """Return the names of the regions of a file's solids, in the order of the volumes."""
+    found = []
+    for number, (own, volume) in enumerate(zip(solid_names(file), volumes, strict=True), 1):
+        label = str(gmsh.model.getEntityName(*volume)).rpartition("/")[2]
+        text = next((text for text in (own, label) if not NAMELESS.fullmatch(text)), f"solid {number}")
+        found.append(region_name(text))
+    return found
+
+
+def _check_touching(part: ImportedActuator, solids: Solids, owner: dict[int, str]) -> None:
+    """Reject a solid that shares no face with those that the first one is connected with."""
+    beside = defaultdict(set)
+    for tag in solids.tags:
+        for _, face in gmsh.model.getBoundary([(3, tag)], oriented=False):
+            beside[face].add(tag)
+    reached, left = {solids.tags[0]}, set(solids.tags[1:])
+    while new := {tag for both in beside.values() if both & reached for tag in both & left}:
+        reached |= new
+        left -= new
+    if left:
+        names = ", ".join(sorted({owner[tag] for tag in left}))
+        raise GeometryError(
+            f"file {part.file}: {names} shares no face with {owner[solids.tags[0]]}; the solids of a part are bonded, so they "
+            "have to touch"
+        )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A STEP file in Gmsh: its unit, its volumes, its mesh.
+
+
+FINE = 40
+"""Cells around a circle in the mesh of walls that the cavities' volumes are measured on."""
+
+
+@functools.lru_cache(maxsize=32)
+def read_part(part: ImportedActuator, digest: str) -> Reading:
+    """Open the file, in a process of its own, and check every choice against it.
+
+    Args:
+        part: The part.
+        digest: Hash of the file's bytes: another content is another reading.
+
+    Raises:
+        GeometryError: A file or a choice that makes no device.
+    """
+    try:
+        return apart(_read_step, part)
+    except MeshingError as error:
+        raise GeometryError(f"file {part.file} cannot be read: {error}") from None
+
+
+def _read_step(part: ImportedActuator) -> Reading:
+    with private_model():
+        solids = open_part(part)
+        roles = solids.roles()
+        expected = expected_triangles(solids.every, part.cell_size, max(part.curvature, FINE))
+        if expected > MOST_TRIANGLES:
+            raise GeometryError(
+                f"cell_size is {shown(part.cell_size, 'm')} with curvature {part.curvature:g}; about {expected:.2g} triangles "
+                f"are expected on the part's faces and {MOST_TRIANGLES:,} are allowed"
+            )
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", FINE)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", part.cell_size)
+        gmsh.model.mesh.generate(2)
+        gmsh.model.mesh.setOrder(2)
+        volumes = tuple(_enclosed(solids, roles[cavity_role(i)]) for i in range(part.cavity_count))
+        return Reading(
+            solids.outward(roles),
+            _gauge(part, roles.get("support", np.empty(0))),
+            solids.volume,
+            volumes,
+            tuple(solids.regions) if len(solids.regions) > 1 else (),
+        )
+
+
+def build_part(part: ImportedActuator) -> None:
+    """Fill the current Gmsh model with the part, its roles and its cell sizes (m)."""
+    solids = open_part(part)
+    for name, tags in solids.regions.items():
+        gmsh.model.addPhysicalGroup(3, tags, name=name)
+    for role, faces_of_role in solids.roles().items():
+        gmsh.model.addPhysicalGroup(2, faces_of_role.tolist(), name=role)
+    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", part.curvature)
+    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 1)
+    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: min(other, part.cell_size))
+
+
+def open_part(part: ImportedActuator, unit: str = "M") -> Solids:
+    """Read the file in metres, or another of the CAD kernel's units, whatever its own; its solids are glued."""
+    gmsh.option.setString("Geometry.OCCTargetUnit", unit)
+    gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
+    try:
+        gmsh.model.occ.importShapes(part.file, format="step")
+        gmsh.model.occ.synchronize()
+    except Exception as error:  # Gmsh raises bare Exception
+        raise GeometryError(
+            f"file {part.file} cannot be read as STEP ({str(error).strip() or 'no reason given'})"
+        ) from None
+    return glued(part)
+
+
+def _enclosed(solids: Solids, tags: Ints) -> float:
+    """Volume within a wall by the divergence theorem on its mesh, -1/3 int x . n: cut planes through the origin add nothing."""
+    total = 0.0
+    for tag in tags:
+        for kind in gmsh.model.mesh.getElementTypes(2, tag):
+            local, weights = gmsh.model.mesh.getIntegrationPoints(kind, "Gauss4")
+            jacobians, determinants, places = gmsh.model.mesh.getJacobians(kind, local, tag)
+            normals, at = jacobians.reshape(-1, 3, 3)[:, 2], places.reshape(-1, 3)
+            # A face's mesh may be turned either way; the solid lies behind its outward normal.
+            turned = 1.0 if solids.holds(tuple(at[0] - 1e-4 * solids.extent * normals[0])) else -1.0
+            along = np.einsum("ij,ij->i", at, normals) * determinants
+            total -= turned * float((along.reshape(-1, len(weights)) @ weights).sum()) / 3.0
+    return total
+
+
+def _gauge(part: ImportedActuator, support: Ints) -> Vector:
+    """Return the corner nearest to the wanted point, or the one farthest from the held faces, or from the origin."""
+    corners = np.array([gmsh.model.getValue(0, tag, []) for _, tag in gmsh.model.getEntities(0)])
+    if not len(corners):
+        raise GeometryError(f"file {part.file} has no corner to follow; split an edge where the motion matters")
+    if part.gauge_point:
+        away = np.linalg.norm(corners - point("gauge_point", part.gauge_point), axis=1)
+        if away.min() > 1e-4:
+            near = ", ".join(f"{value * 1e3:.6g}" for value in corners[away.argmin()])
+            raise GeometryError(
+                f"gauge_point is {part.gauge_point!r}; it must be a corner, the nearest is at {near} mm"
+            )
+        x, y, z = corners[away.argmin()]
+    else:
+        held = np.mean([gmsh.model.occ.getCenterOfMass(2, tag) for tag in support] or [np.zeros(3)], axis=0)
+        x, y, z = corners[np.linalg.norm(corners - held, axis=1).argmax()]
+    return float(x), float(y), float(z)
+
+
+@register_device
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ImportedActuator(ImportedPart):
+    """A part from a STEP file, whose own unit counts; see `ImportedPart`.
+
+    Several solids that touch are glued, and each is a region of its own name.
+    """
+
+    cell_size: float = length_field(0.003, "longest edge of the cells", shape=False)
+    curvature: float = number_field(10.0, "cells around a full circle", shape=False)
+    order: int = choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
+
+    kind: ClassVar[str] = "STEP file (--file part.step)"
+
+    def check_cells(self) -> None:
+        if not 4.0 <= self.curvature <= 100.0:
+            raise GeometryError(f"curvature is {self.curvature:g}; it must be between 4 and 100 cells around a circle")
+
+    @property
+    def reading(self) -> Reading:
+        return read_part(self, self.digest())
+
+    @property
+    def regions(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Names of the file's solids, if there are several."""
+        return self.reading.regions
+
+    @property
+    def mesh_order(self) -> int:
+        return self.order
+
+    def cast_along(self, pull: Vector | None, level: float | None) -> Recipe:
+        if pull is None:
+            raise GeometryError("the mould of this part needs its opening direction, such as --pull '0, 0, 1'")
+        return in_halves(pull, level, f"The mould opens along {', '.join(f'{x:g}' for x in pull)}.")
+
+    def build_whole(self) -> None:
+        if self.planes:
+            raise GeometryError(
+                f"file {self.file} draws one of {self.copies} equal pieces, cut on its planes; draw the whole part"
+            )
+        if len(open_part(self, "MM").tags) > 1:
+            raise GeometryError(f"file {self.file} has several solids; a mould needs a part of a single solid")
+
+    def build(self) -> None:
+        build_part(self)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Read meshes of other programs into arrays, with their names of faces and regions.
+#
+# Gmsh's ``.msh`` and Abaqus' ``.inp`` are read by meshio, which runs nothing that a file holds. An ``.stl`` has surfaces
+# only; the solid between them is meshed by Gmsh, in a separate process.
+
+
+FARTHEST = 1e3
+"""Distance in m of a corner of a surface from the origin, above which its file is damaged or in another unit."""
+FLAT = 1e-9
+"""Six times the volume of a surface, in cubes of its extent, that is no more than rounding."""
+SAME = 1e-6
+"""Corners of an STL file's triangles this near to each other, over its extent, are one."""
+FEATURE = math.radians(40.0)
+"""Angle between triangles of an STL file from which their edge is one of the part."""
+OTHER_CELLS = ("hexahedron", "wedge", "pyramid", "voxel")
+
+
+def read_mesh(file: str, unit: float, cell_size: float) -> Tetrahedra:
+    """Read a mesh, in m.
+
+    Args:
+        file: Its path.
+        unit: Metres in one of its lengths.
+        cell_size: Longest edge in m of the cells that an STL file is filled with.
+
+    Raises:
+        GeometryError: No such file, not a mesh, or none of tetrahedra.
+    """
+    kind = Path(file).suffix.lower()
+    if kind not in FORMATS:
+        raise GeometryError(f"file is {file!r}; meshes are read from {', '.join(FORMATS)}, drawings from STEP")
+    found = _by_meshio(file, FORMATS[kind])
+    if kind == ".stl":
+        return _filled(file, found, unit, cell_size)
+    cells, groups = _tetrahedra(file, found)
+    faces = _face_names(found)
+    regions = _region_names(found, groups)
+    return Tetrahedra.made(unit * np.asarray(found.points, dtype=float)[:, :3], cells, faces, regions)
+
+
+def _by_meshio(file: str, format_name: str) -> Any:
+    import meshio
+
+    try:
+        check_file(file)
+        deck = read_file(file, GEOMETRY).decode("utf-8", errors="replace") if format_name == "abaqus" else ""
+    except OSError as error:
+        raise GeometryError(f"file {file} cannot be read ({error.strerror})") from None
+    _check_deck(file, deck)
+    try:
+        with (
+            contextlib.redirect_stdout(io.StringIO()),
+            contextlib.redirect_stderr(io.StringIO()),
+            warnings.catch_warnings(action="ignore"),
+        ):
+            found = meshio.read(file, format_name)
+    except OSError as error:
+        raise GeometryError(f"file {file} cannot be read ({error.strerror})") from None
+    except SystemExit:  # meshio's way with some files
+        raise GeometryError(f"file {file} is not a mesh of the format of its extension") from None
+    except Exception as error:  # meshio raises what its readers happen to meet
+        words = " ".join(str(error).split())[:200] or "no reason given"
+        raise GeometryError(f"file {file} is not a mesh of the format of its extension ({words})") from None
+    if len(found.points) > Path(file).stat().st_size:  # a count in its header that no numbers follow
+        raise GeometryError(
+            f"file {file} is not a mesh of the format of its extension (it announces more nodes than it has bytes)"
+        )
+    if not len(found.points) or not np.isfinite(found.points).all() or np.shape(found.points)[1] != 3:
+        raise GeometryError(f"file {file} has no nodes in three dimensions")
+    return found
+
+
+def _check_deck(file: str, text: str) -> None:
+    """Reject a deck that has meshio open other files, or count to numbers that no deck has; it runs nothing else."""
+    ranges = False
+    for number, line in enumerate(text.splitlines(), 1):
+        if line.startswith("**"):
+            continue
+        # Meshio's own way to find a keyword, which needs no asterisk.
+        keyword = line.partition(",")[0].strip().replace("*", "").upper()
+        named = line.startswith("*") and re.search(r",\s*INPUT\s*=", line, re.IGNORECASE)
+        if keyword == "INCLUDE" or named:
+            raise GeometryError(
+                f"file {file} includes another file (line {number}: {line.strip()[:80]!r}), "
+                f"which is not supported; put all nodes and elements into one file"
+            )
+        if line.startswith("*"):
+            ranges = "GENERATE" in line.upper()
+        elif ranges and keyword:
+            first, last, *_ = [*re.findall(r"-?\d+", line), "0", "0"]
+            if len(last) > 18 or int(last) - int(first) > len(text):
+                raise GeometryError(
+                    f"file {file} is not a mesh of the format of its extension (line {number} has a set of "
+                    f"{line.strip()[:80]!r}, more than the file has characters)"
+                )
+
+
+def _tetrahedra(file: str, found: Any) -> tuple[Ints, list[int]]:
+    """Return all tetrahedra of one order, and the cell blocks that they come from."""
+    kinds = [block.type for block in found.cells]
+    if other := sorted({kind for kind in kinds if kind.startswith(OTHER_CELLS)}):
+        raise GeometryError(f"file {file} has {', '.join(other)} cells; only tetrahedra of 4 or 10 nodes are supported")
+    blocks = [i for i, kind in enumerate(kinds) if kind in ("tetra", "tetra4", "tetra10")]
+    if not blocks:
+        raise GeometryError(f"file {file} has no tetrahedra; it has {', '.join(sorted(set(kinds))) or 'no cells'}")
+    if len({np.shape(found.cells[i].data)[1] for i in blocks}) > 1:
+        raise GeometryError(f"file {file} mixes tetrahedra of 4 and of 10 nodes; mesh it with one kind")
+    cells = np.concatenate([np.asarray(found.cells[i].data, dtype=np.int64) for i in blocks])
+    if cells.min() < 0 or cells.max() >= len(found.points):
+        raise GeometryError(f"file {file} has cells with undefined nodes")
+    return cells, blocks
+
+
+def _face_names(found: Any) -> dict[str, Ints]:
+    """Return the nodes by name: of node sets, of sets of triangles, of physical surfaces."""
+    names = {name: np.asarray(nodes, dtype=np.int64) for name, nodes in found.point_sets.items()}
+    for name, parts in _cell_sets(found):
+        chosen = [
+            np.asarray(block.data)[np.asarray(part, dtype=np.int64), :3].ravel()
+            for block, part in zip(found.cells, parts, strict=False)
+            if block.type.startswith("triangle") and part is not None and len(part)
+        ]
+        if chosen:
+            names[name] = np.unique(np.concatenate(chosen))
+    for name, number in _physical(found, 2).items():
+        chosen = [
+            np.asarray(block.data)[marks == number][:, :3].ravel()
+            for block, marks in zip(found.cells, found.cell_data["gmsh:physical"], strict=True)
+            if block.type.startswith("triangle")
+        ]
+        names[name] = np.unique(np.concatenate(chosen)) if chosen else np.empty(0, dtype=np.int64)
+    return names
+
+
+def _region_names(found: Any, blocks: list[int]) -> dict[str, Ints]:
+    """Return the cells by name, counted among the tetrahedra."""
+    starts = dict(zip(blocks, np.cumsum([0] + [len(found.cells[i].data) for i in blocks]).tolist(), strict=False))
+    names: dict[str, Ints] = {}
+    for name, parts in _cell_sets(found):
+        chosen = [np.asarray(parts[i], dtype=np.int64) + start for i, start in starts.items() if i < len(parts)
+                  and parts[i] is not None and len(parts[i])]  # fmt: skip
+        if chosen:
+            names[name] = np.concatenate(chosen)
+    for name, number in _physical(found, 3).items():
+        marks = found.cell_data["gmsh:physical"]
+        names[name] = np.concatenate([np.flatnonzero(marks[i] == number) + start for i, start in starts.items()])
+    return names
+
+
+def _cell_sets(found: Any) -> list[tuple[str, Any]]:
+    """Return the sets of cells by name; those of Gmsh's own (``gmsh:``) hold no cells."""
+    return [(name, parts) for name, parts in found.cell_sets.items() if not name.startswith("gmsh:")]
+
+
+def _physical(found: Any, dimension: int) -> dict[str, int]:
+    """Return Gmsh's physical groups of a dimension: number by name."""
+    if "gmsh:physical" not in found.cell_data:
+        return {}
+    return {name: int(number) for name, (number, dim) in found.field_data.items() if dim == dimension}
+
+
+def read_surfaces(file: str, unit: float) -> tuple[NDArray[np.float64], Ints]:
+    """Return the closed surfaces of an STL file: corners in m, shape (n, 3), and triangles, shape (t, 3).
+
+    Args:
+        file: Its path.
+        unit: Metres in one of its lengths.
+
+    Raises:
+        GeometryError: No such file, no STL, or a surface that is not closed.
+    """
+    if Path(file).suffix.lower() != ".stl":
+        raise GeometryError(f"file is {file!r}; surfaces are read from .stl")
+    return _closed(file, _by_meshio(file, "stl"), unit)
+
+
+def _closed(file: str, found: Any, unit: float) -> tuple[NDArray[np.float64], Ints]:
+    triangles = [np.asarray(block.data, dtype=np.int64) for block in found.cells if block.type == "triangle"]
+    if not triangles:
+        raise GeometryError(f"file {file} has no triangles")
+    places = unit * np.asarray(found.points, dtype=float)
+    extent = float(np.abs(places).max()) if np.isfinite(places).all() else math.inf
+    if extent > FARTHEST:
+        raise GeometryError(
+            f"file {file} has a corner {extent:.4g} m from its origin, but at most {FARTHEST:g} m is allowed; check its unit, "
+            f"or repair it in the program that wrote it"
+        )
+    points, triangles_of_all = _joined(places, np.concatenate(triangles))
+    _check_closed(file, points, triangles_of_all)
+    a, b, c = np.moveaxis(points[triangles_of_all], 1, 0)
+    if (
+        not abs(np.einsum("ij,ij->", a - points[0], np.cross(b - points[0], c - points[0])))
+        > FLAT * np.ptp(points, axis=0).max() ** 3
+    ):
+        raise GeometryError(f"file {file} encloses no volume; repair it in the program that wrote it")
+    return points, triangles_of_all
+
+
+def _filled(file: str, found: Any, unit: float, cell_size: float) -> Tetrahedra:
+    """Return the solid between the surfaces of an STL file, meshed."""
+    points, triangles = _closed(file, found, unit)
+    try:
+        nodes, cells = apart(_fill, points, triangles, cell_size)
+    except MeshingError as error:
+        raise GeometryError(
+            f"the solid between the surfaces of {file} cannot be meshed ({error}); look for surfaces that touch or cross each "
+            "other, or try another cell_size"
+        ) from None
+    return Tetrahedra.made(nodes, cells, {}, {})
+
+
+def _joined(points: NDArray[np.float64], triangles: Ints) -> tuple[NDArray[np.float64], Ints]:
+    """Return an STL file's triangles with common corners: it lists each corner with each triangle anew."""
+    from scipy.spatial import cKDTree
+
+    near = SAME * float(np.linalg.norm(np.ptp(points, axis=0)))
+    pairs = cKDTree(points).query_pairs(near, output_type="ndarray")
+    group = joined(pairs, len(points))
+    _, first = np.unique(group, return_index=True)
+    triangles = group[triangles]
+    ends = np.sort(triangles, axis=1)
+    return points[first], triangles[(ends[:, 0] != ends[:, 1]) & (ends[:, 1] != ends[:, 2])]
+
+
+def _check_closed(file: str, points: NDArray[np.float64], triangles: Ints) -> None:
+    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    known, count = np.unique(edges, axis=0, return_counts=True)
+    open_edges = known[count != 2]
+    if len(open_edges):
+        x, y, z = 1e3 * points[open_edges[0]].mean(axis=0)
+        raise GeometryError(
+            f"file {file} is not watertight: {len(open_edges)} edges do not belong to exactly two triangles, the first near "
+            f"{x:.4g}, {y:.4g}, {z:.4g} mm; repair it in the program that wrote it"
+        )
+
+
+def _fill(points: NDArray[np.float64], triangles: Ints, cell_size: float) -> tuple[NDArray[np.float64], Ints]:
+    """Mesh the solid between closed surfaces: nodes in m, and tetrahedra. The largest surface is the outside."""
+    try:
+        return _meshed(points, triangles, cell_size, True)
+    except Exception:  # bare: Gmsh finds no parameters of some surfaces; then their own triangles have to do
+        return _meshed(points, triangles, cell_size, False)
+
+
+def _meshed(
+    points: NDArray[np.float64], triangles: Ints, cell_size: float, anew: bool
+) -> tuple[NDArray[np.float64], Ints]:
+    """See `_fill`; ``anew`` meshes the surfaces anew with cells of their own, else the file's triangles stay."""
+    with private_model():
+        tag = gmsh.model.addDiscreteEntity(2)
+        gmsh.model.mesh.addNodes(2, tag, np.arange(1, len(points) + 1), points.ravel())
+        gmsh.model.mesh.addElementsByType(tag, 2, [], (triangles + 1).ravel())
+        gmsh.model.mesh.classifySurfaces(FEATURE, True, anew, math.pi)
+        if anew:
+            gmsh.model.mesh.createGeometry()
+        found = shells([tag for _, tag in gmsh.model.getEntities(2)])
+        outer = max(found, key=_extent)
+        loops = [gmsh.model.geo.addSurfaceLoop(shell) for shell in [outer, *(s for s in found if s is not outer)]]
+        solid = gmsh.model.geo.addVolume(loops)
+        gmsh.model.geo.synchronize()
+        gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 1)
+        gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: min(other, cell_size))
+        try:
+            gmsh.model.mesh.generate(3)
+        except Exception as error:  # Gmsh raises bare Exception
+            raise MeshingError(str(error).strip() or "Gmsh gives no reason") from None
+        gmsh.model.mesh.optimize("Netgen")
+        # Straight edges, as the file has them; of the order that the library's own meshes have, whose forms are compiled.
+        gmsh.option.setNumber("Mesh.SecondOrderLinear", 1)
+        gmsh.model.mesh.setOrder(2)
+        known, places, _ = gmsh.model.mesh.getNodes()
+        at = np.empty((int(known.max()) + 1, 3))
+        at[known.astype(int)] = places.reshape(-1, 3)
+        _, nodes = gmsh.model.mesh.getElementsByType(11, solid)
+        if not len(nodes):
+            raise MeshingError("Gmsh made no cells")
+        return at, nodes.astype(np.int64).reshape(-1, 10)[:, TO_GMSH]
+
+
+def _extent(shell: list[int]) -> float:
+    boxes = np.array([gmsh.model.getBoundingBox(2, tag) for tag in shell])
+    return float(np.linalg.norm(boxes[:, 3:].max(axis=0) - boxes[:, :3].min(axis=0)))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The boundary of a foreign mesh.
+
+
+class Triangles(Boundary):
+    """Boundary triangles of a mesh."""
+
+    program = "where it is meshed"
+
+    def __init__(self, part: ImportedPart, mesh: Tetrahedra):
+        super().__init__(part, 1e-5 * mesh.extent)  # files round to seven digits
+        self.mesh = mesh
+
+    @property
+    def every(self) -> Ints:
+        return np.arange(len(self.mesh.triangles))
+
+    @property
+    def nodes(self) -> Array:
+        return self.mesh.points
+
+    def pieces(self, among: Ints) -> list[Ints]:
+        return self.mesh.pieces(among)
+
+    def chosen(self, field: str, text: str, among: Ints) -> Ints:
+        choice, near, mesh = faces(field, text), self.near, self.mesh
+        if choice.colour is not None:
+            raise GeometryError(f"{field} is {text!r}; a mesh has no colours: name faces, or pick them by their place")
+        if choice.name is not None:
+            if choice.name not in mesh.faces:
+                raise GeometryError(f"{field} is {text!r}; {listed('name', sorted(mesh.faces))}")
+            return np.intersect1d(among, mesh.named(choice.name))
+        corners = mesh.corners[among]
+        if choice.box is not None:
+            low, high = (np.array(end) for end in choice.box)
+            return among[((corners > low - near) & (corners < high + near)).all(axis=(1, 2))]
+        normal = np.array(choice.normal)
+        typed = 0.0 if np.abs(normal).max() == 1.0 else TILT * float(np.linalg.norm(corners, axis=2).max(initial=0.0))
+        return among[(np.abs(corners @ normal - choice.at) < near + typed).all(axis=1)]
+
+    def points(self, faces: Ints) -> Array:
+        return self.mesh.corners[faces].reshape(-1, 3)
+
+    def box(self, faces: Ints) -> Array:
+        places = self.points(faces)
+        return np.array([places.min(axis=0), places.max(axis=0)])
+
+    def holds(self, place: Vector) -> bool:
+        return self.mesh.holds(place)
+
+    def nearest(self, place: Vector, pieces: list[Ints]) -> Ints:
+        away = self.mesh.distances(place)
+        return min(pieces, key=lambda piece: float(away[piece].min()))
+
+    def fitted(self, faces: Ints) -> Array:
+        places = self.points(faces)
+        normal = np.round(np.linalg.svd(places - places.mean(axis=0), full_matrices=False)[2][2], 6)
+        return np.asarray(normal / np.linalg.norm(normal) + 0.0)
+
+    def inwards(self, normal: Array, faces: Ints) -> bool:
+        return bool(self.mesh.normals[faces[0]] @ normal < 0)
+
+
+def put_on_planes(mesh: Tetrahedra, roles: Mapping[str, Ints], normals: Sequence[Vector]) -> Tetrahedra:
+    """Return the mesh with the nodes on its cut planes exactly there: files round."""
+    points = mesh.points.copy()
+    for _ in range(3):  # a node on two planes comes nearer to both
+        for i, normal in enumerate(normals):
+            nodes = np.unique(mesh.triangles[roles[f"plane{i}"]])
+            points[nodes] -= np.outer(points[nodes] @ normal, normal)
+    return dataclasses.replace(mesh, points=points)
+
+
+def cavity_volumes(part: ImportedMesh, mesh: Tetrahedra, roles: Mapping[str, Ints]) -> tuple[float, ...]:
+    """Return the volume in m3 of each cavity of the part as meshed.
+
+    Raises:
+        GeometryError: A wall that encloses nothing.
+    """
+    volumes = tuple(mesh.enclosed(roles[cavity_role(i)]) for i in range(part.cavity_count))
+    for i, volume in enumerate(volumes):
+        if not volume > 0.0:
+            what = f"cavities has {part.cavities[i]!r}" if part.cavities else "the part has one closed inner shell"
+            raise GeometryError(f"{what}; its wall encloses no air, so the mesh is no solid around it")
+    return volumes
+
+
+def gauge(part: ImportedMesh, mesh: Tetrahedra, roles: Mapping[str, Ints]) -> Vector:
+    """Return the corner of the boundary nearest to the wanted point, or the one farthest from the held faces, or from the
+    origin."""
+    nodes = np.unique(mesh.triangles[:, :3])
+    places = mesh.points[nodes]
+    if part.gauge_point:
+        at = places[np.linalg.norm(places - point("gauge_point", part.gauge_point), axis=1).argmin()]
+    else:
+        held = mesh.corners[roles["support"]].reshape(-1, 3).mean(axis=0) if "support" in roles else np.zeros(3)
+        at = places[np.linalg.norm(places - held, axis=1).argmax()]
+    return float(at[0]), float(at[1]), float(at[2])
+
+
+@register_device
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ImportedMesh(ImportedPart):
+    """A part from a mesh: ``.msh`` of Gmsh, ``.inp`` of Abaqus and CalculiX, or an ``.stl`` of its surfaces, air's included.
+
+    Cells are tetrahedra, of 4 or of 10 nodes, and are taken as they are. An STL file is filled with cells of ``cell_size``.
+    Faces are picked as of a drawing, "named x" by a node set, a set of triangles or a physical surface; cells with a name are
+    a region.
+    """
+
+    unit: str = choice_field("mm", tuple(UNITS), "unit of the file's lengths, which such files do not store")
+    cell_size: float = length_field(0.003, "longest edge of the cells, only for an STL file", shape=False)
+
+    meshed: ClassVar[bool] = True
+    kind: ClassVar[str] = "mesh (--file part.msh, part.inp or part.stl)"
+
+    def check_cells(self) -> None:
+        """Return nothing to model, as a mesh is used unchanged."""
+
+    @property
+    def mesh(self) -> Tetrahedra:
+        """The mesh in m; read once."""
+        return _read_mesh(self, self.digest())[0]
+
+    @property
+    def reading(self) -> Reading:
+        return _read_mesh(self, self.digest())[1]
+
+    def cast_along(self, pull: Vector | None, level: float | None) -> Recipe:
+        raise GeometryError(
+            f"file {self.file} holds a mesh, without the exact faces that a mould is cut along; use the part's STEP file"
+        )
+
+    @property
+    def regions(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Names that the file has for some of the cells."""
+        return tuple(self._named)
+
+    @property
+    def _named(self) -> dict[str, str]:
+        """The file's names by those of the regions."""
+        every = len(self.mesh.cells)
+        return {region_name(name): name for name, cells in self.mesh.regions.items() if 0 < len(cells) < every}
+
+    @property
+    def mesh_order(self) -> int:
+        return 1 if self.mesh.cells.shape[1] == 4 else 2
+
+    @property
+    def expected_cells(self) -> float:
+        return float(len(self.mesh.cells))
+
+    def build(self) -> None:
+        """Put the mesh into the current Gmsh model, every role a group of its boundary, every region of its cells."""
+        mesh = self.mesh
+        second = mesh.cells.shape[1] == 10
+        solid = gmsh.model.addDiscreteEntity(3)
+        gmsh.model.mesh.addNodes(3, solid, np.arange(1, len(mesh.points) + 1), mesh.points.ravel())
+        left = np.ones(len(mesh.cells), dtype=bool)
+        parts = []
+        for name, given in self._named.items():
+            cells = mesh.regions[given]
+            inside = cells[left[cells]]
+            left[inside] = False
+            parts.append((name, inside, gmsh.model.addDiscreteEntity(3)))
+        parts.append(("solid", np.flatnonzero(left), solid))
+        for name, cells, tag in parts:
+            if not len(cells):
+                continue
+            nodes = mesh.cells[cells][:, TO_GMSH] if second else mesh.cells[cells]
+            gmsh.model.mesh.addElementsByType(tag, 11 if second else 4, [], (nodes + 1).ravel())
+            gmsh.model.addPhysicalGroup(3, [tag], name=name)
+        for role, triangles in Triangles(self, mesh).roles().items():
+            tag = gmsh.model.addDiscreteEntity(2)
+            gmsh.model.mesh.addElementsByType(tag, 9 if second else 2, [], (mesh.triangles[triangles] + 1).ravel())
+            gmsh.model.addPhysicalGroup(2, [tag], name=role)
+
+
+@functools.lru_cache(maxsize=8)
+def _read_mesh(part: ImportedMesh, digest: str) -> tuple[Tetrahedra, Reading]:
+    """Read the file and check every choice against it.
+
+    Args:
+        part: The part.
+        digest: Hash of the file's bytes: another content is another reading.
+    """
+    mesh = read_mesh(part.file, UNITS[part.unit], part.cell_size)
+    if not 1e-5 < mesh.extent < 10.0:
+        raise GeometryError(
+            f"file {part.file} spans {1e3 * mesh.extent:.4g} mm with unit {part.unit!r}; give the unit of its lengths"
+        )
+    boundary = Triangles(part, mesh)
+    roles = boundary.roles()
+    normals = boundary.outward(roles)
+    mesh = put_on_planes(mesh, roles, normals)
+    volumes = cavity_volumes(part, mesh, roles)
+    return mesh, Reading(normals, gauge(part, mesh, roles), mesh.volume, volumes)

@@ -157,13 +157,13 @@ class Membrane(Revolved):
         self.check_cells()
 
     def _check_clamp(self) -> None:
-        given = f"with {self.told('radius')} "
+        given = f"with {self.given('radius')} "
         self.check_size("clamp_width", self.radius + self.clamp_width, given=given)
         deepest, inside = ROUNDEST * self.thickness, self.radius - max(self.plate_radius, *self.rings, 0.0)
         rounding = f"clamp_rounding is {shown(self.slope, 'm')}"
         if self.clamp_rounding and self.clamp_width:
             raise GeometryError(
-                f"{rounding}; it is of a held edge, and with {self.told('clamp_width')}, the faces of a ring are held: leave "
+                f"{rounding}; it is of a held edge, and with {self.given('clamp_width')} the faces of a ring are held: leave "
                 "one of them out"
             )
         if self.slope > deepest or self.slope >= inside > 0.0:

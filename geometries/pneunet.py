@@ -207,12 +207,12 @@ class PneuNet(Finger):
         if self.gaps and self.gap_floor > self.height - self.least_wall:
             self.reject(
                 "bridge",
-                f"with {self.told('channel_height')} no gap is left below the top at "
+                f"with {self.given('channel_height')} no gap is left below the top at "
                 f"{shown(self.chamber_height + self.top_wall, 'm')} above the base; with gap 0 the chambers share their walls",
             )
         if self.paper and self.base - self.paper < 2.0 * self.least_wall * (1 - ROUNDING):
             self.reject(
-                "paper", f"with {self.told('base')} less than {self.told('least_wall')} is left above and below it"
+                "paper", f"with {self.given('base')} less than {self.given('least_wall')} is left above and below it"
             )
         self.check_cells(name for name in self.walls if name in SOLID)
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from geometries import BendingBellows, GeometryError
-from geometries.bending_bellows import crest, half_angle, half_width, profile
 from geometries.meshing import private_model, summarize
 from geometries.registry import from_table, to_table
 
@@ -30,7 +29,7 @@ def test_volumes_are_those_of_the_kernel(name):
         ((_, tag),) = gmsh.model.occ.getEntities(3)
         assert gmsh.model.occ.getMass(3, tag) * 1e-9 == pytest.approx(bellows.solid_volume, rel=1e-9)
     summed = 0.0
-    for arc in profile(bellows, False):
+    for arc in bellows.arcs(False):
         x = arc.start + (arc.end - arc.start) * (np.arange(4000) + 0.5) / 4000
         summed += np.mean([arc.height(at) ** 2 for at in x]) * (arc.end - arc.start)
     assert bellows.cavity_volume == pytest.approx(0.5 * math.pi * summed, rel=1e-5)
@@ -41,7 +40,7 @@ def test_mesh_is_the_shape(meshed, name):
     bellows, mesh = SHAPES[name], meshed(SHAPES[name])
     volumes = {role: part.measure * bellows.copies for (dimension, role), part in mesh.groups.items() if dimension == 3}
     assert set(volumes) == {"solid", "base"}
-    assert volumes["base"] == pytest.approx(2 * bellows.length * half_width(bellows) * bellows.base, rel=1e-9)
+    assert volumes["base"] == pytest.approx(2 * bellows.length * bellows.half_width * bellows.base, rel=1e-9)
     assert sum(volumes.values()) == pytest.approx(bellows.solid_volume, rel=1e-2)
     faces = {role for dimension, role in mesh.groups if dimension == 2}
     cut = {"plane0"} if bellows.copies == 2 else set()
@@ -49,7 +48,7 @@ def test_mesh_is_the_shape(meshed, name):
     for role, outer in (("cavity", False), ("folds", True)):
         x, y, z = mesh.at(2, role).T
         r = np.hypot(y, z - bellows.base / 2)
-        heights = [arc.height(at) for arc in profile(bellows, outer) for at in (arc.start, arc.end)]
+        heights = [arc.height(at) for arc in bellows.arcs(outer) for at in (arc.start, arc.end)]
         assert r.max() == pytest.approx(max(heights), rel=1e-6)
         if outer:
             assert r.min() == pytest.approx(min(heights), rel=1e-6)
@@ -62,11 +61,11 @@ def test_mesh_is_the_shape(meshed, name):
 def test_wall_has_one_thickness():
     """Arcs of both faces have common centres; flanks of deep folds stand across x."""
     for bellows in SHAPES.values():
-        for inside, outside in zip(profile(bellows, False), profile(bellows, True), strict=True):
+        for inside, outside in zip(bellows.arcs(False), bellows.arcs(True), strict=True):
             assert inside.centre == pytest.approx(outside.centre)
             assert abs(inside.radius - outside.radius) == pytest.approx(bellows.wall)
-    assert half_angle(SHAPES["deep"]) == pytest.approx(math.pi / 2)
-    assert crest(SHAPES["deep"]) == pytest.approx(max(arc.height(arc.end) for arc in profile(SHAPES["deep"], True)))
+    assert SHAPES["deep"].half_angle == pytest.approx(math.pi / 2)
+    assert SHAPES["deep"].crest == pytest.approx(max(arc.height(arc.end) for arc in SHAPES["deep"].arcs(True)))
 
 
 def test_default_mesh_is_small_and_sound(tmp_path):

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import quad
 
 from geometries import HollowDisk
-from geometries.disk import MembraneTop, expected_cells, membrane_sizes
+from geometries.disk import MembraneTop, membrane_sizes
 from geometries.meshing import private_model
 from geometries.registry import from_table, to_table
 
@@ -119,7 +119,7 @@ def test_meshes_have_the_volume_the_roles_and_the_probes(disk, meshed):
     assert np.ptp(line[:, 2]) > 0.1 * disk.membrane and np.diff(along).max() < 1.5 * disk.cell_size
     assert len(line) % 2 == 1 if disk.order == 2 else len(line) > 5
     cells = len(mesh.groups[dim, "solid"].corners)
-    assert 0.5 < expected_cells(disk) / cells < 2.5
+    assert 0.5 < disk.expected_cells / cells < 2.5
 
 
 def test_cells_are_small_where_the_membrane_is_thin():

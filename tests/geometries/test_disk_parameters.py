@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from geometries import ACTUATORS, GeometryError, HollowDisk
-from geometries.disk import expected_cells
 from geometries.imported import ImportedPart
 from geometries.registry import device_from, from_table, to_table
 
@@ -142,7 +141,7 @@ def test_variant_comes_first_and_none_means_not_given():
 def test_expected_cells_are_of_the_right_size(meshed):
     for disk in (HollowDisk(), HollowDisk.variant("shadow", angle=30)):
         cells = len(meshed(disk).groups[3, "solid"].corners)
-        assert 0.5 < expected_cells(disk) / cells < 2.5
+        assert 0.5 < disk.expected_cells / cells < 2.5
 
 
 def test_every_device_has_a_default_variant_and_texts():

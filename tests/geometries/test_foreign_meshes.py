@@ -8,7 +8,7 @@ import meshio
 import pytest
 
 from geometries import GeometryError, HollowDisk, MeshFileError
-from geometries.imported_mesh import read_mesh, read_surfaces
+from geometries.imported import read_mesh, read_surfaces
 from geometries.meshing import load_mesh, private_model, summarize
 
 SCRIPT = 'SystemCall "touch {}";\n'

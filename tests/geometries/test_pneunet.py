@@ -11,7 +11,6 @@ import pytest
 from geometries import GeometryError, PneuNet
 from geometries.actuator import changed
 from geometries.meshing import private_model, summarize
-from geometries.pneunet import gap_floor, half_width
 from geometries.registry import from_table, to_table
 
 SHAPES = {
@@ -31,12 +30,12 @@ def test_mesh_is_the_shape(meshed, name):
     finger, mesh = SHAPES[name], meshed(SHAPES[name])
     regions = {role: part.measure * finger.copies for (dimension, role), part in mesh.groups.items() if dimension == 3}
     assert sum(regions.values()) == pytest.approx(finger.solid_volume, rel=1e-9)
-    width, base = 2 * half_width(finger), finger.base - finger.paper
+    width, base = 2 * finger.half_width, finger.base - finger.paper
     assert regions["base"] == pytest.approx(finger.length * width * base, rel=1e-9)
     assert regions.get("paper", 0.0) == pytest.approx(finger.length * width * finger.paper, rel=1e-9)
     box = finger.sides * (finger.height - finger.base / 2) * width * finger.length
     gaps = max(0, finger.chambers - 1) * finger.gap * width * finger.sides
-    depth = finger.height - gap_floor(finger)
+    depth = finger.height - finger.gap_floor
     both = (
         PneuNet.cavity_volume.fget(dataclasses.replace(finger, opposite=1.0))
         if finger.sides == 2

@@ -9,17 +9,9 @@ import gmsh
 import numpy as np
 import pytest
 
-from geometries import (
-    ACTUATORS,
-    Balloon,
-    Cylinder,
-    GeometryError,
-    HollowDisk,
-    PneuNet,
-    imported_mesh as mesh_module,
-    pneunet,
-)
+from geometries import ACTUATORS, Balloon, Cylinder, GeometryError, HollowDisk, PneuNet, pneunet
 from geometries.actuator import check_closed, find_openings
+from geometries.imported import Triangles
 from geometries.meshing import mirror_mesh, private_model
 from softmodels.__main__ import softmodels
 from softmodels.case.case import Case
@@ -83,16 +75,16 @@ def test_an_imported_mesh_whose_air_misses_a_face_is_refused(ended, monkeypatch,
     """A mesh file of another program; what picks its roles is made to leave out the floor of the air."""
     finger = PneuNet(chambers=1, chamber_length=0.01, cell_size=0.004)
     finger.write(tmp_path / "finger.msh")
-    roles = mesh_module.find_roles
+    roles = Triangles.roles
 
-    def forgetful(part, mesh):
-        found = roles(part, mesh)
+    def forgetful(boundary):
+        found, mesh = roles(boundary), boundary.mesh
         floor = np.abs(mesh.corners[found["cavity"]][:, :, 2] - 0.5 * finger.base).max(axis=1) < 1e-9
         return found | {"cavity": found["cavity"][~floor], "outer": np.union1d(found["outer"], found["cavity"][floor])}
 
     words = ("run", "--device", "ImportedMesh", "--file", tmp_path / "finger.msh", "--unit", "m", "--cavities", "at 9, 0, 8 mm",
              "--support", "x = 0 mm", "--planes", "y = 0 mm", "--pressure-cm", 0.1, "--quiet", "--no-pictures")  # fmt: skip
-    monkeypatch.setattr(mesh_module, "find_roles", forgetful)
+    monkeypatch.setattr(Triangles, "roles", forgetful)
     status, _, told = ended(softmodels, *words, "--output", tmp_path / "run")
     assert status == 2 and told.count("\n") == 1
     assert "'cavity' of ImportedMesh end near" in told and "outer" in told and "1.5 mm" in told

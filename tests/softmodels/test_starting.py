@@ -86,7 +86,7 @@ def test_a_section_is_solved_without_what_it_has_no_use_for(tmp_path):
     loaded = set(done.stdout.split())
     assert {"dolfinx", "h5py", "softmodels.path.stability"} <= loaded
     assert not loaded & {"dolfinx_solver", "dolfinx.fem.petsc", "pycparser", "pint", "matplotlib", "pyvista", "scipy"}
-    assert not loaded & {"geometries.seminar", "geometries.balloon", "geometries.imported_step"}
+    assert not loaded & {"geometries.seminar", "geometries.balloon"}
 
 
 @pytest.mark.parametrize("name", ["petsc4py-3.22.1.dist-info", "dolfinx_solver_complex-0.11.0.dist-info"])
