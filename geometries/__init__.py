@@ -16,7 +16,7 @@ Begin with `actuator`: a device is a frozen dataclass of it that is registered (
   file for each device: its lengths, their checks, its mesh and its outline.
 - `imported`: parts from files, faces and points chosen by short texts: STEP files, meshes of Gmsh, Abaqus or CalculiX, STL.
 - `revolved`: half sections of bodies of revolution. `meshing`: Gmsh, in a process of its own where it takes long.
-- `mesh_arrays`: meshes as arrays. `options`: command-line options of a device.
+- `mesh_arrays`: meshes as arrays. `registry`: also the command-line options of a device.
 """
 
 from __future__ import annotations

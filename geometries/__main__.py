@@ -15,7 +15,7 @@ with stoppable("geometries"):
     from geometries import ACTUATORS
     from geometries.actuator import Actuator
     from geometries.meshing import summarize
-    from geometries.options import device_options, device_told
+    from geometries.registry import device_options, device_told
     from softmodels.common.commands import CommandGroup, run_command
     from softmodels.common.errors import GeometryError, MeshingError
 

@@ -21,8 +21,7 @@ from softmodels.common.files import GEOMETRY, read_file, read_text
 from softmodels.common.names import callback, checked, flag, place
 from softmodels.common.processes import one_at_a_time
 from softmodels.common.units import WATER_DENSITY
-from softmodels.decks.deck import WRITTEN, Deck, check, deck_of, needs_equations
-from softmodels.decks.programs import calculix, check_without_springs, febio
+from softmodels.decks.deck import WRITTEN, Deck, calculix, check, check_without_springs, deck_of, febio, needs_equations
 from softmodels.materials.laws import Material
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.inertia import RADIUS

@@ -17,10 +17,18 @@ from geometries import Actuator
 from geometries.actuator import Pour
 from softmodels.case.case import Case
 from softmodels.casting.bodies import MM
-from softmodels.casting.facets import Facets
+from softmodels.casting.facets import (
+    CLEARANCES,
+    WIDTHS,
+    Facets,
+    Placed,
+    arranged,
+    plate_names,
+    print_estimate,
+    too_large,
+)
 from softmodels.casting.make import Made, MouldBody, made
 from softmodels.casting.pictures import DRAWING, EXPLODED, PLATES, STEPS, draw_all, drawing, plates_picture
-from softmodels.casting.plate import CLEARANCES, WIDTHS, Placed, arranged, plate_names, print_estimate, too_large
 from softmodels.casting.settings import Asked, asked_of
 from softmodels.common.files import image_uri, render, write_bytes, write_text
 from softmodels.common.folders import ResultFolder

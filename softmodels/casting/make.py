@@ -16,8 +16,7 @@ from geometries import Actuator
 from geometries.actuator import Pour, Recipe
 from geometries.meshing import apart, private_model
 from softmodels.casting.bodies import FLUSH, MM, Solid, Tooling, face_namer, left, recipe_of, scaled, tooling, turned
-from softmodels.casting.facets import Facets, facets_of
-from softmodels.casting.plate import coupon_solids
+from softmodels.casting.facets import Facets, coupon_solids, facets_of
 from softmodels.casting.settings import MouldError, Workshop
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
@@ -26,7 +25,7 @@ from softmodels.common.names import lazy_module
 from softmodels.common.schema import shown
 
 if TYPE_CHECKING:
-    from manifold3d import Manifold, OpType
+    from manifold3d import Manifold
     from vtkmodules.vtkCommonDataModel import vtkStaticCellLocator
 
 gmsh = lazy_module("gmsh")
@@ -224,18 +223,11 @@ def _mutable(value: float) -> float:
 
 def _locator(facets: Facets) -> vtkStaticCellLocator:
     """Return what finds the triangles of a surface."""
-    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
-    from vtkmodules.vtkCommonCore import vtkPoints
-    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData, vtkStaticCellLocator
+    from pyvista import PolyData
+    from vtkmodules.vtkCommonDataModel import vtkStaticCellLocator
 
-    body, points, cells = vtkPolyData(), vtkPoints(), vtkCellArray()
-    points.SetData(numpy_to_vtk(facets.points, deep=True))
-    corners = numpy_to_vtkIdTypeArray(facets.triangles.astype(np.int64).ravel(), deep=True)
-    cells.SetData(numpy_to_vtkIdTypeArray(np.arange(0, 3 * len(facets.triangles) + 1, 3), deep=True), corners)
-    body.SetPoints(points)
-    body.SetPolys(cells)
     locator = vtkStaticCellLocator()
-    locator.SetDataSet(body)
+    locator.SetDataSet(PolyData.from_regular_faces(np.array(facets.points), np.array(facets.triangles)))
     locator.BuildLocator()
     return locator
 
@@ -303,7 +295,7 @@ def overlaps(found: Surfaces) -> dict[str, float]:
     Raises:
         MouldError, MeshingError: More than the triangles' distance from the exact faces.
     """
-    from manifold3d import Manifold
+    from manifold3d import Manifold, OpType
 
     made, solids = found.made, {name: manifold_of(facets) for name, facets in found.bodies.items()}
     piece = manifold_of(found.cast)
@@ -312,7 +304,7 @@ def overlaps(found: Surfaces) -> dict[str, float]:
     for k, body in enumerate(made.bodies):
         others = [other for other in made.bodies[k + 1 :] if body.pull.any() or other.pull.any()]
         kept = [other for other in made.bodies[:k] if not other.pull.any()]
-        rest = Manifold.batch_boolean([piece, *(solids[other.name] for other in (*others, *kept))], _add())
+        rest = Manifold.batch_boolean([piece, *(solids[other.name] for other in (*others, *kept))], OpType.Add)
         ways = (0.0, *(way * height for way in WAYS)) if body.pull.any() else (0.0,)
         worst[body.name] = max(
             common_thickness(solids[body.name].translate(tuple(way * body.pull)), rest) for way in ways
@@ -323,12 +315,6 @@ def overlaps(found: Surfaces) -> dict[str, float]:
                 f"part or another body; choose another direction (--pull), or change the part"
             )
     return worst
-
-
-def _add() -> OpType:
-    from manifold3d import OpType
-
-    return OpType.Add
 
 
 def _block_volumes(made: Tooling) -> tuple[float, float]:

@@ -11,9 +11,8 @@ from matplotlib.figure import Figure
 
 from geometries.actuator import Pour
 from softmodels.casting.bodies import rotation_up
-from softmodels.casting.facets import Facets
+from softmodels.casting.facets import Facets, Placed, moved
 from softmodels.casting.make import Made, MouldBody
-from softmodels.casting.plate import Placed, moved
 from softmodels.common.arrays import Array
 from softmodels.pictures.offscreen import Image, Layer, ViewCamera, direction, lines, studio, surface
 from softmodels.pictures.style import DPI, EDGE, Caption, number, page

@@ -17,8 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import ACTUATORS, Actuator, HollowDisk
-from geometries.options import QuantityType, check_meaning, device_options, device_told
-from geometries.registry import to_table
+from geometries.registry import QuantityType, check_meaning, device_options, device_told, to_table
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError, SeriesError, one_of_text, series, split_text
 from softmodels.case.materials import material_from

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from geometries.options import field_option
+from geometries.registry import field_option
 from softmodels.api.calls import export
 from softmodels.casting.settings import Asked, Workshop, asked_of
 from softmodels.cli.options import command, unwritable, write_into

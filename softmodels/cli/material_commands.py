@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
-from geometries.options import QuantityType
+from geometries.registry import QuantityType
 from softmodels.case.case import Case
 from softmodels.case.materials import material_from
 from softmodels.cli.options import command, fail, write_into

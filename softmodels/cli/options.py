@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 from geometries import ACTUATORS, Actuator, GeometryError, MeshFileError, MeshingError, MeshingStopped, meshing
-from geometries.options import device_options, device_told, field_option, flag
+from geometries.registry import device_options, device_told, field_option, flag
 from softmodels.case.case import Case, entries
 from softmodels.case.components import OwnModuleError, import_own_modules
 from softmodels.case.entries import MISSING, CaseError

@@ -22,7 +22,7 @@ from softmodels.common.units import exact_text
 # Kinds of values: reading from text or tables, writing, and checking.
 #
 # A field of a dataclass names its kind; from that come its entry in a settings file, its option
-# on a command line (`geometries.options`) and the messages on invalid input.
+# on a command line (`geometries.registry`) and the messages on invalid input.
 
 
 Text = Callable[[float, str], str]

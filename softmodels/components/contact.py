@@ -495,7 +495,7 @@ def surface_of(shape: RigidShape) -> tuple[Array, Indices]:
 
 @functools.lru_cache(maxsize=8)
 def _read(file: str, unit: float, changed: int) -> tuple[Array, Indices]:
-    from geometries.imported_mesh import read_surfaces
+    from geometries.imported import read_surfaces
 
     points, triangles = read_surfaces(file, unit)
     edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)

@@ -257,9 +257,6 @@ class PeakStretch(DesignQuantity):
 
     name: ClassVar = "peak_stretch"
     unit: ClassVar = "1"
-    help: ClassVar = (
-        "largest principal stretch, the mean over the 0.5 % of the silicone where it is largest (1 is undeformed)"
-    )
 
     def measure(self, design: DesignedBody) -> Measure:
         return PeakMeasure(design, stretch_field(design), _Stretch(), counted_in_stress=False, rest=1.0)
@@ -272,7 +269,6 @@ class PeakVonMises(DesignQuantity):
 
     name: ClassVar = "peak_von_mises"
     unit: ClassVar = "Pa"
-    help: ClassVar = "largest von Mises stress, the mean over the 0.5 % of the silicone where it is largest"
 
     @property
     def title(self) -> str:
@@ -325,7 +321,6 @@ class StressDeviation(OfRegion):
 
     name: ClassVar = "stress_deviation"
     unit: ClassVar = "Pa"
-    help: ClassVar = "standard deviation of the von Mises stress over the silicone, or over a region"
     relative: ClassVar = False
 
     def measure(self, design: DesignedBody) -> Measure:
@@ -350,9 +345,6 @@ class StressUnevenness(StressDeviation):
 
     name: ClassVar = "stress_unevenness"
     unit: ClassVar = "1"
-    help: ClassVar = (
-        "standard deviation of the von Mises stress over its mean, in the silicone or a region: 0 if it is even"
-    )
     relative: ClassVar = True
 
 
@@ -421,9 +413,6 @@ class StressNorm(PowerMean):
 
     name: ClassVar = "von_mises_norm"
     unit: ClassVar = "Pa"
-    help: ClassVar = (
-        "robust peak of the von Mises stress: its power mean with an exponent, over the silicone or a region"
-    )
 
     def measure(self, design: DesignedBody) -> Measure:
         return PowerMeasure(design, mises_field(design, self.cells), self.exponent, 0.0, counted_in_stress=True)
@@ -436,9 +425,6 @@ class StretchNorm(PowerMean):
 
     name: ClassVar = "stretch_norm"
     unit: ClassVar = "1"
-    help: ClassVar = (
-        "robust peak of the largest principal stretch: power mean of the stretch minus 1 with an exponent, plus 1"
-    )
 
     def measure(self, design: DesignedBody) -> Measure:
         return PowerMeasure(design, stretch_field(design, self.cells), self.exponent, 1.0, counted_in_stress=False)
@@ -591,7 +577,6 @@ class LeastGap(DesignQuantity):
 
     name: ClassVar = "least_gap"
     unit: ClassVar = "m"
-    help: ClassVar = "smallest gap between facing walls (smooth minimum); negative if they overlap"
 
     def measure(self, design: DesignedBody) -> Measure:
         return GapMeasure(design)
@@ -626,7 +611,6 @@ class TopHeight(DesignQuantity):
 
     name: ClassVar = "top_height"
     unit: ClassVar = "m"
-    help: ClassVar = "height of the highest point of the deformed device along its lift (smooth maximum over the nodes)"
 
     def measure(self, design: DesignedBody) -> Measure:
         return _TopMeasure(design)

@@ -23,11 +23,14 @@ from softmodels.common.errors import reason
 from softmodels.common.files import read_text, replace_text, replaced_whole
 from softmodels.common.folders import InUseError, OwnFolder, OwnFolderError, take_default
 from softmodels.components.loads import weighed
-from softmodels.design.formulation import KEPT, EvaluationRequest, Formulation, Judged
 from softmodels.design.problem import (
     EVALUATIONS,
+    KEPT,
     DesignProblem,
+    EvaluationRequest,
+    Formulation,
     Judge,
+    Judged,
     SearchOptions,
     in_words,
     label,

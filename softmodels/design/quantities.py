@@ -17,14 +17,17 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator, GeometryError
-from geometries.actuator import changed, is_length, parameter
+from geometries.actuator import cavity_roles, changed, is_length, parameter
 from softmodels.common.arrays import Array
 from softmodels.common.names import Registry
 from softmodels.common.units import quantity as read_quantity
+from softmodels.components.contact import FileShapeTerm, GuidedShapeTerm, Obstacle, RigidShape, ShapeTerm, force_of_all
 from softmodels.design.trials import DesignFailure, JudgedLoad
 from softmodels.materials.strain import Strain
-from softmodels.mechanics.body import in_section
+from softmodels.mechanics.assembly import AssembledTerm
+from softmodels.mechanics.body import BodyError, in_section, in_space
 from softmodels.mechanics.compiling import JIT
+from softmodels.mechanics.component import ComponentError, direction
 from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.sensitivity import MeshMotion
 from softmodels.mechanics.solver import Solver
@@ -37,6 +40,7 @@ if TYPE_CHECKING:
     import ufl
     from dolfinx import fem
     from petsc4py import PETSc
+    from ufl.core.expr import Expr
 
     from softmodels.mechanics.component import Component
     from softmodels.mechanics.system import State
@@ -114,8 +118,6 @@ class DesignQuantity(abc.ABC):
     name: ClassVar[str]
     unit: ClassVar[str]
     """SI unit of its values; "1" for a pure number."""
-    help: ClassVar[str]
-    """Its description, a clause."""
     of_state: ClassVar[bool] = True
     """Whether it belongs to a state, so that ``at`` is required."""
 
@@ -271,36 +273,22 @@ def energy_measure(design: DesignedBody) -> Measure:
     """Return the energy stored in the whole device and its contact, in J."""
     system = design.system
     unit = system.volume_unit
-    forms = FormMeasure(
-        design,
-        system.potential.energies,
-        lambda values: (unit * float(values.sum()), np.full(len(values), unit)),
-        counted_in_stress=True,
+    return WithContact(
+        design, FormMeasure(design, system.potential.energies, scaled(unit), counted_in_stress=True), unit
     )
-    return WithContact(design, forms, unit)
 
 
 QUANTITIES: Registry[type[DesignQuantity]] = Registry(
     "quantity",
     lambda quantity: quantity.name,
     {
-        **dict.fromkeys(
-            (
-                "peak_stretch",
-                "max_stretch",
-                "peak_von_mises",
-                "von_mises",
-                "least_gap",
-                "top_height",
-                "stress_deviation",
-                "stress_unevenness",
-                "von_mises_norm",
-                "stretch_norm",
-            ),
-            "softmodels.design.extremes",
-        ),
-        **dict.fromkeys(("force_on", "inflation_work", "face_place", "turn"), "softmodels.design.actions"),
-        **dict.fromkeys(("outline", "tip_path"), "softmodels.design.targets"),
+        name: f"softmodels.design.{place}"
+        for place, names in {
+            "extremes": "peak_stretch max_stretch peak_von_mises von_mises least_gap top_height stress_deviation "
+            "stress_unevenness von_mises_norm stretch_norm",
+            "targets": "outline tip_path",
+        }.items()
+        for name in names.split()
     },
 )
 """Every known quantity by its name in problem files."""
@@ -350,7 +338,6 @@ class Clearances(DeviceQuantity):
 
     name: ClassVar = "clearances"
     unit: ClassVar = "m"
-    help: ClassVar = "width of every wall and channel with a minimum, one value each"
 
     def values(self, device: Actuator) -> dict[str, float]:
         return {f"clearance: {name}": value for name, value in device.clearances.items()}
@@ -367,7 +354,6 @@ class AddedVolume(DesignQuantity):
 
     name: ClassVar = "added_volume"
     unit: ClassVar = "m3"
-    help: ClassVar = "volume that the whole device's cavity has gained"
 
     def measure(self, design: DesignedBody) -> Measure:
         system = design.system
@@ -386,7 +372,6 @@ class StoredEnergy(DesignQuantity):
 
     name: ClassVar = "stored_energy"
     unit: ClassVar = "J"
-    help: ClassVar = "energy stored in the whole device's silicone"
 
     def measure(self, design: DesignedBody) -> Measure:
         return energy_measure(design)
@@ -403,7 +388,6 @@ class Mass(DesignQuantity):
 
     name: ClassVar = "mass"
     unit: ClassVar = "kg"
-    help: ClassVar = "mass of the whole device's silicone"
     of_state: ClassVar = False
 
     density: float = 1070.0
@@ -483,71 +467,65 @@ def _probe(design: DesignedBody, name: str) -> str:
     return name
 
 
-@register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Rise(DesignQuantity):
-    """Displacement of a probe along the lift.
+class OfProbe(DesignQuantity):
+    """A coordinate of a probe, or of its displacement.
 
     Attributes:
         of: The probe; the device's first one if empty.
     """
 
-    name: ClassVar = "rise"
     unit: ClassVar = "m"
-    help: ClassVar = "displacement of a probe along the lift"
+    from_rest: ClassVar = False
+    """Whether only the displacement counts."""
 
     of: str = ""
 
     @property
     def title(self) -> str:
-        return f"rise of {self.of}" if self.of else "rise"
+        return f"{self.name} of {self.of}" if self.of else self.name
+
+    def along(self, device: Actuator) -> Array:
+        """Return the direction of the coordinate, shape (3,)."""
+        return np.asarray(device.lift)
 
     def measure(self, design: DesignedBody) -> Measure:
-        name, lift = _probe(design, self.of), np.asarray(design.system.body.actuator.lift)
-        return PlacesMeasure(design, (name,), lambda rest, moved: float(moved[name] @ lift))
+        name, way = _probe(design, self.of), self.along(design.system.body.actuator)
+        share = 0.0 if self.from_rest else 1.0
+        return PlacesMeasure(design, (name,), lambda rest, moved: float((share * rest[name] + moved[name]) @ way))
 
 
 @register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Height(DesignQuantity):
+class Rise(OfProbe):
+    """Displacement of a probe along the lift."""
+
+    name: ClassVar = "rise"
+    from_rest: ClassVar = True
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Height(OfProbe):
     """Height of a probe under pressure: undeformed height plus rise.
 
     A design changes both, so the device whose top is highest is not the one whose top rises most.
-
-    Attributes:
-        of: The probe; the device's first one if empty.
     """
 
     name: ClassVar = "height"
-    unit: ClassVar = "m"
-    help: ClassVar = "height of a probe under pressure, along the lift from the origin of the device's axes"
-
-    of: str = ""
-
-    @property
-    def title(self) -> str:
-        return f"height of {self.of}" if self.of else "height"
-
-    def measure(self, design: DesignedBody) -> Measure:
-        name, lift = _probe(design, self.of), np.asarray(design.system.body.actuator.lift)
-        return PlacesMeasure(design, (name,), lambda rest, moved: float((rest[name] + moved[name]) @ lift))
 
 
 @register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Place(DesignQuantity):
+class Place(OfProbe):
     """Coordinate of a probe.
 
     Attributes:
-        of: The probe; the device's first one if empty.
         axis: "x", "y" or "z" of the device.
     """
 
     name: ClassVar = "place"
-    unit: ClassVar = "m"
-    help: ClassVar = "coordinate of a probe in the device's axes"
 
-    of: str = ""
     axis: str = "z"
 
     def __post_init__(self) -> None:
@@ -559,9 +537,8 @@ class Place(DesignQuantity):
     def title(self) -> str:
         return f"place {self.axis} of {self.of}" if self.of else f"place {self.axis}"
 
-    def measure(self, design: DesignedBody) -> Measure:
-        name, axis = _probe(design, self.of), AXES.index(self.axis)
-        return PlacesMeasure(design, (name,), lambda rest, moved: float(rest[name][axis] + moved[name][axis]))
+    def along(self, device: Actuator) -> Array:
+        return np.eye(3)[AXES.index(self.axis)]
 
 
 @register_quantity
@@ -575,7 +552,6 @@ class DeviceFigure(DesignQuantity):
 
     name: ClassVar = "figure"
     unit: ClassVar = "1"
-    help: ClassVar = "a figure of this kind of device derived from its probes, in its column's unit"
 
     of: str = ""
 
@@ -611,7 +587,6 @@ class BlockedForce(DesignQuantity):
 
     name: ClassVar = "blocked_force"
     unit: ClassVar = "N"
-    help: ClassVar = "blocked force of the whole device along its lift at its held tip"
 
     def measure(self, design: DesignedBody) -> Measure:
         import ufl
@@ -650,7 +625,6 @@ class Stiffness(DesignQuantity):
 
     name: ClassVar = "stiffness"
     unit: ClassVar = "N/m"
-    help: ClassVar = "force along the lift on the loaded face (a slab's tip), per rise of it, at constant pressure"
 
     def measure(self, design: DesignedBody) -> Measure:
         if design.system.body.actuator.pushed is None:
@@ -740,7 +714,6 @@ class BifurcationPressure(OfBifurcation):
 
     name: ClassVar = "bifurcation_pressure"
     unit: ClassVar = "Pa"
-    help: ClassVar = "pressure at the first bifurcation, where the device buckles out of its symmetric shape"
 
 
 @register_quantity
@@ -750,7 +723,6 @@ class BifurcationMargin(OfBifurcation):
 
     name: ClassVar = "bifurcation_margin"
     unit: ClassVar = "1"
-    help: ClassVar = "pressure at the first bifurcation over the highest working pressure"
     margin: ClassVar = True
 
 
@@ -761,7 +733,6 @@ class LimitPressure(OfLimit):
 
     name: ClassVar = "limit_pressure"
     unit: ClassVar = "Pa"
-    help: ClassVar = "pressure at the first limit point, where the device balloons"
 
 
 @register_quantity
@@ -771,8 +742,241 @@ class LimitMargin(OfLimit):
 
     name: ClassVar = "limit_margin"
     unit: ClassVar = "1"
-    help: ClassVar = "limit pressure over the highest working pressure"
     margin: ClassVar = True
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Forces on rigid shapes.
+
+
+class PressedMeasure(Measure):
+    """Force of the device on a shape whose contact is a sum over samples.
+
+    Args:
+        design: The meshed device.
+        term: The contact.
+        along: Weights of the force's components in the mesh's coordinates, SI units over dimensionless ones and shear moduli.
+    """
+
+    def __init__(self, design: DesignedBody, term: AssembledTerm, along: Array):
+        self.design, self.term, self.along = design, term, along
+
+    def value(self, state: State | None) -> float:
+        force = self.term.force(self.design.system.w.x.array)
+        return self.design.system.stress_unit * float(force @ self.along)
+
+    def slopes(self, state: State | None) -> Slopes:
+        system, motion = self.design.system, self.design.motion
+        unit, w = system.stress_unit, system.w.x.array
+        rates = unit * self.term.along_product(w, self.along)  # by the nodes' deformed places
+        by_w = np.zeros(system.n)
+        self.term.add_rates(rates, by_w)
+        by_X = motion.by_nodes(self.term.nodes.by_mesh(rates))
+        return Slopes(self.value(state), system.by_unknowns(by_w).copy(), 0.0, by_X)
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ForceOn(DesignQuantity):
+    """Force of the whole device on a rigid shape or plane.
+
+    Attributes:
+        of: Name of the shape, as in ``[contact.ball]``; "contact" for the plane of ``[contact]``.
+        along: Direction in device coordinates, such as "z" or "0.6, 0, 0.8"; the device's lift if empty.
+    """
+
+    name: ClassVar = "force_on"
+    unit: ClassVar = "N"
+
+    of: str = ""
+    along: str = ""
+
+    @property
+    def title(self) -> str:
+        return f"force on {self.of}" + (f" along {self.along}" if self.along else "")
+
+    @staticmethod
+    def named(device: Actuator, components: Sequence[Component]) -> tuple[str, list[str]]:
+        return "rigid shape", [part.label for part in components if isinstance(part, RigidShape | Obstacle)]
+
+    def measure(self, design: DesignedBody) -> Measure:
+        system, terms = design.system, design.system.potential.terms
+        kinds = ShapeTerm | FileShapeTerm | GuidedShapeTerm
+        shapes = {label: term for label, term in terms.items() if isinstance(term, kinds)}
+        if self.of not in shapes:
+            raise ValueError(f"the case has no rigid shape {self.of!r}; it has {', '.join(shapes) or 'none'}")
+        term, actuator = shapes[self.of], system.body.actuator
+        way = _direction(self.along, "force_on: along") if self.along else np.asarray(actuator.lift)
+        assert isinstance(term.shape, RigidShape)
+        crossed, axes = term.shape.crossed(actuator), np.eye(actuator.dimension)
+        shares = [float(force_of_all(actuator, crossed, in_space(axis)) @ way) for axis in axes]
+        weights = system.length_unit**2 * np.array(shares)
+        if isinstance(term, AssembledTerm):
+            return PressedMeasure(design, term, weights)
+        forms = [
+            weight * form for forces in term.pushes for weight, form in zip(weights, forces, strict=True) if weight
+        ]
+        if not forms:
+            raise ValueError(f"{self.title} vanishes by symmetry; use another direction (along)")
+        return FormMeasure(design, forms, scaled(1.0), counted_in_stress=True)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The air's work: by the conservation of energy what is stored, as nothing is lost on the way.
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class InflationWork(DesignQuantity):
+    """Work of the air on the device from no pressure up to a state, the integral of p dV.
+
+    Per cycle it is what the supply has to give each time; the same is what an ideal engine would get back.
+    """
+
+    name: ClassVar = "inflation_work"
+    unit: ClassVar = "J"
+
+    def measure(self, design: DesignedBody) -> Measure:
+        if design.system.dead.loads:
+            where = design.system.dead.loads[0].where
+            raise ValueError(f"{self.name} is not available with loads ({where}), which work too; use added_volume")
+        return energy_measure(design)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Pose of a face: its mean place and how it has turned about an axis.
+#
+# The turn is that of the rotation about the axis that brings the face's undeformed places X nearest to the deformed ones x,
+# both counted from their means: tan t = (int a . (X x x) dA) / (int X . x - (a . X) (a . x) dA).
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class OfFace(DesignQuantity):
+    """A quantity of a face.
+
+    Attributes:
+        of: The face, such as "tip".
+        axis: Direction in device coordinates, such as "z" or "0.6, 0, 0.8".
+    """
+
+    of: str = ""
+    axis: str = "z"
+
+    @staticmethod
+    def named(device: Actuator, components: Sequence[Component]) -> tuple[str, list[str]]:
+        held = (hold.role for hold in device.holds)
+        return "face", list(dict.fromkeys([*device.faces, *cavity_roles(device), *held]))
+
+    def integrated(self, design: DesignedBody, way: Array, combine: Combine) -> FormMeasure:
+        """Return a function of integrals over the face; see `integrands`."""
+        from dolfinx import fem
+
+        body = design.system.body
+        try:
+            area = body.sheet_face(self.of)[0]
+        except BodyError as error:
+            raise ValueError(str(error)) from None
+        values = self.integrands(fem.Constant(body.mesh, way), fem.Constant(body.mesh, 1.0), *_places(design))
+        return FormMeasure(design, [value * body.hoop * area for value in values], combine)
+
+    @abc.abstractmethod
+    def integrands(self, along: Expr, one: Expr, X: Expr, x: Expr) -> list[Expr]:
+        """Return what is integrated: of the axis, 1, and the undeformed and deformed places."""
+
+
+def _places(design: DesignedBody) -> tuple[Expr, Expr]:
+    """Return undeformed and deformed places in UFL, three components each; of a section in its plane."""
+    import ufl
+
+    system = design.system
+    X = ufl.SpatialCoordinate(system.body.mesh)
+    x = X + system.body.displacement(system.potential.displacement)
+    if system.body.axisymmetric:
+        return ufl.as_vector([X[0], 0, X[1]]), ufl.as_vector([x[0], 0, x[1]])
+    return X, x
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FacePlace(OfFace):
+    """Mean place of a face in a direction, deformed."""
+
+    name: ClassVar = "face_place"
+    unit: ClassVar = "m"
+
+    @property
+    def title(self) -> str:
+        return f"place {self.axis} of {self.of}"
+
+    def measure(self, design: DesignedBody) -> Measure:
+        way, body, unit = _direction(self.axis, f"{self.name}: axis"), design.system.body, design.system.length_unit
+        across = [plane for plane in body.actuator.cut_planes if abs(float(np.dot(way, plane.normal))) > SQUARE]
+        if across or (body.axisymmetric and abs(way[2]) < 1 - SQUARE):
+            raise ValueError(f"{self.name}: by symmetry a place along {self.axis} does not move; use another axis")
+
+        def mean(values: Array) -> tuple[float, Array]:
+            place = unit * values[0] / values[1]
+            return float(place), np.array([unit, -place]) / values[1]
+
+        return self.integrated(design, way, mean)
+
+    def integrands(self, along: Expr, one: Expr, X: Expr, x: Expr) -> list[Expr]:
+        import ufl
+
+        return [ufl.dot(along, x), one]
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Turn(OfFace):
+    """Angle by which a face has turned about an axis, from -180 to 180 degrees, right-handed."""
+
+    name: ClassVar = "turn"
+    unit: ClassVar = "deg"
+
+    axis: str = "y"
+
+    @property
+    def title(self) -> str:
+        return f"turn of {self.of} about {self.axis}"
+
+    def measure(self, design: DesignedBody) -> Measure:
+        way, body = _direction(self.axis, f"{self.name}: axis"), design.system.body
+        across = [plane for plane in body.actuator.cut_planes if abs(float(np.dot(way, plane.normal))) < 1 - SQUARE]
+        if across or body.axisymmetric:
+            raise ValueError(f"{self.name}: by symmetry nothing turns about {self.axis}; use {body.actuator.fuller}")
+        return self.integrated(design, way, lambda values: _turn(way, values))
+
+    def integrands(self, along: Expr, one: Expr, X: Expr, x: Expr) -> list[Expr]:
+        import ufl
+
+        square = ufl.dot(X, x) - ufl.dot(along, X) * ufl.dot(along, x)
+        return [ufl.dot(along, ufl.cross(X, x)), square, one, *(X[i] for i in range(3)), *(x[i] for i in range(3))]
+
+
+SQUARE = 1e-9
+"""Largest scalar product of unit vectors that count as perpendicular."""
+
+
+def _turn(axis: Array, values: Array) -> tuple[float, Array]:
+    """Return the angle in degrees and its slopes, from the integrals of `Turn`."""
+    (crossed, square, area), X, x = values[:3], values[3:6], values[6:]
+    sine = crossed - float(axis @ np.cross(X, x)) / area
+    flat, moved = X - axis * (axis @ X), x - axis * (axis @ x)
+    cosine = square - float(flat @ moved) / area
+    by_sine = np.concatenate([
+        [1.0, 0.0, float(axis @ np.cross(X, x)) / area**2], -np.cross(x, axis) / area, -np.cross(axis, X) / area,
+    ])  # fmt: skip
+    by_cosine = np.concatenate([[0.0, 1.0, float(flat @ moved) / area**2], -moved / area, -flat / area])
+    size = sine**2 + cosine**2
+    return math.degrees(math.atan2(sine, cosine)), np.degrees((cosine * by_sine - sine * by_cosine) / size)
+
+
+def _direction(text: str, where: str) -> Array:
+    try:
+        return np.asarray(direction(text, where))
+    except ComponentError as error:
+        raise ValueError(str(error)) from None
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -24,8 +24,18 @@ from softmodels.common.cards import Shown, Table
 from softmodels.common.names import keep_arrays
 from softmodels.common.pages import Provenance
 from softmodels.design.extremes import LeastGap
-from softmodels.design.formulation import INSIDE, ConstraintRow, Formulation
-from softmodels.design.problem import SURE, DesignProblem, Free, in_words, label, shown, shown_factor
+from softmodels.design.problem import (
+    INSIDE,
+    SURE,
+    ConstraintRow,
+    DesignProblem,
+    Formulation,
+    Free,
+    in_words,
+    label,
+    shown,
+    shown_factor,
+)
 from softmodels.design.trials import Trial, factor, shown_unit, text
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -187,7 +187,6 @@ class Outline(DesignQuantity):
 
     name: ClassVar = "outline"
     unit: ClassVar = "m"
-    help: ClassVar = "root mean square distance of the deformed outline from a target outline"
 
     file: str = ""
     points: tuple[tuple[float, float], ...] = ()
@@ -288,7 +287,6 @@ class TipPath(CompositeQuantity):
 
     name: ClassVar = "tip_path"
     unit: ClassVar = "m"
-    help: ClassVar = "root mean square distance of a probe from a target path"
 
     of: str = ""
     target: tuple[tuple[float, float, float, float], ...] = ()

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator, GeometryError
-from geometries.options import flag
+from geometries.registry import flag
 from softmodels.case.case import Case
 from softmodels.case.components import import_own_modules
 from softmodels.case.entries import CaseError

@@ -15,8 +15,8 @@ import warnings
 import numpy as np
 from scipy.optimize import NonlinearConstraint, minimize
 
-from softmodels.design.formulation import Scaled
 from softmodels.design.optimise import search
+from softmodels.design.problem import Scaled
 
 MOST = 100
 """Evaluations after which a method is stopped."""

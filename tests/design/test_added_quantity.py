@@ -21,7 +21,6 @@ class MeanSquareStretch(DesignQuantity):
 
     name: ClassVar = "mean_square_stretch"
     unit: ClassVar = "1"
-    help: ClassVar = "mean over the silicone of the squared stretch"
 
     def measure(self, design):
         from dolfinx import fem

@@ -14,11 +14,20 @@ from softmodels.case.case import Case
 from softmodels.components.contact import RigidShape
 from softmodels.components.fibres import Fabric, Fibres, Sheet
 from softmodels.components.loads import Mass as Weight
-from softmodels.design.actions import FacePlace, ForceOn, InflationWork, Turn
 from softmodels.design.extremes import StressDeviation, StressNorm, StressUnevenness, StretchNorm, TopHeight
 from softmodels.design.model import DesignModel
 from softmodels.design.problem import DesignProblem
-from softmodels.design.quantities import AddedVolume, DeviceFigure, LimitPressure, Rise, StoredEnergy
+from softmodels.design.quantities import (
+    AddedVolume,
+    DeviceFigure,
+    FacePlace,
+    ForceOn,
+    InflationWork,
+    LimitPressure,
+    Rise,
+    StoredEnergy,
+    Turn,
+)
 from softmodels.design.trials import DesignError, JudgedLoad
 
 TAYLOR = "Taylor's remainder of new quantities by numbers of parts, loads and pressures"

@@ -12,8 +12,7 @@ import pytest
 from geometries import GeometryError, SeminarActuator
 from geometries.actuator import parameter_names
 from geometries.meshing import private_model, summarize
-from geometries.options import device_options, device_told
-from geometries.registry import from_table, to_table
+from geometries.registry import device_options, device_told, from_table, to_table
 from geometries.seminar import edge_distance, fan, half_fan, outline_area
 
 COARSE = {"around": 5.0, "channels": 3, "spread": 60.0}

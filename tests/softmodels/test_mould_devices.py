@@ -25,8 +25,8 @@ from geometries import (
 from geometries.actuator import Castable
 from geometries.meshing import private_model
 from softmodels.casting.bodies import recipe_of, tooling
+from softmodels.casting.facets import BETWEEN, arranged, laid_flat, print_estimate
 from softmodels.casting.make import _made, common_thickness, manifold_of
-from softmodels.casting.plate import BETWEEN, arranged, laid_flat, print_estimate
 from softmodels.casting.settings import MouldError, Workshop
 
 COARSE = Workshop(chord=2e-4, least_gap=8e-4, pour=0.002, vents=1, bolt=0.0, shrinkage=0.01)
