@@ -773,7 +773,9 @@ class MirroredHalf(Halved):
 
     part: str
 
-    mesh_order: ClassVar = 2
+    @property
+    def mesh_order(self) -> int:
+        return 2
 
     @property
     @abstractmethod

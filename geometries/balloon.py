@@ -282,7 +282,7 @@ class Balloon(Revolved):
 
     def _check_neck(self) -> None:
         inside, outside = WIDEST * self.radius, WIDEST * (self.radius + self.wall)
-        if self.meridian.neck[1] > outside or self.neck_radius > inside:
+        if self.neck_radius + (self.neck_wall or self.wall) > outside or self.neck_radius > inside:
             self.reject(
                 "neck_radius",
                 f"with its wall it must be at most {WIDEST:g} of the balloon's, {shown(inside, 'm')} inside and "

@@ -233,7 +233,9 @@ class Bellows(HeldTip, Revolved):
     def movable(self) -> tuple[str, ...]:
         """All lengths except those that would insert a line between two arcs where they meet: no mesh can follow that."""
         bend = "rounding" if self.rounding else "pitch"
-        lines = {("outer_radius", "inner_radius", "wall", bend): self.depth - 2.0 * self.bend}
+        lines: dict[tuple[str, ...], float] = {
+            ("outer_radius", "inner_radius", "wall", bend): self.depth - 2.0 * self.bend
+        }
         lines |= {("pitch", "rounding"): 0.25 * self.pitch - self.rounding} if self.rounding else {}
         met = {name for names, line in lines.items() if line < NEAR * self.pitch for name in names}
         return tuple(name for name in super().movable if name not in met)

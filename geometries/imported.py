@@ -1018,7 +1018,7 @@ def _read_step(part: ImportedActuator) -> Reading:
         volumes = tuple(_enclosed(solids, roles[cavity_role(i)]) for i in range(part.cavity_count))
         return Reading(
             solids.outward(roles),
-            _gauge(part, roles.get("support", np.empty(0))),
+            _gauge(part, roles.get("support", np.empty(0, dtype=np.int64))),
             solids.volume,
             volumes,
             tuple(solids.regions) if len(solids.regions) > 1 else (),

@@ -493,7 +493,7 @@ def _check_neighbours(slab: SeminarActuator, found: list[Channel]) -> None:
                 mouth, name = own(slab, "bores", "channel_bore", second)
                 how = "break into each other" if left <= 0.0 else f"are {_mm(left)} apart"
                 raise GeometryError(
-                    f"channels is {slab.channels}; with {_fan(slab)}, and {name} {_mm(mouth)} neighbours (channels {first} "
+                    f"channels is {slab.channels}; with {_fan(slab)} and {name} {_mm(mouth)} neighbours (channels {first} "
                     f"and {second}) {how}, but least_wall requires {_mm(slab.least_wall)}"
                 )
 

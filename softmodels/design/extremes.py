@@ -122,24 +122,15 @@ class PeakMeasure(FormMeasure):
         )
 
 
-class ValuesOf:
-    """A field at the integration points, from the principal stretches there: (cells, points, 3) to (cells, points)."""
-
-    def __call__(self, design: DesignedBody, stretches: Array) -> Array:
-        raise NotImplementedError
+ValuesOf = Callable[["DesignedBody", Array], Array]
+"""A field at the integration points, from the principal stretches there: (cells, points, 3) to (cells, points)."""
 
 
-class _Stretch(ValuesOf):
-    def __call__(self, design: DesignedBody, stretches: Array) -> Array:
-        return stretches[..., -1]
-
-
-class _Mises(ValuesOf):
-    def __call__(self, design: DesignedBody, stretches: Array) -> Array:
-        found = np.empty(stretches.shape[:2])
-        for region in design.system.potential.regions:
-            found[region.cells] = von_mises(shape_stresses(region.material, stretches[region.cells]))
-        return found / design.system.stress_unit
+def _mises(design: DesignedBody, stretches: Array) -> Array:
+    found = np.empty(stretches.shape[:2])
+    for region in design.system.potential.regions:
+        found[region.cells] = von_mises(shape_stresses(region.material, stretches[region.cells]))
+    return found / design.system.stress_unit
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -237,11 +228,8 @@ def over_parts(
     from dolfinx import fem
 
     body, one = design.system.body, fem.Constant(design.system.body.mesh, 1.0)
-    forms = [
-        (one if function is None else function(part.field)) * body.hoop * part.measure
-        for function in integrands
-        for part in parts
-    ]
+    values = ((one if function is None else function(part.field), part) for function in integrands for part in parts)
+    forms = [value * body.hoop * part.measure for value, part in values]
 
     def summed(values: Array) -> tuple[float, Array]:
         value, slopes = combine(values.reshape(len(integrands), -1).sum(axis=1))
@@ -259,7 +247,9 @@ class PeakStretch(DesignQuantity):
     unit: ClassVar = "1"
 
     def measure(self, design: DesignedBody) -> Measure:
-        return PeakMeasure(design, stretch_field(design), _Stretch(), counted_in_stress=False, rest=1.0)
+        return PeakMeasure(
+            design, stretch_field(design), lambda _, stretches: stretches[..., -1], counted_in_stress=False, rest=1.0
+        )
 
 
 @register_quantity
@@ -275,7 +265,7 @@ class PeakVonMises(DesignQuantity):
         return "peak von Mises stress"
 
     def measure(self, design: DesignedBody) -> Measure:
-        return PeakMeasure(design, mises_field(design), _Mises(), counted_in_stress=True)
+        return PeakMeasure(design, mises_field(design), _mises, counted_in_stress=True)
 
 
 QUANTITIES.update({"max_stretch": PeakStretch, "von_mises": PeakVonMises})
@@ -377,11 +367,8 @@ class PowerMeasure(FormMeasure):
 
     def slopes(self, state: State | None) -> Slopes:
         self._scale.value = 1.0
-        self._scale.value = (
-            max(self._combined()[0] - self._rest, 1e-12)
-            if not self.counted_in_stress
-            else (max(self._combined()[0] / self.design.system.stress_unit, 1e-12))
-        )
+        unit = self.design.system.stress_unit if self.counted_in_stress else 1.0
+        self._scale.value = max(self._combined()[0] / unit - self._rest, 1e-12)
         return super().slopes(state)
 
     def note(self, value: float) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import dataclasses
+import functools
 import io
 import tempfile
 import time
@@ -416,7 +417,7 @@ class DesignModel:
                 f"can follow; it can follow {', '.join(case.actuator.movable) or 'none'}"
             )
         self.quantities = tuple(quantities)
-        parts = tuple(dict.fromkeys(part for one in self.quantities for part in _parts(one)))
+        parts = tuple(dict.fromkeys(part for one in self.quantities for part in getattr(one, "parts", (one,))))
         loads = tuple(sorted({part.load for part in parts if part.load is not None}))
         self.question = EvaluationRequest(self.names, parts, loads, 0.0, tuple(materials), shape)
         if any(isinstance(part, OfLimit) for part in parts):
@@ -568,10 +569,6 @@ def _finer(device: Actuator, times: float) -> Actuator:
     return dataclasses.replace(device, **{name: value for name, value in changes.items() if name in sizes})
 
 
-def _parts(one: DesignQuantity) -> tuple[DesignQuantity, ...]:
-    return one.parts if isinstance(one, CompositeQuantity) else (one,)
-
-
 # ----------------------------------------------------------------------------------------------------------------------
 # The evaluator of a problem's designs: finite elements, unless the caller gives another.
 
@@ -582,27 +579,19 @@ def evaluator(problem: DesignProblem, comm: MPI.Comm, how: SearchOptions) -> Jud
     Raises:
         GeometryError: A parameter that the device's mesh cannot follow.
     """
-    make = how.get("model")
-    return make(problem, comm) if make is not None else _model(problem, comm, _report(comm, how))
-
-
-def _report(comm: MPI.Comm, how: SearchOptions) -> Callable[[str], None]:
-    """Reports messages of the model, on rank 0 only."""
-
-    def report(text: str) -> None:
-        if is_root(comm) and (tell := how.get("progress")) is not None:
-            tell(text)
-
-    return report
-
-
-def _model(problem: DesignProblem, comm: MPI.Comm, report: Callable[[str], None]) -> Judge:
-
+    if (make := how.get("model")) is not None:
+        return make(problem, comm)
     errors = problem.errors
     return DesignModel(
         problem.case, problem.names, problem.quantities, comm, highest=problem.highest,
-        materials=() if errors is None else errors.names, report=report,
+        materials=() if errors is None else errors.names, report=functools.partial(_tell, comm, how),
     )  # fmt: skip
+
+
+def _tell(comm: MPI.Comm, how: SearchOptions, text: str) -> None:
+    """Report a line from rank 0."""
+    if is_root(comm) and (listener := how.get("progress")) is not None:
+        listener(text)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -691,9 +680,7 @@ class Evaluating:
 
     def tell(self, text: str) -> None:
         """Report a line from rank 0."""
-        listener = self.how.get("progress")
-        if listener is not None and is_root(self.comm):
-            listener(text)
+        _tell(self.comm, self.how, text)
 
     def _evaluated(self, theta: Array) -> Trial:
         begun, number = time.monotonic(), len(self.trials.all) + 1

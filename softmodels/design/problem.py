@@ -7,7 +7,7 @@ import itertools
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, TypedDict, cast
+from typing import TYPE_CHECKING, Protocol, TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +23,7 @@ from softmodels.common.names import checked, place
 from softmodels.common.schema import Choice, about
 from softmodels.common.tables import TomlError, parse_toml, read_toml
 from softmodels.common.units import UnitError, brief, number_and_unit, quantity
-from softmodels.design.quantities import PROBE, DesignQuantity
+from softmodels.design.quantities import PROBE, QUANTITIES, DesignQuantity
 from softmodels.design.trials import (
     PRESSURE,
     VOLUME,
@@ -32,6 +32,7 @@ from softmodels.design.trials import (
     JudgedLoad,
     Squares,
     Trial,
+    dotted,
     factor,
     read,
     shown_unit,
@@ -40,8 +41,6 @@ from softmodels.design.trials import (
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-
-    from softmodels.mechanics.component import Component
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -56,15 +55,11 @@ MARGIN = "limit_margin"
 """Name of the quantity relative to the highest pressure of the problem."""
 
 
-type Asked = DesignQuantity
-"""An objective or limit of a design."""
-
-
 @dataclasses.dataclass(frozen=True)
 class ObjectiveTerm:
     """A quantity with its weight in the objective."""
 
-    quantity: Asked
+    quantity: DesignQuantity
     weight: float
 
 
@@ -78,7 +73,7 @@ class Keep:
         at_least, at_most: SI units; None for no limit.
     """
 
-    quantity: Asked
+    quantity: DesignQuantity
     at_least: float | None = None
     at_most: float | None = None
 
@@ -89,17 +84,17 @@ class Keep:
         return [key for key in values if key.startswith(self.quantity.key.removesuffix("s") + ":")]
 
 
-def shown(asked: Asked) -> str:
+def shown(asked: DesignQuantity) -> str:
     """Return the display unit of a quantity."""
     return str(getattr(asked, "shown_unit", "") or shown_unit(asked.unit))
 
 
-def in_words(asked: Asked, value: float, digits: int = 4) -> str:
+def in_words(asked: DesignQuantity, value: float, digits: int = 4) -> str:
     """Return a value of a quantity as text."""
     return text(value, shown(asked), asked.unit, digits)
 
 
-def pressure_of(asked: Asked) -> float | None:
+def pressure_of(asked: DesignQuantity) -> float | None:
     """Return the pressure in Pa of a quantity; None if it has none."""
     at = asked.at
     if at is None:
@@ -108,13 +103,13 @@ def pressure_of(asked: Asked) -> float | None:
     return load.value if load.kind == PRESSURE else None
 
 
-def highest_pressure(asked: Asked) -> float | None:
+def highest_pressure(asked: DesignQuantity) -> float | None:
     """Return the pressure in Pa farthest from 0 of a quantity or its components; None if it has none."""
     found = [pressure_of(asked), *(pressure_of(part) for part in getattr(asked, "parts", ()))]
     return max((pressure for pressure in found if pressure is not None), default=None, key=abs)
 
 
-def label(asked: Asked, cm: float) -> str:
+def label(asked: DesignQuantity, cm: float) -> str:
     """Return the label of a quantity, with its pressure as written by the user, or in cm of water if it was
     a number."""
     pressure = pressure_of(asked)
@@ -133,10 +128,10 @@ class Reader:
         folder: From which a quantity's own file is counted.
     """
 
-    def __init__(self, case: Case, registry: Mapping[str, type[Asked]], bare: bool, folder: Path | None):
+    def __init__(self, case: Case, registry: Mapping[str, type[DesignQuantity]], bare: bool, folder: Path | None):
         self.case, self.registry, self.bare, self.folder = case, registry, bare, folder
 
-    def quantities(self, entry: object, where: str, more: Sequence[str] = ()) -> list[Asked]:
+    def quantities(self, entry: object, where: str, more: Sequence[str] = ()) -> list[DesignQuantity]:
         """Return the quantities of a table, one for each pressure; a quantity given as a value is kept.
 
         Args:
@@ -148,20 +143,20 @@ class Reader:
             DesignError: An unknown quantity or entry, or one that is missing.
         """
         if not isinstance(entry, Mapping):
-            if not hasattr(entry, "key") or not hasattr(entry, "unit"):
+            if not isinstance(entry, DesignQuantity):
                 raise DesignError(f"{where} is {brief(entry)}; it must be a quantity")
-            return [self._checked(cast("Asked", entry), where)]
+            return [self._checked(entry, where)]
         kind = self._kind(entry.get("quantity"), where)
         fields = {field.name: field for field in dataclasses.fields(kind) if field.init}
         for key in entry:
             if key not in ("quantity", *fields, *more):
-                names = [name for name in fields if name != "at" or _at_pressure(kind)]
+                names = [name for name in fields if name != "at" or kind.of_state]
                 raise DesignError(f"{where} has an unknown entry {key!r}; {known_are(key, [*names, *more])}")
         given = {key: self._given(key, value) for key, value in entry.items() if key in fields and key != "at"}
         if "cm" in fields:  # of the column, in which a quantity's file may give pressures
             given.setdefault("cm", self.case.cm)
         places: Sequence[object] = [None]
-        if _at_pressure(kind):
+        if kind.of_state:
             if "at" not in entry:
                 raise DesignError(f'{where}: {kind.name} needs a pressure, such as at = "177 cm"')
             at = entry["at"]
@@ -172,7 +167,7 @@ class Reader:
             raise DesignError(f"{where}: {kind.name} has no pressure; leave out at")
         return [self._made(kind, {**given, **({} if place is None else {"at": place})}, where) for place in places]
 
-    def _kind(self, name: object, where: str) -> type[Asked]:
+    def _kind(self, name: object, where: str) -> type[DesignQuantity]:
         if name is None:
             raise DesignError(f"{where} names no quantity; {known_are('', self.registry)}")
         if not isinstance(name, str) or name not in self.registry:
@@ -186,19 +181,19 @@ class Reader:
             return value if self.folder is None else str(self.folder.resolve() / value)
         return _tuples(value)
 
-    def _made(self, kind: type[Asked], values: Mapping[str, object], where: str) -> Asked:
+    def _made(self, kind: type[DesignQuantity], values: Mapping[str, object], where: str) -> DesignQuantity:
         try:
             return self._checked(kind(**values), where)  # type: ignore[arg-type]  # the constructor checks
         except (ValueError, TypeError) as error:
             raise DesignError(str(error) if isinstance(error, DesignError) else f"{where}: {error}") from None
 
-    def _checked(self, asked: Asked, where: str) -> Asked:
+    def _checked(self, asked: DesignQuantity, where: str) -> DesignQuantity:
         """Reject a probe or figure missing in the device, and a pressure above the case's."""
         device, of = self.case.actuator, getattr(asked, "of", "")
-        what, known = getattr(asked, "named", _probes)(device, self.case.components)
+        what, known = asked.named(device, self.case.components)
         if (of or what != PROBE) and of not in known:
             raise DesignError(f"{where}: this {type(device).__name__} has no {what} {of!r}; {known_are(of, known)}")
-        if getattr(type(asked), "of_state", False) and asked.at is None:
+        if asked.of_state and asked.at is None:
             raise DesignError(f"{where}: {asked.name} needs a pressure (at)")
         pressure, last = highest_pressure(asked), self.case.goals[-1]
         if pressure is not None and pressure / last > 1 + 1e-9:
@@ -211,7 +206,7 @@ class Reader:
         self._check_sides(asked, where)
         return asked
 
-    def _check_sides(self, asked: Asked, where: str) -> None:
+    def _check_sides(self, asked: DesignQuantity, where: str) -> None:
         """Reject a state on the other side of the ambient pressure than the case's."""
         for one in (asked, *getattr(asked, "parts", ())):
             load = None if one.at is None else JudgedLoad.of(one.at)
@@ -226,33 +221,29 @@ class Reader:
         if not isinstance(value, str):
             return read(f"{where}: at", value, "Pa", self.bare)
         try:
-            amount, unit = number_and_unit(value)
+            (amount, unit), kind = number_and_unit(value), PRESSURE
             if unit == "cm":
-                return JudgedLoad(PRESSURE, _not_zero(amount * self.case.cm, value, where), value)
-            if unit and _is_volume(value):
-                return JudgedLoad(VOLUME, _not_zero(quantity(value, "m^3"), value, where), value)
-            return JudgedLoad(PRESSURE, _not_zero(quantity(value, "Pa"), value, where), value)
+                number = amount * self.case.cm
+            elif unit and _is_volume(value):
+                kind, number = VOLUME, quantity(value, "m^3")
+            else:
+                number = quantity(value, "Pa")
         except UnitError as error:
             raise DesignError(f"{where}: at is not a pressure ({error}); write it like 177 cm or 17 kPa") from None
+        if number == 0.0:
+            raise DesignError(f"{where}: at {value!r} must be above zero, or below it for a vacuum")
+        return JudgedLoad(kind, number, value)
 
-    def limit(self, entry: Mapping[str, object], side: str, asked: Asked, where: str) -> float | None:
+    def limit(self, entry: Mapping[str, object], side: str, asked: DesignQuantity, where: str) -> float | None:
         """Return the limit ``at_least`` or ``at_most`` in SI units; None if not given."""
         if entry.get(side) is None:
             return None
         return read(f"{where}: {side} of {asked.name}", entry[side], asked.unit, self.bare)
 
 
-def _probes(device: Actuator, components: Sequence[Component]) -> tuple[str, list[str]]:
-    return PROBE, [*device.probes, *device.device_figures(device.probes)]
-
-
 def _tuples(value: object) -> object:
     """Return the lists, and lists in them, as tuples."""
     return tuple(map(_tuples, value)) if isinstance(value, list | tuple) else value
-
-
-def _at_pressure(kind: object) -> bool:
-    return bool(getattr(kind, "of_state", False))
 
 
 def _is_volume(value: str) -> bool:
@@ -261,12 +252,6 @@ def _is_volume(value: str) -> bool:
     except UnitError:
         return False
     return True
-
-
-def _not_zero(value: float, said: str, where: str) -> float:
-    if value == 0.0:
-        raise DesignError(f"{where}: at {said!r} must be above zero, or below it for a vacuum")
-    return value
 
 
 def check_limits(keep: Keep, where: str) -> None:
@@ -290,7 +275,7 @@ def check_limits(keep: Keep, where: str) -> None:
         )
 
 
-def shown_factor(asked: Asked) -> float:
+def shown_factor(asked: DesignQuantity) -> float:
     """Return the SI value of a quantity's display unit."""
     return factor(shown(asked), asked.unit)
 
@@ -527,7 +512,7 @@ def tolerances_of(case: Case, table: Mapping[str, object], bare: bool) -> dict[s
     """
     found: dict[str, float] = {}
     device, units = case.actuator, variable_names(case)
-    for name, value in _flat_values(table):
+    for name, value in dotted(table):
         for one in expanded(case, name):
             spread = read(f"tolerance of {one}", value, units[one], bare)
             if spread <= 0.0:
@@ -537,15 +522,6 @@ def tolerances_of(case: Case, table: Mapping[str, object], bare: bool) -> dict[s
                 raise DesignError(f"tolerance of {one}: the mesh of this {type(device).__name__} cannot follow it")
             found[one] = spread
     return found
-
-
-def _flat_values(table: Mapping[str, object], before: str = "") -> Iterator[tuple[str, object]]:
-    """Yield the entries of a table and of tables in it, by their names with dots."""
-    for name, value in table.items():
-        if isinstance(value, Mapping):
-            yield from _flat_values(value, f"{before}{name}.")
-        else:
-            yield f"{before}{name}", value
 
 
 class ToleranceSpread:
@@ -572,9 +548,7 @@ class ToleranceSpread:
             variance += float(np.sum((np.asarray(trial.gradients[key]) * self.spreads) ** 2))
         errors = self.errors
         if errors is not None and key in trial.material_gradients:
-            slope: npt.NDArray[np.float64] = np.array(
-                [trial.material_gradients[key].get(name, 0.0) for name in errors.names]
-            )
+            slope = np.array([trial.material_gradients[key].get(name, 0.0) for name in errors.names])
             variance += float(slope @ errors.matrix @ slope)
         return float(np.sqrt(max(variance, 0.0)))
 
@@ -650,7 +624,7 @@ class DesignProblem:
             case = Case.from_file(file)
             object.__setattr__(self, "written", read_toml(file))
         _check_load(case)
-        reader = Reader(case, _registry(), self.bare, self.folder)
+        reader = Reader(case, QUANTITIES, self.bare, self.folder)
         table = dict(_flat(_table(self.parameters, "parameters")))
         counts = {name: _count(case, name, table.pop(name)) for name in list(table) if _counted(case.actuator, name)}
         object.__setattr__(self, "counts", counts)
@@ -726,12 +700,8 @@ class DesignProblem:
     @property
     def highest(self) -> float | None:
         """Pressure in Pa up to which a limit point is searched, well above the required one; None for the default."""
-        kept = {
-            MARGIN: self.working,
-            "limit_pressure": 1.0,
-            "bifurcation_margin": self.working,
-            "bifurcation_pressure": 1.0,
-        }
+        kept = dict.fromkeys((MARGIN, "bifurcation_margin"), self.working)
+        kept |= dict.fromkeys(("limit_pressure", "bifurcation_pressure"), 1.0)
         if any(term.quantity.name in kept for term in self.terms):
             return None
         most = [
@@ -747,12 +717,9 @@ class DesignProblem:
         return max((highest_pressure(one) or 0.0 for one in self.quantities), default=0.0, key=abs)
 
     @property
-    def quantities(self) -> list[Asked]:
+    def quantities(self) -> list[DesignQuantity]:
         """All quantities, each once."""
-        found = {
-            one.key: one for one in (*(term.quantity for term in self.terms), *(keep.quantity for keep in self.limits))
-        }
-        return list(found.values())
+        return list({one.quantity.key: one.quantity for one in (*self.terms, *self.limits)}.values())
 
     @classmethod
     def from_toml(cls, text: str, folder: Path | None = None) -> DesignProblem:
@@ -793,12 +760,6 @@ class DesignProblem:
             return cls(**{"parameters": {}, **values}, case=case, folder=folder, bare=False, written=written)  # type: ignore[arg-type]
         except INPUT_ERRORS as error:
             raise DesignError(str(error)) from None
-
-
-def _registry() -> Mapping[str, type]:
-    from softmodels.design.quantities import QUANTITIES
-
-    return QUANTITIES
 
 
 def _place(case: object, folder: Path | None) -> Path:
@@ -852,17 +813,12 @@ def _check_load(case: Case) -> None:
 
 def _keeps(reader: Reader, entry: object, where: str) -> list[Keep]:
     if isinstance(entry, Keep):
-        sides = {side: getattr(entry, side) for side in LIMITS}
-        found = [
-            Keep(one, *(reader.limit(sides, side, one, where) for side in LIMITS))
-            for one in reader.quantities(entry.quantity, where)
-        ]
+        table: Mapping[str, object] = {side: getattr(entry, side) for side in LIMITS}
+        asked = reader.quantities(entry.quantity, where)
     else:
         table = _table(entry, where)
-        found = [
-            Keep(one, *(reader.limit(table, side, one, where) for side in LIMITS))
-            for one in reader.quantities(table, where, LIMITS)
-        ]
+        asked = reader.quantities(table, where, LIMITS)
+    found = [Keep(one, *(reader.limit(table, side, one, where) for side in LIMITS)) for one in asked]
     for keep in found:
         check_limits(keep, where)
     return found

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 import numpy.typing as npt
+import tomli_w
 from scipy import stats
 
 from softmodels.case.case import Case, identity
@@ -39,6 +40,7 @@ from softmodels.common.processes import cores
 from softmodels.common.tables import TomlError, parse_toml, read_toml
 from softmodels.common.units import UnitError, number, number_and_unit
 from softmodels.common.workers import Answer, DiedError, Worker, answers
+from softmodels.design.trials import dotted
 from softmodels.materials.laws import Material
 from softmodels.materials.specimens import nudged
 from softmodels.mechanics.mpi import start
@@ -225,8 +227,6 @@ class StudyPlan:
         if not isinstance(varied, dict) or not varied:
             raise StudyError(f'{path} varies nothing; write [vary] and below it "geometry.membrane" = "1.8:2.2 mm"')
         try:
-            import tomli_w
-
             if isinstance(file, dict):
                 case = Case.from_toml(tomli_w.dumps(file), path.parent)
             else:
@@ -287,8 +287,6 @@ class StudyPlan:
         for one, x in zip(self.inputs, point, strict=True):
             if one.key not in steps:
                 _set(tables, one.key, one.text(float(x)))
-        import tomli_w
-
         made = Case.from_toml(tomli_w.dumps(tables))
         return dataclasses.replace(made, name=plain.name)
 
@@ -334,7 +332,7 @@ class StudyPlan:
 
 
 def _inputs(varied: Mapping[str, object], case: Case) -> Iterator[Input]:
-    for key, given in _flat(varied):
+    for key, given in dotted(varied):
         if key == "material" and given == FIT:
             if not isinstance(case.band, MaterialErrors):
                 raise StudyError(f'material = "{FIT}" needs the errors of a fit; add [band] with its file to the case')
@@ -342,15 +340,6 @@ def _inputs(varied: Mapping[str, object], case: Case) -> Iterator[Input]:
                 yield Input(f"{FIT}.{k + 1}", (), -2.0, 2.0, True)
         else:
             yield Input.parse(key, given)
-
-
-def _flat(varied: Mapping[str, object], before: str = "") -> Iterator[tuple[str, object]]:
-    """Yield dotted keys, of tables too: TOML reads ``geometry.membrane`` without quotes as a table in a table."""
-    for key, given in varied.items():
-        if isinstance(given, dict):
-            yield from _flat(given, f"{before}{key}.")
-        else:
-            yield f"{before}{key}", given
 
 
 def _drawn(case: Case, steps: Array) -> Material:
@@ -603,11 +592,9 @@ def study(
         StudyError: Invalid input, before anything is solved; or no sample has a result.
         ImportError: xarray, or dask for a scheduler, is not installed.
     """
-    plan = (
-        file
-        if isinstance(file, StudyPlan)
-        else StudyPlan.from_file(place("file", file, "a study file, or a StudyPlan"))
-    )
+    plan = file
+    if not isinstance(plan, StudyPlan):
+        plan = StudyPlan.from_file(place("file", plan, "a study file, or a StudyPlan"))
     callback("progress", progress)
     count, address = whole("jobs", jobs, 0), one_of("scheduler", scheduler, str, "an address, or an empty text")
     again = flag("resume", resume)
@@ -653,11 +640,8 @@ def solve_into(
             kept.add(k, {"failure": text})
     tasks = {k: (case, plan.answer) for k, case in cases.items() if k not in kept.answers}
     count = len(plan.points)
-    found = (
-        _by_cluster(scheduler, tasks)
-        if scheduler and tasks
-        else answers(__name__, solved.__name__, tasks, jobs or cores())
-    )
+    beside = answers(__name__, solved.__name__, tasks, jobs or cores())
+    found = _by_cluster(scheduler, tasks) if scheduler and tasks else beside
     for k, (done, value) in found:
         kept.add(k, value if done else {"failure": str(value)})
         if progress is not None:
@@ -674,11 +658,8 @@ def dataset_of(plan: StudyPlan, found: Mapping[int, Mapping[str, object]]) -> xa
     order = range(len(plan.points))
     variables: dict[str, tuple[object, ...]] = {}
     for one, column in zip(plan.inputs, plan.points.T, strict=True):
-        variables[one.key] = (
-            "sample",
-            [one.value(x) for x in column],
-            {"units": one.unit, "long_name": f"input {one.key}"},
-        )
+        about = {"units": one.unit, "long_name": f"input {one.key}"}
+        variables[one.key] = ("sample", [one.value(x) for x in column], about)
     rows = {k: list(found[k].get("rows", ())) for k in order}  # type: ignore[call-overload]
     states = max(map(len, rows.values()))
     names = dict.fromkeys(name for own in rows.values() for row in own for name in row)
@@ -797,10 +778,8 @@ def surrogate_of(inputs: tuple[Input, ...], points: Array, values: Array) -> Sur
     if spread <= 1e-12 * float(np.abs(y).max()):
         return Surrogate(inputs, 0.0, 0.0, lambda at: np.full(len(at), y[0]))
     kernel = ConstantKernel(1.0, (1e-2, 1e5)) * RBF(np.ones(X.shape[1]), (0.05, 1e3)) + WhiteKernel(1e-6, (1e-12, 1e-1))
-    with warnings.catch_warnings():
-        warnings.simplefilter(
-            "ignore"
-        )  # where the likelihood is flat or an input has no effect; the error below is measured
+    # Where the likelihood is flat or an input has no effect; the error below is measured.
+    with warnings.catch_warnings(action="ignore"):
         process = GaussianProcessRegressor(kernel, normalize_y=True, random_state=0).fit(X, y)
     again = GaussianProcessRegressor(process.kernel_, optimizer=None, normalize_y=True)
     folds = KFold(min(FOLDS, len(y)), shuffle=True, random_state=0)
@@ -858,10 +837,8 @@ class Study(Shown):
     def responses(self) -> tuple[str, ...]:
         """The columns that are analysed."""
         inputs = [one.key for one in self.plan.inputs]
-        numbers = [
-            str(name) for name, one in self.dataset.data_vars.items() if one.dtype.kind == "f" and name not in inputs
-        ]
-        return self.plan.columns_analysed(numbers)
+        numbers = [name for name, one in self.dataset.data_vars.items() if one.dtype.kind == "f" and name not in inputs]
+        return self.plan.columns_analysed(list(map(str, numbers)))
 
     @property
     def failures(self) -> dict[int, str]:
@@ -896,9 +873,8 @@ class Study(Shown):
         if self.plan.sampling == "saltelli" and np.isfinite(values).all():
             return indices_of(self.plan.inputs, values)
         made = self.surrogate(response)
-        return dataclasses.replace(
-            indices_of(self.plan.inputs, made), surrogate_error=made.error / made.spread if made.spread else 0.0
-        )
+        error = made.error / made.spread if made.spread else 0.0
+        return dataclasses.replace(indices_of(self.plan.inputs, made), surrogate_error=error)
 
     def save(self, file: str | Path) -> Path:
         """Write the dataset as netCDF.
@@ -910,20 +886,6 @@ class Study(Shown):
         required("h5netcdf", EXTRA)
         replace(path, lambda aside: self.dataset.to_netcdf(aside, engine="h5netcdf"))
         return path
-
-
-def load_study(plan: StudyPlan, folder: Path) -> Study:
-    """Return the study in a folder, as far as it was solved.
-
-    Raises:
-        StudyError: The folder has no samples of it.
-    """
-    found = _read(folder / SAMPLES)
-    if not found:
-        raise StudyError(f"{folder} holds no samples; run softmodels study")
-    return Study(
-        plan, dataset_of(plan, {k: found.get(k, {"failure": "not solved yet"}) for k in range(len(plan.points))})
-    )
 
 
 __all__ = ["Indices", "Input", "Study", "StudyError", "StudyPlan", "Surrogate", "study"]

@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Self
 
 import numpy as np
@@ -45,11 +45,7 @@ class JudgedLoad:
         return value if isinstance(value, JudgedLoad) else cls(PRESSURE, float(value))
 
     def __str__(self) -> str:
-        return (
-            readable(self.value, "Pa" if self.kind == PRESSURE else "ml")
-            if self.kind == PRESSURE
-            else f"{self.value * 1e6:.6g} ml"
-        )
+        return readable(self.value, "Pa") if self.kind == PRESSURE else f"{self.value * 1e6:.6g} ml"
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -95,6 +91,15 @@ def read(what: str, value: object, unit: str, bare: bool = True) -> float:
         return quantity(value, "" if bare and not isinstance(value, str) else spelled(unit))
     except UnitError as error:
         raise DesignError(f"{what}: {error}") from None
+
+
+def dotted(table: Mapping[str, object], before: str = "") -> Iterator[tuple[str, object]]:
+    """Yield the entries of a table and of tables in it, by their names with dots: TOML reads ``fibres.angle`` so."""
+    for name, value in table.items():
+        if isinstance(value, Mapping):
+            yield from dotted(value, f"{before}{name}.")
+        else:
+            yield f"{before}{name}", value
 
 
 @functools.cache

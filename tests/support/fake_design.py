@@ -17,6 +17,7 @@ from geometries import GeometryError, HollowDisk, register_device
 from geometries.actuator import changed
 from softmodels.common.schema import length_field
 from softmodels.design import model, problem
+from softmodels.design.quantities import DesignQuantity
 from softmodels.design.trials import DesignFailure, JudgedLoad
 
 DENSITY = 1070.0
@@ -42,15 +43,12 @@ class FakeDisk(HollowDisk):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class FakeQuantity:
+class FakeQuantity(DesignQuantity):
     name: ClassVar = ""
     unit: ClassVar = "1"
-    of_state: ClassVar = True
-    at: float | None = None
 
-    @property
-    def title(self):
-        return self.name.replace("_", " ")
+    def measure(self, design):
+        raise NotImplementedError
 
     @property
     def key(self):
@@ -156,8 +154,8 @@ class FakeModel:
 
 def install(setattr_=setattr):
     """Put the fake in the place of finite elements."""
-    setattr_(problem, "_registry", lambda: REGISTRY)
-    setattr_(model, "_model", lambda asked, comm, report: FakeModel(asked.case, asked.names, asked.quantities, comm))
+    setattr_(problem, "QUANTITIES", REGISTRY)
+    setattr_(model, "DesignModel", lambda case, names, quantities, comm, **_: FakeModel(case, names, quantities, comm))
 
 
 if os.environ.get("FAKE_DESIGN"):
