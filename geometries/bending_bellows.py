@@ -222,7 +222,7 @@ class BendingBellows(Finger):
                 f"least_wall {_mm(self.least_wall)} of air is left inside them only below "
                 f"{_mm(2.0 * self.fold_radius - self.least_wall)}",
             )
-        self.check_most("depth", 3.0, "pitch", "folds are at most {}, deep")
+        self.check_most("depth", 3.0, "pitch", "folds are at most three pitches deep: {}")
         self.check_most("base rim root cap", 1.0, "length_of_the_folds")
         self.check_cells(("wall", "base", "root", "cap"))
 

@@ -6,17 +6,19 @@ import dataclasses
 import functools
 import inspect
 from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from geometries import PLACES
-from geometries.actuator import Actuator
 from softmodels.common import schema
 from softmodels.common.errors import FieldError, GeometryError
 from softmodels.common.names import Registry, checked
 from softmodels.common.schema import About, Choice, Flag, Kind, Open, Quantity, Several, Text, Words, about, shown
 from softmodels.common.units import UnitError, exact_text, quantity
+
+if TYPE_CHECKING:
+    from geometries.actuator import Actuator
 
 
 def _list_variant_fields(device: type[Actuator]) -> None:

@@ -719,7 +719,8 @@ class DesignProblem:
     @property
     def quantities(self) -> list[DesignQuantity]:
         """All quantities, each once."""
-        return list({one.quantity.key: one.quantity for one in (*self.terms, *self.limits)}.values())
+        found = [*(term.quantity for term in self.terms), *(keep.quantity for keep in self.limits)]
+        return list({one.key: one for one in found}.values())
 
     @classmethod
     def from_toml(cls, text: str, folder: Path | None = None) -> DesignProblem:
