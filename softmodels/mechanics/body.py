@@ -24,7 +24,7 @@ from geometries.meshing import load_mesh, private_model
 from softmodels.common.arrays import Array
 from softmodels.common.errors import ComponentError, Spoken
 from softmodels.common.lazy import MPI, Expr, fem, meshes, ufl
-from softmodels.mechanics.compiling import compiling, mend_cache
+from softmodels.mechanics.compiling import compiling
 from softmodels.mechanics.mpi import is_root, on_root
 from softmodels.mechanics.pieces import Roles, selected
 
@@ -112,7 +112,6 @@ class Body:
         import gmsh
         from dolfinx.io import gmsh as gmshio
 
-        mend_cache(comm)
         with private_model() if is_root(comm) else contextlib.nullcontext():
             # An invalid file raises on all ranks; it must not hang.
             groups = on_root(comm, lambda: load_mesh(path, actuator.dimension))

@@ -91,38 +91,37 @@ class CompilingError(Spoken, RuntimeError):
     """The kernels could not be compiled; the message is for the user."""
 
 
-def wait_for_cache(folder: Path, tell: Callable[[str], None], stopped: Callable[[], bool]) -> None:
-    """Wait until no module of the cache is being compiled or ``stopped`` says so; remove marks older than `LONGEST`. ``tell``
-    gets a sentence if there is anything to wait for."""
-    told = False
-    while not stopped():
-        ages = [age for age in map(_age, _unfinished(folder)) if age is not None]
-        if not ages:
-            return
-        if not told:
-            tell(
-                f"waiting for another run to compile its kernels (or, if it was killed, {LONGEST - min(ages):.0f} s longer)"
-            )
-            told = True
-        time.sleep(0.2)
+_listening: list[tuple[Callable[[str], None], Callable[[], None]]] = []
+"""Who is told of a wait for another run, and asked whether to stop."""
 
 
-def mend_cache(comm: MPI.Comm) -> None:
-    """Remove half-compiled leftovers of killed runs, and wait for compiling runs; all ranks call it."""
-    on_root(comm, lambda: wait_for_cache(cache(), lambda text: None, bool))
+@contextlib.contextmanager
+def told_of_waits(tell: Callable[[str], None], check: Callable[[], None]) -> Iterator[None]:
+    """Report waits for kernels that another run compiles.
 
-
-def _unfinished(folder: Path) -> list[Path]:
-    """Return the sources whose modules are not marked as ready, without reading files."""
+    Args:
+        tell: Gets a sentence if there is anything to wait for.
+        check: Called between looks; it raises to end the wait.
+    """
+    _listening.append((tell, check))
     try:
-        names = {entry.name for entry in os.scandir(folder)}
-    except OSError:
-        return []
-    return [
-        folder / name
-        for name in sorted(names)
-        if name.startswith("libffcx_") and name.endswith(".c") and f"{name}.cached" not in names
-    ]
+        yield
+    finally:
+        _listening.pop()
+
+
+def _wait_for(source: Path) -> None:
+    """Wait until a module is no longer being compiled by another run; remove a mark older than `LONGEST`."""
+    tell, check = _listening[-1] if _listening else (lambda text: None, lambda: None)
+    told = False
+    while (age := _age(source)) is not None:
+        if not told:
+            tell(f"waiting for another run to compile its kernels (or, if it was killed, {LONGEST - age:.0f} s longer)")
+            told = True
+            for name in [*_running]:  # the other run may wait for them
+                _finish(name)
+        check()
+        time.sleep(0.1)
 
 
 def _age(source: Path) -> float | None:
@@ -237,9 +236,10 @@ def _finish(name: str) -> None:
 
 
 def use_cache() -> None:
-    """Let FFCx take kernels that this process has loaded from memory, and compile others side by side.
+    """Let FFCx take loaded kernels from memory, compile others side by side, and wait for those that another run compiles.
 
-    It lists the whole folder of its cache for each form otherwise: of 6,000 files that is a third of a section's set-up.
+    It lists the whole folder of its cache for each form otherwise: of 6,000 files that is a third of a section's set-up. Its
+    own wait ends after ten seconds, and never where a run was killed.
     """
     from ffcx.codegeneration import jit
 
@@ -254,6 +254,7 @@ def use_cache() -> None:
             if _ahead and name in _running:
                 return [None], None
             _finish(name)
+            _wait_for(Path(folder) / f"{name}.c")
             found = look_up(name, objects, folder, timeout)
             if found[0] is not None:
                 loaded[key] = found

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 DONE, FAILED, BAD_INPUT, NO_EQUILIBRIUM, STOPPED = 0, 1, 2, 3, 130
 
+INTERRUPTED = "stopped by the user; continue with --resume"
+
 NO_MEMORY = "out of memory; use a larger --cell-size, or a smaller slice of the device"
 
 

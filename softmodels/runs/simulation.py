@@ -14,14 +14,14 @@ from softmodels.case.case import Case
 from softmodels.case.materials import MaterialErrors, SourceBand
 from softmodels.common.arrays import Array
 from softmodels.materials.specimens import weakness
-from softmodels.mechanics.compiling import cache, compiling, wait_for_cache
+from softmodels.mechanics.compiling import compiling, told_of_waits
 from softmodels.mechanics.mpi import any_rank, is_root, on_root
 from softmodels.runs.columns import Solved, row_of
 from softmodels.runs.fields import Row, check_requested
 from softmodels.runs.formats import Restart, restart_of
 from softmodels.runs.model import Model, body_of, temporary_folder
 from softmodels.runs.notes import explain, explain_failure, explain_step, sentences
-from softmodels.runs.outcomes import FAILED, NO_EQUILIBRIUM, STOPPED, RunError
+from softmodels.runs.outcomes import FAILED, INTERRUPTED, NO_EQUILIBRIUM, STOPPED, RunError
 from softmodels.runs.store import States
 
 if TYPE_CHECKING:
@@ -164,13 +164,13 @@ class Simulation:
         """
         case, say = self.case, self.listener.say
         say("compiling kernels (first run only, about 10 s; then cached)")
-        on_root(self.comm, lambda: wait_for_cache(cache(), say, self.stopped))
         self._stop_if_asked()
-        self.body = body_of(case.actuator, file, self.comm)
-        self.model = Model.of(case, self.body)
-        self.solver, self.fields = self.model.solver, self.model.fields
-        with compiling():
-            self._band = self._make_band()
+        with told_of_waits(say, self._stop_here):
+            self.body = body_of(case.actuator, file, self.comm)
+            self.model = Model.of(case, self.body)
+            self.solver, self.fields = self.model.solver, self.model.fields
+            with compiling():
+                self._band = self._make_band()
 
     def prepare_on(self, mesh: Callable[[], bytes]) -> None:
         """Prepare on a stored mesh.
@@ -370,7 +370,12 @@ class Simulation:
 
     def _stop_if_asked(self) -> None:
         if any_rank(self.comm, self.stopped()):
-            raise RunError("stopped by the user; continue with --resume", STOPPED)
+            raise RunError(INTERRUPTED, STOPPED)
+
+    def _stop_here(self) -> None:
+        """As `_stop_if_asked`, on this rank only."""
+        if self.stopped():
+            raise RunError(INTERRUPTED, STOPPED)
 
     def step_of(self, point: Point, number: int, come: float = 0.0) -> Step:
         """Return a point of the path in SI units; ``come`` is the number of program steps taken."""
