@@ -48,7 +48,6 @@ def test_lamps_and_cameras_of_other_kinds_are_trusted_and_right(seed, lamp, came
     ("seed", "lamp", "camera", "shape"),
     [
         (0, "disc", "srgb", "round"),
-        (0, "disc", "srgb", "block"),
         (1, "square", "srgb", "block"),
         (6, "disc", "phone", "block"),
     ],

@@ -121,6 +121,8 @@ PICTURES = {
     "cropped and enlarged": (lambda: cv2.resize(pixels()[40:760, 60:1140], (1200, 800)), "moved|cropped"),
     "another size": (lambda: pixels()[:-1], "it has 1200 x 799 pixels, but the setup has 1200 x 800"),
     "negative": (lambda: 255 - pixels(), "grid cannot be seen|no shadow"),
+    "black": (lambda: np.zeros((800, 1200, 3), np.uint8), "underexposed|blank|contrast|no shadow|grid"),
+    "white": (lambda: np.full((800, 1200, 3), 255, np.uint8), "overexposed|blank|contrast|no shadow"),
 }  # fmt: skip
 """Unusable pictures: how to make them, and what their reason must say."""
 
@@ -302,9 +304,7 @@ def listing(folder, tmp_path, picture, name="zero.jpg"):
 ZEROS = {
     "inflated": (lambda: pixels(), "not straight"),
     "turned": (lambda: pixels(turned(dome(0.0, floor=FLOOR), 25.0)), "no level upper side|inclined"),
-    "blurred": (lambda: pixels(dome(0.0, floor=FLOOR), blur=8.0), "blurred over"),
     "without shadow": (lambda: pixels(None), "no shadow|contrast"),
-    "moved camera": (lambda: pixels(dome(0.0, floor=FLOOR), pan=SCENE.pan + 0.5), "camera or the screen has moved"),
     "missing": (lambda: None, "no such file"),
 }
 
