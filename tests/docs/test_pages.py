@@ -46,16 +46,28 @@ def test_there_are_examples_and_pages():
     assert len(EXAMPLES) >= 8 and {page.name for page in PAGES} >= {"README.md", "python.md", "notebook.md"}
 
 
+COARSER = {"pneunet": ("cell_size=0.004", "cell_size=0.006")}
+"""A mesh with which an example's assertion holds too, in half the time."""
+
+
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
 def test_examples_assert_a_number_and_draw_a_picture(example, run, tmp_path):
     text = example.read_text()
     assert re.search(r"^assert ", text, re.MULTILINE)
-    assert run(example, tmp_path).strip() and (tmp_path / f"{example.stem}.png").stat().st_size > 10_000
+    words = COARSER.get(example.stem, ("", ""))
+    assert words[0] in text
+    (tmp_path / example.name).write_text(text.replace(*words))
+    assert run(tmp_path / example.name, tmp_path).strip() and (tmp_path / f"{example.stem}.png").stat().st_size > 10_000
+
+
+FEW = "from measurement import photographer\nphotographer.HEIGHTS = photographer.HEIGHTS[[0, 4, 9]]\n"
+"""Three of the demonstration's thirteen photographs."""
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
 def test_python_on_pages_runs(page, run, tmp_path):
-    (tmp_path / "page.py").write_text("\n".join(blocks(page)))
+    text = "\n".join(blocks(page))
+    (tmp_path / "page.py").write_text(FEW * ("make_photographs" in text) + text)
     run(tmp_path / "page.py", tmp_path)
 
 
