@@ -123,7 +123,7 @@ def test_a_fit_takes_the_solver_of_its_case(run_of, figure):
 def test_error_bars_are_honest_under_a_weight(run_of):
     device, components, cms = DEVICES["membrane with a plate of 20 g"]
     rng, away = np.random.default_rng(7), []
-    for _ in range(5):
+    for _ in range(3):
         outlines = photographed(run_of("membrane with a plate of 20 g"), cms, rng)
         found = sm.fit(case_of(device, components), outlines, "yeoh", QUICK).chosen
         assert not found.judgement.warnings
