@@ -18,7 +18,6 @@ from softmodels.common.units import pascal_per_cm
 from softmodels.design.trials import Squares
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.runs.simulation import PathEnded, Simulation
-from tests.support.ranks import mpirun
 
 CM = pascal_per_cm()
 COARSE = {"section": "axisymmetric", "cell_size": 6e-3, "refinement": 1.0}
@@ -435,27 +434,6 @@ print(memory() - before[0], before[1] - free())
     grown, lost = map(float, script(text).split())
     assert grown < 5.0  # MB in 20 devices
     assert lost <= 0
-
-
-@pytest.mark.parametrize("ranks", [2])
-def test_several_ranks_have_the_same_run(ranks, tmp_path, ballooned):
-    text = """
-run = sm.inflate(sm.HollowDisk(membrane=1e-3, **COARSE), sm.NeoHookean(20e3), pressures="0:100 cm")
-run.save("disk")
-state = run.at("20 cm")
-limit = sm.limit(run.case.actuator, run.case.material)
-from mpi4py import MPI
-figures = [run.pressure.max(), run.limit.pressure, limit.pressure, state.von_mises.max(), state.added_volume]
-figures.append(len(sm.load("disk")))
-everybodys = MPI.COMM_WORLD.gather([float(figure) for figure in figures])
-if MPI.COMM_WORLD.rank == 0:
-    assert everybodys[0] == everybodys[1]
-    print(*everybodys[0])
-"""
-    found = [float(word) for word in script(text, launcher=[mpirun(), "-n", ranks], folder=tmp_path).split()]
-    state, limit = ballooned.at("20 cm"), ballooned.limit.pressure
-    expected = [ballooned.pressure.max(), limit, limit, state.von_mises.max(), state.added_volume, len(ballooned)]
-    assert found == pytest.approx(expected, rel=1e-6)
 
 
 def test_versions_agree_and_the_packages_are_typed():

@@ -100,8 +100,6 @@ def test_two_ranks_by_an_option_are_one_rank_in_all_but_the_closing_line(limited
     assert done.status == 3 == limited[1].status and limited[1].err.replace(str(limited[0]), "")[:60] in done.err
     assert "2 ranks" in done.err
     runs.same(runs.rows(tmp_path / "disk"), runs.rows(limited[0]), 1e-8)
-    done = runs.disk(tmp_path / "short", "--pressure-cm", "0,1", "--ranks", 2)
-    assert done.status == 0 and done.out.strip().endswith("solved on 2 ranks")
 
 
 @needs_mpirun
