@@ -25,10 +25,12 @@ def mpirun() -> str:
     return launcher
 
 
-def figures_on(ranks: int, program: str, *words: object):
-    """What a program of `tests.support.on_ranks` prints as JSON on so many ranks."""
-    command = [mpirun(), "-n", str(ranks), sys.executable, "-m", f"tests.support.on_ranks.{program}", *map(str, words)]
+def figures_on(ranks: int, folder: Path, *programs: str):
+    """What programs of `tests.support.on_ranks` find on so many ranks."""
+    command = [mpirun(), "-n", str(ranks), sys.executable, "-m", "tests.support.on_ranks", str(folder), *programs]
     environment = {**os.environ, **PATIENT, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(TOP)}
     done = subprocess.run(command, capture_output=True, text=True, timeout=1200, env=environment, check=False)
     assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout.strip().splitlines()[-1])
+    found = json.loads(done.stdout.strip().splitlines()[-1])
+    assert found.pop("ranks") == ranks
+    return found

@@ -23,8 +23,6 @@ from softmodels.path.schedule import Settings, source_at, supply
 from softmodels.path.supply import Gas, InSeries, Orifice, Reservoir, Tube, end_weight
 from softmodels.path.time_steps import TOLERANCE, Filling
 from tests.support import bodies
-from tests.support.on_ranks import filling
-from tests.support.ranks import figures_on
 
 FILLING = "ordinary differential equation of a gas in a rigid cavity"
 BALLOON = "ordinary differential equation of a sphere's closed form and the gas in it"
@@ -265,11 +263,3 @@ def test_a_sealed_device_loses_its_pressure_through_a_leak(filled, equilibrium, 
     curve = CubicSpline((P + reservoir.ambient) / reservoir.ambient * (V + reservoir.dead), P)
     wanted = ode(reservoir, tables, lambda X: float(curve(X)), amounts, times)
     figure(SEALED, "pressure of a disk that leaks, over the largest", (pressures - wanted) / wanted.max(), 5e-3)
-
-
-def test_a_supply_in_time_does_not_depend_on_the_ranks(figure):
-    serial, found = filling.figures(), figures_on(2, "filling")
-    assert serial.keys() == found.keys()
-    for name, values in serial.items():
-        here, there = np.array(values), np.array(found[name])
-        figure("one rank", f"{name} of a device that is filled, on 2 ranks", (there - here) / np.abs(here).max(), 1e-8)

@@ -23,8 +23,6 @@ import softmodels as sm
 from softmodels.case.materials import Region
 from softmodels.materials.specimens import sphere_pressure
 from tests.support import bodies
-from tests.support.on_ranks import frequencies as program
-from tests.support.ranks import figures_on
 
 MU, DENSITY, AIR = 30e3, 1070.0, 101325.0
 LAW = sm.NeoHookean(MU, 0.5)
@@ -196,9 +194,3 @@ def test_what_has_no_frequency():
         sm.Model(BEAM, LAW).modes(sealed=True)
     with pytest.raises(sm.CaseError, match="no cavity for a pressure"):
         sm.Model(BEAM, LAW).solve(pressure=100.0)
-
-
-def test_frequencies_do_not_depend_on_the_ranks(figure):
-    here, there = program.frequencies(), figures_on(2, "frequencies")
-    apart = [np.divide(there[name], here[name]) - 1 for name in here]
-    figure("one rank", "natural frequencies, on two ranks", np.concatenate(apart), 1e-6)

@@ -27,8 +27,6 @@ from softmodels.path.schedule import Settings, follow, supply
 from softmodels.path.stability import Mode, Stability
 from softmodels.path.supply import Gas, Reservoir
 from tests.support import bodies
-from tests.support.on_ranks import moving
-from tests.support.ranks import figures_on
 
 SPHERE = "ordinary differential equation of a sphere with mass"
 MODE = "natural frequency"
@@ -285,15 +283,3 @@ def test_a_balloon_jumps_on_its_air_supply_and_comes_to_rest(body_of, equilibriu
     work = np.concatenate([[0.0], np.cumsum((P[1:] + P[:-1]) / 2 * np.diff(V))])
     figure(ENERGY, "energies of a balloon that jumps", (stored + lost + kinetic - work) / work.max(), 4e-5)
     assert V[-1] > 10 * V[0] and np.argmax(kinetic) < len(times) - 10
-
-
-# -- ranks ------------------------------------------------------------------------------------------------------------
-
-
-def test_a_motion_does_not_depend_on_the_ranks(figure):
-    serial, found = moving.figures(), figures_on(2, "moving")
-    assert serial.keys() == found.keys()
-    for name, values in serial.items():
-        here, there = np.array(values), np.array(found[name])
-        assert here.shape == there.shape
-        figure("one rank", f"{name} of a device that moves, on 2 ranks", (there - here) / np.abs(here).max(), 1e-8)

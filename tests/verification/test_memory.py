@@ -27,8 +27,6 @@ from softmodels.path.program import from_tables, time_at
 from softmodels.path.schedule import Settings, follow
 from softmodels.path.time_steps import LostInTime
 from tests.support import bodies
-from tests.support.on_ranks import creeping
-from tests.support.ranks import figures_on
 
 ODE = "ordinary differential equation of a Maxwell branch"
 WALL = "closed integral through the wall of a sphere, with the equation of its branches in time"
@@ -421,11 +419,3 @@ def test_without_a_memory_time_changes_nothing(body_of, equilibrium, solved):
     solver = equilibrium(SPHERE, law)
     _, points, _ = solved(solver, [pressures[-1] / MU])
     assert volumes[-1] == pytest.approx(points[-1].state.V * solver.system.volume_unit, rel=1e-9)
-
-
-def test_what_is_remembered_does_not_depend_on_the_ranks(figure):
-    serial, found = creeping.figures(), figures_on(2, "creeping")
-    assert serial.keys() == found.keys()
-    for name, values in serial.items():
-        here, there = np.array(values), np.array(found[name])
-        figure("one rank", f"{name} of a device that creeps, on 2 ranks", (there - here) / np.abs(here).max(), 1e-8)

@@ -1,4 +1,4 @@
-"""Two processes find what one does; three do in `test_rigid`."""
+"""Two processes find what one does, and three do: everything in two launches."""
 
 from __future__ import annotations
 
@@ -7,27 +7,33 @@ import shutil
 import numpy as np
 import pytest
 
-from tests.support.on_ranks import figures as program
+from tests.support import on_ranks
 from tests.support.ranks import figures_on
 
-NEAR_A_LIMIT = ("lowest eigenvalue",)
-"""Figures of a state 0.4 % of the pressure past a limit point. An eigenvalue falls there as the root of the distance from it,
-so that a difference of 1e-12 to 1e-11 in the pressure shows a hundred times larger."""
-BY_ITERATIONS = ("wedge by iterations",)
-"""Figures of linear solves to 1e-9 whose iterates depend on the ranks."""
+BOUNDS = {"figures": 1e-9, "regions": 1e-9, "rigid": 1e-9, "rigid-iterative": 1e-8, "frequencies": 1e-6, "creeping": 1e-8,
+          "creeping_rates": 1e-7, "filling": 1e-8, "moving": 1e-8}  # fmt: skip
+"""Of the largest difference by program: relative, and for paths and rates over the largest of a column."""
+COLUMNS = "creeping", "creeping_rates", "filling", "moving"
+LOOSER = {"lowest eigenvalue": 1e-8, "wedge by iterations": 1e-8}
+"""An eigenvalue 0.4 % of the pressure past a limit point falls as the root of the distance from it, so that a difference of
+1e-12 to 1e-11 in the pressure shows a hundred times larger. Iterates of linear solves to 1e-9 depend on the ranks."""
 
 
 @pytest.fixture(scope="module")
-def meshes(two_cavities, tmp_path_factory):
+def meshes(two_cavities, tmp_path_factory, comm):
+    from tests.support.on_ranks.figures import pair_of
+
     folder = tmp_path_factory.mktemp("ranks")
-    pair = program.pair_of(shutil.copy(two_cavities, folder / "pair.step"))
-    devices = (program.WEDGE, program.SLAB, program.FINGER, program.SECTION, program.TWIN)
-    return [*(device.write(folder / f"{device.name}.msh") for device in devices), pair.write(folder / "pair.msh")]
+    on_ranks.write_meshes(folder)
+    pair_of(shutil.copy(two_cavities, folder / "pair.step")).write(folder / "pair.msh")
+    return folder
 
 
 @pytest.fixture(scope="module")
-def serial(meshes, comm):
-    return program.figures(comm, *meshes)
+def several(meshes):
+    """Return a function that gives a program's figures on several ranks."""
+    found = figures_on(2, meshes, *(program for program in BOUNDS if program != "rigid"))
+    return lambda program: found[program] if program in found else figures_on(3, meshes, program)[program]
 
 
 def _numbers(values):
@@ -36,12 +42,18 @@ def _numbers(values):
     return np.array([number for part in parts for number in part], dtype=float)
 
 
-def test_figures_do_not_depend_on_the_ranks(meshes, serial, figure):
-    found = figures_on(2, "figures", *meshes)
-    assert found.pop("ranks") == 2
-    assert set(found) == set(serial) and "limit" in found and found["end that is named"] == [1.0]
-    for state, values in serial.items():
-        here, there = _numbers(values), _numbers(found[state])
+@pytest.mark.parametrize("program", BOUNDS)
+def test_figures_do_not_depend_on_the_ranks(program, several, meshes, comm, figure):
+    one, found = on_ranks.figures(comm, meshes, program), several(program)
+    assert found.keys() == one.keys()
+    ranks = 3 if program == "rigid" else 2
+    for name, values in one.items():
+        here, there = _numbers(values), _numbers(found[name])
         assert len(here) == len(there)
-        apart = np.subtract(there, here) / np.maximum(np.abs(here), 1e-3)
-        figure("one rank", f"{state}, on 2 ranks", apart, 1e-8 if state in (*NEAR_A_LIMIT, *BY_ITERATIONS) else 1e-9)
+        size = np.abs(here).max() if program in COLUMNS else np.maximum(np.abs(here), 1e-3)
+        what = f"{program.replace('_', ' ')}, every column" if program in COLUMNS else f"{program}: {name}"
+        figure("one rank", f"{what}, on {ranks} ranks", (there - here) / size, LOOSER.get(name, BOUNDS[program]))
+    if program == "figures":
+        assert "limit" in one and found["end that is named"] == [1.0]
+    if program.startswith("rigid"):
+        assert np.degrees(np.linalg.norm(one["plate that turns"][3:6])) > 45.0  # about two axes, and twisted besides

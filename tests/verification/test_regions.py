@@ -26,8 +26,6 @@ from softmodels.runs.fields import Fields
 from tests.support import bodies
 from tests.support.cavities import PushedBody, TubeBody
 from tests.support.closed_forms import work_of_stress
-from tests.support.on_ranks import regions
-from tests.support.ranks import figures_on
 
 SOFT, HARD = NeoHookean(30e3, 0.5), Yeoh(60e3, 2e3, 100.0, 0.5)
 SPHERE = "closed integrals of a sphere of two layers, radii 10, 12 and 15 mm, inner stretch to 1.8"
@@ -181,15 +179,6 @@ def test_derivatives(formulation, layered, body_of, solved, figure):
         apart = (ends[0] - ends[1]) / (2 * step) / rates[name].P - 1
         figure(RATES, "pressure at a given volume, by every number of both laws", apart, 1e-6)
         assert np.abs(found.w).max() > 0
-
-
-@pytest.mark.quick
-def test_ranks_and_restarts(layered, comm, tmp_path, figure):
-    """Two ranks have the figures of one; a state taken apart over the nodes comes back to the last bit on both."""
-    mesh = layered["sphere"].write(tmp_path / "layers.msh")
-    one = np.array(regions.figures(comm, layered["sphere"], mesh))
-    two = np.array(figures_on(2, "regions", mesh))
-    figure("one rank", "a sphere of two layers, on two ranks", (two - one) / np.maximum(np.abs(one), 1e-3), 1e-9)
 
 
 def test_a_stiff_ring_is_a_rigid_one(figure):

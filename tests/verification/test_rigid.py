@@ -23,7 +23,6 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.schedule import hang, inflate_from
 from softmodels.path.stability import Stability
-from tests.support.ranks import figures_on
 
 DISK = sm.HollowDisk(section="axisymmetric", cell_size=0.002)
 LAW = sm.NeoHookean(28e3)
@@ -398,17 +397,3 @@ def test_a_rigid_ring_is_a_very_stiff_one(body_of, figure):
     off = np.array(found[Rigid]) / found[Region] - 1
     figure("a ring ten thousand times stiffer", "volume that a membrane with a rigid ring has taken up", off[0], 0.005)
     figure("a ring ten thousand times stiffer", "lowest eigenvalue of a membrane with a rigid ring", off[1], 0.02)
-
-
-@pytest.mark.parametrize(("ranks", "method"), [(3, "direct"), (2, "iterative")])
-def test_ranks_find_what_one_does(ranks, method, tmp_path, figure):
-    from tests.support.on_ranks import rigid as program
-
-    meshes = [str(device.write(tmp_path / f"{device.name}.msh")) for device in program.DEVICES]
-    one = program.found(method, meshes)
-    assert np.degrees(np.linalg.norm(one["plate that turns"][3:6])) > 45.0  # about two axes, and twisted besides
-    several = figures_on(ranks, "rigid", method, *meshes)
-    assert several.keys() == one.keys()
-    for name, values in one.items():
-        how = f"{name}, {method}, on {ranks} ranks"
-        figure("one rank", how, np.abs(np.subtract(values, several[name])).max(), 1e-8)

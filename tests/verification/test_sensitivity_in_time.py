@@ -14,8 +14,6 @@ from softmodels.mechanics.sensitivity import InTime, Sensitivity, known_paramete
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from tests.support import bodies
-from tests.support.on_ranks import creeping_rates
-from tests.support.ranks import figures_on
 
 TAYLOR = "Taylor's remainder of displacement, pressure and volume through a hundred steps in time"
 DISK = HollowDisk(section="axisymmetric", cell_size=0.006, fillet=0.0, base_fillet=0.0)
@@ -156,15 +154,6 @@ def test_two_silicones(body_of, figure):
         figure(
             "central differences of a creeping sphere of two layers", "volume, by numbers of both laws", apart, 1.7e-5
         )
-
-
-def test_rates_do_not_depend_on_the_ranks(figure):
-    serial, found = creeping_rates.figures(), figures_on(2, "creeping_rates")
-    assert serial.keys() == found.keys()
-    for name, values in serial.items():
-        here, there = np.array(values), np.array(found[name])
-        apart = (there - here) / np.abs(here).max()
-        figure("one rank", "derivatives of a creeping device's volume, on 2 ranks", apart, 1e-7)
 
 
 def test_a_parameter_costs_one_linear_solve_a_step(body_of, monkeypatch):

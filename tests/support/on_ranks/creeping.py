@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import softmodels as sm
 
 COLUMNS = (
@@ -14,22 +12,14 @@ THINNING = {"share": 0.1, "time": 30.0, "onset": 0.05, "exponent": 0.3, "spring"
 LAW = sm.Yeoh(14e3, 60.0).with_memory(branches=[(0.2, 1.0), THINNING], softening=(1.6, "2 kPa", 0.1))
 
 
-def figures() -> dict[str, list[float]]:
+def figures(comm, folder) -> dict[str, list[float]]:
     """The columns by their names and the section's."""
     found = {}
     for section, pressures, times in (
         ("axisymmetric", ["25 cm", "25 cm", "5 cm"], [5.0, 8.0, 10.0]),
         ("wedge", ["25 cm", "5 cm"], [5.0, 7.0]),
     ):
-        disk = sm.HollowDisk(section=section, angle=45.0, cell_size=6e-3)
+        disk = sm.HollowDisk(section=section, angle=15.0, cell_size=6e-3, fillet=1.5e-3)
         run = sm.inflate(disk, LAW, pressures=pressures, times=times)
         found |= {f"{column}, {section}": [float(value) for value in run.path[column]] for column in COLUMNS}
     return found
-
-
-if __name__ == "__main__":
-    values = figures()
-    from mpi4py import MPI
-
-    if MPI.COMM_WORLD.rank == 0:
-        print(json.dumps(values))

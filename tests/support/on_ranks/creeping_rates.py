@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import tempfile
-from pathlib import Path
-
 import numpy as np
-from mpi4py import MPI
 
 import softmodels as sm
 from softmodels.mechanics.body import Body
@@ -26,15 +21,12 @@ def pressure(time: float) -> float:
     return float(np.interp(time, [0.0, 1.0, 20.0, 21.0], [0.0, 4e3, 4e3, 1e3]))
 
 
-def figures() -> dict[str, list[float]]:
+MESHES = {"creeping": sm.HollowDisk(section="axisymmetric", cell_size=3e-3)}
+
+
+def figures(comm, folder) -> dict[str, list[float]]:
     """Derivatives of the volume at the ends of the rise, the hold and the fall, by parameter."""
-    comm = MPI.COMM_WORLD
-    folder = Path(comm.bcast(tempfile.mkdtemp() if comm.rank == 0 else None))
-    disk, file = sm.HollowDisk(section="axisymmetric", cell_size=3e-3), folder / "disk.msh"
-    if comm.rank == 0:
-        disk.write(file)
-    comm.barrier()
-    solver = Solver(System(Body.from_file(disk, file, comm), LAW, creeping=True))
+    solver = Solver(System(Body.from_file(MESHES["creeping"], folder / "creeping.msh", comm), LAW, creeping=True))
     eq = solver.system
     state, last, found = eq.rest(), 0.0, dict[str, list[float]]()
     eq.potential.keep(state.w, anew=True)
@@ -49,9 +41,3 @@ def figures() -> dict[str, list[float]]:
             for name, rate in rates.items():
                 found.setdefault(name, []).append(rate.V)
     return found
-
-
-if __name__ == "__main__":
-    values = figures()
-    if MPI.COMM_WORLD.rank == 0:
-        print(json.dumps(values))

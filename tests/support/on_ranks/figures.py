@@ -1,20 +1,12 @@
-"""A program, not a test: figures of a wedge, a slab, a finger, a disk past its limit, one that bifurcates and a part with
-two cavities, as JSON on rank 0.
-
-Usage: mpirun -n 2 python -m tests.support.on_ranks.figures WEDGE.msh SLAB.msh FINGER.msh SECTION.msh TWIN.msh
-PAIR.msh, with PAIR.step beside PAIR.msh
-"""
+"""Figures of a wedge, a slab, a finger, a disk past its limit, one that bifurcates and a part with two cavities."""
 
 from __future__ import annotations
 
 import dataclasses
-import json
-import sys
 import tempfile
 from pathlib import Path
 
 from geometries import Cylinder, HollowDisk, ImportedActuator, PneuNet, SeminarActuator
-from softmodels.mechanics.mpi import abort_on_error, is_root, start
 from tests.support.on_ranks import lifting, rubbing, sealing
 
 WEDGE = HollowDisk(angle=15.0, cell_size=0.006, fillet=0.0015)
@@ -32,9 +24,10 @@ def pair_of(step: Path) -> ImportedActuator:
     return ImportedActuator(file=str(step), cavities=cavities, support="x = 0 mm", cell_size=0.006)
 
 
-def figures(
-    comm, wedge: Path, slab: Path, finger: Path, section: Path, twin: Path, pair: Path
-) -> dict[str, list[float]]:
+MESHES = {"wedge": WEDGE, "slab": SLAB, "finger": FINGER, "section": SECTION, "twin": TWIN}
+
+
+def figures(comm, folder: Path) -> dict[str, list[float]]:
     """Key figures by state; the same on every rank."""
     import numpy as np
 
@@ -47,6 +40,7 @@ def figures(
     from softmodels.runs.fields import Fields
 
     found = {}
+    wedge, slab, finger, section, twin, pair = (folder / f"{name}.msh" for name in (*MESHES, "pair"))
     solids = (("wedge", WEDGE, wedge, 1.0), ("slab", SLAB, slab, 1.0), ("finger", FINGER, finger, 0.1))
     for name, device, file, share in solids:
         equations = Solver(System(Body.from_file(device, file, comm), NeoHookean(30e3, 0.49)))
@@ -260,11 +254,3 @@ def rates(equations, added: float) -> list[float]:
     moved = closest.moved(silhouette.moved(found["membrane"].w, found["membrane"].X))
     moving.move(moving.base)
     return [*(rate.P for rate in found.values()), *closest.distance.tolist(), *moved.tolist()]
-
-
-if __name__ == "__main__":
-    world = start()
-    abort_on_error(world)
-    result = figures(world, *map(Path, sys.argv[1:]))
-    if is_root(world):
-        print(json.dumps({**result, "ranks": world.size}))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import softmodels as sm
 
 COLUMNS = ("pressure_Pa", "added_volume_ml", "apex_mm", "flow_ml_per_min", "gas_ml", "time_s")
@@ -12,7 +10,7 @@ LAWS = {"axisymmetric": ELASTIC.with_memory(branches=[(0.2, 1.0)]), "wedge": ELA
 RESERVOIR = sm.Reservoir(tube_length=2.0, tube_bore=0.5e-3, conductance=1e-10, leak_conductance=5e-12)
 
 
-def figures() -> dict[str, list[float]]:
+def figures(comm, folder) -> dict[str, list[float]]:
     """The columns by their names and the section's."""
     found = {}
     for section, size, stops in (("axisymmetric", 3e-3, 4), ("wedge", 6e-3, 2)):
@@ -21,11 +19,3 @@ def figures() -> dict[str, list[float]]:
         run = sm.inflate(disk, LAWS[section], supply=RESERVOIR, **load)
         found |= {f"{column}, {section}": [float(value) for value in run.path[column]] for column in COLUMNS}
     return found
-
-
-if __name__ == "__main__":
-    values = figures()
-    from mpi4py import MPI
-
-    if MPI.COMM_WORLD.rank == 0:
-        print(json.dumps(values))

@@ -1,30 +1,17 @@
-"""A program, not a test: natural frequencies of a wedge and a beam with a plate, as JSON on rank 0.
-
-Usage: mpirun -n 2 python -m tests.support.on_ranks.frequencies
-"""
+"""Natural frequencies of a wedge and a beam with a plate."""
 
 from __future__ import annotations
 
-import json
-
 import softmodels as sm
-from softmodels.mechanics.mpi import is_root, start
 
 WEDGE = sm.HollowDisk(angle=30.0, cell_size=0.006, fillet=0.0015)
 BEAM = sm.Beam(length=0.020, width=0.004, thickness=0.004, part="full", cell_size=0.004)
 LAW = sm.NeoHookean(30e3, 0.49)
 
 
-def frequencies() -> dict[str, list[float]]:
+def figures(comm, folder) -> dict[str, list[float]]:
     """Frequencies in Hz by device."""
     wedge, beam = sm.Model(WEDGE, LAW), sm.Model(BEAM, LAW, (sm.Gravity("-z"), sm.Rigid("tip", mass=1e-4)))
     state = wedge.solve(pressure=1e3)
     found = {"wedge": wedge.modes(state), "sealed wedge": wedge.modes(state, sealed=True), "beam": beam.modes()}
     return {name: [mode.frequency for mode in modes] for name, modes in found.items()}
-
-
-if __name__ == "__main__":
-    comm = start()
-    rows = frequencies()
-    if is_root(comm):
-        print(json.dumps(rows))

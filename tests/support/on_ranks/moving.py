@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import softmodels as sm
 from softmodels.path.program import from_tables
 
@@ -19,7 +17,7 @@ COLUMNS = {
 }
 
 
-def figures() -> dict[str, list[float]]:
+def figures(comm, folder) -> dict[str, list[float]]:
     """The columns by their names and the device."""
     paths = {
         "balloon": sm.inflate(
@@ -34,11 +32,3 @@ def figures() -> dict[str, list[float]]:
     return {
         f"{column}, {name}": paths[name][column].tolist() for name, columns in COLUMNS.items() for column in columns
     }
-
-
-if __name__ == "__main__":
-    values = figures()
-    from mpi4py import MPI
-
-    if MPI.COMM_WORLD.rank == 0:
-        print(json.dumps(values))

@@ -1,41 +1,30 @@
-"""Figures of rigid parts, as JSON from rank 0: plate and ring on a membrane, a plate on a wedge, one that turns on a beam.
-
-mpiexec -n 2 python -m tests.support.on_ranks.rigid direct MEMBRANE.msh DISK.msh BEAM.msh
-"""
+"""Figures of rigid parts: plate and ring on a membrane, a plate on a wedge, one that turns on a beam."""
 
 from __future__ import annotations
 
-import json
-import sys
-from pathlib import Path
+import numpy as np
 
-from softmodels.mechanics.mpi import is_root, start
-
-COMM = start()
-
-import numpy as np  # noqa: E402
-
-import softmodels as sm  # noqa: E402
-from softmodels.components.loads import Force  # noqa: E402
-from softmodels.components.rigid import Rigid  # noqa: E402
-from softmodels.mechanics.body import Body  # noqa: E402
-from softmodels.mechanics.controls import pressure_control  # noqa: E402
-from softmodels.mechanics.rigid import rotation_vector  # noqa: E402
-from softmodels.mechanics.solver import Solver  # noqa: E402
-from softmodels.mechanics.system import System  # noqa: E402
-from softmodels.path.schedule import hang  # noqa: E402
-from softmodels.path.stability import Stability  # noqa: E402
+import softmodels as sm
+from softmodels.components.loads import Force
+from softmodels.components.rigid import Rigid
+from softmodels.mechanics.body import Body
+from softmodels.mechanics.controls import pressure_control
+from softmodels.mechanics.rigid import rotation_vector
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import System
+from softmodels.path.schedule import hang
+from softmodels.path.stability import Stability
 
 MEMBRANE = sm.Membrane(
     radius=0.02, thickness=0.001, clamp_width=0.0, plate_radius=0.005, rings=(0.008, 0.011), ring_thickness=0.001
 )
 DISK = sm.HollowDisk(section="wedge", angle=15.0, cell_size=0.006, fillet=0.0015)
 BEAM = sm.Beam(length=0.020, width=0.004, thickness=0.004, part="full", cell_size=0.004)
-DEVICES = (MEMBRANE, DISK, BEAM)
+MESHES = {"membrane": MEMBRANE, "plated": DISK, "beam": BEAM}
 LAW = sm.NeoHookean(30e3)
 
 
-def figures(system, pressures, method):
+def inflated(system, pressures, method):
     """Volume, the plate's motion, and the lowest eigenvalue at the last of some pressures."""
     solver, state = Solver(system, method), system.rest()
     for pressure in pressures:
@@ -63,27 +52,15 @@ def turned(system, method):
     return [*motion, system.stored_energy(), stability.negative_eigenvalues(), stability.lowest()]
 
 
-def found(method, files):
+def figures(comm, folder, method="direct"):
     """Lists of numbers by what they are of, the same on all ranks; ``method`` is of the linear solver."""
-    membrane, disk, beam = (
-        Body.from_file(device, Path(file), COMM) for device, file in zip(DEVICES, files, strict=True)
-    )
+    membrane, disk, beam = (Body.from_file(device, folder / f"{name}.msh", comm) for name, device in MESHES.items())
     components = [Rigid("plate", name="plate"), Rigid(region="ring1", name="ring")]
     pushed = [Rigid("tip", name="plate"), Force("tip", "-z", 0.02, name="down"), Force("tip", "y", 0.01, name="aside")]
     values = {
-        "wedge with a plate": figures(System(disk, LAW, components=[Rigid("top", name="plate")]), (0.1,), method),
+        "wedge with a plate": inflated(System(disk, LAW, components=[Rigid("top", name="plate")]), (0.1,), method),
         "plate that turns": turned(System(beam, LAW, components=pushed), method),
     }
     if method == "direct":
-        values["plate and rigid ring"] = figures(System(membrane, LAW, components=components), (0.01, 0.02), method)
+        values["plate and rigid ring"] = inflated(System(membrane, LAW, components=components), (0.01, 0.02), method)
     return {name: list(map(float, np.asarray(one))) for name, one in values.items()}
-
-
-def main():
-    values = found(sys.argv[1], sys.argv[2:])
-    if is_root(COMM):
-        print(json.dumps(values))
-
-
-if __name__ == "__main__":
-    main()

@@ -1,0 +1,16 @@
+"""See the package."""
+
+import json
+import sys
+from pathlib import Path
+
+from softmodels.mechanics.mpi import abort_on_error, is_root, start
+from tests.support.on_ranks import figures
+
+if __name__ == "__main__":
+    comm = start()
+    abort_on_error(comm)
+    folder, *programs = sys.argv[1:]
+    found = {program: figures(comm, Path(folder), program) for program in programs}
+    if is_root(comm):
+        print(json.dumps({**found, "ranks": comm.size}))
