@@ -98,9 +98,7 @@ def test_a_killed_server_resumes_its_job(browser, tmp_path):
 
     project = tmp_path / "project"
     project.mkdir()
-    case = Case(
-        "device", sm.HollowDisk(cell_size=4e-3, angle=45.0), sm.Yeoh(14e3, 60.0), pressures_cm=tuple(range(0, 60, 4))
-    )
+    case = Case("device", sm.HollowDisk(cell_size=3.5e-3), sm.Yeoh(14e3, 60.0), pressures_cm=tuple(range(0, 60, 4)))
     (project / "case.toml").write_text(case.to_toml())
     rows = project / "results" / "device" / "path.csv"
     with served(project, stop=signal.SIGKILL) as (_, address), tab(browser, address) as page:
