@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from measurement.outline.outline import Outline
-from measurement.series.measuring import trace_image, zero_of
+from measurement.series.photo import trace_image, zero_of
 from tests.support.photographs import traced_runs as runs
 
 
 def small(seed, lamp, camera, **body):
     """A run in a small picture, with fewer points on its lamp."""
     case = runs.random_case(seed, lamp, camera)
-    lamp = dataclasses.replace(case.bench.lamp, points=200)
+    lamp = dataclasses.replace(case.bench.lamp, points=120)
     bench = dataclasses.replace(
         case.bench, lamp=lamp, size=(720, 460), pixel=32e-6, pitch=3.5e-3, ink=0.3, falloff=0.15, looks_at=(0.0, 0.0)
     )
