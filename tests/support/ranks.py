@@ -29,7 +29,7 @@ def figures_on(ranks: int, folder: Path, *programs: str):
     """What programs of `tests.support.on_ranks` find on so many ranks."""
     command = [mpirun(), "-n", str(ranks), sys.executable, "-m", "tests.support.on_ranks", str(folder), *programs]
     environment = {**os.environ, **PATIENT, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(TOP)}
-    done = subprocess.run(command, capture_output=True, text=True, timeout=1200, env=environment, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=3600, env=environment, check=False)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout.strip().splitlines()[-1])
     assert found.pop("ranks") == ranks
