@@ -18,7 +18,7 @@ from tests.support.photographs import traced_runs as runs
 def small(seed, lamp, camera, **body):
     """A run in a small picture, with fewer points on its lamp."""
     case = runs.random_case(seed, lamp, camera)
-    lamp = dataclasses.replace(case.bench.lamp, points=120)
+    lamp = dataclasses.replace(case.bench.lamp, points=200)
     bench = dataclasses.replace(
         case.bench, lamp=lamp, size=(720, 460), pixel=32e-6, pitch=3.5e-3, ink=0.3, falloff=0.15, looks_at=(0.0, 0.0)
     )
