@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from measurement.outline.outline import Outline
-from measurement.series.photo import trace_image, zero_of
+from measurement.series.measuring import trace_image, zero_of
 from tests.support.photographs import traced_runs as runs
 
 
