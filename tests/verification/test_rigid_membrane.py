@@ -17,7 +17,7 @@ from softmodels.components.loads import Force, Gravity
 from softmodels.components.rigid import Rigid
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.mechanics.solver import Solver
-from softmodels.mechanics.system import Nodes, System
+from softmodels.mechanics.system import System, _nodes_of
 from softmodels.path.continuation import Concentration, Continuation, trace
 from softmodels.path.points import DIRECT
 from softmodels.path.schedule import Stage, hang, inflate_from, stopped
@@ -170,10 +170,10 @@ def test_the_default_mesh_turns_over_its_clamp(figure):
 def test_a_motion_of_the_whole_is_no_fold_of_the_mesh(body_of):
     """How many cells take part in a bend of the whole, and in a shift of one node."""
     system = System(body_of(Membrane(cell_size=2e-3)), NeoHookean(MU, 0.5))
-    nodes = Nodes(system.space)
+    _, dofs, places = _nodes_of(system.space)
     bent, one = np.zeros(system.dofs), np.zeros(system.dofs)
-    bent[nodes.dofs[:, 1]] = np.cos(np.pi * nodes.places[:, 0])
-    one[nodes.dofs[len(nodes.dofs) // 2, 1]] = 1.0
+    bent[dofs[:, 1]] = np.cos(np.pi * places[:, 0])
+    one[dofs[len(dofs) // 2, 1]] = 1.0
     whole, part = Concentration(system, bent), Concentration(system, one)
     assert not whole.local and whole.cells > 0.3 * len(system.cells)
     assert part.local and part.cells < 6
