@@ -129,9 +129,9 @@ def softmodels() -> None:
 @options(DrawingOptions, "wanted")
 def draw(folder: Path, wanted: DrawingOptions) -> None:
     """Redraw the pictures and the report of the results in FOLDER."""
-    from softmodels.pictures.draw import draw_folder
-
     with unswept():
+        from softmodels.pictures.draw import draw_folder
+
         draw_folder(folder, wanted=wanted)
 
 

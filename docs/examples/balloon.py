@@ -7,7 +7,7 @@ import pyvista as pv
 
 import softmodels as sm
 
-BAR = {"title": "stretch", "vertical": True, "n_labels": 3, "fmt": "%.1f", "position_x": 0.8}
+BAR = {"title": "stretch", "vertical": True, "n_labels": 3, "fmt": "%.1f", "position_x": 0.83}
 
 balloon = sm.Balloon()
 run = sm.inflate(balloon, sm.NeoHookean(30e3), volumes="0,20,40 ml")
@@ -23,7 +23,7 @@ for place, volume in enumerate(("0 ml", "20 ml", "40 ml")):
         scalars="largest_stretch",
         cmap="viridis",
         clim=(1, 2.2),
-        show_scalar_bar=place == 1,
+        show_scalar_bar=place == 0,
         lighting=False,
         scalar_bar_args=BAR,
     )

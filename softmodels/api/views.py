@@ -28,7 +28,7 @@ from softmodels.common.files import data_uri, write_bytes
 from softmodels.common.names import place
 from softmodels.common.processes import in_notebook
 from softmodels.common.units import brief
-from softmodels.pictures import film
+from softmodels.pictures import solid
 from softmodels.pictures.offscreen import WINDOW, Image, Look, add_lights, can_render, look
 from softmodels.pictures.style import CURVE, INK, STYLE, WARNING, drawn, headline
 from softmodels.runs.fields import coloured
@@ -88,7 +88,7 @@ def _figure(result: object) -> Drawing:
 def _frame(states: States) -> Drawing:
     """Draw the last state as a film shows it; where nothing can be rendered, a section."""
     if can_render():
-        return Picture.fromarray(film.render_frames(look(states), 1)[0])
+        return Picture.fromarray(solid.render_frames(look(states), 1)[0])
     if states.actuator.dimension == 3:
         return None
     from softmodels.pictures.solid import section_stress
@@ -231,10 +231,10 @@ class Animation:
 
     def __repr__(self) -> str:
         height, width, _ = self.frames[0].shape
-        return f"<Animation of {len(self.frames)} frames, {width} x {height} pixels, {film.SECONDS:g} s>"
+        return f"<Animation of {len(self.frames)} frames, {width} x {height} pixels, {solid.SECONDS:g} s>"
 
     def _repr_html_(self) -> str:
-        source = data_uri(film.webp([*self.frames]), "image/webp")
+        source = data_uri(solid.webp([*self.frames]), "image/webp")
         return f'<img alt="{escape(repr(self))}" src="{source}" style="width:40em;max-width:100%">'
 
     def save(self, path: str | Path) -> Path:
@@ -247,11 +247,11 @@ class Animation:
             OSError: The file cannot be written.
         """
         file, frames = place("path", path), [*self.frames]
-        encoders = {".gif": film.gif, ".webp": film.webp}
+        encoders = {".gif": solid.gif, ".webp": solid.webp}
         if file.suffix == ".mp4":
             required("imageio_ffmpeg", "film")
             try:
-                film.write_mp4(file, frames)
+                solid.write_mp4(file, frames)
             except RuntimeError as error:
                 raise RunError(str(error)) from error
         elif file.suffix in encoders:
@@ -268,4 +268,4 @@ def animate(states: States) -> Animation:
         RunError: This machine cannot render.
     """
     _check_rendering()
-    return Animation(tuple(film.render_frames(look(states))))
+    return Animation(tuple(solid.render_frames(look(states))))

@@ -5,15 +5,16 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Mapping
 from pathlib import Path
 
+import matplotlib
 import numpy as np
+from matplotlib.colors import to_hex
 
 from geometries.actuator import is_length
 from softmodels.api.calls import limit as limit_of, run
 from softmodels.api.run import Run, SolvedState
-from softmodels.app.drawing import Section, colours_of
+from softmodels.app.replies import LinearAnswer, PathAnswer, Section, StateAnswer
 from softmodels.case.case import Case
 from softmodels.case.materials import SourceBand
 from softmodels.common.arrays import Array
@@ -30,34 +31,8 @@ from softmodels.runs.model import Model
 from softmodels.runs.simulation import Simulation
 from softmodels.runs.store import StoredStates
 
-
-@dataclasses.dataclass(frozen=True)
-class StateAnswer:
-    """A state: its row of ``path.csv`` and its section, coloured by von Mises stress in kPa."""
-
-    row: dict[str, object]
-    section: Section
-
-
-@dataclasses.dataclass(frozen=True)
-class PathAnswer:
-    """A path, as ``sm.run(case)`` finds it.
-
-    Attributes:
-        states: From rest to its end.
-        end: Why the path ends before the last requested value; empty if it does not.
-        notes: Warnings.
-        colours: Of the sections, from the lowest value up.
-        breaks_at: Stretch at which the silicone broke when it was pulled; None if unknown.
-    """
-
-    states: list[StateAnswer]
-    end: str
-    notes: list[str]
-    colours: list[str]
-    breaks_at: float | None
-
-
+COLOURS = [to_hex(colour) for colour in matplotlib.colormaps["viridis"](np.linspace(0.0, 1.0, 32))]
+"""Of sections, from the lowest value up."""
 _runs: dict[str, Run] = {}
 """The last run, by the text of its case."""
 
@@ -71,7 +46,7 @@ def path(case: str) -> PathAnswer:
     found = _runs[case]
     end = found.limit.why if found.limit else ""
     states, breaks_at = [_state(one) for one in found], stretch_at_break(found.case.material)
-    return PathAnswer(states, end, found.notes, colours_of(), breaks_at)
+    return PathAnswer(states, end, found.notes, COLOURS, breaks_at)
 
 
 def state(case: str, pressure: str) -> StateAnswer:
@@ -156,33 +131,6 @@ def _solved_in(folder: str) -> _Solved:
         _solved.clear()
         _solved[key] = _Solved(folder)
     return _solved[key]
-
-
-@dataclasses.dataclass(frozen=True)
-class LinearAnswer:
-    """A solved state with its exact derivatives, for what is near.
-
-    Attributes:
-        case: Text of the case that was solved.
-        pressure: In Pa.
-        values: By column: the rise of each probe in mm, the added volume in ml.
-        by_pressure: Their derivatives per Pa.
-        by_length: Their derivatives per m of each length.
-    """
-
-    case: str
-    pressure: float
-    values: dict[str, float]
-    by_pressure: dict[str, float]
-    by_length: dict[str, dict[str, float]]
-
-    def at(self, pressure: float, changes: Mapping[str, float]) -> dict[str, float]:
-        """Return the values at a pressure in Pa and for lengths changed by so many m, to first order."""
-        step = pressure - self.pressure
-        return {
-            name: value + step * self.by_pressure[name] + sum(d * self.by_length[k][name] for k, d in changes.items())
-            for name, value in self.values.items()
-        }
 
 
 def linear(folder: str, pressure: float) -> LinearAnswer:

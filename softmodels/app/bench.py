@@ -1,4 +1,7 @@
-"""What all tabs of one server share: the project, its photographs, the processes that answer."""
+"""What all tabs of one server share: the project's folder, its photographs, the processes that answer.
+
+The folder holds plain files, which the command line and Python read alike.
+"""
 
 from __future__ import annotations
 
@@ -8,28 +11,199 @@ import csv
 import dataclasses
 import io
 import math
+import re
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import tomli_w
+from nicegui import Event
 
+from geometries import HollowDisk
 from measurement.series.photo_list import ANYWAY, PICTURES, TIMES, Column, ColumnError, PhotoListError, read_photos
-from softmodels.app.forms import page_words
-from softmodels.app.jobs import Jobs
-from softmodels.app.project import AUTO, OUTLINES, PHOTOGRAPHS, PHOTOS, SETUP, FileKind, Handles, Project
-from softmodels.app.warm import AnswerError, Warm
-from softmodels.common.files import read_text, replace_text
+from softmodels.app.jobs import AnswerError, Jobs, Warm
+from softmodels.app.replies import Handles
+from softmodels.case.case import Case, in_unit
+from softmodels.case.entries import INPUT_ERRORS, CaseError
+from softmodels.common.errors import FieldError, reason
+from softmodels.common.files import read_file, read_text, replace_text, write_bytes
 from softmodels.common.tables import TomlError, read_toml
 from softmodels.common.units import pascal_per_cm
+from softmodels.materials.silicones import silicone
 
 if TYPE_CHECKING:
-    from softmodels.app.tracing import Plane, Preview, Traced
+    from softmodels.app.replies import Plane, Preview, Traced
 
+OUTLINES, LENS = "outlines", "lens.toml"
+CASE, PHOTOS, SETUP, FITTED = "case.toml", "photos.csv", "setup.toml", "fitted.toml"
+PHOTOGRAPHS, BOARDS, CURVES, RESULTS = "photographs", "boards", "curves", "results"
+AUTO = "auto"
+"""How photographs store light: as their edges show; `measurement.series.measuring.AUTO`, which this process does not import."""
+FIRST_PRESSURES = "0:60 cm"
 BENCH = "bench.toml"
 """How the screen was found: the photograph of its grid, the pitch, the lens; and how the photographs store light."""
 COLUMNS = ("pressure", "error", *TIMES, "use")
 """Columns of the list beside the file's name."""
+
+
+@dataclasses.dataclass(frozen=True)
+class FileKind:
+    """Files that users bring.
+
+    Attributes:
+        what: What they are, in the plural.
+        formats: Their formats in words.
+        endings: Of their names, in small letters.
+        largest: Bytes of the largest.
+    """
+
+    what: str
+    formats: str
+    endings: tuple[str, ...]
+    largest: int
+
+    @property
+    def rejected(self) -> str:
+        """The sentence for files that the browser does not send."""
+        return f"not taken: {self.what} are {self.formats}, of at most {self.largest >> 20} MB each"
+
+
+class Project:
+    """A project's folder. What several pages show comes from here, so that all tabs show the same.
+
+    Args:
+        folder: The folder; it is made where there is none.
+
+    Attributes:
+        case: The device, its silicone and its load, as in ``case.toml``.
+        case_error: Why the file cannot be used; empty if it can. Nothing changes the file until it can.
+    """
+
+    def __init__(self, folder: Path):
+        self.folder = folder.absolute()
+        for name in (PHOTOGRAPHS, BOARDS, CURVES, RESULTS):
+            (self.folder / name).mkdir(parents=True, exist_ok=True)
+        self.changed: Event[str] = Event()
+        self.case_error = ""
+        self.case = self._read_case()
+
+    def __truediv__(self, name: str) -> Path:
+        return self.folder / name
+
+    # -- the case -----------------------------------------------------------------------------------------------------
+
+    def _read_case(self) -> Case:
+        self._text = self.case_error = ""
+        try:
+            self._text = self._written()
+        except OSError as error:
+            self.case_error = f"it cannot be read: {reason(error)}"
+        if self._text:
+            try:
+                return Case.from_toml(self._text, self.folder)
+            except INPUT_ERRORS as error:
+                self.case_error = str(error)
+        first = Case("device", HollowDisk(section="axisymmetric"), silicone("ecoflex-00-30"), pressures_cm=(1.0,))
+        return dataclasses.replace(first, pressures_cm=in_unit("cm", FIRST_PRESSURES, "pressure", first.cm))
+
+    def _written(self) -> str:
+        """Return the text of ``case.toml``; empty where there is none."""
+        file = self / CASE
+        return read_file(file).decode("utf-8", "replace") if file.exists() else ""
+
+    @property
+    def case_text(self) -> str:
+        """The case's text: that of its file, if there is one."""
+        return self._text or self.case.to_toml()
+
+    def change(self, **fields: object) -> None:
+        """Change fields of the case and write it; all pages follow.
+
+        Raises:
+            CaseError, ArgumentError: The case would be invalid, or what its file holds would be lost; it stays as it was.
+            OSError: It cannot be written.
+        """
+        self._check_file()
+        if self.case_error:
+            raise CaseError(
+                f"{CASE} cannot be used ({self.case_error}); correct it under The whole case, or set it aside"
+            )
+        self._take(changed := dataclasses.replace(self.case, **fields), changed.to_toml())  # type: ignore[arg-type]
+
+    def change_text(self, text: str) -> None:
+        """Take another text of the case; errors as of `change`."""
+        self._check_file()
+        self._take(Case.from_toml(text, self.folder), text)
+
+    def set_aside(self) -> None:
+        """Give a case file that cannot be used another name, and start anew.
+
+        Raises:
+            OSError: It cannot be renamed.
+        """
+        (self / CASE).rename(self._free(".", "case-aside", ".toml"))
+        self.case = self._read_case()
+        self.changed.emit(CASE)
+
+    def _check_file(self) -> None:
+        """Read the case again, and say so, if another program has changed its file."""
+        if self._written() != self._text:
+            self.case = self._read_case()
+            self.changed.emit(CASE)
+            raise CaseError(f"another program has changed {CASE}, which is shown now; change it again")
+
+    def _take(self, case: Case, text: str) -> None:
+        replace_text(self / CASE, text)
+        self.case, self._text, self.case_error = case, text, ""
+        self.changed.emit(CASE)
+
+    def case_file(self) -> str:
+        """Return the name of the case's file, which is written if it is not there yet."""
+        if not (self / CASE).exists():
+            self.change()
+        return CASE
+
+    # -- files that users bring ---------------------------------------------------------------------------------------
+
+    def keep(self, folder: str, name: str, data: bytes, kind: FileKind) -> Path:
+        """Write a file that a user brings to a free place, and return it.
+
+        Args:
+            folder: Where to.
+            name: Of the user's file, which may be anything.
+            data: Its content.
+            kind: What it must be.
+
+        Raises:
+            FieldError: Another kind of file.
+            OSError: It cannot be written.
+        """
+        wanted = re.sub(r"[^\w.+-]+", "_", Path(name.replace("\\", "/")).name).lstrip("._") or "file"
+        stem, suffix = Path(wanted).stem[:80], Path(wanted).suffix[:12]
+        if suffix.lower() not in kind.endings:
+            raise FieldError(f"{name}: {kind.what} are {kind.formats}")
+        place = self._free(folder, stem, suffix)
+        write_bytes(place, data)
+        return place
+
+    def _free(self, folder: str, stem: str, suffix: str) -> Path:
+        """Return a place in a folder where no file is yet."""
+        place, number = self / folder / f"{stem}{suffix}", 2
+        while place.exists():
+            place, number = self / folder / f"{stem}-{number}{suffix}", number + 1
+        return place
+
+    def files(self, folder: str, endings: Iterable[str]) -> list[Path]:
+        """Return the files in a folder with some endings, by name."""
+        known = {ending.lower() for ending in endings}
+        return sorted(path for path in (self / folder).iterdir() if path.suffix.lower() in known)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Photographs.
+
+
 PHOTOGRAPH = FileKind("photographs", "JPEG, PNG, TIFF or HEIC", PICTURES, 80 << 20)
 
 
@@ -63,8 +237,8 @@ class Listed:
 
     @property
     def doubts(self) -> str:
-        """What speaks against it, in the page's words; empty if nothing does."""
-        return page_words(self.why or "; ".join(self.traced.doubts if self.traced else ()))
+        """What speaks against it; empty if nothing does."""
+        return self.why or "; ".join(self.traced.doubts if self.traced else ())
 
 
 class Photographs:
@@ -76,8 +250,6 @@ class Photographs:
     """
 
     def __init__(self, project: Project, tracer: Warm):
-        from nicegui import Event
-
         self.project, self.tracer = project, tracer
         self.changed: Event[str] = Event()
         self.grid, self.pitch, self.lens, self.tone = "", "9mm", "none", AUTO
@@ -306,7 +478,7 @@ class Bench:
         self.project, self.address = project, address
         self.solver, self.slower = Warm("softmodels.app.answers"), Warm("softmodels.app.answers")
         self.tracer = Warm("softmodels.app.tracing")
-        self.jobs, self.photographs = Jobs(project), Photographs(project, self.tracer)
+        self.jobs, self.photographs = Jobs(project.folder), Photographs(project, self.tracer)
 
     async def begin(self) -> None:
         """Load the solver while the user looks at the page, and resume interrupted jobs."""

@@ -12,23 +12,34 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+from nicegui import ui
+
 from geometries import ACTUATORS, Actuator, registry
 from geometries.actuator import changed, parameter
-from softmodels.app.drawing import Section, colour_bar, section_svg
-from softmodels.app.forms import field_controls, page_words, python_lines, stored_picture, with_field
-from softmodels.app.jobs import Command, Job, job_panel
-from softmodels.app.project import CASE, RESULTS
-from softmodels.app.warm import AnswerError, SupersededError
+from softmodels.app.bench import CASE, RESULTS, Bench, Project
+from softmodels.app.forms import (
+    ERRORS,
+    Command,
+    TabPage,
+    colour_bar,
+    field_controls,
+    job_panel,
+    page_words,
+    python_lines,
+    section_svg,
+    stored_picture,
+    tagged,
+    with_field,
+)
+from softmodels.app.jobs import AnswerError, Job, SupersededError
 from softmodels.case.case import Case, in_unit
-from softmodels.case.entries import INPUT_ERRORS
 from softmodels.common.errors import GeometryError, reason
 from softmodels.common.files import read_text
 from softmodels.materials.silicones import PRODUCTS, named, silicone
 
 if TYPE_CHECKING:
-    from softmodels.app.answers import LinearAnswer, PathAnswer, StateAnswer
-    from softmodels.app.bench import Bench
-    from softmodels.app.project import Project
+    from softmodels.app.replies import LinearAnswer, PathAnswer, Section, StateAnswer
 
 GREY = "#808080"
 """Is read on white and on black."""
@@ -36,17 +47,11 @@ FAINT = {"splitLine": {"lineStyle": {"opacity": 0.25}}, "axisLabel": {"color": G
 OUTPUT = f"{RESULTS}/device"
 
 
-class DevicePage:
-    """One tab's page of the project's device.
-
-    Args:
-        bench: What all tabs share.
-    """
+class DevicePage(TabPage):
+    """One tab's page of the project's device."""
 
     def __init__(self, bench: Bench):
-        from nicegui import ui
-
-        self.bench, self.project = bench, bench.project
+        super().__init__(bench)
         self.answer: PathAnswer | None = None
         self.linear: LinearAnswer | None = None
         self.own = False
@@ -55,26 +60,26 @@ class DevicePage:
                 self.controls = ui.refreshable(self._controls)
                 self.controls()
             with ui.column().classes("w-full min-w-0"):
-                self.message = ui.label().classes("text-negative").props('data-name="message"')
+                self.message = tagged(ui.label(), "message", "text-negative", "")
                 self.picture = ui.html("", sanitize=False).classes("w-full")
                 self.scale = ui.html("", sanitize=False).classes("w-full")
                 with ui.row().classes("w-full items-center no-wrap gap-3"):
-                    self.slider = ui.slider(min=0.0, max=1.0, step=0.01, value=0.0).classes("grow")
-                    self.slider.props('aria-label="pressure" data-name="pressure"')
-                    self.reading = ui.label().classes("w-28 text-right").props('data-name="pressure-shown"')
+                    self.slider = ui.slider(min=0.0, max=1.0, step=0.01, value=0.0)
+                    tagged(self.slider, "pressure", "grow", 'aria-label="pressure"')
+                    self.reading = tagged(ui.label(), "pressure-shown", "w-28 text-right", "")
                 self.slider.on_value_change(lambda _: self._show_between())
                 self.slider.on("change", lambda _: self._solve_between())
-                self.about = ui.label().classes("text-sm").props('data-name="linear"')
+                self.about = tagged(ui.label(), "linear", "text-sm", "")
                 self.numbers = ui.grid(columns="auto auto").classes("gap-x-6 gap-y-0")
                 self.chart = ui.echart(_chart([], "")).classes("w-full h-64")
-                self.limit = ui.label().props('data-name="limit"')
-                self.spread = ui.label().classes("text-sm").props('data-name="spread"')
+                self.limit = tagged(ui.label(), "limit", "", "")
+                self.spread = tagged(ui.label(), "spread", "text-sm", "")
                 self.notes = ui.column().classes("gap-1")
-                job_panel(bench.jobs, OUTPUT, "Run with all pictures", self._run, f"{OUTPUT}/report.html")
-                self.whole = WholeCase(self.project, self._say)
+                job_panel(bench, OUTPUT, "Run with all pictures", self._run, f"{OUTPUT}/report.html")
+                self._whole_case()
                 with ui.expansion("The same in a terminal, and in Python").classes("w-full").props("dense"):
-                    self.terminal = ui.code("", language="bash").classes("w-full").props('data-name="terminal"')
-                    self.python = ui.code("", language="python").classes("w-full").props('data-name="python"')
+                    self.terminal = tagged(ui.code("", language="bash"), "terminal", props="")
+                    self.python = tagged(ui.code("", language="python"), "python", props="")
         self.project.changed.subscribe(self._changed)
         bench.jobs.changed.subscribe(self._ended)
         ui.timer(0.05, self._solve, once=True)
@@ -86,41 +91,32 @@ class DevicePage:
     # -- controls -----------------------------------------------------------------------------------------------------
 
     def _controls(self) -> None:
-        from nicegui import ui
-
         case = self.project.case
         kinds = sorted(name for name, kind in ACTUATORS.items() if not kind.__dataclass_fields__.get("file"))
-        ui.select(kinds, value=type(case.actuator).__name__, label="Device").classes("w-full").props(
-            'dense data-name="device"'
-        ).on_value_change(lambda event: self._take_device(event.value))
+        device = tagged(ui.select(kinds, value=type(case.actuator).__name__, label="Device"), "device")
+        device.on_value_change(lambda event: self._take_device(event.value))
         field_controls(case.actuator, self._take_field, self._move_field)
         ui.separator()
         known = named(case.material)
-        names = sorted(PRODUCTS)
-        own = None if known else f"{case.material.name} of case.toml"
-        ui.select(
-            ([own] if own else []) + names, value=own or str(known).partition("/")[0], label="Silicone", with_input=True
-        ).classes("w-full").props('dense data-name="silicone"').on_value_change(
+        own = [] if known else [f"{case.material.name} of case.toml"]
+        value = own[0] if own else str(known).partition("/")[0]
+        products = ui.select([*own, *sorted(PRODUCTS)], value=value, label="Silicone", with_input=True)
+        tagged(products, "silicone").on_value_change(
             lambda event: self._take(material=silicone(event.value), band=None) if event.value in PRODUCTS else None
         )
         values = case.pressures_cm
-        box = ui.input("Pressures", value=f"{values[0]:g}:{values[-1]:g} cm" if values else "").props("dense")
-        box.classes("w-full").props('data-name="pressures"').tooltip("such as 0:60 cm of water, or 0:6 kPa")
-        box.on("change", lambda _: self._take_pressures(str(box.value)))
+        box = tagged(ui.input("Pressures", value=f"{values[0]:g}:{values[-1]:g} cm" if values else ""), "pressures")
+        box.tooltip("such as 0:60 cm of water, or 0:6 kPa").on("change", lambda _: self._take_pressures(str(box.value)))
 
-    async def _take_device(self, name: str) -> None:
+    def _take_device(self, name: str) -> None:
         kind = ACTUATORS[name]
         section = {"section": "axisymmetric"} if "section" in kind.__dataclass_fields__ else {}
         pressures = in_unit("cm", f"{kind.pressures} cm", "pressure", self.project.case.cm)
-        await self._take(actuator=registry.device_from(kind, section), pressures_cm=pressures)
+        self._take(actuator=registry.device_from(kind, section), pressures_cm=pressures)
 
-    async def _take_field(self, name: str, value: object) -> None:
-        device = self.project.case.actuator
-        try:
-            made = with_field(device, name, value)
-        except INPUT_ERRORS as error:
-            return self._say(reason(error))
-        await self._take(actuator=made)
+    def _take_field(self, name: str, value: object) -> None:
+        with self.saying():
+            self._take(actuator=with_field(self.project.case.actuator, name, value))
 
     def _move_field(self, name: str, value: float) -> None:
         """Show the linear answer of a solid while a slider moves."""
@@ -129,23 +125,17 @@ class DevicePage:
             with contextlib.suppress(GeometryError):
                 self._show_linear(changed(device, {name: value}))
 
-    async def _take_pressures(self, text: str) -> None:
-        try:
-            values = in_unit("cm", text, "pressure", self.project.case.cm)
-        except INPUT_ERRORS as error:
-            return self._say(reason(error))
-        await self._take(pressures_cm=values)
+    def _take_pressures(self, text: str) -> None:
+        with self.saying():
+            self._take(pressures_cm=in_unit("cm", text, "pressure", self.project.case.cm))
 
-    async def _take(self, **fields: object) -> None:
+    def _take(self, **fields: object) -> None:
         try:
             self.own = "actuator" in fields and type(fields["actuator"]) is type(self.project.case.actuator)
             self.project.change(**fields)
-        except (*INPUT_ERRORS, OSError) as error:
+        except ERRORS as error:
             self.own = False
-            self._say(reason(error))
-
-    def _say(self, sentence: str) -> None:
-        self.message.set_text(page_words(sentence))
+            self.say(reason(error))
 
     # -- answers ------------------------------------------------------------------------------------------------------
 
@@ -153,7 +143,7 @@ class DevicePage:
         if not self.own:  # the controls of this tab show its own change already
             self.controls.refresh()
         self.own = False
-        self.whole.show()
+        self._show_case()
         await self._solve()
 
     async def _ended(self, job: Job) -> None:
@@ -162,7 +152,7 @@ class DevicePage:
 
     async def _solve(self) -> None:
         case, text = self.project.case, self.project.case.to_toml()
-        self._say(f"{CASE} cannot be used: {self.project.case_error}" if self.project.case_error else "")
+        self.say(f"{CASE} cannot be used: {self.project.case_error}" if self.project.case_error else "")
         if not is_section(case.actuator):
             return await self._solve_solid()
         self.linear = None
@@ -172,16 +162,12 @@ class DevicePage:
         except SupersededError:
             return
         except AnswerError as error:
-            return self._say(str(error))
+            return self.say(str(error))
         self.answer, self.text = answer, text
         self.tops = max(float(state.section.values.max()) for state in answer.states)
         both = [curve for state in answer.states for curve in (state.section.edges, state.section.rest)]
-        self.box = (
-            0.0,
-            min(float(curve[..., 1].min()) for curve in both),
-            max(float(curve[..., 0].max()) for curve in both),
-            max(float(curve[..., 1].max()) for curve in both),
-        )
+        places = np.concatenate([curve.reshape(-1, 2) for curve in both])
+        self.box = np.array([places.min(axis=0), places.max(axis=0)])
         self.pressures = [float(state.row["pressure_cm"]) for state in answer.states]  # type: ignore[arg-type]
         self.scale.set_content(colour_bar(self.tops, answer.colours, "kPa, von Mises stress"))
         top = max(self.pressures)
@@ -216,7 +202,7 @@ class DevicePage:
         (stored, rows), job = stored_run(self.project), self.bench.jobs.latest(OUTPUT)
         if stored is None or not rows or (job is not None and job.active):
             self.linear = None
-            return self._say("this device is a solid: start a run below, its path appears as it is solved")
+            return self.say("this device is a solid: start a run below, its path appears as it is solved")
         self._plot(rows)
         top = max(float(row["pressure_cm"]) for row in rows)
         whole = f"von Mises stress of the run's device at {top:.4g} cm"
@@ -237,7 +223,7 @@ class DevicePage:
             return
         except AnswerError as error:
             self.linear = None
-            return self._say(str(error))
+            return self.say(str(error))
         self._show_linear(self.project.case.actuator)
 
     def _show_linear(self, device: Actuator) -> None:
@@ -283,8 +269,6 @@ class DevicePage:
         self.chart.update()
 
     def _report(self, answer: PathAnswer) -> None:
-        from nicegui import ui
-
         case = self.project.case
         self.notes.clear()
         with self.notes:
@@ -316,7 +300,7 @@ class DevicePage:
         except SupersededError:
             return
         except AnswerError as error:
-            return self._say(str(error))
+            return self.say(str(error))
         self._show(state)
 
     def _show(self, state: StateAnswer) -> None:
@@ -325,8 +309,6 @@ class DevicePage:
         self._table(self._figures(row))
 
     def _table(self, figures: Sequence[tuple[str, str]]) -> None:
-        from nicegui import ui
-
         self.numbers.clear()
         with self.numbers:
             for name, text in figures:
@@ -356,50 +338,34 @@ class DevicePage:
         self.picture.set_content(section_svg(section, self.box, self.tops, self.answer.colours, text))
         self.reading.set_text(f"{pressure:.4g} cm")
 
+    # -- the case's file ----------------------------------------------------------------------------------------------
 
-class WholeCase:
-    """The case's file as text, for what has no control: components, regions, programs of loads; in the current place of a page.
-
-    Args:
-        project: The project.
-        say: Takes the sentence why a text cannot be taken.
-    """
-
-    def __init__(self, project: Project, say: Callable[[str], None]):
-        from nicegui import ui
-
-        self.project, self.say = project, say
-        with ui.expansion("The whole case").classes("w-full").props('dense data-name="whole-case"'):
+    def _whole_case(self) -> None:
+        """Add the case's file as text, for what has no control: components, regions, programs of loads."""
+        with tagged(ui.expansion("The whole case"), "whole-case"):
             ui.label(f"All that {CASE} can say, components too; the documentation has its tables").classes("text-sm")
-            self.box = (
-                ui.textarea(label=CASE)
-                .classes("w-full font-mono")
-                .props('outlined input-class="case-text" input-style="min-height: 18rem" data-name="case-text"')
-            )
-            self.why = ui.label().classes("text-negative").props('data-name="case-why"')
+            looks = 'outlined input-class="case-text" input-style="min-height: 18rem"'
+            self.case_text = tagged(ui.textarea(label=CASE), "case-text", "w-full font-mono", looks)
+            self.case_why = tagged(ui.label(), "case-why", "text-negative", "")
             with ui.row():
-                ui.button("Take it", on_click=self._take).props('outline data-name="take-case"')
-                self.aside = ui.button("Set it aside, start anew", on_click=self._set_aside)
-                self.aside.props('outline data-name="set-aside"')
-        self.show()
+                for title, name, take in (
+                    ("Take it", "take-case", lambda: self.project.change_text(str(self.case_text.value or ""))),
+                    ("Set it aside, start anew", "set-aside", self.project.set_aside),
+                ):
+                    self.aside = ui.button(title, on_click=lambda take=take: self._take_case(take))
+                    tagged(self.aside, name, "", "outline")
+        self._show_case()
 
-    def show(self) -> None:
-        """Show the file as it is."""
-        self.box.set_value(self.project.case_text)
-        self.why.set_text(self.project.case_error)
+    def _show_case(self) -> None:
+        self.case_text.set_value(self.project.case_text)
+        self.case_why.set_text(self.project.case_error)
         self.aside.set_visibility(bool(self.project.case_error))
 
-    def _take(self) -> None:
+    def _take_case(self, take: Callable[[], None]) -> None:
         try:
-            self.project.change_text(str(self.box.value or ""))
-        except (*INPUT_ERRORS, OSError) as error:
-            self.why.set_text(page_words(reason(error)))
-
-    def _set_aside(self) -> None:
-        try:
-            self.project.set_aside()
-        except OSError as error:
-            self.why.set_text(reason(error))
+            take()
+        except ERRORS as error:
+            self.case_why.set_text(page_words(reason(error)))
 
 
 def stored_run(project: Project) -> tuple[Case | None, list[dict[str, float]]]:
@@ -417,7 +383,7 @@ def stored_run(project: Project) -> tuple[Case | None, list[dict[str, float]]]:
             pressures_cm=case.pressures_cm,
             band=case.band,
         )
-    except (*INPUT_ERRORS, GeometryError, OSError, ValueError, TypeError, KeyError):
+    except (*ERRORS, ValueError, TypeError, KeyError):
         return None, []
     return (stored, rows) if like == case else (None, [])
 

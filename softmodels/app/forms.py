@@ -1,27 +1,39 @@
-"""Controls for the fields of a device: a slider and a box with the unit for each number, lists for choices; the page's words
-for options of the command line."""
+"""What the pages are made of: their words, controls for a device's fields, panels of commands, sections drawn as SVG."""
 
 from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from html import escape
 from typing import TYPE_CHECKING
+from urllib.parse import quote
+
+import numpy as np
+from nicegui import ui
 
 from geometries import Actuator
+from measurement.series.photo_list import ColumnError, PhotoListError
+from softmodels.app.jobs import AnswerError
 from softmodels.case.case import Case
+from softmodels.case.entries import INPUT_ERRORS
+from softmodels.common.arrays import Array
+from softmodels.common.errors import FieldError, GeometryError, reason
 from softmodels.common.schema import About, Choice, Flag, Kind, Open, Quantity, about
 from softmodels.common.units import UnitError, quantity, readable
 from softmodels.materials.silicones import named
 
 if TYPE_CHECKING:
+    from nicegui.element import Element
     from nicegui.elements.mixins.value_element import ValueElement
-    from nicegui.elements.upload import Upload
+    from nicegui.events import MultiUploadEventArguments
 
-    from softmodels.app.project import FileKind, Project
+    from softmodels.app.bench import Bench, FileKind, Project
+    from softmodels.app.replies import Section
 
-Take = Callable[[str, object], Awaitable[None]]
+ERRORS = (*INPUT_ERRORS, AnswerError, ColumnError, FieldError, GeometryError, PhotoListError, UnitError, OSError)
+"""What the pages show as a sentence."""
+Take = Callable[[str, object], None]
 """Takes a field's name and its new value: a number in SI units, or a text."""
 Moved = Callable[[str, float], None]
 """Takes the name of a number whose slider moves, and its value there in SI units."""
@@ -53,44 +65,148 @@ def page_words(sentence: str) -> str:
     return sentence
 
 
-SPAN = 3.0
-"""A slider reaches from the default over this factor to the default times it."""
-STEPS = 200
-
-
-def upload_box(
-    label: str,
-    kind: FileKind,
-    endings: str,
-    name: str,
-    take: Callable[..., Awaitable[None]],
-    say: Callable[[str], None],
-) -> Upload:
-    """Add a place to drop files in the current place of the page, with a name for those who do not see it.
+class TabPage:
+    """One tab's page.
 
     Args:
-        label: What to drop.
-        kind: Of the files; others are rejected by the browser.
-        endings: For the browser's choice of files.
-        name: For tests.
-        take: Takes the event with the files.
-        say: Takes the sentence for files that the browser does not send.
+        bench: What all tabs share.
     """
-    from nicegui import ui
 
-    made = ui.upload(
-        multiple=True, auto_upload=True, max_file_size=kind.largest, on_multi_upload=take,
-        on_rejected=lambda: say(kind.rejected),
-    )  # fmt: skip
-    made.classes("w-full").props(f'accept="{endings}" data-name="{name}"')
-    made.add_slot("header", UPLOAD.replace("LABEL", label))
-    return made
+    message: ui.label
+    """Where the page shows what is wrong."""
+
+    def __init__(self, bench: Bench):
+        self.bench, self.project = bench, bench.project
+
+    def say(self, sentence: str) -> None:
+        """Show a sentence; none clears the place."""
+        self.message.set_text(page_words(sentence))
+
+    @contextlib.contextmanager
+    def saying(self, about: str = "") -> Iterator[None]:
+        """Show the sentence of an error, with what it is about before it."""
+        try:
+            yield
+        except ERRORS as error:
+            self.say(f"{about}{reason(error)}")
+
+    def upload_box(self, label: str, kind: FileKind, endings: str, name: str, take: Callable[..., object]) -> ui.upload:
+        """Add a place to drop files in the current place of the page, with a name for those who do not see it.
+
+        Args:
+            label: What to drop.
+            kind: Of the files; others are rejected by the browser.
+            endings: For the browser's choice of files.
+            name: For tests.
+            take: Takes the event with the files.
+        """
+        made = ui.upload(
+            multiple=True, auto_upload=True, max_file_size=kind.largest, on_multi_upload=take,
+            on_rejected=lambda: self.say(kind.rejected),
+        )  # fmt: skip
+        made.add_slot("header", UPLOAD.replace("LABEL", label))
+        return tagged(made, name, props=f'accept="{endings}"')
+
+    async def keep(self, event: MultiUploadEventArguments, folder: str, kind: FileKind) -> None:
+        """Write files that were dropped into a folder of the project."""
+        for given in event.files:
+            with self.saying():
+                self.project.keep(folder, given.name, await given.read(), kind)
 
 
 UPLOAD = """<div class="row items-center no-wrap q-pa-sm">
 <label class="col relative-position cursor-pointer text-weight-bold">LABEL<q-uploader-add-trigger /></label>
 <q-btn icon="add" flat round dense aria-label="choose files" @click="props.pickFiles" /></div>"""
 """Head of a place to drop files."""
+
+
+def tagged[Shown: Element](element: Shown, name: str, classes: str = "w-full", props: str = "dense") -> Shown:
+    """Return an element with its looks and its name for tests."""
+    return element.classes(classes).props(f'{props} data-name="{name}"')
+
+
+def stored_picture(project: Project, place: str, words: str) -> str:
+    """Return a picture's file in the project's folder as HTML with words for those who do not see it; nothing without it."""
+    if not (file := project / place).is_file():
+        return ""
+    return f'<img class="stored" src="/files/{place}?{int(file.stat().st_mtime)}" alt="{escape(words)}">'
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Commands.
+
+
+Command = tuple[list[str], str, bool] | str
+"""The words of a command, its folder of results and whether it has ``--resume``; or the sentence why it cannot be given."""
+ALLOWED = "allow-scripts allow-popups allow-downloads allow-modals"
+"""What a report may do inside the page: its 3-D view, and saving and printing what it shows."""
+
+
+def job_panel(bench: Bench, output: str, title: str, command: Callable[[], Command], report: str = "") -> None:
+    """Add a button that starts a command in the current place of a page, with what it prints, and its report.
+
+    Args:
+        bench: What all tabs share.
+        output: The command's folder of results.
+        title: Of the button.
+        command: Is called when the button is pressed.
+        report: Page of its results, from the project's folder; empty for none.
+    """
+    jobs, file = bench.jobs, bench.project / report
+
+    def start() -> None:
+        try:
+            made = command()
+        except ERRORS as error:
+            made = page_words(reason(error))
+        sentence.set_text(made if isinstance(made, str) else "")
+        if not isinstance(made, str):
+            jobs.start(made[0], made[1], resumable=made[2])
+
+    def stop() -> None:
+        if (job := jobs.latest(output)) is not None:
+            jobs.stop(job)
+
+    with ui.card().classes("w-full"):
+        with ui.row().classes("items-center gap-3"):
+            start_button = tagged(ui.button(title, on_click=start), f"start-{output}", "", "")
+            stop_button = tagged(ui.button("Stop", on_click=stop), f"stop-{output}", "", "outline")
+            spinner, state = ui.spinner(), tagged(ui.label(), f"state-{output}", "", "")
+        sentence = tagged(ui.label(), f"why-{output}", "text-negative", "")
+        line = tagged(ui.label(), f"line-{output}", "text-sm font-mono whitespace-pre-wrap break-words", "")
+        with ui.expansion("All it printed").classes("w-full").props("dense") as log:
+            whole = ui.code("", language="text").classes("w-full")
+        frame = ui.html("", sanitize=False).classes("w-full")
+
+    def show() -> None:
+        job = jobs.latest(output)
+        active = job is not None and job.active
+        start_button.set_enabled(not active)
+        for element in (stop_button, spinner):
+            element.set_visibility(active)
+        log.set_visibility(job is not None)
+        if job is None:
+            return
+        text = jobs.log(job)
+        lines = [one for one in text.splitlines() if one.strip()]
+        state.set_text(job.state)
+        line.set_text(page_words(lines[-1]) if lines else "")
+        whole.set_content(f"$ {job.command}\n{text}")
+        if report and not active and file.is_file():
+            address = f"/files/{quote(report)}?{int(file.stat().st_mtime)}"
+            frame.set_content(f'<iframe src="{address}" title="{title}" sandbox="{ALLOWED}"></iframe>')
+
+    jobs.changed.subscribe(lambda job: show() if job.output == output else None)
+    ui.timer(1.0, lambda: show() if (job := jobs.latest(output)) is not None and job.active else None)
+    show()
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The fields of a device: a slider and a box with the unit for each number, lists for choices.
+
+
+SPAN, STEPS = 3.0, 200
+"""A slider reaches from the default over this factor to the default times it, in so many steps."""
 
 
 def field_controls(device: Actuator, take: Take, moved: Moved) -> None:
@@ -103,77 +219,63 @@ def field_controls(device: Actuator, take: Take, moved: Moved) -> None:
         take: Is called when a slider is let go, a box left, or a choice made.
         moved: Is called while a slider moves.
     """
-    from nicegui import ui
-
     fields = {name: field for name, field in about(device).items() if not field.idle(device)}
-    first = {name: field for name, field in fields.items() if _is_shape(field)}
-    for name, field in first.items():
-        _control(device, name, field, take, moved)
+    first = [name for name, field in fields.items()
+             if isinstance(field.kind, Quantity) and field.shape and field.kind.unit]  # fmt: skip
+    for name in first:
+        _control(device, name, fields[name], take, moved)
     with ui.expansion("More").classes("w-full").props("dense"):
         for name, field in fields.items():
             if name not in first:
                 _control(device, name, field, take, moved)
 
 
-def _is_shape(field: About) -> bool:
-    return isinstance(field.kind, Quantity) and field.shape and bool(field.kind.unit)
-
-
 def _control(device: Actuator, name: str, field: About, take: Take, moved: Moved) -> None:
-    from nicegui import ui
-
     made: ValueElement
     value, label, kind = getattr(device, name), name.replace("_", " "), field.kind
-    if isinstance(kind, Choice):
-        made = ui.select(list(kind.choices), value=value, label=label)
-        made.on_value_change(lambda event: take(name, event.value))
-    elif isinstance(kind, Flag):
-        made = ui.switch(label, value=value)
-        made.on_value_change(lambda event: take(name, event.value))
-    elif isinstance(kind, Quantity):
+    if isinstance(kind, Quantity):
         return _number(device, name, field, take, moved)
+    if isinstance(kind, Choice | Flag):
+        made = ui.switch(label, value=value) if isinstance(kind, Flag) else ui.select(
+            list(kind.choices), value=value, label=label
+        )  # fmt: skip
+        made.on_value_change(lambda event: take(name, event.value))
     else:
         made = ui.input(label, value=_text(kind, value))
         made.on("change", lambda _: take(name, _read(kind, str(made.value))))
-    made.classes("w-full").props("dense").tooltip(field.help).props(f'data-name="{name}"')
+    tagged(made.tooltip(field.help), name)
     return None
 
 
 def _number(device: Actuator, name: str, field: About, take: Take, moved: Moved) -> None:
-    from nicegui import ui
-
-    unit, value = field.kind.unit, float(getattr(device, name))
+    unit, value, label = field.kind.unit, float(getattr(device, name)), name.replace("_", " ")
     usual = float(default_of(device, name) or value or 1.0)  # type: ignore[arg-type]
-    reach = sorted((min(usual / SPAN, value), max(usual * SPAN, value)))
+    low, high = min(usual / SPAN, value), max(usual * SPAN, value)
     with ui.row().classes("w-full items-center no-wrap gap-2"):
-        box = ui.input(name.replace("_", " "), value=readable(value, unit)).props("dense").classes("w-32 shrink-0")
-        slider = ui.slider(min=reach[0], max=reach[1], step=(reach[1] - reach[0]) / STEPS, value=value)
-        slider.classes("grow").props(f'aria-label="{name.replace("_", " ")}"').props(f'data-name="{name}-slider"')
-    box.tooltip(field.help).props(f'data-name="{name}"')
+        box = tagged(ui.input(label, value=readable(value, unit)), name, "w-32 shrink-0").tooltip(field.help)
+        slider = ui.slider(min=low, max=high, step=(high - low) / STEPS, value=value)
+        tagged(slider, f"{name}-slider", "grow", f'aria-label="{label}"')
 
     def shown(value: float) -> None:
         box.set_value(readable(float(f"{value:.4g}"), unit))
         moved(name, float(f"{value:.4g}"))
 
-    slider.on_value_change(lambda event: shown(event.value))
-    slider.on("change", lambda _: take(name, float(f"{slider.value:.4g}")))
-
-    async def typed() -> None:
+    def typed() -> None:
         text = str(box.value)
         with contextlib.suppress(UnitError):
             slider.set_value(quantity(text, unit))
             box.set_value(text)  # with all its digits
-        await take(name, text)
+        take(name, text)
 
+    slider.on_value_change(lambda event: shown(event.value))
+    slider.on("change", lambda _: take(name, float(f"{slider.value:.4g}")))
     box.on("change", typed)
 
 
 def _text(kind: Kind, value: object) -> str:
-    if value is None:
-        return ""
     if isinstance(value, tuple):
-        return ", ".join(readable(item, kind.unit) if isinstance(item, float) else str(item) for item in value)
-    return readable(value, kind.unit) if isinstance(value, float) else str(value)
+        return ", ".join(_text(kind, item) for item in value)
+    return "" if value is None else readable(value, kind.unit) if isinstance(value, float) else str(value)
 
 
 def _read(kind: Kind, text: str) -> object:
@@ -216,15 +318,61 @@ def with_field(device: Actuator, name: str, value: object) -> Actuator:
     return type(device)(**{**changed_fields(device), name: value})
 
 
-def stored_picture(project: Project, place: str, words: str) -> str:
-    """Return a picture of the project's folder as HTML; nothing where there is none.
+# ----------------------------------------------------------------------------------------------------------------------
+# Sections as SVG: the whole profile with a field in colours, over its undeformed outline.
+
+
+def section_svg(section: Section, box: Array, top: float, colours: list[str], text: str) -> str:
+    """Return a section as SVG, mirrored to the whole profile.
 
     Args:
-        project: The project.
-        place: Of the file, in its folder.
-        words: What it shows, for those who do not see it.
+        section: What is drawn.
+        box: Least and largest radius and height in mm that are shown, shape (2, 2).
+        top: Value with the last colour; 0 has the first.
+        colours: Of the scale, from 0 to ``top``.
+        text: What the picture shows, for those who do not see it.
     """
-    file = project / place
-    if not file.is_file():
-        return ""
-    return f'<img class="stored" src="/files/{place}?{int(file.stat().st_mtime)}" alt="{escape(words)}">'
+    (_, low), (radius, high) = box
+    margin = 0.06 * radius
+    wide, tall = 2 * (radius + margin), high - low + 2 * margin
+    places = np.clip((section.values / top * len(colours)).astype(int), 0, len(colours) - 1)
+    half = [
+        f'<path d="{_paths(section.corners[places == k], "Z")}" fill="{colours[k]}" stroke="{colours[k]}" '
+        f'stroke-width="{wide / 1500:.4f}"/>'
+        for k in np.unique(places)
+    ]
+    half += [
+        f'<path d="{_paths(curves)}" class="{name}" fill="none" stroke-width="{wide / 700:.4f}"/>'
+        for curves, name in ((section.rest, "rest"), (section.edges, "edge"))
+    ]
+    drawn = f'<g id="half-section">{"".join(half)}</g><use href="#half-section" transform="scale(-1 1)"/>'
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" role="img" aria-label="{escape(text)}" class="section" '
+        f'viewBox="{-wide / 2:.4f} {-(high + margin):.4f} {wide:.4f} {tall:.4f}">{drawn}'
+        f"{_scale_bar(wide, -(low - margin))}</svg>"
+    )
+
+
+def _paths(curves: Array, end: str = "") -> str:
+    """Return curves of k points each, shape (n, k, 2), as the path of an SVG, whose y points downwards."""
+    one = "M" + "L".join(["%.3f %.3f"] * curves.shape[1]) + end
+    return one * len(curves) % tuple((curves * (1.0, -1.0)).ravel().tolist())
+
+
+def _scale_bar(wide: float, foot: float) -> str:
+    """Return a bar of a round length near an eighth of the width, in the lower left corner."""
+    power = 10.0 ** np.floor(np.log10(wide / 8))
+    length = max(k * power for k in (1, 2, 5) if k * power <= wide / 8)
+    x, y, size = -0.48 * wide, foot - 0.012 * wide, 0.018 * wide
+    return (
+        f'<g class="scale-bar"><path d="M{x:.3f} {y:.3f}h{length:g}" stroke-width="{wide / 400:.3f}"/>'
+        f'<text x="{x:.3f}" y="{y - size / 3:.3f}" font-size="{size:.3f}">{length:g} mm</text></g>'
+    )
+
+
+def colour_bar(top: float, colours: list[str], what: str) -> str:
+    """Return the scale from 0 to a value as HTML, with its words."""
+    return (
+        f'<div class="colour-bar"><span>0</span><div style="background:linear-gradient(90deg,{",".join(colours)})"></div>'
+        f"<span>{top:.3g} {escape(what)}</span></div>"
+    )

@@ -1,4 +1,5 @@
-"""Commands in processes of their own: they survive a closed tab, can be stopped, and are resumed after a killed server."""
+"""Work in processes of its own: commands, which survive a closed tab and are resumed after a killed server, and answers while
+sliders move."""
 
 from __future__ import annotations
 
@@ -9,19 +10,17 @@ import json
 import shlex
 import signal
 import sys
-from collections.abc import Callable
+from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING
-from urllib.parse import quote
+from typing import Any
 
-from softmodels.app.forms import page_words
-from softmodels.case.entries import INPUT_ERRORS
+from nicegui import Event
+
 from softmodels.common.errors import reason
 from softmodels.common.files import replace_text
+from softmodels.common.processes import end_with_parent
+from softmodels.common.workers import Answer, DiedError, Worker
 from softmodels.runs import outcomes
-
-if TYPE_CHECKING:
-    from softmodels.app.project import Project
 
 FOLDER = "jobs"
 WAITING, RUNNING, DONE, STOPPED, FAILED = "waiting", "running", "done", "stopped", "failed"
@@ -62,12 +61,10 @@ class Jobs:
     """The jobs of a project, one running at a time.
 
     Args:
-        project: The project; records and logs lie in its folder `FOLDER`.
+        project: Its folder; records and logs lie in `FOLDER` there.
     """
 
-    def __init__(self, project: Project):
-        from nicegui import Event
-
+    def __init__(self, project: Path):
         self.project, self.folder = project, project / FOLDER
         self.folder.mkdir(exist_ok=True)
         self.changed: Event[Job] = Event()
@@ -138,8 +135,6 @@ class Jobs:
         task.add_done_callback(self._tasks.discard)
 
     async def _run(self, job: Job) -> None:
-        from softmodels.common.processes import end_with_parent
-
         async with self._turn:
             if not job.active or self.ending:
                 return
@@ -147,7 +142,7 @@ class Jobs:
             try:
                 with self._log(job).open("ab") as log:
                     process = await asyncio.create_subprocess_exec(
-                        sys.executable, "-m", *job.words, cwd=self.project.folder, stdin=asyncio.subprocess.DEVNULL,
+                        sys.executable, "-m", *job.words, cwd=self.project, stdin=asyncio.subprocess.DEVNULL,
                         stdout=log, stderr=asyncio.subprocess.STDOUT, preexec_fn=end_with_parent,
                     )  # fmt: skip
             except OSError as error:
@@ -161,79 +156,62 @@ class Jobs:
                 self._set(job, ENDED.get(status, FAILED))
 
 
-Command = tuple[list[str], str, bool] | str
-"""The words of a command, its folder of results and whether it has ``--resume``; or the sentence why it cannot be given."""
+class SupersededError(Exception):
+    """A newer question of the same kind has been asked."""
 
 
-ALLOWED = "allow-scripts allow-popups allow-downloads allow-modals"
-"""What a report may do inside the page: its 3-D view, and saving and printing what it shows."""
+class AnswerError(Exception):
+    """The sentence for the user of a question that has no answer."""
 
 
-def _made(command: Callable[[], Command]) -> Command:
-    """Return the command, or the sentence why it cannot be given, also where its input cannot be written."""
-    try:
-        return command()
-    except (*INPUT_ERRORS, OSError) as error:
-        return page_words(reason(error))
+class Warm:
+    """A process of its own that answers questions in the order in which they are asked.
 
-
-def job_panel(jobs: Jobs, output: str, title: str, command: Callable[[], Command], report: str = "") -> None:
-    """Add a button that starts a command in the current place of a page, with what it prints, and its report.
+    A question that waits is dropped when the same is asked again, as while a slider moves. A process that dies, as when
+    memory runs out, is replaced at the next question.
 
     Args:
-        jobs: The project's jobs.
-        output: The command's folder of results.
-        title: Of the button.
-        command: Is called when the button is pressed.
-        report: Page of its results, from the project's folder; empty for none.
+        module: Module whose functions answer; the server does not import it.
     """
-    from nicegui import ui
 
-    def start() -> None:
-        made = _made(command)
-        if isinstance(made, str):
-            sentence.set_text(made)
-            return
-        sentence.set_text("")
-        jobs.start(made[0], made[1], resumable=made[2])
+    def __init__(self, module: str):
+        self._worker = Worker(module)
+        self._turn = asyncio.Lock()
+        self._asked: Counter[str] = Counter()
 
-    def stop() -> None:
-        if (job := jobs.latest(output)) is not None:
-            jobs.stop(job)
+    async def ask(self, function: str, *args: object, kind: str = "") -> Any:
+        """Return what a function of the module returns.
 
-    with ui.card().classes("w-full"):
-        with ui.row().classes("items-center gap-3"):
-            start_button = ui.button(title, on_click=start).props(f'data-name="start-{output}"')
-            stop_button = ui.button("Stop", on_click=stop).props("outline").props(f'data-name="stop-{output}"')
-            spinner = ui.spinner()
-            state = ui.label().props(f'data-name="state-{output}"')
-        sentence = ui.label().classes("text-negative").props(f'data-name="why-{output}"')
-        line = (
-            ui.label().classes("text-sm font-mono whitespace-pre-wrap break-words").props(f'data-name="line-{output}"')
-        )
-        log = ui.expansion("All it printed").classes("w-full").props("dense")
-        with log:
-            whole = ui.code("", language="text").classes("w-full")
-        frame = ui.html("", sanitize=False).classes("w-full")
+        Args:
+            function: Its name.
+            args: Its arguments, which are pickled.
+            kind: What is asked, for dropping older questions of the same; of none if empty.
 
-    def show() -> None:
-        job = jobs.latest(output)
-        active = job is not None and job.active
-        start_button.set_enabled(not active)
-        stop_button.set_visibility(active)
-        spinner.set_visibility(active)
-        log.set_visibility(job is not None)
-        if job is None:
-            return
-        text = jobs.log(job)
-        lines = [one for one in text.splitlines() if one.strip()]
-        state.set_text(job.state)
-        line.set_text(page_words(lines[-1]) if lines else "")
-        whole.set_content(f"$ {job.command}\n{text}")
-        if report and not active and (jobs.project / report).is_file():
-            address = f"/files/{quote(report)}?{int((jobs.project / report).stat().st_mtime)}"
-            frame.set_content(f'<iframe src="{address}" title="{title}" sandbox="{ALLOWED}"></iframe>')
+        Raises:
+            AnswerError: With the function's sentence for the user.
+            SupersededError: The same was asked again meanwhile.
+        """
+        self._asked[kind] += 1
+        number = self._asked[kind]
+        async with self._turn:
+            if kind and number != self._asked[kind]:
+                raise SupersededError
+            done, value = await asyncio.shield(asyncio.to_thread(self._answered, function, args))
+            if not done:
+                raise AnswerError(value)
+            return value
 
-    jobs.changed.subscribe(lambda job: show() if job.output == output else None)
-    ui.timer(1.0, lambda: show() if (job := jobs.latest(output)) is not None and job.active else None)
-    show()
+    def start(self) -> None:
+        """Start the process, which imports its module now and not at the first question."""
+        self._worker.start()
+
+    def _answered(self, function: str, args: tuple[object, ...]) -> Answer:
+        """Return whether there is an answer, and it; else the sentence why there is none."""
+        try:
+            return self._worker.call(function, *args)
+        except DiedError as error:
+            return False, str(error)
+
+    def stop(self) -> None:
+        """End the process."""
+        self._worker.stop()

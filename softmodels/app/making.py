@@ -1,27 +1,195 @@
-"""The page of making: a better device within limits, and the mould to cast one in."""
+"""The pages of the material, of a better device within limits, and of the mould to cast one in."""
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 import tomli_w
+from nicegui import ui
 
 from geometries.actuator import is_length, parameter, parameter_names
-from softmodels.app.forms import page_words, stored_picture
-from softmodels.app.jobs import DONE, Command, Job, job_panel
-from softmodels.app.project import RESULTS
+from softmodels.app.bench import CURVES, FITTED, OUTLINES, RESULTS, Bench, FileKind
+from softmodels.app.forms import Command, TabPage, job_panel, page_words, stored_picture, tagged
+from softmodels.app.jobs import DONE, Job
 from softmodels.case.case import Case
-from softmodels.case.entries import INPUT_ERRORS
-from softmodels.common.errors import reason
-from softmodels.common.files import replace_text
-from softmodels.common.units import UnitError, number, readable
+from softmodels.case.materials import band_of, material_from
+from softmodels.casting.settings import Workshop
+from softmodels.common.errors import FieldError
+from softmodels.common.files import read_text, replace_text
+from softmodels.common.schema import about, shown
+from softmodels.common.units import number, readable
+from softmodels.materials.laws import LAWS
 from softmodels.materials.silicones import PRODUCTS
 
 if TYPE_CHECKING:
-    from softmodels.app.bench import Bench
+    from nicegui.events import MultiUploadEventArguments
 
-MOULD, DESIGN = f"{RESULTS}/mould", f"{RESULTS}/design"
+FIT, MOULD, DESIGN = f"{RESULTS}/fit", f"{RESULTS}/mould", f"{RESULTS}/design"
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The material: measured curves and outlines to a fitted law with intervals.
+
+
+TESTS = ("uniaxial", "planar", "equibiaxial", "balloon")
+CURVE = FileKind("curves", "CSV or Excel (.xlsx)", (".csv", ".txt", ".tsv", ".xlsx"), 40 << 20)
+
+
+class MaterialPage(TabPage):
+    """One tab's page of the material."""
+
+    def __init__(self, bench: Bench):
+        super().__init__(bench)
+        with ui.element("div").classes("two-columns"):
+            with ui.card().classes("w-full"):
+                kinds = ",".join(CURVE.endings)
+                self.upload = self.upload_box("Drop curves of a test machine", CURVE, kinds, "curves", self._uploaded)
+                self.curves = ui.refreshable(self._curves)
+                self.curves()
+                self.with_outlines = ui.switch("Outlines of the photographs", value=(self.project / OUTLINES).is_dir())
+                tagged(self.with_outlines, "with-outlines", "", "")
+                self.with_outlines.tooltip("Without those that are not trusted, unless they shall be used anyway")
+                laws = ui.select(sorted(LAWS), value=["yeoh"], label="Laws to compare", multiple=True)
+                self.laws = tagged(laws, "laws", props="dense use-chips")
+                self.fixed = tagged(ui.input("Fixed parameters", placeholder="c3=0, leak=0"), "fixed")
+                self.poisson = tagged(ui.input("Poisson's ratio", value="0.49"), "poisson")
+                products = ui.select(["any", *sorted(PRODUCTS)], value="any", label="Cast from", with_input=True)
+                self.product = tagged(products, "product")
+            with ui.column().classes("w-full min-w-0"):
+                self.message = tagged(ui.label(), "material-message", "text-negative", "")
+                self.answer = ui.column().classes("gap-1")
+                job_panel(bench, FIT, "Fit", self._command, f"{FIT}/report.html")
+        bench.jobs.changed.subscribe(self._ended)
+        self._show()
+
+    def _curves(self) -> None:
+        self.tests: dict[str, ui.select] = {}
+        for file in self.project.files(CURVES, CURVE.endings):
+            with ui.row().classes("w-full items-center no-wrap gap-2"):
+                ui.label(file.name).classes("grow truncate")
+                self.tests[file.name] = ui.select(["not used", *TESTS], value=TESTS[0]).props("dense").classes("w-32")
+
+    async def _uploaded(self, event: MultiUploadEventArguments) -> None:
+        await self.keep(event, CURVES, CURVE)
+        self.upload.reset()
+        self.curves.refresh()
+
+    def _command(self) -> Command:
+        words = ["softmodels", "fit"]
+        if self.with_outlines.value:
+            if not (self.project / OUTLINES).is_dir():
+                return "there are no outlines yet: measure the photographs first, or switch the outlines off"
+            words += [self.project.case_file(), f"{OUTLINES}/"]
+            for name, row in self.bench.photographs.measured.items():
+                words += ["--exclude", name] if row["trusted"] == "no" else []
+        for name, test in self.tests.items():
+            words += ["--tensile", f"{CURVES}/{name}:{test.value}"] if test.value != "not used" else []
+        if len(words) == 2:
+            return "there is nothing to fit yet: drop a curve of a test machine here, or measure photographs"
+        if not self.laws.value:
+            return "choose at least one law"
+        words += ["--material", ",".join(self.laws.value), "--poisson", str(self.poisson.value)]
+        words += ["--silicone", str(self.product.value)] if self.product.value else []
+        for text in str(self.fixed.value or "").replace(";", ",").split(","):
+            words += ["--fix", text.strip()] if text.strip() else []
+        return [*words, "-o", FIT], FIT, False
+
+    async def _ended(self, job: Job) -> None:
+        if job.output == OUTLINES and not job.active:
+            self.with_outlines.set_value((self.project / OUTLINES).is_dir())
+        elif job.output == FIT and job.state == DONE:
+            self._show()
+
+    def _show(self) -> None:
+        """Show the answer of the last fit."""
+        self.answer.clear()
+        try:
+            found = json.loads(read_text(self.project / FIT / "fit.json"))
+            law = next(one for one in found["laws"] if one["law"] == found["chosen"])
+        except (OSError, ValueError, KeyError, StopIteration):
+            return
+        with self.answer:
+            with ui.grid(columns="auto auto auto").classes("gap-x-6 gap-y-0"):
+                for one in law["parameters"]:
+                    ends, unit = one["interval_95"], one["unit"]
+                    value, *between = (readable(float(f"{end:.4g}"), unit) for end in (one["value"], *(ends or ())))
+                    about = "fixed" if one["fixed"] else f"95 %: {' to '.join(between)}" if between else ""
+                    ui.label(one["name"].replace("_", " ")).classes("quiet")
+                    ui.label(value).props(f'data-name="fitted-{one["name"]}"')
+                    ui.label(about)
+            ui.label(page_words(found["verdict"])).classes("text-sm")
+            ui.button("Use it for the device", on_click=self._use).props('outline data-name="use-material"')
+
+    def _use(self) -> None:
+        with self.saying():
+            replace_text(self.project / FITTED, read_text(self.project / FIT / FITTED))
+            file = str(self.project / FITTED)
+            self.project.change(material=material_from(file, {}), band=band_of(file))
+            self.say("")
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The mould.
+
+
+FILES = (".3mf", ".stl", ".step", ".html", ".md")
+"""Endings of the files to download."""
+
+
+class MouldPage(TabPage):
+    """One tab's page of the mould."""
+
+    def __init__(self, bench: Bench):
+        super().__init__(bench)
+        with ui.element("div").classes("two-columns"):
+            with ui.card().classes("w-full"):
+                ui.label("Mould").classes("font-bold")
+                products = ["as simulated", *sorted(PRODUCTS)]
+                silicone = ui.select(products, value=products[0], label="Silicone to cast")
+                self.silicone = tagged(silicone, "cast-silicone", "")
+                self.settings = {}
+                for name, field in about(Workshop).items():
+                    default = getattr(Workshop, name)
+                    text = shown(default, field.kind.unit) if isinstance(default, float) else str(default)
+                    box = ui.input(name.replace("_", " "), placeholder="" if default is None else text)
+                    self.settings[name] = tagged(box, f"mould-{name}", props="dense stack-label").tooltip(field.help)
+                ui.label("Files").classes("font-bold")
+                self.files = tagged(ui.column(), "mould-files", "gap-1", "")
+            with ui.column().classes("w-full min-w-0"):
+                self.exploded = tagged(ui.html("", sanitize=False), "exploded", props="")
+                job_panel(bench, MOULD, "Make the mould", self._command, f"{MOULD}/sheet.html")
+        bench.jobs.changed.subscribe(self._ended)
+        self._show()
+
+    def _command(self) -> Command:
+        words = ["softmodels", "mould", self.project.case_file(), "-o", MOULD]
+        words += ["--silicone", str(self.silicone.value)] if self.silicone.value != "as simulated" else []
+        for name, box in self.settings.items():
+            if text := str(box.value or "").strip():
+                words += [f"--{name.replace('_', '-')}", text]
+        return words, MOULD, False
+
+    async def _ended(self, job: Job) -> None:
+        if job.output == MOULD and job.state == DONE:
+            self._show()
+
+    def _show(self) -> None:
+        self.files.clear()
+        self.exploded.set_content(
+            stored_picture(self.project, f"{MOULD}/exploded.png", "the mould, its bodies apart along the pull")
+        )
+        if not (self.project / MOULD).is_dir():
+            return
+        with self.files:
+            for file in sorted(self.project.files(MOULD, FILES), key=lambda file: FILES.index(file.suffix)):
+                ui.link(file.name, f"/files/{quote(f'{MOULD}/{file.name}')}").props(f'download="{file.name}"')
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A better device within limits.
+
+
 PROBLEM = "problem.toml"
 OBJECTIVES = {
     "most rise": ("maximise", "rise"),
@@ -44,162 +212,66 @@ OF_PROBE = ("rise", "height")
 AT_PRESSURE = (*OF_PROBE, "peak_stretch", "peak_von_mises", "added_volume")
 REACH = 1.5
 """Bounds of a varied length, as a factor of the present one both ways."""
-FILES = (".3mf", ".stl", ".step", ".html", ".md")
-"""Endings of the files to download."""
 
 
-class MouldPage:
-    """One tab's page of the mould.
-
-    Args:
-        bench: What all tabs share.
-    """
+class DesignPage(TabPage):
+    """One tab's page of designs."""
 
     def __init__(self, bench: Bench):
-        from nicegui import ui
-
-        self.bench, self.project = bench, bench.project
-        with ui.element("div").classes("two-columns"):
-            with ui.card().classes("w-full"):
-                ui.label("Mould").classes("font-bold")
-                self.silicone = ui.select(
-                    ["as simulated", *sorted(PRODUCTS)], value="as simulated", label="Silicone to cast"
-                )
-                self.silicone.classes("w-full").props('dense data-name="cast-silicone"')
-                self.settings = {}
-                for name, field, default in workshop_fields():
-                    self.settings[name] = (
-                        ui.input(name.replace("_", " "), placeholder=default)
-                        .props("dense stack-label")
-                        .classes("w-full")
-                    )
-                    self.settings[name].tooltip(field).props(f'data-name="mould-{name}"')
-                ui.label("Files").classes("font-bold")
-                self.files = ui.column().classes("gap-1").props('data-name="mould-files"')
-            with ui.column().classes("w-full min-w-0"):
-                self.exploded = ui.html("", sanitize=False).classes("w-full").props('data-name="exploded"')
-                job_panel(bench.jobs, MOULD, "Make the mould", self._command, f"{MOULD}/sheet.html")
-        bench.jobs.changed.subscribe(self._ended)
-        self._show()
-
-    def _command(self) -> Command:
-        words = ["softmodels", "mould", self.project.case_file(), "-o", MOULD]
-        if self.silicone.value != "as simulated":
-            words += ["--silicone", str(self.silicone.value)]
-        for name, box in self.settings.items():
-            if text := str(box.value or "").strip():
-                words += [f"--{name.replace('_', '-')}", text]
-        return words, MOULD, False
-
-    async def _ended(self, job: Job) -> None:
-        if job.output == MOULD and job.state == DONE:
-            self._show()
-
-    def _show(self) -> None:
-        from nicegui import ui
-
-        self.files.clear()
-        self.exploded.set_content(
-            stored_picture(self.project, f"{MOULD}/exploded.png", "the mould, its bodies apart along the pull")
-        )
-        if not (self.project / MOULD).is_dir():
-            return
-        with self.files:
-            for file in sorted(self.project.files(MOULD, FILES), key=lambda file: FILES.index(file.suffix)):
-                ui.link(file.name, f"/files/{quote(f'{MOULD}/{file.name}')}").props(f'download="{file.name}"')
-
-
-class DesignPage:
-    """One tab's page of designs.
-
-    Args:
-        bench: What all tabs share.
-    """
-
-    def __init__(self, bench: Bench):
-        from nicegui import ui
-
-        self.bench, self.project = bench, bench.project
+        super().__init__(bench)
         with ui.element("div").classes("two-columns"):
             with ui.card().classes("w-full"):
                 self.controls = ui.refreshable(self._controls)
                 self.controls()
             with ui.column().classes("w-full min-w-0"):
-                self.message = ui.label().classes("text-negative").props('data-name="design-message"')
-                job_panel(bench.jobs, DESIGN, "Search", self._command, f"{DESIGN}/report.html")
-                ui.button("Use this device", on_click=self._use).props('outline data-name="use-design"')
+                self.message = tagged(ui.label(), "design-message", "text-negative", "")
+                job_panel(bench, DESIGN, "Search", self._command, f"{DESIGN}/report.html")
+                tagged(ui.button("Use this device", on_click=self._use), "use-design", "", "outline")
         self.project.changed.subscribe(lambda file: self.controls.refresh())
 
     def _controls(self) -> None:
-        from nicegui import ui
-
         device = self.project.case.actuator
         ui.label("What may change").classes("font-bold")
         names = [name for name in parameter_names(device) if is_length(device, name)]
-        self.varied = ui.select(names, value=names[:1], label="lengths", multiple=True).props("dense use-chips")
-        self.varied.classes("w-full").props('data-name="varied"')
-        self.reach = ui.input("from and to, as a factor both ways", value=f"{REACH:g}").props("dense").classes("w-full")
-        self.reach.props('data-name="reach"')
+        varied = ui.select(names, value=names[:1], label="lengths", multiple=True)
+        self.varied = tagged(varied, "varied", props="dense use-chips")
+        self.reach = tagged(ui.input("from and to, as a factor both ways", value=f"{REACH:g}"), "reach")
         ui.label("What it should do").classes("font-bold")
-        self.objective = (
-            ui.select(list(OBJECTIVES), value="most rise", label="objective").props("dense").classes("w-full")
-        )
-        self.objective.props('data-name="objective"')
-        self.probe = (
-            ui.select(list(device.probes), value=next(iter(device.probes)), label="of").props("dense").classes("w-full")
-        )
+        self.objective = tagged(ui.select(list(OBJECTIVES), value="most rise", label="objective"), "objective")
+        probes = list(device.probes)
+        self.probe = tagged(ui.select(probes, value=probes[0], label="of"), "probe")
         highest = max(self.project.case.pressures_cm, default=0.0)
-        self.at = (
-            ui.input("at", value=f"{highest:g} cm")
-            .props("dense")
-            .classes("w-full")
-            .props('data-name="design-pressure"')
-        )
+        self.at = tagged(ui.input("at", value=f"{highest:g} cm"), "design-pressure")
         ui.label("Limits that it keeps").classes("font-bold")
         defaults = {"limit_margin": "1.25", "clearances": "0.8 mm"}
         self.limits = {
-            name: ui.input(name, value=defaults.get(quantity, ""))
-            .props("dense")
-            .classes("w-full")
-            .props(f'data-name="keep-{quantity}"')
+            name: tagged(ui.input(name, value=defaults.get(quantity, "")), f"keep-{quantity}")
             for name, (quantity, _) in LIMITS.items()
         }
 
     def _command(self) -> Command:
-        try:
-            text = tomli_w.dumps(self._problem())
-        except (UnitError, ValueError) as error:
-            return str(error)
-        replace_text(self.project / PROBLEM, text)
+        replace_text(self.project / PROBLEM, tomli_w.dumps(self._problem()))
         return ["softmodels", "design", PROBLEM, "-o", DESIGN], DESIGN, True
 
     def _problem(self) -> dict[str, object]:
         """Return the problem as its file has it."""
         device, reach = self.project.case.actuator, number(str(self.reach.value))
         if not self.varied.value:
-            raise ValueError("choose at least one length that may change")
+            raise FieldError("choose at least one length that may change")
         if not reach > 1.0:
-            raise ValueError(f"the factor is {reach:g}; it must be above 1, such as {REACH:g}")
-        bounds = {
-            name: {
-                "from": readable(parameter(device, name) / reach, "m"),
-                "to": readable(parameter(device, name) * reach, "m"),
-            }
-            for name in self.varied.value
-        }
+            raise FieldError(f"the factor is {reach:g}; it must be above 1, such as {REACH:g}")
+        bounds = {}
+        for name in self.varied.value:
+            now = parameter(device, name)
+            bounds[name] = {"from": readable(now / reach, "m"), "to": readable(now * reach, "m")}
         table, quantity = OBJECTIVES[str(self.objective.value)]
         kept = [
             self._asked(LIMITS[name][0]) | {LIMITS[name][1]: _entry(str(box.value))}
             for name, box in self.limits.items()
             if str(box.value or "").strip()
         ]
-        return {
-            "name": "design",
-            "case": self.project.case_file(),
-            "parameters": bounds,
-            table: self._asked(quantity),
-            "keep": kept,
-        }
+        case, asked = self.project.case_file(), self._asked(quantity)
+        return {"name": "design", "case": case, "parameters": bounds, table: asked, "keep": kept}
 
     def _asked(self, quantity: str) -> dict[str, object]:
         asked: dict[str, object] = {"quantity": quantity}
@@ -212,13 +284,11 @@ class DesignPage:
     def _use(self) -> None:
         file = self.project / DESIGN / "design.toml"
         if not file.exists():
-            self.message.set_text("there is no design yet: start the search first")
-            return
-        try:
+            return self.say("there is no design yet: start the search first")
+        with self.saying():
             self.project.change(actuator=Case.from_file(file).actuator)
-            self.message.set_text("")
-        except (*INPUT_ERRORS, OSError) as error:
-            self.message.set_text(page_words(reason(error)))
+            self.say("")
+        return None
 
 
 def _entry(text: str) -> object:
@@ -227,16 +297,3 @@ def _entry(text: str) -> object:
         return float(text)
     except ValueError:
         return text
-
-
-def workshop_fields() -> list[tuple[str, str, str]]:
-    """Return name, help and default of each setting of a mould, as texts."""
-    from softmodels.casting.settings import Workshop
-    from softmodels.common.schema import about, shown
-
-    found = []
-    for name, field in about(Workshop).items():
-        default = getattr(Workshop, name)
-        text = shown(default, field.kind.unit) if isinstance(default, float) else str(default)
-        found.append((name, field.help, "" if default is None else text))
-    return found

@@ -1,4 +1,5 @@
-"""The page of photographs: dropped or taken, their pressures, the grid and the edges drawn on them, with handles."""
+"""The pages of photographs: dropped or taken, their pressures, the grid and the edges drawn on them, with handles; and the
+simulated outline over them, pressure by pressure."""
 
 from __future__ import annotations
 
@@ -9,136 +10,120 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
+from nicegui import ui
 
-from measurement.series.photo_list import ANYWAY, PICTURES, ColumnError, PhotoListError, read_photos
-from softmodels.app.bench import PHOTOGRAPH
-from softmodels.app.forms import page_words, upload_box
-from softmodels.app.jobs import Command, Job, job_panel
-from softmodels.app.project import AUTO, BOARDS, LENS, OUTLINES, PHOTOS, PREVIEW, SETUP, Handles
-from softmodels.app.warm import AnswerError
+from measurement.series.photo_list import ANYWAY, PICTURES, PhotoListError, read_photos
+from softmodels.app.bench import AUTO, BOARDS, LENS, OUTLINES, PHOTOGRAPH, PHOTOS, SETUP, Bench, Listed
+from softmodels.app.device import OUTPUT as DEVICE, is_section, stored_run
+from softmodels.app.forms import Command, TabPage, job_panel, page_words, tagged
+from softmodels.app.jobs import AnswerError, Job, SupersededError
+from softmodels.app.replies import PREVIEW, Handles
 from softmodels.common.arrays import Array
-from softmodels.common.errors import FieldError, reason
 
 if TYPE_CHECKING:
-    from nicegui.elements.icon import Icon
-    from nicegui.elements.input import Input
-    from nicegui.elements.row import Row
-    from nicegui.elements.tooltip import Tooltip
     from nicegui.events import MouseEventArguments, MultiUploadEventArguments
 
-    from softmodels.app.bench import Bench, Listed
-    from softmodels.app.tracing import Preview, Traced
+    from softmodels.app.replies import Overlay, Preview
 
 TONE_WORDS = {"srgb": "sRGB, as a camera's JPEG", "linear": "linear, in proportion to the light"}
 REACH = 40.0
 """Pixels of a preview within which a press takes hold of a handle."""
 
 
-class PhotographsPage:
-    """One tab's page of the photographs.
-
-    Args:
-        bench: What all tabs share.
-    """
+class PhotographsPage(TabPage):
+    """One tab's page of the photographs."""
 
     def __init__(self, bench: Bench):
-        from nicegui import ui
-
-        self.bench, self.photos = bench, bench.photographs
+        super().__init__(bench)
+        self.photos = bench.photographs
         self.shown = next(iter(self.photos.listed), "")
         self.held: tuple[str, int, int] | None = None
         self.handles = copy.deepcopy(self.photos.handles)
         self.scale = 1.0
         with ui.element("div").classes("two-columns"):
             with ui.column().classes("w-full min-w-0"):
-                self.upload = upload_box(
-                    "Drop photographs here, or take them", PHOTOGRAPH, "image/*,.heic,.tif,.tiff,.csv", "drop",
-                    self._uploaded, self._say,
-                )  # fmt: skip
+                kinds = "image/*,.heic,.tif,.tiff,.csv"
+                drop = "Drop photographs here, or take them"
+                self.upload = self.upload_box(drop, PHOTOGRAPH, kinds, "drop", self._uploaded)
                 with ui.card().classes("w-full"):
                     self._table()
             with ui.column().classes("w-full min-w-0"):
-                self.message = ui.label().classes("text-negative").props('data-name="photo-message"')
-                self.image = (
-                    ui.interactive_image(
-                        on_mouse=self._mouse, events=["pointerdown", "pointermove", "pointerup"], sanitize=False
-                    )
-                    .classes("w-full photograph")
-                    .props('data-name="photograph" aria-label="the photograph with its edge"')
+                self.message = tagged(ui.label(), "photo-message", "text-negative", "")
+                image = ui.interactive_image(
+                    on_mouse=self._mouse, events=["pointerdown", "pointermove", "pointerup"], sanitize=False
+                )
+                self.image = tagged(
+                    image, "photograph", "w-full photograph", 'aria-label="the photograph with its edge"'
                 )
                 self.image.set_visibility(False)  # until there is one
-                with ui.row().classes("w-full items-center no-wrap gap-3") as self.doubt:
-                    ui.icon("report_problem", size="sm").props("color=warning")
-                    self.doubt_words = ui.label().classes("grow").props('data-name="doubts"')
-                    self.anyway = ui.switch("Use it anyway").props('data-name="use-anyway"').classes("shrink-0")
-                    self.anyway.tooltip("The doubts stay in the record of the measurement and of the fit")
-                    self.doubt.set_visibility(False)
-                    self.anyway.on("update:model-value", lambda _: self._use())
-                with ui.row().classes("gap-4 items-center"):
-                    self.with_zero = ui.switch("Zero line", value=self.photos.handles.zero is not None)
-                    self.with_zero.tooltip("Two points on the undeformed surface; drag them").props(
-                        'data-name="zero-line"'
-                    )
-                    self.with_zero.on("update:model-value", lambda _: self._toggle())
-                    self.with_roi = ui.switch("Region", value=self.photos.handles.roi is not None)
-                    self.with_roi.tooltip("The shadow is searched only inside; drag its corners").props(
-                        'data-name="region"'
-                    )
-                    self.with_roi.on("update:model-value", lambda _: self._toggle())
-                    mask = ui.button("Mask", icon="add", on_click=lambda: self._mask(True)).props("flat dense")
-                    mask.tooltip("A region in which no edge is looked for, such as a label; drag its corners")
-                    self.cures = {"the Zero line": self.with_zero, "the Region": self.with_roi, "a Mask": mask}
-                    ui.button(icon="remove", on_click=lambda: self._mask(False)).props(
-                        'flat dense aria-label="remove the last mask"'
-                    )
-                self.about = ui.label().props('data-name="about-photograph"')
-                job_panel(bench.jobs, OUTLINES, "Measure all outlines", self._measure, f"{OUTLINES}/overview.html")
+                self._controls()
+                self.about = tagged(ui.label(), "about-photograph", "", "")
+                job_panel(bench, OUTLINES, "Measure all outlines", self._measure, f"{OUTLINES}/overview.html")
         self.photos.changed.subscribe(self._changed)
         bench.jobs.changed.subscribe(self._job_changed)
-        self._say(self.photos.error)
+        self.say(self.photos.error)
         ui.timer(0.05, self._show, once=True)
+
+    def _controls(self) -> None:
+        """Add what is below the photograph: its doubts, and the handles that cure them."""
+        with ui.row().classes("w-full items-center no-wrap gap-3") as self.doubt:
+            ui.icon("report_problem", size="sm").props("color=warning")
+            self.doubt_words = tagged(ui.label(), "doubts", "grow", "")
+            self.anyway = tagged(ui.switch("Use it anyway"), "use-anyway", "shrink-0", "")
+            self.anyway.tooltip("The doubts stay in the record of the measurement and of the fit")
+            self.doubt.set_visibility(False)
+            self.anyway.on("update:model-value", lambda _: self._use())
+        with ui.row().classes("gap-4 items-center"):
+            switches = []
+            for name, tag, value, words in (
+                ("Zero line", "zero-line", self.photos.handles.zero, "Two points on the undeformed surface; drag them"),
+                ("Region", "region", self.photos.handles.roi, "The shadow is searched only inside; drag its corners"),
+            ):
+                switch = tagged(ui.switch(name, value=value is not None).tooltip(words), tag, "", "")
+                switches.append(switch.on("update:model-value", lambda _: self._toggle()))
+            self.with_zero, self.with_roi = switches
+            mask = ui.button("Mask", icon="add", on_click=lambda: self._mask(True)).props("flat dense")
+            mask.tooltip("A region in which no edge is looked for, such as a label; drag its corners")
+            self.cures = {"the Zero line": self.with_zero, "the Region": self.with_roi, "a Mask": mask}
+            fewer = ui.button(icon="remove", on_click=lambda: self._mask(False))
+            fewer.props('flat dense aria-label="remove the last mask"')
 
     # -- the list -----------------------------------------------------------------------------------------------------
 
     def _table(self) -> None:
         """Build the list; what is in it changes in place, so that nobody is interrupted while typing."""
-        from nicegui import ui
-
         ui.label("Screen").classes("font-bold")
         with ui.row().classes("w-full items-end no-wrap gap-2"):
-            self.grid = ui.select([], label="photograph of the grid").classes("grow").props('data-name="grid"')
-            self.pitch = ui.input("pitch", value=self.photos.pitch).classes("w-20").props('data-name="pitch"')
-        self.lens = ui.select([], label="lens correction").classes("w-full").props('dense data-name="lens"')
+            self.grid = tagged(ui.select([], label="photograph of the grid"), "grid", "grow", "")
+            self.pitch = tagged(ui.input("pitch", value=self.photos.pitch), "pitch", "w-20", "")
+        self.lens = tagged(ui.select([], label="lens correction"), "lens")
         with ui.expansion("Lens from photographs of a board").classes("w-full").props("dense"):
-            kinds = "image/*,.heic,.tif,.tiff"
-            upload_box("Drop ten photographs of a chessboard", PHOTOGRAPH, kinds, "boards", self._boards, self._say)
-            self.boards = ui.label().props('data-name="boards-given"')
-            self.pattern = ui.input("inner corners", value="9x6").props('dense data-name="pattern"')
-            self.square = ui.input("side of a square", value="25mm").props('dense data-name="square"')
-            job_panel(self.bench.jobs, LENS, "Calibrate", self._calibrate)
+            drop, kinds = "Drop ten photographs of a chessboard", "image/*,.heic,.tif,.tiff"
+            self.upload_box(drop, PHOTOGRAPH, kinds, "boards", self._boards)
+            self.boards = tagged(ui.label(), "boards-given", "", "")
+            self.pattern = tagged(ui.input("inner corners", value="9x6"), "pattern", "")
+            self.square = tagged(ui.input("side of a square", value="25mm"), "square", "")
+            job_panel(self.bench, LENS, "Calibrate", self._calibrate)
         tones = {AUTO: "tone: as the edge shows", **{name: f"tone: {words}" for name, words in TONE_WORDS.items()}}
-        self.tone = ui.select(tones, value=self.photos.tone, label="how the photographs store light")
-        self.tone.classes("w-full").props('dense data-name="tone"')
-        self.tone.on_value_change(self._tone)
-        self.find = ui.button("Find the grid", on_click=self._find).props('dense data-name="find-grid"')
+        tone = ui.select(tones, value=self.photos.tone, label="how the photographs store light")
+        self.tone = tagged(tone, "tone").on_value_change(self._tone)
+        self.find = tagged(ui.button("Find the grid", on_click=self._find), "find-grid", "")
         ui.label("Photographs").classes("font-bold")
-        self.rows: dict[str, tuple[Row, Input, Icon, Tooltip]] = {}
+        self.rows: dict[str, tuple[ui.row, ui.input, ui.icon, ui.tooltip]] = {}
         self.listing = ui.column().classes("w-full gap-1")
         self._update()
 
     def _update(self) -> None:
         """Show what the list is now."""
-        from nicegui import ui
-
         names = list(self.photos.listed)
         if self.grid.options != names:
             self.grid.set_options(names)
         self.grid.set_value(self.grid.value or self.photos.grid or None)
-        files = self.photos.project.files(".", (".toml",))
+        files = self.project.files(".", (".toml",))
         lenses = ["none", "auto", *(file.name for file in files if file.name.startswith("lens"))]
         if self.lens.options != lenses:
             self.lens.set_options(lenses, value=self.photos.lens if self.photos.lens in lenses else "none")
-        count = len(self.photos.project.files(BOARDS, PICTURES))
+        count = len(self.project.files(BOARDS, PICTURES))
         self.boards.set_text(f"{count} photographs of the board" if count else "")
         shown = {one.file.name: one for one in self.photos.shadows}
         for name in [name for name in self.rows if name not in shown]:
@@ -161,52 +146,36 @@ class PhotographsPage:
             icon.set_name(name_of_icon)
             box.set_value(one.pressure)
             icon.props(f"color={colour}")
-            tooltip.set_text(one.doubts or "edge found")
+            tooltip.set_text(page_words(one.doubts) or "edge found")
 
     async def _boards(self, event: MultiUploadEventArguments) -> None:
-        for given in event.files:
-            try:
-                self.photos.project.keep(BOARDS, given.name, await given.read(), PHOTOGRAPH)
-            except (FieldError, OSError) as error:
-                self._say(reason(error))
+        await self.keep(event, BOARDS, PHOTOGRAPH)
         self._update()
 
     def _calibrate(self) -> Command:
-        files = [f"{BOARDS}/{file.name}" for file in self.photos.project.files(BOARDS, PICTURES)]
+        files = [f"{BOARDS}/{file.name}" for file in self.project.files(BOARDS, PICTURES)]
         if not files:
             return "drop photographs of the board first"
-        words = [
-            "measurement",
-            "calibrate",
-            *files,
-            "--pattern",
-            str(self.pattern.value),
-            "--pitch",
-            str(self.square.value),
-        ]
-        return [*words, "-o", LENS], LENS, False
+        options = ["--pattern", str(self.pattern.value), "--pitch", str(self.square.value), "-o", LENS]
+        return ["measurement", "calibrate", *files, *options], LENS, False
 
     async def _find(self) -> None:
         if not self.grid.value:
-            return self._say("choose the photograph that shows the grid")
+            return self.say("choose the photograph that shows the grid")
         self.find.props("loading")
-        try:
+        with self.saying():
             await self.photos.find_plane(str(self.grid.value), str(self.pitch.value), str(self.lens.value))
-            self._say("")
-        except (AnswerError, OSError) as error:
-            self._say(reason(error))
-        finally:
-            self.find.props(remove="loading")
+            self.say("")
+        self.find.props(remove="loading")
+        return None
 
     async def _pressure(self, one: Listed, text: str) -> None:
         await self._change(one, pressure=text.strip(), error="")
 
     async def _change(self, one: Listed, **entries: str) -> None:
-        try:
+        with self.saying(f"{one.file.name}: "):
             await self.photos.change(one, **entries)
-            self._say("")
-        except (ColumnError, OSError) as error:
-            self._say(f"{one.file.name}: {reason(error)}")
+            self.say("")
 
     async def _use(self) -> None:
         if (one := self.photos.listed.get(self.shown)) is not None:
@@ -214,20 +183,15 @@ class PhotographsPage:
 
     async def _tone(self) -> None:
         if self.tone.value != self.photos.tone:
-            try:
+            with self.saying():
                 await self.photos.take_tone(str(self.tone.value))
-            except OSError as error:
-                self._say(reason(error))
 
     async def _uploaded(self, event: MultiUploadEventArguments) -> None:
         for file in event.files:
-            try:
+            with self.saying():
                 await self.photos.add(file.name, await file.read())
-            except (AnswerError, FieldError, OSError) as error:
-                self._say(reason(error))
         self.upload.reset()
-        if not self.shown:
-            self.shown = next(iter(self.photos.listed), "")
+        self.shown = self.shown or next(iter(self.photos.listed), "")
         await self._show()
 
     async def _job_changed(self, job: Job) -> None:
@@ -235,9 +199,6 @@ class PhotographsPage:
             self._update()
         elif job.output == OUTLINES:
             await self._show()
-
-    def _say(self, sentence: str) -> None:
-        self.message.set_text(page_words(sentence))
 
     async def _choose(self, name: str) -> None:
         self.shown = name
@@ -259,7 +220,7 @@ class PhotographsPage:
             return
         await self.photos.show(one)
         if one.preview is None:
-            return self._say(one.why)
+            return self.say(one.why)
         source, self.scale = picture_of(one.preview)
         self.image.set_source(source)
         self.image.set_visibility(True)
@@ -282,7 +243,7 @@ class PhotographsPage:
 
     def _doubt(self, one: Listed) -> None:
         """Show what speaks against a photograph, which handle may cure it, and whether it shall be used anyway."""
-        doubts = one.doubts
+        doubts = page_words(one.doubts)
         verdict = "refused" if one.why else "not trusted, used anyway" if one.anyway else "not trusted"
         self.doubt_words.set_text(f"{verdict}: {doubts}" if doubts else "")
         self.doubt.set_visibility(bool(doubts) or one.anyway)
@@ -297,12 +258,14 @@ class PhotographsPage:
         scale = self.scale
         drawn: list[str] = []
         if one.file.name == self.photos.grid and self.photos.plane is not None:
-            drawn += [
-                f'<circle cx="{x / scale:.1f}" cy="{y / scale:.1f}" r="4"/>' for x, y in self.photos.plane.crossings
-            ]
+            crossings = self.photos.plane.crossings / scale
+            drawn += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4"/>' for x, y in crossings]
         if one.traced is not None:
-            drawn += [f'<polygon class="band" points="{piece}"/>' for piece in _bands(one.traced, scale)]
-            drawn += [f'<polyline class="traced" points="{piece}"/>' for piece in _pieces(one.traced.edge, scale)]
+            edge, (inner, outer) = one.traced.edge, one.traced.band
+            for part in _parts(edge):
+                band = points_text(np.concatenate([inner[part], outer[part][::-1]]), scale)
+                drawn += [f'<polygon class="band" points="{band}"/>',
+                          f'<polyline class="traced" points="{points_text(edge[part], scale)}"/>']  # fmt: skip
             if one.traced.zero is not None and self.handles.zero is None:
                 drawn.append(f'<polyline class="zero" points="{points_text(one.traced.zero, scale)}"/>')
         handles = self.handles
@@ -312,9 +275,8 @@ class PhotographsPage:
             if box is not None:
                 x0, y0, x1, y1 = (value / scale for value in box)
                 left, top, wide, tall = min(x0, x1), min(y0, y1), abs(x1 - x0), abs(y1 - y0)
-                drawn.append(
-                    f'<rect class="{name}" x="{left:.1f}" y="{top:.1f}" width="{wide:.1f}" height="{tall:.1f}"/>'
-                )
+                place = f'x="{left:.1f}" y="{top:.1f}" width="{wide:.1f}" height="{tall:.1f}"'
+                drawn.append(f'<rect class="{name}" {place}/>')
         places = [(x / scale, y / scale) for x, y in handles.corners.values()]
         drawn += [f'<circle class="handle" cx="{x:.1f}" cy="{y:.1f}" r="12"/>' for x, y in places]
         self.image.set_content("".join(drawn))
@@ -354,17 +316,15 @@ class PhotographsPage:
     def _preview(self) -> Preview | None:
         one = self.photos.listed.get(self.shown)
         if not self.photos.setup:
-            self._say("find the grid first")
+            self.say("find the grid first")
             return None
         return None if one is None else one.preview
 
     async def _move(self, handles: Handles) -> None:
         handles.settle()
-        try:
+        with self.saying():
             await self.photos.move(handles)
-            self._say("")
-        except (AnswerError, OSError) as error:
-            self._say(reason(error))
+            self.say("")
         self._settled()
         self._draw()
 
@@ -430,20 +390,79 @@ def points_text(px: Array, scale: float) -> str:
     return " ".join(f"{x / scale:.2f},{y / scale:.2f}" for x, y in px if math.isfinite(x + y))
 
 
-def _pieces(px: Array, scale: float) -> list[str]:
-    """Return the points of an edge in pieces without gaps."""
-    return [points_text(px[part], scale) for part in _parts(px)]
-
-
-def _bands(traced: Traced, scale: float) -> list[str]:
-    """Return the outlines of the band of an edge's error, piece by piece."""
-    one, other = traced.band
-    return [points_text(np.concatenate([one[part], other[part][::-1]]), scale) for part in _parts(traced.edge)]
-
-
 def _parts(px: Array) -> list[npt.NDArray[np.intp]]:
     """Return the numbers of an edge's points in pieces without gaps, at most a thousand of them."""
     chosen = np.arange(0, len(px), max(1, len(px) // 1000))
     gaps = np.linalg.norm(np.diff(px[chosen], axis=0), axis=1)
     cut = np.flatnonzero(gaps > 10 * max(float(np.median(gaps)), 1e-9)) + 1
     return [piece for piece in np.split(chosen, cut) if len(piece) > 1]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The simulated outline over the photographs.
+
+
+class OverlayPage(TabPage):
+    """One tab's page of the simulated outline over the photographs."""
+
+    def __init__(self, bench: Bench):
+        super().__init__(bench)
+        self.message = tagged(ui.label(), "overlay-message", "text-negative", "")
+        with ui.row().classes("w-full items-center gap-3"):
+            chosen = ui.select([], label="Photograph", on_change=self._show)
+            self.chosen = tagged(chosen, "overlay-photograph", "w-72", "")
+            tagged(ui.button("Draw", on_click=self._refresh), "overlay-draw", "", "outline")
+            self.about = tagged(ui.label(), "overlay-about", "", "")
+        words = 'aria-label="the photograph with the simulated outline"'
+        self.image = tagged(ui.interactive_image(sanitize=False), "overlay", "w-full photograph", words)
+        self.image.set_visibility(False)
+        bench.jobs.changed.subscribe(lambda job: self._list() if job.output == OUTLINES else None)
+        self._list()
+
+    def _list(self) -> None:
+        self.measured = {name: float(row["pressure_Pa"]) for name, row in self.bench.photographs.measured.items()}
+        self.chosen.set_options(list(self.measured))
+
+    async def _refresh(self) -> None:
+        self._list()
+        if not self.measured:
+            self.message.set_text("there are no outlines yet: measure the photographs first")
+        elif self.chosen.value is None:
+            self.chosen.set_value(list(self.measured)[-1])
+        else:
+            await self._show()
+
+    async def _show(self) -> None:
+        name = self.chosen.value
+        try:
+            self.message.set_text(await self._draw(name) if name else "")
+        except SupersededError:
+            pass
+        except AnswerError as error:
+            self.message.set_text(str(error))
+
+    async def _draw(self, name: str) -> str:
+        """Draw the outline over a photograph; return the sentence why it cannot be drawn."""
+        photos, case = self.bench.photographs, self.project.case
+        solid = "" if is_section(case.actuator) else str(self.project / DEVICE)
+        if solid and ((stored := stored_run(self.project)[0]) is None or stored.actuator != case.actuator):
+            return "this device is a solid: run it first, on the page Device"
+        one, pressure = photos.listed.get(name), self.measured[name]
+        if one is None:
+            return f"{name} is no longer among the photographs"
+        curve = await self.bench.slower.ask("outline", case.to_toml(), pressure, solid, kind="outline")
+        file, listing = self.project / OUTLINES / f"{one.file.stem}.csv", self.project / PHOTOS
+        found: Overlay = await self.bench.tracer.ask(
+            "overlay", str(listing), photos.setup, str(file), curve, case.actuator.axial
+        )
+        await photos.show(one)
+        if one.preview is None:
+            return one.why
+        source, scale = picture_of(one.preview)
+        self.image.set_source(source)
+        self.image.set_visibility(True)
+        self.image.set_content(f'<polyline class="simulated" points="{points_text(found.curve, scale)}"/>')
+        self.about.set_text(
+            f"{pressure / case.cm:.4g} cm; measured and simulated heights differ by {found.difference * 1e6:.3g} um (rms)"
+        )
+        return ""

@@ -21,48 +21,8 @@ from measurement.screen.setup import PITCH_ERROR, Setup
 from measurement.series.checks import Evidence
 from measurement.series.measuring import outline_of, trace_image, zero_line, zero_of
 from measurement.series.photo_list import read_photos
-from softmodels.app.project import PREVIEW, Handles
+from softmodels.app.replies import PREVIEW, Handles, Overlay, Plane, Preview, Traced
 from softmodels.common.arrays import Array
-
-
-@dataclasses.dataclass(frozen=True)
-class Preview:
-    """A photograph as the page shows it: a JPEG, and the photograph's own size in px."""
-
-    jpeg: bytes
-    width: int
-    height: int
-
-
-@dataclasses.dataclass(frozen=True)
-class Plane:
-    """The screen that was found: the setup's text, and the crossings of its grid in px."""
-
-    setup: str
-    crossings: Array
-    residual: float
-
-
-@dataclasses.dataclass(frozen=True)
-class Traced:
-    """An edge in a photograph.
-
-    Attributes:
-        edge: Its points in px, shape (n, 2).
-        band: Both ends of each point's standard error in px, `enlarged`, shape (2, n, 2).
-        enlarged: How many times as wide as the error the band is, for it to be seen.
-        doubts: What speaks against trusting it, one sentence each.
-        zero: The zero line in px, shape (2, 2), if the photograph or the setup shows one.
-        height, height_error: Above it in m, if the setup has one.
-    """
-
-    edge: Array
-    band: Array
-    enlarged: int
-    doubts: tuple[str, ...]
-    zero: Array | None
-    height: float | None
-    height_error: float | None
 
 
 def preview(file: str) -> Preview:
@@ -144,20 +104,6 @@ def handles(setup: str) -> Handles:
 
 SUNK = -5e-5
 """Height in m above the undeformed surface below which a shadow may show what is beside the outline."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Overlay:
-    """A simulated outline over a photograph.
-
-    Attributes:
-        curve: In px of the photograph, shape (k, 2).
-        difference: Measured minus simulated height, rms in m, where the simulated outline is not below the undeformed surface;
-            its axis is where that is least.
-    """
-
-    curve: Array
-    difference: float
 
 
 @functools.lru_cache(maxsize=4)

@@ -286,11 +286,11 @@ def _solved(kept: StudyFolder, plan: StudyPlan, how: StudyOptions, folder: Path)
 
 def _draw_study(found: Study, folder: Path, seconds: float) -> None:
     """Write the table, the report and its pictures."""
-    from softmodels.pictures.study import page, table
+    from softmodels.pictures.analyses import study_page, study_table
     from softmodels.pictures.style import png
 
-    html, figures = page(found, seconds)
-    write_text(folder / "study.csv", table(found))
+    html, figures = study_page(found, seconds)
+    write_text(folder / "study.csv", study_table(found))
     write_text(folder / PAGE, html)
     if "parallel" in figures:
         write_bytes(folder / "parallel.png", png(figures["parallel"]))

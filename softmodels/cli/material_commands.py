@@ -530,11 +530,12 @@ def _write_fit(report: FitReport, folder: Path, place: Path, how: FitGiven) -> N
     (place / "fit.json").write_text(as_json(report), encoding="utf-8")
     write_curves(place / "curves.csv", report.laws, report.curves)
     if not how.no_pictures:
-        from softmodels.pictures.fits import as_png, figures, page
+        from softmodels.pictures.fits import figures, page
+        from softmodels.pictures.style import png
 
         drawn = figures(report)
         for name, figure in drawn.items():
-            (place / f"{name}.png").write_bytes(as_png(figure))
+            (place / f"{name}.png").write_bytes(png(figure))
         tables = {file.name: read_text(file) for file in [place / "curves.csv"] if file.exists()}
         (place / "report.html").write_text(page(report, drawn, tables), encoding="utf-8")
     retire(folder, {file.name for file in place.iterdir()})

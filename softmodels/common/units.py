@@ -38,6 +38,7 @@ FACTORS: dict[str, dict[str, float]] = {
     },
     "Pa": {
         "Pa": 1.0, "hPa": 100.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "mbar": 100.0, "bar": 1e5, "N/mm^2": 1e6, "N/m^2": 1.0,
+        "psi": 6894.7572931683635,
     },
     "degree": {"deg": 1.0, "degree": 1.0, "°": 1.0},
     "N": {"mN": 1e-3, "N": 1.0},

@@ -1,11 +1,15 @@
-"""Pictures of what a device is asked beside its path: the scatter of its limit pressure, natural modes."""
+"""Pictures of what a device is asked beside its path: grasps, the scatter of its limit pressure, natural modes, studies."""
 
 from __future__ import annotations
 
+import csv
 import dataclasses
+import io
+import math
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 import matplotlib
@@ -16,8 +20,12 @@ from matplotlib.patches import Circle
 
 from geometries import Actuator
 from softmodels.common.arrays import Array
+from softmodels.common.errors import MissingPackageError
 from softmodels.common.files import write_bytes
+from softmodels.common.pages import Bullets, Charts, Fact, Folded, Listing, Page, Provenance, Table, Text
 from softmodels.common.processes import say
+from softmodels.materials.silicones import publications
+from softmodels.pictures.curves import drawing
 from softmodels.pictures.offscreen import (
     SOLID_STYLE,
     ViewCamera,
@@ -29,16 +37,23 @@ from softmodels.pictures.offscreen import (
     surface,
 )
 from softmodels.pictures.solid import tiled
-from softmodels.pictures.style import CURVE, DPI, FAINT, INK, SOLID, STYLE, WARNING, WIDTH, png
+from softmodels.pictures.style import CURVE, DPI, FAINT, INK, LINES, SOLID, STYLE, WARNING, WIDTH, chart, png
 from softmodels.runs.analyses import Tolerance
+from softmodels.runs.fields import split
 from softmodels.runs.grasp import Grasp, Held
 from softmodels.runs.grid import Cells, outline, surface_of
 from softmodels.runs.state_values import FacingWalls
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from softmodels.design.study import Indices, Input, Study
 
 SHOWN = {"m": (1e3, ", mm"), "degree": (1.0, ", degrees"), "": (1.0, "")}
 """Factor and text of each unit on an axis."""
 
 
+@matplotlib.rc_context(STYLE)
 def grasp_figure(made: Grasp, found: Sequence[Held], outlines: Sequence[Sequence[Array]]) -> Figure:
     """Draw fingers and object in their plane, the load downwards: the last state without load, and the last one.
 
@@ -56,35 +71,33 @@ def grasp_figure(made: Grasp, found: Sequence[Held], outlines: Sequence[Sequence
         """Return vectors along and across the load as across and up."""
         return np.stack([vectors[..., 1], -vectors[..., 0]], axis=-1)
 
-    with matplotlib.rc_context(STYLE):
-        figure = Figure((WIDTH, WIDTH / len(shown) + 0.6), dpi=DPI, layout="constrained")
-        for axes, number in zip(np.atleast_1d(figure.subplots(1, len(shown))), shown, strict=True):
-            held = found[number]
-            for corners in outlines[number]:
-                axes.add_collection(
-                    PolyCollection(list(plane(corners) * 1e3), facecolors=FAINT, edgecolors=FAINT, linewidths=0.3)
-                )
-            centre = plane(held.moved) * 1e3
-            axes.add_patch(Circle((float(centre[0]), float(centre[1])), radius, facecolor="none", edgecolor=INK))
-            arrows = [*zip(held.forces, ["C0"] * len(held.forces), strict=True), (np.array([held.load, 0.0]), WARNING)]
-            for force, colour in arrows:
-                if not force.any():
-                    continue
-                way = plane(force) / largest * 2.5 * radius
-                start = centre if colour == WARNING else centre - way
-                axes.annotate("", start + way, start, arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.6})
-            axes.set_aspect("equal")
-            axes.autoscale_view()
-            axes.set(xlabel="across the load, mm", ylabel="against the load, mm")
-            pressure = f"{held.pressure / made.case.cm:.4g} cm of water"
-            press = ", ".join(f"{force * 1e3:.3g}" for force in held.press)
-            figure.supxlabel("arrows: force of each finger on the object, and its load (downwards)", fontsize="small")
-            axes.set_title(
-                f"{pressure}, load {held.load * 1e3:.3g} mN\nfingers press with {press} mN", fontsize="medium"
+    figure = Figure((WIDTH, WIDTH / len(shown) + 0.6), dpi=DPI, layout="constrained")
+    for axes, number in zip(np.atleast_1d(figure.subplots(1, len(shown))), shown, strict=True):
+        held = found[number]
+        for corners in outlines[number]:
+            axes.add_collection(
+                PolyCollection(list(plane(corners) * 1e3), facecolors=FAINT, edgecolors=FAINT, linewidths=0.3)
             )
+        centre = plane(held.moved) * 1e3
+        axes.add_patch(Circle((float(centre[0]), float(centre[1])), radius, facecolor="none", edgecolor=INK))
+        arrows = [*zip(held.forces, ["C0"] * len(held.forces), strict=True), (np.array([held.load, 0.0]), WARNING)]
+        for force, colour in arrows:
+            if not force.any():
+                continue
+            way = plane(force) / largest * 2.5 * radius
+            start = centre if colour == WARNING else centre - way
+            axes.annotate("", start + way, start, arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.6})
+        axes.set_aspect("equal")
+        axes.autoscale_view()
+        axes.set(xlabel="across the load, mm", ylabel="against the load, mm")
+        pressure = f"{held.pressure / made.case.cm:.4g} cm of water"
+        press = ", ".join(f"{force * 1e3:.3g}" for force in held.press)
+        figure.supxlabel("arrows: force of each finger on the object, and its load (downwards)", fontsize="small")
+        axes.set_title(f"{pressure}, load {held.load * 1e3:.3g} mN\nfingers press with {press} mN", fontsize="medium")
     return figure
 
 
+@matplotlib.rc_context(STYLE)
 def scatter_figure(
     limits: Sequence[tuple[Mapping[str, float], float]],
     tolerances: Sequence[Tolerance],
@@ -103,23 +116,22 @@ def scatter_figure(
     """
     label = f"{what}, cm of water"
     pressures = np.sort([pressure for _, pressure in limits])
-    with matplotlib.rc_context(STYLE):
-        figure = Figure((WIDTH, 4.8 if len(tolerances) < 3 else 4.4), dpi=DPI, layout="constrained")
-        axes = figure.subplots(1, 1 + len(tolerances))
-        share = (np.arange(len(pressures)) + 0.5) / len(pressures) * 100
-        axes[0].step(pressures, share, where="mid", color=CURVE)
-        for percent in (5, 50, 95):
-            axes[0].plot(np.percentile(pressures, percent), percent, "o", color=INK, markersize=5)
-        axes[0].axvline(nominal, color=FAINT, linestyle="--", label=f"nominal: {nominal:.3g} cm")
-        if working is not None:
-            axes[0].axvline(working, color=WARNING, label=f"working: {working:.3g} cm")
-        axes[0].set(xlabel=label, ylabel="devices below it, %", ylim=(0, 100))
-        axes[0].legend(loc="best", fontsize=9)
-        for place, tolerance in zip(axes[1:], tolerances, strict=True):
-            factor, unit = SHOWN[tolerance.unit]
-            values = [changes[tolerance.name] * factor for changes, _ in limits]
-            place.plot(values, [pressure for _, pressure in limits], "o", color=CURVE, markersize=4)
-            place.set(xlabel=f"{tolerance.name.replace('_', ' ')}{unit}", ylabel=label)
+    figure = Figure((WIDTH, 4.8 if len(tolerances) < 3 else 4.4), dpi=DPI, layout="constrained")
+    axes = figure.subplots(1, 1 + len(tolerances))
+    share = (np.arange(len(pressures)) + 0.5) / len(pressures) * 100
+    axes[0].step(pressures, share, where="mid", color=CURVE)
+    for percent in (5, 50, 95):
+        axes[0].plot(np.percentile(pressures, percent), percent, "o", color=INK, markersize=5)
+    axes[0].axvline(nominal, color=FAINT, linestyle="--", label=f"nominal: {nominal:.3g} cm")
+    if working is not None:
+        axes[0].axvline(working, color=WARNING, label=f"working: {working:.3g} cm")
+    axes[0].set(xlabel=label, ylabel="devices below it, %", ylim=(0, 100))
+    axes[0].legend(loc="best", fontsize=9)
+    for place, tolerance in zip(axes[1:], tolerances, strict=True):
+        factor, unit = SHOWN[tolerance.unit]
+        values = [changes[tolerance.name] * factor for changes, _ in limits]
+        place.plot(values, [pressure for _, pressure in limits], "o", color=CURVE, markersize=4)
+        place.set(xlabel=f"{tolerance.name.replace('_', ' ')}{unit}", ylabel=label)
     return figure
 
 
@@ -157,25 +169,25 @@ class SolidShapes:
     towards: Array
 
 
+@matplotlib.rc_context(STYLE)
 def frequency_figure(pressures: Array, frequencies: Array, sealed: bool) -> Figure:
     """Plot the frequencies in Hz, shape (states, modes), over the pressures in cm; of a single state as bars."""
-    with matplotlib.rc_context(STYLE):
-        figure = Figure((WIDTH, 5.0), dpi=DPI, layout="constrained")
-        axes = figure.subplots()
-        numbers = range(1, frequencies.shape[1] + 1)
-        if len(pressures) == 1:
-            axes.bar(numbers, frequencies[0], width=0.5)
-            axes.set(xlabel="mode", xticks=list(numbers))
-        else:
-            # In order of size on both sides of a crossing, where modes change places.
-            for number, column in zip(numbers, frequencies.T, strict=True):
-                axes.plot(pressures, column, marker="o", markersize=4, label=f"f{number}")
-            axes.legend(loc="best")
-            axes.set(xlabel="pressure, cm of water")
-        axes.set(ylabel=f"natural frequency{', cavities sealed' if sealed else ''}, Hz", ylim=(0.0, None))
+    figure, axes = chart(5.0)
+    numbers = range(1, frequencies.shape[1] + 1)
+    if len(pressures) == 1:
+        axes.bar(numbers, frequencies[0], width=0.5)
+        axes.set(xlabel="mode", xticks=list(numbers))
+    else:
+        # In order of size on both sides of a crossing, where modes change places.
+        for number, column in zip(numbers, frequencies.T, strict=True):
+            axes.plot(pressures, column, marker="o", markersize=4, label=f"f{number}")
+        axes.legend(loc="best")
+        axes.set(xlabel="pressure, cm of water")
+    axes.set(ylabel=f"natural frequency{', cavities sealed' if sealed else ''}, Hz", ylim=(0.0, None))
     return figure
 
 
+@matplotlib.rc_context({**STYLE, "font.size": 10, "axes.titlesize": 10})
 def section_shapes(moved: Array, shapes: Sequence[Array], cells: Cells, titles: Sequence[str]) -> Figure:
     """Draw an axisymmetric section in its first modes, over its outline without them.
 
@@ -192,17 +204,16 @@ def section_shapes(moved: Array, shapes: Sequence[Array], cells: Cells, titles: 
     shape_of_panel = (high - low)[1] / (high - low)[0]
     columns = 2 if shape_of_panel < 0.8 else DRAWN
     rows = -(-len(shapes) // columns)
-    with matplotlib.rc_context({**STYLE, "font.size": 10, "axes.titlesize": 10}):
-        tall = rows * (min(WIDTH / columns * shape_of_panel, WIDTH) + 0.6)
-        figure = Figure((WIDTH, tall), dpi=DPI, layout="constrained")
-        for place, shape, title in zip(figure.subplots(rows, columns, squeeze=False).flat, bent, titles, strict=False):
-            for shown, colour in ((flat, FAINT), (shape, INK)):
-                place.add_collection(LineCollection(list(outline(shown, cells)), colors=colour, linewidths=1.4))
-            place.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", title=title)
-        for place in list(figure.axes)[len(shapes) :]:
-            place.remove()
-        figure.supxlabel("radius in mm")
-        figure.supylabel("height in mm")
+    tall = rows * (min(WIDTH / columns * shape_of_panel, WIDTH) + 0.6)
+    figure = Figure((WIDTH, tall), dpi=DPI, layout="constrained")
+    for place, shape, title in zip(figure.subplots(rows, columns, squeeze=False).flat, bent, titles, strict=False):
+        for shown, colour in ((flat, FAINT), (shape, INK)):
+            place.add_collection(LineCollection(list(outline(shown, cells)), colors=colour, linewidths=1.4))
+        place.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", title=title)
+    for place in list(figure.axes)[len(shapes) :]:
+        place.remove()
+    figure.supxlabel("radius in mm")
+    figure.supylabel("height in mm")
     return figure
 
 
@@ -249,16 +260,256 @@ def draw_solids(told: SolidShapes, titles: Sequence[str]) -> Figure:
     camera, edges = ViewCamera.around([told.before, *told.bent], told.towards, told.up), told.edges
     with studio(camera) as shoot:
         images = [
-            shoot(
-                [
-                    (surface(bent, told.triangles, normals), {**SOLID_STYLE, "color": SOLID}),
-                    (lines(bent, edges), {"color": INK, "line_width": 2.0}),
-                    (lines(told.before, edges), {"color": FAINT, "line_width": 1.5}),
-                ]
-            )
+            shoot([
+                (surface(bent, told.triangles, normals), {**SOLID_STYLE, "color": SOLID}),
+                (lines(bent, edges), {"color": INK, "line_width": 2.0}),
+                (lines(told.before, edges), {"color": FAINT, "line_width": 1.5}),
+            ])
             for bent, normals in zip(told.bent, told.normals, strict=True)
-        ]
+        ]  # fmt: skip
     return tiled(list(zip(titles, images, strict=True)))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Pictures and report of a study: parallel coordinates, response surfaces, shares of the variance, and a page with all.
+
+
+FINE = 41
+"""Points of a response surface along each input."""
+PERCENTILES = (5, 50, 95)
+
+
+def _label(one: Input | str) -> str:
+    """Return an input's or a column's name with its unit."""
+    name, unit = split(one) if isinstance(one, str) else (one.key.rpartition(".")[2], one.unit)
+    words = name.replace("_", " ")
+    return f"{words}, {unit}" if unit else words
+
+
+@matplotlib.rc_context({**STYLE, "axes.grid": False})
+def parallel(study: Study) -> Figure:
+    """Return the samples as lines over the inputs and responses, coloured by the first response."""
+    inputs, responses = study.plan.inputs, study.responses
+    points, values = study.plan.points, [study.values(name) for name in responses]
+    columns = [*points.T, *values]
+    places: list[Input | str] = [*inputs, *responses]
+    figure, axes = chart(4.4)
+    shares = []
+    for one, column in zip(places, columns, strict=True):
+        low, high = float(np.nanmin(column)), float(np.nanmax(column))
+        if not isinstance(one, str) and one.values:
+            low, high = 0.0, max(len(one.values) - 1.0, 1.0)
+        width = high - low or 1.0
+        shares.append((column - low) / width)
+        _axis_texts(axes, len(shares) - 1, one, (low, low + width))
+    lines = np.stack(
+        [np.broadcast_to(np.arange(len(shares)), (len(points), len(shares))), np.transpose(shares)], axis=-1
+    )
+    whole = np.isfinite(lines[..., 1]).all(axis=1)
+    order = np.argsort(values[0][whole])
+    bundle = LineCollection(
+        list(lines[whole][order]), array=values[0][whole][order], cmap=LINES, linewidths=1.0, alpha=0.7
+    )
+    axes.add_collection(bundle)
+    figure.colorbar(bundle, ax=axes, label=_label(responses[0]), pad=0.02)
+    axes.set(xlim=(-0.15, len(shares) - 0.85), ylim=(-0.05, 1.05), yticks=[])
+    axes.set_xticks(range(len(shares)), [_label(one).replace(", ", "\n") for one in places])
+    for side in ("left", "right", "top", "bottom"):
+        axes.spines[side].set_visible(False)
+    axes.tick_params(length=0)
+    return figure
+
+
+def _axis_texts(axes: Axes, place: int, one: Input | str, ends: tuple[float, float]) -> None:
+    """Draw the axis of an input or a response, with the values at its ends or of its texts."""
+    axes.axvline(place, color=FAINT, linewidth=1.0, zorder=0)
+    low, high = ends
+    marks = [(0.0, low), (0.5, (low + high) / 2), (1.0, high)]
+    texts = [(share, f"{value:.4g}") for share, value in marks]
+    if not isinstance(one, str) and one.values:
+        listed = one.values[:: max(len(one.values) // 6, 1)]
+        texts = [((one.values.index(value) - low) / (high - low), f"{value}") for value in listed]
+    for share, text in texts:
+        axes.annotate(text, (place, share), xytext=(4, 0), textcoords="offset points", fontsize=9, va="center", zorder=3,
+                      bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.7})  # fmt: skip
+
+
+@matplotlib.rc_context({**STYLE, "axes.grid": False})
+def surface_figure(study: Study, response: str, strongest: tuple[int, int]) -> Figure:
+    """Return a response over the two strongest inputs, the others in their middle: its surrogate, and the samples."""
+    inputs, model = study.plan.inputs, study.surrogate(response)
+    shares = (np.arange(FINE) + 0.5) / FINE
+    across, up = (_along(inputs[k], shares) for k in strongest)
+    middle = np.array([float(one.ppf(np.array([0.5]))[0]) for one in inputs])
+    points = np.tile(middle, (len(across) * len(up), 1))
+    points[:, strongest[0]] = np.repeat(across, len(up))
+    points[:, strongest[1]] = np.tile(up, len(across))
+    values = model(points).reshape(len(across), len(up)).T
+    first, second = (inputs[k] for k in strongest)
+    figure, axes = chart(4.8, 0.72 * WIDTH)
+    x, y = _shown(first, across), _shown(second, up)
+    low, high = float(values.min()), float(values.max())
+    levels = np.linspace(low, high if high > low else low + 1.0, 15)
+    filled = axes.contourf(x, y, values, levels=levels, cmap=LINES)
+    own = study.values(response)
+    known = np.isfinite(own)
+    at = study.plan.points
+    axes.scatter(
+        _shown(first, at[known, strongest[0]]), _shown(second, at[known, strongest[1]]), c=own[known], cmap=LINES,
+        vmin=levels[0], vmax=levels[-1], edgecolors="white", s=36, label="samples",
+    )  # fmt: skip
+    if not known.all():
+        gone = ~known
+        axes.plot(_shown(first, at[gone, strongest[0]]), _shown(second, at[gone, strongest[1]]), "x", color=WARNING,
+                  label="no result")  # fmt: skip
+        axes.legend(loc="best", fontsize=9)
+    figure.colorbar(filled, ax=axes, label=_label(response), format="%.4g")
+    axes.set(xlabel=_label(first), ylabel=_label(second))
+    for one, ticks in ((first, axes.set_xticks), (second, axes.set_yticks)):
+        if one.named:
+            ticks(range(len(one.values)), [str(value) for value in one.values])  # type: ignore[operator]
+    return figure
+
+
+def _along(one: Input, shares: Array) -> Array:
+    """Return values of an input over its range; of a normal distribution up to its 95 % interval."""
+    if one.values:
+        return np.arange(len(one.values), dtype=float)
+    return one.low + (one.high - one.low) * shares if one.normal else one.ppf(shares)
+
+
+def _shown(one: Input, points: Array) -> Array:
+    """Return values as they stand on an axis; of texts their places."""
+    if one.named or not one.values:
+        return points
+    return np.array(one.values, dtype=float)[points.astype(int)]
+
+
+@matplotlib.rc_context(STYLE)
+def shares_figure(found: dict[str, Indices]) -> Figure:
+    """Return the Sobol indices of each response as bars with their 95 % intervals."""
+    names = next(iter(found.values())).inputs
+    figure = Figure((WIDTH, 1.3 + 0.45 * len(names)), dpi=DPI, layout="constrained")
+    for axes, (response, one) in zip(np.ravel(figure.subplots(1, len(found), sharey=True)), found.items(), strict=True):
+        places = np.arange(len(names))
+        axes.barh(places - 0.2, one.first, 0.38, xerr=one.first_half, color=CURVE, ecolor=FAINT, label="first order")
+        axes.barh(places + 0.2, one.total, 0.38, xerr=one.total_half, color=FAINT, ecolor=CURVE, label="total")
+        axes.set(xlim=(0, None), xlabel="share of the variance", title=_label(response))
+        axes.set_yticks(places, [name.rpartition(".")[2].replace("_", " ") for name in names])
+        axes.grid(axis="y", visible=False)
+    axes.invert_yaxis()
+    axes.legend(loc="best", fontsize=9)
+    return figure
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The table and the page.
+
+
+def study_table(study: Study) -> str:
+    """Return ``study.csv``: a row for each sample, units in the heads of the columns."""
+    out = io.StringIO(newline="")
+    rows = csv.writer(out, lineterminator="\n")
+    inputs, responses = study.plan.inputs, study.responses
+    heads = [f"{one.key} ({one.unit})" if one.unit else one.key for one in inputs]
+    rows.writerow(["sample", *heads, *responses, "failure"])
+    for k, point in enumerate(study.plan.points):
+        values = [study.values(name)[k] for name in responses]
+        own = [one.value(float(x)) for one, x in zip(inputs, point, strict=True)]
+        rows.writerow([k, *own, *(f"{x:.9g}" if math.isfinite(x) else "" for x in values), study.failures.get(k, "")])
+    return out.getvalue()
+
+
+def study_page(study: Study, seconds: float) -> tuple[str, dict[str, Figure]]:
+    """Return the report, and its figures by their names."""
+    plan, cm = study.plan, study.plan.case.cm
+    figures = {"parallel": parallel(study)}
+    indices, errors, notes = _analysed(study, figures)
+    failures = study.failures
+    spread = [[name, *(f"{x:.5g}" for x in _figures(study.values(name)))] for name in study.responses]
+    rows = [
+        [f"{name}: {key}", f"{a:.3f} ± {c:.2g}", f"{b:.3f} ± {d:.2g}"]
+        for name, one in indices.items()
+        for key, a, b, c, d in zip(one.inputs, one.first, one.total, one.first_half, one.total_half, strict=True)
+    ]
+    facts = [Fact("samples", str(len(plan.points)), f"{plan.sampling}, seed {plan.seed}")]
+    facts += [Fact("without a result", str(len(failures)), "see below", True)] if failures else []
+    for name in study.responses:
+        note = f"surrogate's error {errors[name]}" if name in errors else ""
+        facts.append(Fact(_label(name), f"{np.nanmedian(study.values(name)):.4g} {split(name)[1]}".strip(), note))
+
+    def charts(start: str) -> Charts:
+        return Charts([(f"{name}.svg", drawing(one, cm)) for name, one in figures.items() if name.startswith(start)])
+
+    answer = f"{len(plan.points) - len(failures)} of {len(plan.points)} samples of {plan.case.name} have a result."
+    report = Page(
+        f"Study {plan.name}", answer,
+        [
+            ("Samples", [charts("parallel")]),
+            ("Responses", [Table(spread, ["response", "mean", "standard deviation", *(f"{p} %" for p in PERCENTILES)])]),
+            ("Response surfaces", [
+                Text("The surrogate over the two strongest inputs, the others in their middle. Points: the samples."),
+                charts("surface"),
+                Bullets([f"{name}: cross-validated error {text} (rms)" for name, text in errors.items()]),
+            ]),
+            ("Sobol indices", [
+                Text("Shares of the variance by each input: by itself (first order), with all interactions (total); "
+                     + _of_what(indices)) if indices else None,
+                charts("indices"), Table(rows, ["input", "first order", "total"]) if rows else None,
+            ]),
+            ("Samples without a result", [Bullets([f"sample {k}: {text}" for k, text in failures.items()])]),
+            ("Inputs", [Table([[one.key, _range(one)] for one in plan.inputs], numbers=False)]),
+            ("The case", [Folded("case.toml", [Listing(plan.case.to_toml())])]),
+        ],
+        Provenance.now(seconds), facts, notes, publications(plan.case.material), {"study.csv": study_table(study)}, cm,
+    )  # fmt: skip
+    return report.html(), figures
+
+
+def _analysed(study: Study, figures: dict[str, Figure]) -> tuple[dict[str, Indices], dict[str, str], list[str]]:
+    """Return indices and errors of the surrogates by response, and why others have none; add their figures."""
+    from softmodels.design.study import StudyError  # imports scipy.stats, which takes two seconds
+
+    indices: dict[str, Indices] = {}
+    errors: dict[str, str] = {}
+    notes: list[str] = []
+    for name in study.responses:
+        try:
+            found, made = study.indices(name), study.surrogate(name)
+        except (StudyError, MissingPackageError) as error:
+            notes.append(f"{name}: {error}")
+            continue
+        indices[name] = found
+        share = made.error / made.spread if made.spread else 0.0
+        size = f"{made.error:.3g} {split(name)[1]}".strip()
+        errors[name] = f"{size}, {100 * share:.2g} % of the standard deviation"
+        order = np.argsort(found.total)[::-1]
+        if len(order) > 1:
+            figures[f"surface-{name}"] = surface_figure(study, name, (int(order[0]), int(order[1])))
+    if indices and len(study.plan.inputs) > 1:
+        figures["indices"] = shares_figure(indices)
+    return indices, errors, notes
+
+
+def _of_what(indices: dict[str, Indices]) -> str:
+    worst = max(one.surrogate_error for one in indices.values())
+    return "of the samples themselves." if worst == 0.0 else "of the surrogate, whose error adds to the intervals."
+
+
+def _figures(values: Array) -> list[float]:
+    return [float(np.nanmean(values)), float(np.nanstd(values)), *map(float, np.nanpercentile(values, PERCENTILES))]
+
+
+def _range(one: Input) -> str:
+    if one.values:
+        return ", ".join(f"{value}" for value in one.values) + (f" {one.unit}" if one.unit else "")
+    if one.normal:
+        return f"{(one.low + one.high) / 2:.6g} ± {(one.high - one.low) / 2:.6g} {one.unit} (normal, 95 %)"
+    return f"{one.low:.6g} to {one.high:.6g} {one.unit} (uniform)"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The process that renders modes.
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})

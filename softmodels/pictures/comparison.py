@@ -26,10 +26,10 @@ from softmodels.common.folders import fingerprint
 from softmodels.common.pages import Bullets, Cell, Charts, Fact, Page, Part, Provenance, Table, Text
 from softmodels.materials.silicones import publications
 from softmodels.pictures.curves import drawing, limits, over_of, profile, smooth
-from softmodels.pictures.style import DPI, LINE_COLOURS, STYLE, WIDTH
+from softmodels.pictures.style import LINE_COLOURS, STYLE, WIDTH, chart
 from softmodels.runs.columns import term
 from softmodels.runs.fields import Row
-from softmodels.runs.store import ResultsError, States, StoredStates
+from softmodels.runs.store import ResultsError, StoredStates
 
 COMPARED = ("added_volume_ml", "max_stretch", "peak_stretch", "max_von_mises_kPa", "blocked_force_N", "contact_force_N")
 """Columns compared at the highest common load, beside the rise."""
@@ -77,9 +77,12 @@ class Compared:
         if not (folder / "case.toml").is_file():
             raise ResultsError(f"{folder} holds no results of a run (there is no case.toml in it)")
         states = StoredStates(folder)
-        made = states.made
-        name, field = folder.resolve().name, functools.partial(_displacement, states)
-        return cls(name, states.case, states.rows, states.points, len(states.cells), field, made)
+
+        def displacement(step: int) -> Array:
+            return states.field(step, "displacement")
+
+        name, count = folder.resolve().name, len(states.cells)
+        return cls(name, states.case, states.rows, states.points, count, displacement, states.made)
 
     @property
     def gauge(self) -> str:
@@ -99,10 +102,6 @@ class Compared:
         falls = np.flatnonzero(np.diff(loads) <= 0.0)
         end = int(falls[0]) + 1 if len(falls) else len(loads)
         return loads[:end], self.rows[:end]
-
-
-def _displacement(states: States, step: int) -> Array:
-    return states.field(step, "displacement")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -163,12 +162,8 @@ class Comparison(Shown):
     def __str__(self) -> str:
         """The comparison for a terminal."""
         names = [one.name for one in self.results]
-        told = ["the cases are the same" if not self.differences else "cases:"]
-        told += (
-            _aligned([["", *names], *([one.field, *one.values] for one in self.differences)])
-            if self.differences
-            else []
-        )
+        cases = [["", *names], *([one.field, *one.values] for one in self.differences)]
+        told = ["cases:", *_aligned(cases)] if self.differences else ["the cases are the same"]
         rows = [["", *names], *([one.what, *one.texts] for one in self.figures)]
         return "\n".join([*told, "figures:", *_aligned(rows)])
 
@@ -184,52 +179,42 @@ class Comparison(Shown):
     def _remarks(self) -> list[str]:
         return [f"{one.field}: {'; '.join(one.values)}" for one in self.differences]
 
+    @matplotlib.rc_context(STYLE)
     def plot(self) -> Figure:
         """Plot the paths over each other: the rise of the gauge over the load."""
-        with matplotlib.rc_context(STYLE):
-            figure = Figure((0.6 * WIDTH, 4.6), dpi=DPI, layout="constrained")
-            axes = figure.subplots()
-            for one, colour in zip(self.results, itertools.cycle(LINE_COLOURS), strict=False):
-                column = over_of(one.case)[0]
-                path = np.array([[row[column], row[one.gauge]] for row in one.rows], dtype=float)
-                axes.plot(*smooth(path).T, color=colour, label=one.name)
-                axes.plot(*path.T, "o", color=colour, markersize=3.5)
-                for row in limits(one.rows):
-                    axes.plot(row[column], row[one.gauge], "D", color=colour, markersize=8)
-            axes.set(xlabel=over_of(self.results[0].case)[1], ylabel=f"{' and '.join(self._gauges)} in mm")
-            axes.set_title("Paths; a diamond is a limit point")
-            axes.legend(loc="best")
+        figure, axes = chart(4.6, 0.6 * WIDTH)
+        for one, colour in zip(self.results, itertools.cycle(LINE_COLOURS), strict=False):
+            column = over_of(one.case)[0]
+            path = np.array([[row[column], row[one.gauge]] for row in one.rows], dtype=float)
+            axes.plot(*smooth(path).T, color=colour, label=one.name)
+            axes.plot(*path.T, "o", color=colour, markersize=3.5)
+            for row in limits(one.rows):
+                axes.plot(row[column], row[one.gauge], "D", color=colour, markersize=8)
+        gauges = dict.fromkeys(f"rise of the {one.case.actuator.gauge}" for one in self.results)
+        axes.set(xlabel=over_of(self.results[0].case)[1], ylabel=f"{' and '.join(gauges)} in mm")
+        axes.set_title("Paths; a diamond is a limit point")
+        axes.legend(loc="best")
         return figure
 
-    @property
-    def _gauges(self) -> list[str]:
-        return list(dict.fromkeys(f"rise of the {one.case.actuator.gauge}" for one in self.results))
-
+    @matplotlib.rc_context(STYLE)
     def outlines(self) -> Figure | None:
         """Plot the outlines at rest and at the highest load that all have a state at; None where there is none."""
         steps = [None if self.common is None else _step_at(one, abs(self.common)) for one in self.results]
-        if any(step is None for step in steps) or not all(
-            one.case.actuator.on_profile(one.points).any() for one in self.results
-        ):
+        if not all(one.case.actuator.on_profile(one.points).any() for one in self.results):
             return None
-        with matplotlib.rc_context(STYLE):
-            figure = Figure((0.6 * WIDTH, 4.6), dpi=DPI, layout="constrained")
-            axes = figure.subplots()
-            for one, step, colour in zip(self.results, steps, itertools.cycle(LINE_COLOURS), strict=False):
-                assert step is not None
-                rest = np.zeros_like(one.points)
-                for moved, style, label in (
-                    (rest, ":", f"{one.name}, undeformed"),
-                    (one.displacement(step), "-", one.name),
-                ):
-                    line = profile(one.points, moved, one.case.actuator) * 1e3
-                    axes.plot(*line.T, style, color=colour, label=label)
-            axes.margins(0.05)
-            wide, tall = np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())
-            if tall > FLAT * wide:
-                axes.set_aspect("equal")
-            axes.set(xlabel="distance in mm", ylabel="height in mm")
-            figure.legend(loc="outside lower center", ncols=2, fontsize=10)
+        figure, axes = chart(4.6, 0.6 * WIDTH)
+        for one, step, colour in zip(self.results, steps, itertools.cycle(LINE_COLOURS), strict=False):
+            if step is None:
+                return None
+            states = ((np.zeros_like(one.points), ":", ", undeformed"), (one.displacement(step), "-", ""))
+            for moved, style, label in states:
+                line = profile(one.points, moved, one.case.actuator) * 1e3
+                axes.plot(*line.T, style, color=colour, label=f"{one.name}{label}")
+        axes.margins(0.05)
+        if np.ptp(axes.get_ylim()) > FLAT * np.ptp(axes.get_xlim()):
+            axes.set_aspect("equal")
+        axes.set(xlabel="distance in mm", ylabel="height in mm")
+        figure.legend(loc="outside lower center", ncols=2, fontsize=10)
         return figure
 
     def html(self) -> str:
@@ -253,9 +238,7 @@ class Comparison(Shown):
         return Page(
             " and ".join(names), f"{len(self.differences)} fields of the cases differ." if rows else "The cases are the same.",
             [
-                ("Paths and outlines", [
-                    Charts(drawings), Text(where),
-                ]),
+                ("Paths and outlines", [Charts(drawings), Text(where)]),
                 ("Figures", [Table([_cells(one) for one in self.figures], head)]),
                 ("What differs in the cases", [Table(rows, ["", *names], numbers=False)] if rows else same),
                 ("Where the results come from", made),
@@ -290,9 +273,8 @@ def _change(share: float) -> str:
 def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     """Return the rows of a table as lines, each column as wide as its widest text."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [
-        "  " + "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in rows
-    ]
+    padded = ("".join(f"  {text:{width}}" for text, width in zip(row, widths, strict=True)) for row in rows)
+    return [line.rstrip() for line in padded]
 
 
 def compared(results: Sequence[Compared]) -> Comparison:
@@ -314,10 +296,8 @@ def compared(results: Sequence[Compared]) -> Comparison:
         unique.append(dataclasses.replace(one, name=name))
     columns = {over_of(one.case) for one in unique}
     if len(columns) > 1:
-        texts = " and ".join(sorted(label for _, label in columns))
-        raise ComparisonError(
-            f"the results are over different loads ({texts}); compare runs with the same kind of load"
-        )
+        loads = f"different loads ({' and '.join(sorted(label for _, label in columns))})"
+        raise ComparisonError(f"the results are over {loads}; compare runs with the same kind of load")
     return Comparison(tuple(unique), tuple(_differences(unique)), *_figures(unique, next(iter(columns))[0]))
 
 
@@ -366,13 +346,8 @@ def _figures(results: Sequence[Compared], column: str) -> tuple[tuple[Figures, .
             if any(map(math.isfinite, values)):
                 found.append(Figures(f"{term(name).name} {where}", term(name).unit, values))
         for value in _shared(results, column, common):
-            found.append(
-                Figures(
-                    f"rise at {sign * value:.5g} {meaning.unit}",
-                    "mm",
-                    tuple(_between(one, one.gauge, value) for one in results),
-                )
-            )
+            rises = tuple(_between(one, one.gauge, value) for one in results)
+            found.append(Figures(f"rise at {sign * value:.5g} {meaning.unit}", "mm", rises))
     pascal = cm if meaning.unit == "cm" else 0.0
     first = [next(iter(limits(one.rows)), None) for one in results]
     if any(first):

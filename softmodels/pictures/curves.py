@@ -13,24 +13,37 @@ from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
-import numpy.typing as npt
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from geometries import Actuator
 from softmodels.common.arrays import Array
 from softmodels.common.pages import UNITS, inline_svg, pascal
 from softmodels.materials.silicones import product_of
-from softmodels.pictures.style import BRANCH, CURVE, DPI, EDGE, FAINT, INK, LINES, SPAN, STYLE, WARNING, WIDTH, number
+from softmodels.pictures.style import (
+    BRANCH,
+    CURVE,
+    DPI,
+    EDGE,
+    FAINT,
+    INK,
+    LINES,
+    SPAN,
+    STYLE,
+    WARNING,
+    WIDTH,
+    chart,
+    number,
+)
 from softmodels.runs.columns import SourceRows, StateLabels, key_of, load_columns, term
 from softmodels.runs.fields import Row, at_rise, split
 from softmodels.runs.grid import parabolas
 from softmodels.runs.lines import Line, told
 from softmodels.runs.notes import cycles, jumped_over
-from softmodels.runs.store import round_steps, row_at
+from softmodels.runs.store import States, round_steps, row_at
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
     from matplotlib.typing import ColorType
 
     from softmodels.case.case import Case
@@ -53,6 +66,12 @@ def over_of(case: Case) -> tuple[str, str]:
     return case.column, str(term(case.column))
 
 
+def rise_of(states: States) -> Figure:
+    """Plot the rise of the gauge of stored states over their load; see `rise`."""
+    gauge, over = states.actuator.gauge, over_of(states.case)
+    return rise(states.rows, gauge, states.case.cm, states.branch, over, states.sources)
+
+
 def rise(
     rows: Sequence[Row],
     gauge: str,
@@ -71,16 +90,18 @@ def rise(
         over: What it is drawn over; see `over_of`.
         sources: Rows under each source of the silicone, the run's own among them, where they were solved.
     """
-    figure = Figure((WIDTH, 6.4), dpi=DPI, layout="constrained")
-    axes = figure.subplots()
+    figure, axes = chart(6.4)
     column = f"{gauge}_mm"
+
+    def place(row: Row) -> str:
+        at = f"{row['pressure_cm']:.4g} cm ({row['pressure_Pa'] / 1e3:.4g} kPa)"
+        return f"{at if over == PRESSURE else f'{row[over[0]]:.4g} {split(over[0])[1]}'}, {row[column]:.4g} mm"
+
     _sources(axes, sources, rows, column, over[0])
     _path(axes, rows, column, branch, over[0])
     for name, colour, marker, events in _events(rows):
         for row in events:
-            at = f"{row['pressure_cm']:.4g} cm ({row['pressure_Pa'] / 1e3:.4g} kPa)"
-            at = at if over == PRESSURE else f"{row[over[0]]:.4g} {split(over[0])[1]}"
-            label = f"{name}: {at}, {row[column]:.4g} mm"
+            label = f"{name}: {place(row)}"
             axes.plot(row[over[0]], row[column], marker, color=colour, markersize=9, label=label)
     axes.set(xlabel=over[1], ylabel=f"rise of the {gauge} in mm")
     axes.margins(0.04)
@@ -93,14 +114,8 @@ def rise(
 def kilopascals(axes: Axes, pascal_per_cm: float) -> None:
     """Add a second scale in kPa above a pressure in cm of water; ``pascal_per_cm`` is Pa in one of them."""
     k = pascal_per_cm / 1e3
-
-    def in_kPa(column: npt.ArrayLike) -> Array:
-        return np.asarray(column) * k
-
-    def in_cm(pressure: npt.ArrayLike) -> Array:
-        return np.asarray(pressure) / k
-
-    axes.secondary_xaxis("top", functions=(in_kPa, in_cm)).set_xlabel("pressure in kPa", labelpad=8)
+    functions = (lambda cm: np.asarray(cm) * k, lambda kPa: np.asarray(kPa) / k)
+    axes.secondary_xaxis("top", functions=functions).set_xlabel("pressure in kPa", labelpad=8)
 
 
 def drawing(figure: Figure, pascal_per_cm: float) -> str:
@@ -126,18 +141,11 @@ def _add_units(axes: Axes, pascal_per_cm: float) -> None:
         axis.set_gid("pu-cm")
         for unit in UNITS:
             low, high = (end * pascal_per_cm / pascal(unit) for end in axis.get_view_interval())
-            if axis is axes.xaxis:
-                twin = axes.twiny()
-                other: Axis = twin.xaxis
-                twin.set_xlim(low, high)
-                twin.xaxis.set_ticks_position("bottom")
-                twin.xaxis.set_label_position("bottom")
-            else:
-                twin = axes.twinx()
-                other = twin.yaxis
-                twin.set_ylim(low, high)
-                twin.yaxis.set_ticks_position("left")
-                twin.yaxis.set_label_position("left")
+            twin = axes.twiny() if axis is axes.xaxis else axes.twinx()
+            other, side = (twin.xaxis, "bottom") if axis is axes.xaxis else (twin.yaxis, "left")
+            other.set_view_interval(low, high, ignore=True)
+            other.set_ticks_position(side)  # type: ignore[arg-type]
+            other.set_label_position(side)  # type: ignore[arg-type]
             other.set_label_text(label.replace("cm of water", unit))
             other.set_gid(f"pu-{unit}")
             twin.spines[:].set_visible(False)
@@ -166,8 +174,7 @@ def curves(
         wanted.insert(0, (("stroke_ml", f"stroke of the {words.driver} in ml"), PRESSURE))
     figures = []
     for (place, below), (column, label) in wanted:
-        figure = Figure((WIDTH / 2, 4.2), dpi=DPI, layout="constrained")
-        axes = figure.subplots()
+        figure, axes = chart(4.2, WIDTH / 2)
         _sources(axes, sources, rows, column, place)
         _path(axes, rows, column, branch, place)
         for name, colour, marker, events in _events(rows):
@@ -181,14 +188,11 @@ def curves(
 
 def along_line(line: Line, title: str) -> Figure:
     """Plot the stresses along a line through the body over the distance from its beginning."""
-    figure = Figure((WIDTH, 6.0), dpi=DPI, layout="constrained")
-    axes = figure.subplots()
+    figure, axes = chart(6.0)
     distance = line.distance * 1e3
     axes.plot(distance, line["von_mises"] / 1e3, color=INK, label="von Mises stress")
-    for k, style in enumerate(("-", "--", ":")):
-        axes.plot(
-            distance, line["principal_stresses"][:, k] / 1e3, style, color=CURVE, label=f"principal stress {k + 1}"
-        )
+    for k, (stress, style) in enumerate(zip(line["principal_stresses"].T, ("-", "--", ":"), strict=True), 1):
+        axes.plot(distance, stress / 1e3, style, color=CURVE, label=f"principal stress {k}")
     axes.plot(distance, line.normal_stress / 1e3, "-.", color=WARNING, label="normal stress along the line")
     begin, end = (told(place) for place in line.points[[0, -1]])
     axes.set(xlabel=f"undeformed distance in mm, from {begin} to {end}", ylabel="Cauchy stress in kPa")
@@ -240,11 +244,8 @@ def _sources(axes: Axes, sources: SourceRows, rows: Sequence[Row], column: str, 
     both extend."""
     if not sources:
         return
-    lines = {
-        name: smooth(np.array([[row[over], row[column]] for row in many]))
-        for name, many in sources.items()
-        if len(many) > 1
-    }
+    paths = {name: np.array([[row[over], row[column]] for row in many]) for name, many in sources.items()}
+    lines = {name: smooth(path) for name, path in paths.items() if len(path) > 1}
     for k, pair in enumerate(itertools.pairwise(lines.values())):
         farthest = min(line[:, 0].max() for line in pair)
         soft, stiff = (line[line[:, 0] <= farthest] for line in pair)
@@ -281,7 +282,7 @@ def smooth(path: Array, count: int = 400) -> Array:
     """Return a smooth curve through points of a plane that preserves their extrema, shape (n, 2) to (count, 2).
 
     Cubic pieces, monotone between neighbours in both directions (Fritsch and Butland), so that the curve neither
-    overshoots nor shows a limit that is not there.
+    overshoots nor shows a limit that is not there. SciPy's `PchipInterpolator` takes longer to import than to draw a run.
     """
     scale = np.ptp(path, axis=0)
     lengths = np.linalg.norm(np.diff(path, axis=0) / np.where(scale > 0, scale, 1.0), axis=1)
@@ -446,12 +447,9 @@ def cut_profiles(
         axes_of_plane: Unit vectors to the right and upwards, shape (2, 3).
         plane: The plane in words.
     """
-    from matplotlib.collections import LineCollection
-
     flat = np.concatenate([rest, *lines.values()]).reshape(-1, 3) @ axes_of_plane.T
     wide, tall = np.ptp(flat, axis=0)
-    figure = Figure((WIDTH, min(max(0.72 * WIDTH * tall / wide + 1.4, 3.5), WIDTH)), dpi=DPI, layout="constrained")
-    axes = figure.subplots()
+    figure, axes = chart(min(max(0.72 * WIDTH * tall / wide + 1.4, 3.5), WIDTH))
     colours = matplotlib.colormaps[LINES](np.linspace(0.9, 0.0, max(len(lines), 2)))
     names = _labels(*path, _labelled(list(lines)))
     drawn: list[tuple[Array, ColorType, float, str, str | None]] = [(rest, EDGE, 1.4, ":", "undeformed")]
@@ -525,13 +523,8 @@ def profiles(
 
 def _legend_beside(axes: Axes, words: StateLabels) -> None:
     """A legend to the right of the axes, on no line."""
-    axes.legend(
-        title="water column" if words.pressure else "load",
-        loc="center left",
-        bbox_to_anchor=(1.01, 0.5),
-        frameon=False,
-        alignment="left",
-    )
+    title = "water column" if words.pressure else "load"
+    axes.legend(title=title, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, alignment="left")
 
 
 def _labels(rows: Sequence[Row], words: StateLabels, steps: Collection[float]) -> dict[float, str]:

@@ -6,12 +6,14 @@ and need no rendering, so machines that cannot render still get them, and the re
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import json
 import os
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 import matplotlib
@@ -25,14 +27,11 @@ from softmodels.common.commands import ALL_PICTURES, DrawingOptions, options, un
 from softmodels.common.folders import PATIENCE, InUseError, OwnFolderError
 from softmodels.common.processes import say
 from softmodels.components.contact import obstacle_of
-from softmodels.pictures import curves, film, report, solid
+from softmodels.pictures import curves, report, solid
 from softmodels.pictures.offscreen import Look, can_render, draw_outlines, look
 from softmodels.pictures.solid import AtRest
 from softmodels.pictures.style import STYLE, DrawnFolder
 from softmodels.runs.store import ResultsError, States, StoredStates, axes_of, cut_line, picture_files, picture_folder
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def orders() -> Iterator[list[Any]]:
@@ -109,7 +108,7 @@ def _draw(shown: Look, out: DrawnFolder, wanted: DrawingOptions, at_rest: AtRest
     if (states.actuator.dimension == 3 or wanted.film) and not can_render():
         say(NO_RENDERING)
     elif wanted.film:
-        written, left_out = film.make(shown, out.path)
+        written, left_out = solid.make_film(shown, out.path)
         for path in written:
             out.drew(path)
         if left_out:
@@ -118,41 +117,29 @@ def _draw(shown: Look, out: DrawnFolder, wanted: DrawingOptions, at_rest: AtRest
 
 
 def _curves(states: States, out: DrawnFolder) -> None:
-    actuator = states.actuator
+    actuator, path = states.actuator, (states.rows, states.words)
     if states.case.program:
-        out.save(actuator.gauge, curves.steps(states.rows, states.words))
+        out.save(actuator.gauge, curves.steps(*path))
         if states.case.timed and curves.cycles(states.rows):
-            out.save("loop", curves.loop(states.rows, states.words))
+            out.save("loop", curves.loop(*path))
     else:
-        over = curves.over_of(states.case)
-        figure = curves.rise(states.rows, actuator.gauge, states.case.cm, states.branch, over, states.sources)
-        out.save(actuator.gauge, figure)
-    if states.case.gauges.plane:
-        out.save("profile", _cut_profile(states))
+        out.save(actuator.gauge, curves.rise_of(states))
+    on_profile = bool(actuator.on_profile(states.points).any())
+    if not states.case.gauges.plane and not on_profile:
         return
-    if not actuator.on_profile(states.points).any():
-        return
-    rest = curves.profile(states.points, np.zeros_like(states.points), actuator)
-    lines = {
-        step: curves.profile(states.points, states.field(step, "displacement"), actuator)
-        for step in curves.profile_steps(states.rows, states.words)
-    }
-    out.save("profile", curves.profiles(lines, rest, (states.rows, states.words), actuator.axial, _plate(states)))
-
-
-def _cut_profile(states: States) -> Figure:
-    """Draw the section of the outer surface by the case's plane."""
-    actuator, gauges = states.actuator, states.case.gauges
-    assert gauges.cut is not None
-    normal, at = gauges.cut
+    cut, steps = states.case.gauges.cut, curves.profile_steps(*path)
 
     def line(displacement: Array) -> Array:
-        return cut_line(states.skin, states.points, displacement, normal, at, actuator.size)
+        if cut is None:
+            return curves.profile(states.points, displacement, actuator)
+        return cut_line(states.skin, states.points, displacement, *cut, actuator.size)
 
-    steps = curves.profile_steps(states.rows, states.words)
-    lines = {step: line(states.field(step, "displacement")) for step in steps}
-    rest = line(np.zeros_like(states.points))
-    return curves.cut_profiles(lines, rest, (states.rows, states.words), axes_of(normal, actuator.lift), gauges.plane)
+    rest, lines = line(np.zeros_like(states.points)), {k: line(states.field(k, "displacement")) for k in steps}
+    if cut is None:
+        out.save("profile", curves.profiles(lines, rest, path, actuator.axial, _plate(states)))
+    else:
+        plane = states.case.gauges.plane
+        out.save("profile", curves.cut_profiles(lines, rest, path, axes_of(cut[0], actuator.lift), plane))
 
 
 def _plate(states: States) -> float | None:
@@ -204,10 +191,26 @@ def _solids(shown: Look, out: DrawnFolder, few: bool) -> None:
         out.save("mode", solid.mode(shown, states.bifurcation))
 
 
+@contextlib.contextmanager
+def reported(folder: Path) -> Iterator[None]:
+    """End a command that draws into a folder with a sentence for an error, and status 2."""
+    try:
+        import_own_modules()
+        yield
+    except (ResultsError, CaseError, OwnFolderError, OwnModuleError, InUseError) as error:
+        sentence = str(error)
+    except OSError as error:
+        sentence = f"the pictures cannot be written into {folder} ({error.strerror or error})"
+    else:
+        return
+    say(f"softmodels: {sentence}", err=True)
+    sys.exit(2)
+
+
 def draw_folder(
     folder: Path, name: str | None = None, wanted: DrawingOptions = ALL_PICTURES, at_rest: AtRest | None = None
 ) -> None:
-    """Draw a folder's pictures and report for a command; print the files, or the error and exit with status 2.
+    """Draw a folder's pictures and report for a command; print the files as they come, or the error and exit with status 2.
 
     Args:
         folder: Results with their ``case.toml``.
@@ -215,8 +218,7 @@ def draw_folder(
         wanted: What is drawn.
         at_rest: As of `draw`.
     """
-    try:
-        import_own_modules()
+    with reported(folder):
         if name is None:
             if not (folder / "case.toml").exists():
                 raise ResultsError(f"{folder} holds no results (there is no case.toml in it)")
@@ -225,16 +227,7 @@ def draw_folder(
         def left_out(text: str) -> None:
             say(f"softmodels: {text}", err=True)
 
-        def each(path: Path) -> None:
-            print(path, flush=True)  # a run prints them as they come
-
-        draw(folder, name, left_out, wanted=wanted, at_rest=at_rest, each=each)
-    except (ResultsError, CaseError, OwnFolderError, OwnModuleError, InUseError) as error:
-        say(f"softmodels: {error}", err=True)
-        sys.exit(2)
-    except OSError as error:
-        say(f"softmodels: the pictures cannot be written into {folder} ({error.strerror or error})", err=True)
-        sys.exit(2)
+        draw(folder, name, left_out, wanted=wanted, at_rest=at_rest, each=functools.partial(print, flush=True))
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})

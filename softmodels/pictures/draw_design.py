@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import itertools
 import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,17 +18,16 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from softmodels.case.components import OwnModuleError, import_own_modules
-from softmodels.case.entries import CaseError
 from softmodels.common.arrays import Array
 from softmodels.common.commands import COLORMAP, COLORMAP_OPTION
 from softmodels.common.files import image_uri, read_text, write_text
 from softmodels.common.pages import Bullets, Charts, Fact, Folded, Listing, Page, Part, Picture, Provenance, Table, Text
-from softmodels.common.processes import say
 from softmodels.design.result import CAPTIONS, REPORT, DesignTold, ParameterTold, TrialTold
 from softmodels.materials.silicones import publications
 from softmodels.pictures.curves import drawing, kilopascals, limits, smooth
-from softmodels.pictures.offscreen import PIXELS, Image, Look, ViewCamera, can_render, look, studio
+from softmodels.pictures.draw import reported
+from softmodels.pictures.offscreen import PIXELS, ViewCamera, can_render, look, studio
+from softmodels.pictures.solid import tiled
 from softmodels.pictures.style import (
     BRANCH,
     CURVE,
@@ -42,7 +40,7 @@ from softmodels.pictures.style import (
     WARNING,
     WIDTH,
     DrawnFolder,
-    Scale,
+    chart,
     headline,
     load,
     rulers,
@@ -77,8 +75,7 @@ def paths(before: Sequence[Row], after: Sequence[Row], gauge: str, pascal_per_cm
         gauge: The device's `Actuator.gauge`.
         pascal_per_cm: Pa in one cm of the column.
     """
-    figure = Figure((WIDTH, 6.2), dpi=DPI, layout="constrained")
-    axes, column = figure.subplots(), f"{gauge}_mm"
+    (figure, axes), column = chart(6.2), f"{gauge}_mm"
     for rows, colour, words in ((before, BEFORE, "as given"), (after, AFTER, "design")):
         places = np.array([[row["pressure_cm"], row[column]] for row in rows])
         asked = places[[bool(row["requested"]) for row in rows]]
@@ -87,8 +84,8 @@ def paths(before: Sequence[Row], after: Sequence[Row], gauge: str, pascal_per_cm
         axes.plot(*places.T, "o", color=colour, markersize=3.5)
         axes.plot(*asked.T, "o", color=colour, mfc="white", markersize=8, markeredgewidth=2)
         for row in limits(rows):
-            axes.plot(row["pressure_cm"], row[column], "D", color=WARNING, markersize=9,
-                      label=f"limit point, {words}: {row['pressure_cm']:.4g} cm")  # fmt: skip
+            label = f"limit point, {words}: {row['pressure_cm']:.4g} cm"
+            axes.plot(row["pressure_cm"], row[column], "D", color=WARNING, markersize=9, label=label)
     axes.set(xlabel="pressure in cm of water", ylabel=f"rise of the {gauge} in mm")
     axes.margins(0.06)
     kilopascals(axes, pascal_per_cm)
@@ -113,11 +110,9 @@ def history(told: DesignTold) -> Figure:
         mine = starts == start
         top.plot(numbers[mine], values[mine], "-", color=FAINT, linewidth=1.2)
     top.plot(numbers[kept], values[kept], "o", color=CURVE, markersize=7, label="all limits satisfied")
-    passed = ~kept & np.isfinite(values)
+    passed, label = ~kept & np.isfinite(values), "a limit violated"
     if passed.any():
-        top.plot(
-            numbers[passed], values[passed], "o", color=WARNING, mfc="white", markersize=7, label="a limit violated"
-        )
+        top.plot(numbers[passed], values[passed], "o", color=WARNING, mfc="white", markersize=7, label=label)
     best = numbers == told["best"]
     top.plot(numbers[best], values[best], "o", color=CURVE, mfc="none", markersize=14, label="the design")
     _failures(top, below, trials)
@@ -137,37 +132,38 @@ def _numbers(values: Sequence[float | None]) -> Array:
 
 def _failures(top: Axes, below: Axes, trials: Sequence[TrialTold]) -> None:
     """Mark failed designs and the starts, as lines across both panels."""
-    label = "no state or invalid device"
+
+    def across(place: float, label: str, color: str, linestyle: str, linewidth: float) -> None:
+        for axes in (top, below):
+            known = axes is below or label in axes.get_legend_handles_labels()[1]
+            label_here = "" if known else label
+            axes.axvline(place, label=label_here, color=color, linestyle=linestyle, linewidth=linewidth)
+
     for trial in trials:
         if trial["failure"]:
-            top.axvline(trial["number"], color=WARNING, linestyle=":", linewidth=1.4, label=label)
-            below.axvline(trial["number"], color=WARNING, linestyle=":", linewidth=1.4)
-            label = ""
-    fresh = "confirmed and continued on a fresh mesh"
+            across(trial["number"], "no state or invalid device", WARNING, ":", 1.4)
     for before, after in itertools.pairwise(trials):
-        if after["mesh"] != before["mesh"] and after["start"] == before["start"]:
-            top.axvline(after["number"] - 0.5, color=FAINT, linestyle="--", linewidth=1.2, label=fresh)
-            below.axvline(after["number"] - 0.5, color=FAINT, linestyle="--", linewidth=1.2)
-            fresh = ""
+        place = after["number"] - 0.5
         if after["start"] != before["start"]:
-            for axes in (top, below):
-                axes.axvline(after["number"] - 0.5, color=INK, linewidth=0.8)
-            top.annotate(f"start {after['start']}", (after["number"] - 0.4, 1.0), xycoords=("data", "axes fraction"),
-                         va="top", fontsize=10, color=INK)  # fmt: skip
+            across(place, "", INK, "-", 0.8)
+            top.annotate(f"start {after['start']}", (place + 0.1, 1.0), xycoords=("data", "axes fraction"), va="top",
+                         fontsize=10, color=INK)  # fmt: skip
+        elif after["mesh"] != before["mesh"]:
+            fresh = "confirmed and continued on a fresh mesh"
+            across(place, fresh, FAINT, "--", 1.2)
 
 
 def _limit_curves(axes: Axes, told: DesignTold, numbers: Array, starts: Array) -> None:
     axes.axhline(0.0, color=INK, linewidth=1.2)
-    nearest = sorted(
-        told["limits"], key=lambda limit: -max([v for v in limit["passed"] if v is not None], default=-np.inf)
-    )
-    near = [limit for limit in nearest if np.nanmax(_numbers(limit["passed"]), initial=-np.inf) > NEAR][:SHOWN_LIMITS]
-    for k, limit in enumerate(near):
-        passed = np.maximum(_numbers(limit["passed"]), DEEPEST)
-        for n, start in enumerate(dict.fromkeys(starts)):
+    largest = [float(np.nanmax(_numbers(limit["passed"]), initial=-np.inf)) for limit in told["limits"]]
+    nearest = [told["limits"][k] for k in np.argsort([-value for value in largest], kind="stable")]
+    near = nearest[: min(sum(value > NEAR for value in largest), SHOWN_LIMITS)]
+    for limit, colour in zip(near, LINE_COLOURS, strict=False):
+        passed, label = np.maximum(_numbers(limit["passed"]), DEEPEST), wrapped(limit["words"], 4.4, 10)
+        for start in dict.fromkeys(starts):
             mine = starts == start
-            axes.plot(numbers[mine], passed[mine], "o-", markersize=4, linewidth=1.5, color=LINE_COLOURS[k % len(LINE_COLOURS)],
-                      label=wrapped(limit["words"], 4.4, 10) if n == 0 else "")  # fmt: skip
+            axes.plot(numbers[mine], passed[mine], "o-", markersize=4, linewidth=1.5, color=colour, label=label)
+            label = ""
     if not nearest:
         axes.annotate("no limits were set", (0.5, 0.5), xycoords="axes fraction", ha="center", color=FAINT)
         return
@@ -179,30 +175,25 @@ def _limit_curves(axes: Axes, told: DesignTold, numbers: Array, starts: Array) -
 
 def parameters(told: Sequence[ParameterTold]) -> Figure:
     """Plot each free parameter between its bounds, before and after."""
-    figure = Figure((WIDTH, 1.5 + 0.62 * len(told)), dpi=DPI, layout="constrained")
-    axes = figure.subplots()
+    figure, axes = chart(1.5 + 0.62 * len(told))
     for k, one in enumerate(told):
-        width = one["high"] - one["low"]
-        before, after = ((one[name] - one["low"]) / width for name in ("before", "after"))
-        axes.plot([0, 1], [k, k], color=FAINT, linewidth=1.2)
-        axes.plot([0, 1], [k, k], "|", color=FAINT, markersize=14)
-        axes.annotate(
-            "", (after, k), (before, k), arrowprops={"arrowstyle": "-|>", "color": AFTER, "mutation_scale": 15}
-        )
-        axes.plot(
-            before, k, "o", color=BEFORE, mfc="white", markersize=9, markeredgewidth=2, label="" if k else "as given"
-        )
+        low, high, unit = one["low"], one["high"], one["unit"]
+        before, after = ((one[name] - low) / (high - low) for name in ("before", "after"))
+        axes.plot([0, 1], [k, k], "|-", color=FAINT, linewidth=1.2, markersize=14)
+        arrow = {"arrowstyle": "-|>", "color": AFTER, "mutation_scale": 15}
+        axes.annotate("", (after, k), (before, k), arrowprops=arrow)
+        label = "" if k else "as given"
+        axes.plot(before, k, "o", color=BEFORE, mfc="white", markersize=9, markeredgewidth=2, label=label)
         axes.plot(after, k, "o", color=AFTER, markersize=8, label="" if k else "design")
-        axes.text(-0.02, k, f"{one['low']:.4g}", ha="right", va="center", fontsize=10, color=FAINT)
-        axes.text(1.02, k, f"{one['high']:.4g} {one['unit']}", ha="left", va="center", fontsize=10, color=FAINT)
-        text = f"{one['before']:.4g} to {one['after']:.4g} {one['unit']}"
+        axes.text(-0.02, k, f"{low:.4g}", ha="right", va="center", fontsize=10, color=FAINT)
+        axes.text(1.02, k, f"{high:.4g} {unit}", ha="left", va="center", fontsize=10, color=FAINT)
+        text = f"{one['before']:.4g} to {one['after']:.4g} {unit}"
         axes.text(0.5, k - 0.3, text, ha="center", va="center", fontsize=10, color=INK)
     axes.set_yticks(range(len(told)), [one["name"] for one in told])
     axes.set(xlim=(-0.16, 1.2), ylim=(len(told) - 0.4, -0.75), xticks=[])
     axes.grid(False)
     axes.tick_params(axis="y", length=0)
-    for side in ("top", "right", "bottom", "left"):
-        axes.spines[side].set_visible(False)
+    axes.spines[:].set_visible(False)
     axes.legend(loc="upper right", ncols=2, bbox_to_anchor=(1.0, 1.12 if len(told) < 4 else 1.04), frameon=False)
     return figure
 
@@ -222,27 +213,16 @@ def shapes(pair: tuple[States, States], colormap: str = COLORMAP) -> Figure:
     scale.largest = max(one.largest for one in scales)
     clouds = [one.points(step) for one in looks for step in (0, one.states.main)]
     camera = ViewCamera.around(clouds, looks[0].direction, looks[0].up, PIXELS // 2, 1.1)
-    images = [_image(one, camera, scale) for one in looks]
-    wide, tall = WIDTH / 2, WIDTH / 2 * images[0].shape[0] / images[0].shape[1]
-    head = 0.85
-    whole = head + tall + FOOT
-    figure = Figure((WIDTH, whole), dpi=DPI)
-    for k, (one, image, name) in enumerate(zip(looks, images, NAMES, strict=True)):
-        axes = figure.add_axes((k * 0.5, FOOT / whole, 0.5, tall / whole))
-        axes.imshow(image)
-        axes.set_axis_off()
+    images = []
+    for one, name in zip(looks, NAMES, strict=True):
         states = one.states
-        title = wrapped(f"{name}: {headline(states.rows[states.main], states.words)}", wide, 12)
-        figure.text(0.25 + 0.5 * k, 1 - 0.15 / whole, title, ha="center", va="top", fontsize=12)
+        with studio(camera) as shoot:
+            shot = shoot(one.coloured(states.main, scale))
+        images.append((f"{name}: {headline(states.rows[states.main], states.words)}", shot))
+    figure = tiled(images, FOOT)
     scale.bar(figure)
     rulers(figure, camera.metres, camera.axes)
     return figure
-
-
-def _image(one: Look, camera: ViewCamera, scale: Scale) -> Image:
-    with studio(camera) as shoot:
-        shot: Image = shoot(one.coloured(one.states.main, scale))
-    return shot
 
 
 def sections(pair: tuple[States, States]) -> Figure:
@@ -348,16 +328,9 @@ def _states(folder: Path) -> States:
 @click.option("--colormap", **COLORMAP_OPTION)
 def main(folder: Path, colormap: str) -> None:
     """Draw the pictures and the report of the design in FOLDER."""
-    try:
-        import_own_modules()
+    with reported(folder):
         for path in draw(folder, colormap):
             print(path)
-    except (ResultsError, CaseError, OwnModuleError) as error:
-        say(f"softmodels: {error}", err=True)
-        sys.exit(2)
-    except OSError as error:
-        say(f"softmodels: the pictures cannot be written into {folder} ({error.strerror or error})", err=True)
-        sys.exit(2)
 
 
 if __name__ == "__main__":

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import io
 import itertools
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
@@ -24,9 +23,9 @@ from softmodels.fitting.least_squares import unseen
 from softmodels.fitting.outlines.residuals import MatchedPhotograph
 from softmodels.fitting.outlines.shapes import Shape
 from softmodels.fitting.outlines.silhouette import half_outline
-from softmodels.materials.specimens import MODE_NAMES
+from softmodels.materials.specimens import MODE_NAMES, instabilities
 from softmodels.pictures.curves import drawing
-from softmodels.pictures.style import DPI, FAINT, INK, LINE_COLOURS, STYLE, WARNING, WIDTH
+from softmodels.pictures.style import DPI, FAINT, INK, LINE_COLOURS, STYLE, WARNING, WIDTH, chart, png
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,17 +44,15 @@ COLUMNS = 3
 
 def draw_outlines(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
     """Plot all outlines in device coordinates: measured points, simulated lines, a colour per pressure."""
-    figure = Figure((WIDTH, 0.55 * WIDTH), dpi=DPI, layout="constrained")
-    axes = figure.subplots()
+    figure, axes = chart(0.55 * WIDTH)
     for fitting, colour in zip(matches, _colours(len(matches)), strict=True):
         stride = max(len(fitting.points) // SHOWN, 1)
         measured = 1e3 * (fitting.points * np.column_stack([fitting.side, np.ones_like(fitting.side)]))[::stride]
         axes.plot(measured[:, 0], measured[:, 1], ".", ms=2.5, color=INK, alpha=0.5)
         half = 1e3 * half_outline(fitting.shadow.curve, 2e-5)[0]
         label = _name(fitting.shape)
-        axes.plot(
-            np.r_[-half[:0:-1, 0], half[:, 0]], np.r_[half[:0:-1, 1], half[:, 1]], color=colour, lw=1.4, label=label
-        )
+        whole = np.concatenate([half[:0:-1] * (-1.0, 1.0), half])
+        axes.plot(*whole.T, color=colour, lw=1.4, label=label)
     axes.axhline(0.0, color=FAINT, linewidth=0.8)
     reach = 1e3 * max(float(fitting.points[:, 0].max()) for fitting in matches)
     top = 1e3 * max(float(fitting.points[:, 1].max()) for fitting in matches)
@@ -63,29 +60,29 @@ def draw_outlines(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
     axes.set_ylim(-0.04 * top, 1.06 * top)
     if top > reach / 2:  # flatter plots would be thin strips
         axes.set_aspect("equal")
-    axes.set_xlabel("distance from the axis (mm)")
-    axes.set_ylabel("height (mm)")
+    axes.set(xlabel="distance from the axis (mm)", ylabel="height (mm)")
     axes.set_title(f"{law}: measured (points) and simulated (lines) outlines")
+    _legend_beside(axes)
+    return figure
+
+
+def _legend_beside(axes: Axes) -> None:
+    """Add a legend to the right of the axes, the highest pressure on top."""
     handles, labels = axes.get_legend_handles_labels()
     axes.legend(handles[::-1], labels[::-1], loc="center left", bbox_to_anchor=(1.0, 0.5), title="read")
-    return figure
 
 
 def draw_photographs(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
     """Plot the residuals (simulated - measured) along the outline, one panel per photograph, with a band of two standard
     errors."""
-    columns = min(len(matches), COLUMNS)
-    rows = -(-len(matches) // columns)
-    figure = Figure((WIDTH, 2.3 * rows + 0.5), dpi=DPI, layout="constrained")
-    grid = figure.subplots(rows, columns, squeeze=False, sharex=True)
-    for axes, fitting in zip(grid.ravel(), matches, strict=False):
+    rows = -(-len(matches) // COLUMNS)
+    figure, panels = _panels(len(matches), 2.3 + 0.5 / rows, sharex=True, whole=True)
+    for k, (axes, fitting) in enumerate(zip(panels, matches, strict=True)):
         _panel(axes, fitting)
-    for axes in grid.ravel()[len(matches) :]:
-        axes.set_visible(False)
-    for axes in grid[-1]:
-        axes.set_xlabel("distance from the axis (mm)")
-    for axes in grid[:, 0]:
-        axes.set_ylabel("residual (um)\nsimulated - measured")
+        if k // COLUMNS == rows - 1:
+            axes.set_xlabel("distance from the axis (mm)")
+        if k % COLUMNS == 0:
+            axes.set_ylabel("residual (um)\nsimulated - measured")
     figure.suptitle(f"{law}: residuals of each photograph; grey: two standard errors of a bin's mean")
     return figure
 
@@ -97,8 +94,7 @@ def _name(shape: Shape) -> str:
 
 def draw_creep(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
     """Plot the heights of photographs with times over their hold times, a colour per level of the pressure."""
-    figure = Figure((0.75 * WIDTH, 0.5 * WIDTH), dpi=DPI, layout="constrained")
-    axes = figure.subplots()
+    figure, axes = chart(0.5 * WIDTH, 0.75 * WIDTH)
     levels: dict[tuple[object, ...], list[MatchedPhotograph]] = {}
     for one in matches:
         history, device = one.shape.history, one.shape.source.rpartition("/")[0]
@@ -110,12 +106,9 @@ def draw_creep(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
         computed = [1e3 * float(one.shadow.curve.nodes[:, :, 1].max()) for one in part]
         axes.plot(holds, measured, "o", mfc="none", mec=INK, ms=6)
         axes.plot(holds, computed, ".-", color=colour, lw=1.4, label=f"{part[0].shape.pressure / 1e3:.3g} kPa")
-    axes.set_xscale("log")
-    axes.set_xlabel("time held (s)")
-    axes.set_ylabel("height (mm)")
+    axes.set(xscale="log", xlabel="time held (s)", ylabel="height (mm)")
     axes.set_title(f"{law}: measured (circles) and simulated (lines) heights")
-    handles, labels = axes.get_legend_handles_labels()
-    axes.legend(handles[::-1], labels[::-1], loc="center left", bbox_to_anchor=(1.0, 0.5), title="read")
+    _legend_beside(axes)
     return figure
 
 
@@ -128,47 +121,30 @@ def _panel(axes: Axes, fitting: MatchedPhotograph) -> None:
     axes.axhline(0.0, color=FAINT, linewidth=0.8)
     axes.plot(place, fitting.residuals * error, ".-", ms=4, lw=0.8, color=INK)
     chi2 = float((fitting.residuals**2).sum())
-    axes.set_title(
-        f"{_name(shape)} ({fitting.reading * shape.pressure_error:+.0f} Pa): "
-        f"$\\chi^2$ {chi2:.0f} of {len(fitting.residuals)}",
-        fontsize=9,
-    )
+    read = f"{_name(shape)} ({fitting.reading * shape.pressure_error:+.0f} Pa)"
+    axes.set_title(f"{read}: $\\chi^2$ {chi2:.0f} of {len(fitting.residuals)}", fontsize=9)
 
 
 def _colours(count: int) -> Array:
-    import matplotlib
-
     return matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, count))
 
 
 STYLES = ("-", "--", "-.", ":")
 NAMES = {"uniaxial": "uniaxial tension", "planar": "pure shear", "equibiaxial": "equibiaxial tension"}
 BOTH = {**NAMES, "uniaxial": "uniaxial tension and compression"}
-PROFILE_COLUMNS = 3
 
 
-class LineStyle(TypedDict):
-    """Keywords of ``Axes.plot``."""
-
-    color: str
-    linestyle: str
-    linewidth: float
-
-
-def line(i: int) -> LineStyle:
-    """Return the colour and dashes of the i-th law."""
-    return {"color": LINE_COLOURS[i % len(LINE_COLOURS)], "linestyle": STYLES[i % len(STYLES)], "linewidth": 1.8}
+def _plot_law(axes: Axes, i: int, x: Array, y: Array, label: str = "", marker: str = "") -> None:
+    """Plot the i-th law in its colour and dashes."""
+    colour, dashes = LINE_COLOURS[i % len(LINE_COLOURS)], STYLES[i % len(STYLES)]
+    axes.plot(x, y, color=colour, linestyle=dashes, linewidth=1.8, label=label, marker=marker, markersize=4)
 
 
 def draw_curves(report: FitReport) -> Figure:
     """Plot measured and fitted nominal stress, one panel per test; for a history in time two, against stretch and time."""
-    shown = [
-        (curve, against)
-        for curve in report.curves
-        for against in ("stretch", "time")
-        if against == "stretch" or _timed(report)
-    ]
-    figure, panels = _panels(len(shown), 4.6, 2 if _timed(report) else 3)
+    timed = any(curve.time is not None for curve in report.curves)
+    shown = [(curve, against) for curve in report.curves for against in ("stretch", "time")[: 1 + timed]]
+    figure, panels = _panels(len(shown), 4.6, 2 if timed else 3)
     for axes, (curve, against) in zip(panels, shown, strict=True):
         along = curve.stretch if against == "stretch" else curve.time
         if along is None:
@@ -181,20 +157,15 @@ def draw_curves(report: FitReport) -> Figure:
             drawn = dataclasses.replace(curve, stretch=along, stress=np.zeros_like(along))
         for i, one in enumerate(report.laws):
             stress = _gauge(one, report, curve) * predicted(one.material, drawn)
-            axes.plot(along, stress / 1e3, label=one.choice.name, **line(i))
+            _plot_law(axes, i, along, stress / 1e3, label=one.choice.name)
         names = BOTH if curve.stretch.min() < 0.99 else NAMES
         axes.set_title(f"{names[curve.mode]}\n{plain(curve.name)}")
-        axes.set_xlabel("stretch" if against == "stretch" else "time (s)")
-        axes.set_ylabel("nominal stress (kPa)")
+        axes.set(xlabel="stretch" if against == "stretch" else "time (s)", ylabel="nominal stress (kPa)")
         measured = curve.stress / 1e3
         room = 0.08 * float(np.ptp(measured))
         axes.set_ylim(float(measured.min()) - room, float(measured.max()) + 2 * room)
     panels[0].legend(loc="upper left")
     return figure
-
-
-def _timed(report: FitReport) -> bool:
-    return any(curve.time is not None for curve in report.curves)
 
 
 def _gauge(one: FittedLaw, report: FitReport, curve: TensileCurve) -> float:
@@ -206,20 +177,12 @@ def draw_residuals(report: FitReport) -> Figure:
     """Plot the residuals (fit - measured) of the nominal stress, one panel per test."""
     figure, panels = _panels(len(report.curves), 4.0)
     for axes, curve in zip(panels, report.curves, strict=True):
+        along, label = (curve.stretch, "stretch") if curve.time is None else (curve.time, "time (s)")
         axes.axhline(0.0, color=FAINT, linewidth=1.0)
         for i, one in enumerate(report.laws):
-            stress = _gauge(one, report, curve) * predicted(one.material, curve)
-            axes.plot(
-                curve.stretch if curve.time is None else curve.time,
-                (stress - curve.stress) / 1e3,
-                label=one.choice.name,
-                marker=".",
-                ms=4,
-                **line(i),
-            )
-        axes.set_title(plain(curve.name))
-        axes.set_xlabel("stretch" if curve.time is None else "time (s)")
-        axes.set_ylabel("residual (fit - measured) (kPa)")
+            residuals = _gauge(one, report, curve) * predicted(one.material, curve) - curve.stress
+            _plot_law(axes, i, along, residuals / 1e3, label=one.choice.name, marker=".")
+        axes.set(title=plain(curve.name), xlabel=label, ylabel="residual (fit - measured) (kPa)")
         # A poor law must not flatten the others' residuals.
         sizes = [np.abs(lines.get_ydata()).max() for lines in axes.lines[1:]]
         reach = 1.15 * min(max(sizes), 8 * min(sizes))
@@ -233,65 +196,56 @@ def draw_residuals(report: FitReport) -> Figure:
 def draw_profiles(one: FittedLaw) -> Figure:
     """Return the rise of the deviance along every free parameter, the limit of the 95 % interval, and the quadratic
     approximation."""
-    rows = -(-len(one.profiles) // PROFILE_COLUMNS)
-    columns = min(len(one.profiles), PROFILE_COLUMNS)
-    figure = Figure((WIDTH, 3.6 * rows + 0.3), dpi=DPI, layout="constrained")
-    grid = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axes, profile in zip(grid, one.profiles.values(), strict=False):
+    figure, grid = _panels(len(one.profiles), 3.6 + 0.3 / -(-len(one.profiles) // COLUMNS), whole=True)
+    for axes, profile in zip(grid, one.profiles.values(), strict=True):
         best = one.fit.values[profile.name]
         _, unit = with_prefix(best, profile.unit)
         factor = {"MPa": 1e-6, "kPa": 1e-3}.get(unit, 1.0)
         axes.plot(profile.values * factor, profile.rises, "o-", ms=4, color=LINE_COLOURS[0], label="profile")
         error = one.fit.error(profile.name)
         if np.isfinite(error) and error > 0.0:
-            axes.plot(
-                profile.values * factor, ((profile.values - best) / error) ** 2, ":", color=FAINT, label="quadratic"
-            )
+            quadratic = ((profile.values - best) / error) ** 2
+            axes.plot(profile.values * factor, quadratic, ":", color=FAINT, label="quadratic")
         axes.axhline(profile.limit, color=WARNING, linewidth=1.2, label="95 %")
         axes.set_ylim(-0.05 * profile.limit, 2.5 * profile.limit)
-        axes.set_xlabel(f"{profile.name} ({unit})" if unit else profile.name)
-        axes.set_ylabel("rise of the deviance")
+        axes.set(xlabel=f"{profile.name} ({unit})" if unit else profile.name, ylabel="rise of the deviance")
         axes.tick_params(axis="x", labelrotation=25)
         if profile.values[0] > 0.0 and profile.values[-1] > 50 * profile.values[0]:
             axes.set_xscale("log")
-    for axes in grid[len(one.profiles) :]:
-        axes.set_visible(False)
     grid[0].legend(loc="upper center", fontsize=9)
     figure.suptitle(f"{one.choice.name}: profile likelihoods")
     return figure
 
 
-def _panels(count: int, height: float, most: int = 3) -> tuple[Figure, Sequence[Axes]]:
+def _panels(
+    count: int, height: float, most: int = COLUMNS, sharex: bool = False, whole: bool = False
+) -> tuple[Figure, Sequence[Axes]]:
+    """Return a figure of panels side by side, ``height`` inches each; a single one is narrower unless ``whole``."""
     columns = min(count, most)
     rows = -(-count // columns)
-    figure = Figure((WIDTH if columns > 1 else 0.75 * WIDTH, height * rows), dpi=DPI, layout="constrained")
-    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    figure = Figure((WIDTH if columns > 1 or whole else 0.75 * WIDTH, height * rows), dpi=DPI, layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False, sharex=sharex).ravel()
     for axes in grid[count:]:
         axes.set_visible(False)
     return figure, list(grid[:count])
 
 
+SMALL = {**STYLE, "font.size": 10, "axes.titlesize": 11, "legend.fontsize": 9}
+
+
+@matplotlib.rc_context(SMALL)
 def figures(report: FitReport) -> dict[str, Figure]:
     """Return all pictures by the stem of their file's name."""
-    with matplotlib.rc_context({**STYLE, "font.size": 10, "axes.titlesize": 11, "legend.fontsize": 9}):
-        found = {}
-        if report.curves:
-            found = {"curves": draw_curves(report), "residuals": draw_residuals(report)}
-        for law, states in report.photographs.items():
-            found[f"outlines-{law}"] = draw_outlines(states, law)
-            found[f"photographs-{law}"] = draw_photographs(states, law)
-            if all(one.shape.history for one in states):
-                found[f"creep-{law}"] = draw_creep(states, law)
-        for one in report.laws:
-            if one.profiles:
-                found[f"profiles-{one.choice.name}"] = draw_profiles(one)
-        return found
-
-
-def as_png(figure: Figure) -> bytes:
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png")
-    return stream.getvalue()
+    found = {"curves": draw_curves(report), "residuals": draw_residuals(report)} if report.curves else {}
+    for law, states in report.photographs.items():
+        found[f"outlines-{law}"] = draw_outlines(states, law)
+        found[f"photographs-{law}"] = draw_photographs(states, law)
+        if all(one.shape.history for one in states):
+            found[f"creep-{law}"] = draw_creep(states, law)
+    for one in report.laws:
+        if one.profiles:
+            found[f"profiles-{one.choice.name}"] = draw_profiles(one)
+    return found
 
 
 def page(report: FitReport, figures: Mapping[str, Figure], tables: Mapping[str, str]) -> str:
@@ -377,6 +331,7 @@ def _law(one: FittedLaw, charts: Mapping[str, Charts]) -> list[Part | None]:
 # Plot materials in test specimens.
 
 
+@matplotlib.rc_context(SMALL)
 def draw(many: Sequence[MaterialCurves], measured: Sequence[TensileCurve], radius: float, thickness: float) -> bytes:
     """Return three tests and the balloon, nominal stresses solid and unstable parts marked, as PNG.
 
@@ -386,66 +341,47 @@ def draw(many: Sequence[MaterialCurves], measured: Sequence[TensileCurve], radiu
         radius: The balloon's undeformed radius in m.
         thickness: Its undeformed thickness in m.
     """
-    with matplotlib.rc_context({**STYLE, "font.size": 10, "axes.titlesize": 11, "legend.fontsize": 9}):
-        figure = Figure((WIDTH, 8.4), dpi=DPI, layout="constrained")
-        panels = figure.subplots(2, 2).ravel()
-        for axes, mode in zip(panels[:3], MODE_NAMES, strict=True):
-            for i, one in enumerate(many):
-                stress = one.responses[mode].stress / 1e3
-                axes.plot(one.stretch, stress, label=plain(one.name), **line(i))
-                _mark(axes, one, mode, stress)
-            for curve, marker in zip(measured, itertools.cycle("osd^v"), strict=False):
-                if curve.mode == mode:
-                    axes.plot(
-                        curve.stretch,
-                        curve.stress / 1e3,
-                        marker,
-                        ms=3.5,
-                        mfc="none",
-                        mec=INK,
-                        mew=0.7,
-                        label=plain(curve.name),
-                    )
-            axes.set_xlim(many[0].stretch[0], many[0].stretch[-1])
-            names = BOTH if many[0].stretch[0] < 0.99 else NAMES
-            axes.set_title(names[mode])
-            axes.set_xlabel("stretch")
-            axes.set_ylabel("nominal stress (kPa)")
-        axes = panels[3]
+    figure = Figure((WIDTH, 8.4), dpi=DPI, layout="constrained")
+    panels = figure.subplots(2, 2).ravel()
+    for axes, mode in zip(panels[:3], MODE_NAMES, strict=True):
         for i, one in enumerate(many):
-            out = one.stretch >= 1.0
-            axes.plot(one.stretch[out], one.balloon(thickness / radius)[out] / 1e3, **line(i))
-        axes.set_title(f"balloon, radius {radius * 1e3:g} mm, thickness {thickness * 1e3:g} mm")
-        axes.set_xlabel("circumference over undeformed circumference")
-        axes.set_ylabel("pressure (kPa)")
-        for axes, mode in zip(panels[:3], MODE_NAMES, strict=True):
-            _limit(axes, many, measured, mode)
-        handles = {
-            text: handle for axes in panels for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)
-        }
-        figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=2)
-        return as_png(figure)
+            stress = one.responses[mode].stress / 1e3
+            _plot_law(axes, i, one.stretch, stress, label=plain(one.name))
+            _mark(axes, one, mode, stress)
+        for curve, marker in zip(measured, itertools.cycle("osd^v"), strict=False):
+            if curve.mode == mode:
+                label = plain(curve.name)
+                axes.plot(curve.stretch, curve.stress / 1e3, marker, ms=3.5, mfc="none", mec=INK, mew=0.7, label=label)
+        names = BOTH if many[0].stretch[0] < 0.99 else NAMES
+        axes.set(title=names[mode], xlabel="stretch", ylabel="nominal stress (kPa)")
+        axes.set_xlim(many[0].stretch[0], many[0].stretch[-1])
+        _limit(axes, many, measured, mode)
+    axes = panels[3]
+    for i, one in enumerate(many):
+        out = one.stretch >= 1.0
+        _plot_law(axes, i, one.stretch[out], one.balloon(thickness / radius)[out] / 1e3)
+    axes.set_title(f"balloon, radius {radius * 1e3:g} mm, thickness {thickness * 1e3:g} mm")
+    axes.set(xlabel="circumference over undeformed circumference", ylabel="pressure (kPa)")
+    handles = {text: handle for axes in panels for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)}
+    figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=2)
+    return png(figure)
 
 
-def _mark(axes: object, one: MaterialCurves, mode: str, stress: np.ndarray) -> None:
+def _mark(axes: Axes, one: MaterialCurves, mode: str, stress: Array) -> None:
     """Mark the first instability of the law in this mode by a cross."""
-    from softmodels.materials.specimens import instabilities
-
     for weak in instabilities(one.material):
         if weak.mode == mode and one.stretch[0] <= weak.stretch <= one.stretch[-1]:
             height = float(np.interp(weak.stretch, one.stretch, stress))
-            axes.plot(weak.stretch, height, "x", ms=9, mew=2.2, color=WARNING, zorder=5)  # type: ignore[attr-defined]
-            axes.annotate("not stable", (weak.stretch, height), (6, -14), textcoords="offset points", color=WARNING)  # type: ignore[attr-defined]
+            axes.plot(weak.stretch, height, "x", ms=9, mew=2.2, color=WARNING, zorder=5)
+            axes.annotate("not stable", (weak.stretch, height), (6, -14), textcoords="offset points", color=WARNING)
 
 
-def _limit(axes: object, many: Sequence[MaterialCurves], measured: Sequence[TensileCurve], mode: str) -> None:
+def _limit(axes: Axes, many: Sequence[MaterialCurves], measured: Sequence[TensileCurve], mode: str) -> None:
     """Limit the axes so that a law near locking, or in strong compression, does not flatten the others."""
     stresses = [one.responses[mode].stress / 1e3 for one in many]
-    tops = [np.nanmax(s) for s in stresses] + [
-        c.stress[c.stretch <= many[0].stretch[-1]].max(initial=0.0) / 1e3 for c in measured if c.mode == mode
-    ]
-    lows = [np.nanmin(s) for s in stresses]
+    own = [curve.stress[curve.stretch <= many[0].stretch[-1]] / 1e3 for curve in measured if curve.mode == mode]
+    tops = [*map(np.nanmax, stresses), *(stress.max(initial=0.0) for stress in own)]
     top = min(max(tops), 6 * float(np.median(tops)))
-    low = max(min(lows), -1.5 * top)
+    low = max(min(map(np.nanmin, stresses)), -1.5 * top)
     room = 0.05 * (top - low)
-    axes.set_ylim(low - room, top + room)  # type: ignore[attr-defined]
+    axes.set_ylim(low - room, top + room)

@@ -12,15 +12,15 @@ import io
 import json
 import math
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TypedDict
 
 import matplotlib
 import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
-from PIL import Image
+from matplotlib.colors import to_hex
+from PIL import Image  # without it Pillow imports all of its formats to save a WebP
 
 from geometries import registry as geometry_table
 from softmodels.case import materials
@@ -70,30 +70,25 @@ type CaseTable = tuple[str, list[tuple[str, str, str]]]
 
 def case_tables(states: States) -> list[CaseTable]:
     """Return all tables of a case."""
-    return [_device(states), _material(states), _load(states)]
-
-
-def _device(states: States) -> CaseTable:
-    device = states.actuator
-    table = geometry_table.to_table(device, readable)
-    fields = about(device)
-    rows = [(name, value, fields[name].help) for name, value in table.items() if name != "device"]
-    return _parameters(f"Device: {type(device).__name__}", rows)
-
-
-def _material(states: States) -> CaseTable:
-    material = states.case.material
-    table = materials.to_table(material, readable)
-    texts = {field.name: field.metadata["help"] for field in parameter_fields(material)}
-    texts["fitted_stretch"] = "fitted range of stretch"
-    rows = [(name, value, texts.get(name, "")) for name, value in table.items() if name != "law"]
+    device, material = states.actuator, states.case.material
+    fields, laws = about(device), {field.name: field.metadata["help"] for field in parameter_fields(material)}
+    laws["fitted_stretch"] = "fitted range of stretch"
+    shown, law = geometry_table.to_table(device, readable), materials.to_table(material, readable)
     initial = f"{material.shear_modulus_0 / 1e3:.4g} kPa"
-    return _parameters(
-        f"Material: {material.name}", [*rows, ("initial shear modulus", initial, "of all terms together")]
-    )
+    silicone = [(name, value, laws.get(name, "")) for name, value in law.items() if name != "law"]
+    tables: list[tuple[str, Iterable[tuple[str, object, str]]]] = [
+        (f"Device: {type(device).__name__}",
+         [(name, value, fields[name].help) for name, value in shown.items() if name != "device"]),
+        (f"Material: {material.name}", [*silicone, ("initial shear modulus", initial, "of all terms together")]),
+        ("Load and solver", _load(states)),
+    ]  # fmt: skip
+    return [
+        (title, [(name.replace("_", " "), _text(value), words) for name, value, words in rows])
+        for title, rows in tables
+    ]
 
 
-def _load(states: States) -> CaseTable:
+def _load(states: States) -> Iterator[tuple[str, object, str]]:
     case = states.case
     asked = [(case.load.requested.words, case.values, case.unit)]
     if case.program:
@@ -101,30 +96,19 @@ def _load(states: States) -> CaseTable:
             (name, series.values, f"{series.unit}{' added' if series.key == 'volume_ml' else ''}")
             for name, series in named(case.program).items()
         ]
-    rows = [
-        *(
-            (what, ", ".join(f"{value:g}" for value in values) + f" {unit}", "requested")
-            for what, values, unit in asked
-        ),
-        *(
-            [("water density", f"{case.water_density:g} kg/m^3", f"1 cm is {case.cm:.4g} Pa")]
-            if case.load.has_pressure
-            else []
-        ),
-        ("control", case.control, "control of the continuation"),
-        ("formulation", case.formulation, "unknowns of the equations"),
-    ]
+    for what, values, unit in asked:
+        yield what, f"{', '.join(f'{value:g}' for value in values)} {unit}", "requested"
+    if case.load.has_pressure:
+        yield "water density", f"{case.water_density:g} kg/m^3", f"1 cm is {case.cm:.4g} Pa"
+    yield "control", case.control, "control of the continuation"
+    yield "formulation", case.formulation, "unknowns of the equations"
     for part in case.components:
-        words, texts = part.write_table(readable), part.explained
-        rows += [(f"{part.where.strip('[]')} {name}", str(value), texts.get(name, "")) for name, value in words.items()]
+        for name, value in part.write_table(readable).items():
+            yield f"{part.where.strip('[]')} {name}", str(value), part.explained.get(name, "")
     if case.supply is not None:
         texts = {field.key or name: field.help for name, field in about(case.supply).items()}
-        rows += [(name, value, texts[name]) for name, value in schema.to_table(case.supply, readable).items()]
-    return _parameters("Load and solver", rows)
-
-
-def _parameters(title: str, rows: Sequence[tuple[str, object, str]]) -> CaseTable:
-    return title, [(name.replace("_", " "), _text(value), words) for name, value, words in rows]
+        for name, value in schema.to_table(case.supply, readable).items():
+            yield name, value, texts[name]
 
 
 def _text(value: object) -> str:
@@ -146,61 +130,18 @@ VALUES = 2_500_000
 FULL = 65535
 
 
-class FieldColours(TypedDict):
-    """The colour scale of a field, in its unit: see `Scale`."""
-
-    what: str
-    label: str
-    unit: str
-    low: float
-    power: float
-    top: float
-
-
-class StepLabel(TypedDict):
-    """A step and its title."""
-
-    step: int
-    label: str
-
-
-class Description(TypedDict):
-    """Data of the view's program besides the packed numbers; lengths in m.
-
-    Each cell, of as many nodes as ``split`` names, is cut as the tetrahedra in ``split``.
-    """
-
-    subject: str
-    vertices: int
-    triangles: int
-    outside: int
-    edges: int
-    cells: int
-    split: list[list[int]]
-    low: list[float]
-    span: float
-    planes: list[list[float]]
-    images: list[list[float]]
-    box: list[list[float]]
-    direction: list[float]
-    up: list[float]
-    focus: list[float]
-    scale: float
-    aspect: float
-    colours: list[list[int]]
-    fields: list[FieldColours]
-    steps: list[StepLabel]
-
-
 def view(look: Look) -> dict[str, object]:
     """Return the data of the template ``web_view.html``: the controls' ranges, the data and their description."""
     states = look.states
     steps = _steps(states)
     meta, data = packed(look, steps)
+    colours, count = matplotlib.colormaps[look.colours](np.linspace(0, 1, 52))[:, :3], len(states.rows)
+    left = count - len(steps)
     return {
         "last": len(steps) - 1, "begin": steps.index(states.main), "axial": states.actuator.axial,
-        "fields": [field["what"] for field in meta["fields"]], "left_out": _left_out(states, steps),
-        "gradient": ",".join(f"rgb({r},{g},{b})" for r, g, b in meta["colours"][::5]),
+        "fields": [scale.what for scale in look.scales.values()],
+        "left_out": f"{left} of {count} steps are omitted here." if left else "",
+        "gradient": ",".join(map(to_hex, colours)),
         "meta": Markup(json.dumps(meta).replace("</", "<\\/")), "data": base64.b64encode(data).decode(),
     }  # fmt: skip
 
@@ -213,11 +154,6 @@ def _steps(states: States) -> list[int]:
         return list(range(count))
     spread = {int(k) for k in np.linspace(0, count - 1, most).round()}
     return sorted(spread | {0, states.main, *(round(step) for step in states.shown())})
-
-
-def _left_out(states: States, steps: list[int]) -> str:
-    left = len(states.rows) - len(steps)
-    return f"{left} of {len(states.rows)} steps are omitted here." if left else ""
 
 
 PARTS = ((0, 4, 6, 7), (1, 5, 4, 8), (2, 6, 5, 9), (3, 7, 9, 8), (4, 9, 5, 6), (4, 9, 6, 7), (4, 9, 7, 8), (4, 9, 8, 5))
@@ -235,7 +171,7 @@ def solid_cells(states: States) -> tuple[Cells, Cells]:
     return np.concatenate([states.cells, states.cells + len(states.points)], axis=1), np.reshape(parts, (-1, 4))
 
 
-def packed(look: Look, steps: list[int]) -> tuple[Description, bytes]:
+def packed(look: Look, steps: list[int]) -> tuple[dict[str, object], bytes]:
     """Return the packed data of the view's program.
 
     Args:
@@ -243,8 +179,9 @@ def packed(look: Look, steps: list[int]) -> tuple[Description, bytes]:
         steps: Its steps that are in the view.
 
     Returns:
-        The description (lengths in m), and the packed numbers: triangles, edges and cells, then for each step places and
-        fields of the nodes; of a half section of its nodes, and of these turned to the end of the wedge that is drawn.
+        The description (lengths in m; each cell, of as many nodes as ``split`` names, is cut as the tetrahedra in it), and the
+        packed numbers: triangles, edges and cells, then for each step places and fields of the nodes; of a half section of its
+        nodes, and of these turned to the end of the wedge that is drawn.
     """
     states, skin, count = look.states, look.states.skin, len(look.states.points)
     flat = states.actuator.dimension == 2
@@ -276,7 +213,7 @@ def packed(look: Look, steps: list[int]) -> tuple[Description, bytes]:
     rest = look.rest(everything := np.arange(len(skin.images)))
     camera = ViewCamera.around([rest, look.points(states.main, everything)], look.direction, look.up)
     colours = (matplotlib.colormaps[look.colours](np.linspace(0, 1, 256))[:, :3] * 255).round().astype(int)
-    meta: Description = {
+    meta = {
         "subject": subject(states.case), "vertices": len(places[0]), "triangles": len(triangles),
         "outside": int((skin.part == OUTSIDE).sum()), "edges": len(edges), "cells": len(cells), "split": split.tolist(),
         "low": low.tolist(), "span": span, "planes": skin.planes.tolist(),
@@ -348,12 +285,9 @@ class Report:
                 Folded("Every state", [_lines(states.rows, states)]),
             ]),
         ]  # fmt: skip
-        made, repeat = (
-            states.made,
-            ["softmodels", "run", f"{folder}/case.toml"],
-        )
+        made = states.made
         if made.date and not made.command:  # run by a Python program
-            made = dataclasses.replace(made, command=shlex.join(repeat))
+            made = dataclasses.replace(made, command=shlex.join(["softmodels", "run", f"{folder}/case.toml"]))
         self._page = Page(
             name, ending(states, told), (), made,
             facts(states, told), warnings if isinstance(warnings, list) else [], publications(states.case.material),
@@ -388,9 +322,8 @@ def facts(states: States, told: dict[str, object]) -> list[Fact]:
     row, words = states.rows[states.main], states.words
     overlap = overlap_text(row)
     under = load(row, words).removesuffix(f" - {overlap}") if overlap else load(row, words)
-    rise = Fact(
-        f"Rise of the {words.gauge}", f"{row[f'{words.gauge}_mm']:.4g} mm", overlap or f"at {under}", bool(overlap)
-    )
+    risen = f"{row[f'{words.gauge}_mm']:.4g} mm"
+    rise = Fact(f"Rise of the {words.gauge}", risen, overlap or f"at {under}", bool(overlap))
     return [rise, _limit(states, told), *_stretch(states)]
 
 
@@ -496,11 +429,9 @@ def _contact(states: States) -> str:
     if not pressed:
         return f"{text} No contact occurred."
     first, row, words = pressed[0], states.rows[states.main], states.words
-    text += (
-        f" Contact starts at {load(first, words)}; at {load(row, words)} the force is "
-        f"{row['contact_force_N']:.4g} N, the penetration {row['contact_depth_mm']:.2g} mm."
-    )
-    return text
+    force, depth = f"{row['contact_force_N']:.4g} N", f"{row['contact_depth_mm']:.2g} mm"
+    text += f" Contact starts at {load(first, words)}; at {load(row, words)} the force is {force}"
+    return f"{text}, the penetration {depth}."
 
 
 def _lines(rows: Sequence[Row], states: States) -> Table:
@@ -554,21 +485,14 @@ def shrunk(image: Image.Image) -> str:
     return data_uri(stream.getvalue(), "image/webp")
 
 
-def _pressure(row: Row) -> str:
-    return f"{row['pressure_cm']:.5g} cm ({row['pressure_Pa'] / 1e3:.4g} kPa)"
-
-
 def _notes(states: States) -> list[str]:
     """Return the warnings of the report."""
-    actuator = states.actuator
-    words = states.words
+    actuator, words = states.actuator, states.words
     kept = words.kept[0]
     notes = [stability_text(states.rows, actuator, words, states.branch)]
-    notes += [
-        f"limit point of the {kept} at {words.under(limit, _pressure(limit))}: under {kept} control the device snaps through "
-        f"there"
-        for limit in curves.limits(states.rows)
-    ]
+    for limit in curves.limits(states.rows):
+        at = words.under(limit, f"{limit['pressure_cm']:.5g} cm ({limit['pressure_Pa'] / 1e3:.4g} kPa)")
+        notes.append(f"limit point of the {kept} at {at}: under {kept} control the device snaps through there")
     if actuator.copies > 1:
         notes.append(f"one of {actuator.copies} equal parts was computed, the others are mirror images")
     notes.append(left_out(states.case))

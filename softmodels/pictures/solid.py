@@ -1,10 +1,14 @@
-"""Devices drawn: in a half section by matplotlib, in space by rendering."""
+"""Devices drawn: in a half section by matplotlib, in space by rendering, as a film."""
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
+import importlib.util
+import io
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,11 +18,12 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
-from PIL import Image as Picture
+from PIL import Image as Picture, ImageDraw, ImageFont
 
 from geometries import Actuator
 from softmodels.case.entries import CaseError
 from softmodels.common.arrays import Array
+from softmodels.common.files import replace, write_bytes
 from softmodels.pictures.offscreen import (
     SOLID_STYLE,
     HotSpot,
@@ -50,7 +55,6 @@ from softmodels.pictures.style import (
     STYLE,
     WARNING,
     WIDTH,
-    Pixels,
     Scale,
     headline,
     load,
@@ -76,12 +80,10 @@ if TYPE_CHECKING:
 def section_mesh(look: Look) -> Figure:
     """Draw the undeformed half section with the edges of its cells."""
     flat, cells = look.states.points[:, ::2] * 1e3, look.states.cells
-    figure, axes = _section_axes(flat, 0.0)
+    figure, axes = _section_axes(flat, 0.0, f"Undeformed half section, {len(cells)} cells", look.caption(0).subject)
     fine, triangles = fine_triangles(flat, cells)
     axes.tripcolor(Triangulation(fine[:, 0], fine[:, 1], triangles), np.zeros(len(fine)), cmap=ListedColormap([SOLID]))
     axes.add_collection(LineCollection(list(edge_curves(flat, cells)), colors=EDGE, linewidths=0.9))
-    axes.set_title(f"Undeformed half section, {len(cells)} cells")
-    _name(figure, axes, look.caption(0).subject)
     return figure
 
 
@@ -93,18 +95,19 @@ def section_stress(look: Look, step: float, plate: float | None = None) -> Figur
         step: The state.
         plate: Height of a rigid plane that stops it, m.
     """
-    states, scale = look.states, look.scales["von_mises"]
-    figure, axes = _section_axes(np.concatenate([states.points, states.moved(step)])[:, ::2] * 1e3, FOOT)
+    states, scale, caption = look.states, look.scales["von_mises"], look.caption(step)
+    title = caption.title + ("" if plate is None else "; the rigid plane dashed")
+    figure, axes = _section_axes(_section_points(states, step), FOOT, title, caption.subject)
     _coloured_section(axes, states, step, scale)
     if plate is not None:
         axes.axhline(plate * 1e3, color=WARNING, linewidth=1.5, linestyle="--")
-    caption = look.caption(step)
-    axes.set_title(
-        caption.title + ("" if plate is None else "; the rigid plane dashed"), color=title_colour(caption.title)
-    )
-    _name(figure, axes, caption.subject)
     scale.bar(figure)
     return figure
+
+
+def _section_points(states: States, step: float) -> Array:
+    """Return the nodes of a half section in mm, at rest and at a step."""
+    return np.concatenate([states.points, states.moved(step)])[:, ::2] * 1e3
 
 
 def _coloured_section(axes: Axes, states: States, step: float, scale: Scale) -> None:
@@ -115,14 +118,6 @@ def _coloured_section(axes: Axes, states: States, step: float, scale: Scale) -> 
     axes.tripcolor(flat, fine[:, 2], shading="gouraud", cmap=scale.colours, norm=scale.norm)
     for shown, colour in ((after, INK), (states.points[:, ::2] * 1e3, FAINT)):  # thin, as walls may be
         axes.add_collection(LineCollection(list(outline(shown, states.cells)), colors=colour, linewidths=0.6))
-
-
-def _name(figure: Figure, axes: Axes, text: str) -> None:
-    """Write what is drawn below the title of a page's axes."""
-    top = axes.get_position().y1 + 0.06 / figure.get_figheight()
-    axes.title.set_position((0.5, 1.0))
-    axes.set_title(axes.get_title(), pad=22, color=axes.title.get_color())
-    figure.text(0.5, top, text, ha="center", va="bottom", fontsize=11, color=EDGE)
 
 
 def section_sheet(look: Look) -> Figure:
@@ -143,8 +138,7 @@ def section_sheet(look: Look) -> Figure:
         axes.set(xlim=(low[0], low[0] + wide), ylim=(low[1], low[1] + tall))
         axes.set_axis_off()
         text = load(states.row(step), states.words)
-        title = wrapped(text, WIDTH / columns, 11)
-        axes.set_title(title, fontsize=11, color=title_colour(text))
+        axes.set_title(wrapped(text, WIDTH / columns, 11), fontsize=11, color=title_colour(text))
     name = look.caption(states.main).subject
     figure.text(0.5, 1 - 0.08 / whole, name, ha="center", va="top", fontsize=11, color=EDGE)
     scale.bar(figure)
@@ -155,14 +149,12 @@ def section_sheet(look: Look) -> Figure:
 def section_hot(look: Look) -> Figure:
     """Draw the deformed half section coloured by stretch, with a ring around the largest one."""
     states, step, scale = look.states, look.states.main, look.scales["largest_stretch"]
-    hot = hot_spot(states, step)
-    figure, axes = _section_axes(np.concatenate([states.points, states.moved(step)])[:, ::2] * 1e3, FOOT + 0.3)
+    hot, points = hot_spot(states, step), _section_points(states, step)
+    figure, axes = _section_axes(points, FOOT + 0.3, hot_title(hot), look.caption(step).subject)
     _coloured_section(axes, states, step, scale)
+    x, _, z = 1e3 * hot.place
     for colour, wide in (("white", 5.0), ("black", 2.0)):
-        axes.plot(1e3 * hot.place[0], 1e3 * hot.place[2], "o", mfc="none", color=colour, markersize=16,
-                  markeredgewidth=wide)  # fmt: skip
-    axes.set_title(hot_title(hot))
-    _name(figure, axes, look.caption(step).subject)
+        axes.plot(x, z, "o", mfc="none", color=colour, markersize=16, markeredgewidth=wide)
     figure.text(0.5, 1.2 / figure.get_figheight(), hot.note, ha="center", color=WARNING, fontsize=11)
     scale.bar(figure)
     return figure
@@ -183,27 +175,24 @@ def section_mode(look: Look, step: int, amount: float = 0.15) -> Figure:
     """
     states, cells = look.states, look.states.cells
     before, after = states.points[:, ::2] * 1e3, states.moved(step)[:, ::2] * 1e3
-    size = amount * np.ptp(before[:, 0])
-    mode = states.field(step, "mode")
-    shapes = [(after + sign * size * mode[:, ::2], colour) for sign, colour in ((1, WARNING), (-1, CURVE))]
-    figure, axes = _section_axes(np.concatenate([before, *(shape for shape, _ in shapes)]), 0.0)
-    for shown, colour in ((before, FAINT), (after, INK), *shapes):
-        axes.add_collection(LineCollection(list(outline(shown, cells)), colors=colour, linewidths=1.4))
+    mode = amount * np.ptp(before[:, 0]) * states.field(step, "mode")[:, ::2]
+    shapes = [(before, FAINT), (after, INK), (after + mode, WARNING), (after - mode, CURVE)]
     caption = look.caption(step)
-    axes.set_title(
-        wrapped(f"Bifurcation at {caption.title}: the mode in both directions (arbitrary amplitude)", WIDTH, 13)
-    )
-    _name(figure, axes, caption.subject)
+    title = wrapped(f"Bifurcation at {caption.title}: the mode in both directions (arbitrary amplitude)", WIDTH, 13)
+    everything = np.concatenate([shape for shape, colour in shapes if colour != INK])
+    figure, axes = _section_axes(everything, 0.0, title, caption.subject)
+    for shown, colour in shapes:
+        axes.add_collection(LineCollection(list(outline(shown, cells)), colors=colour, linewidths=1.4))
     return figure
 
 
-def _section_axes(points: Array, foot: float) -> tuple[Figure, Axes]:
-    """Return the axes in mm with equal scales around flat points, shape (n, 2), with ``foot`` inches free below them."""
+def _section_axes(points: Array, foot: float, title: str, subject: str) -> tuple[Figure, Axes]:
+    """Return the axes in mm with equal scales around flat points, shape (n, 2), with ``foot`` inches free below them, under a
+    title and what is drawn."""
     (left, low), (right, high) = points.min(axis=0), points.max(axis=0)
     margin = 0.04 * (right - left)
     wide, tall = right - left + 2 * margin, high - low + 2 * margin
-    inner = 8.6
-    height = min(inner * tall / wide, 6.4)
+    height = min(8.6 * tall / wide, 6.4)
     head, below = 0.55, foot + 0.75
     whole = head + height + below
     figure = Figure((WIDTH, whole), dpi=DPI)
@@ -213,6 +202,8 @@ def _section_axes(points: Array, foot: float) -> tuple[Figure, Axes]:
     axes.set(xlabel="radius in mm", ylabel="height in mm")
     axes.axvline(0.0, color=FAINT, linestyle=(0, (8, 3, 1, 3)), linewidth=1.0)
     axes.grid(False)
+    axes.set_title(title, pad=22, color=title_colour(title))
+    figure.text(0.5, (below + height + 0.06) / whole, subject, ha="center", va="bottom", fontsize=11, color=EDGE)
     return figure, axes
 
 
@@ -474,7 +465,7 @@ def tiled(images: Sequence[tuple[str, Image]], foot: float = 0.0, name: str = ""
     for k, (_, image) in enumerate(images):
         left, top = k % columns * wide, whole - above - k // columns * (tall + head)
         small = Picture.fromarray(image).resize((round(wide * DPI), round(tall * DPI)), Picture.Resampling.BOX)
-        figure.add_artist(Pixels(np.asarray(small), round((top - head - tall) * DPI), round(left * DPI)))
+        figure.figimage(np.asarray(small), round(left * DPI), round((top - head - tall) * DPI), origin="upper")
         place = (left + wide / 2) / WIDTH, (top - 0.6 * head) / whole
         figure.text(*place, titles[k], ha="center", va="center", color=title_colour(titles[k]))
     return figure
@@ -534,38 +525,175 @@ class AtRest:
         self._drawn: dict[str, bytes] = {}
 
     def draw_early(self, folder: Path, name: str) -> None:
-        """Draw them from the first states of results; errors are reported when everything is drawn.
-
-        Args:
-            folder: Results with their ``case.toml``.
-            name: Stem of the result files.
-        """
+        """Draw them from the first states of results with their ``case.toml``; errors are reported when all is drawn."""
         with contextlib.suppress(ResultsError, CaseError, OSError):
             self.pictures(look(StoredStates(folder, name)))
 
     def pictures(self, shown: Look) -> dict[str, bytes]:
         """Return PNG files by their stems, drawn now unless already drawn of this device."""
         if self._of is None or not _same(self._of, shown):
+            figures = {}
             with matplotlib.rc_context(STYLE):
-                self._drawn = self._all(shown)
-            self._of = shown
+                if shown.states.actuator.dimension == 2:
+                    figures["mesh"] = section_mesh(shown)
+                elif can_render():
+                    figures = {"undeformed": undeformed(shown), "mesh": mesh(shown)}
+                self._of, self._drawn = shown, {stem: png(figure) for stem, figure in figures.items()}
         return self._drawn
-
-    def _all(self, shown: Look) -> dict[str, bytes]:
-        figures = {}
-        if shown.states.actuator.dimension == 2:
-            figures["mesh"] = section_mesh(shown)
-        elif can_render():
-            figures = {"undeformed": undeformed(shown), "mesh": mesh(shown)}
-        return {stem: png(figure) for stem, figure in figures.items()}
 
 
 def _same(one: Look, other: Look) -> bool:
     """Return whether two looks show the same mesh in the same way."""
-    return (
-        one.states.actuator == other.states.actuator
-        and np.array_equal(one.states.points, other.states.points)
-        and np.array_equal(one.states.cells, other.states.cells)
-        and np.array_equal(one.kept, other.kept)
-        and np.array_equal(one.direction, other.direction)
-    )
+    pairs = [(look.states.points, look.states.cells, look.kept, look.direction) for look in (one, other)]
+    return one.states.actuator == other.states.actuator and all(map(np.array_equal, *pairs))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The film of a run: the device over its whole path, with fixed camera and colour scale, and the pressure as caption.
+#
+# A GIF with 256 colours, which plays everywhere; a smaller animated WebP in full colour, which browsers play and the report
+# shows. An MP4 too if the package imageio-ffmpeg is installed.
+
+
+FRAMES = 40
+FEWER = (40, 32, 25, 19, 14, 10)
+"""Numbers of frames tried until the GIF is small enough: fewer frames are better than colour banding."""
+WIDE = 960
+"""Width of a frame in pixels."""
+SAMPLE = 4
+"""Number of frames to estimate the size of one in a GIF."""
+LARGEST = 6_000_000
+"""Maximum size of a GIF, in bytes."""
+QUALITY = 80
+"""Quality of the WebP: below, shading shows blocks."""
+SECONDS = 4.0
+"""Seconds from the first to the last frame, and the duration of the last."""
+STANDING = 1.2
+FILM_HEAD, FILM_FOOT = 48, 64
+"""Pixels above and below the device, for the pressure and the colours."""
+
+
+def render_frames(look: Look, count: int = FRAMES) -> list[Image]:
+    """Return pictures of states evenly spaced along the path (see `States.along`), interpolated linearly between steps."""
+    states, scale = look.states, look.scales["von_mises"]
+    last = len(states.rows) - 1
+    camera = look.camera(sorted({0, *states.shown(8), states.main, last}), WIDE, tallest=0.75)
+    count = count if states.loaded and last else 1
+    found = []
+    with studio(camera) as shoot:
+        for place in np.linspace(0.0, 1.0, count):
+            step = float(np.interp(place, states.along, range(last + 1))) if count > 1 else float(last)
+            row, words = states.row(step), states.words
+            text = f"{load(row, words, kilopascals=False)}   {words.gauge} rise {row[f'{words.gauge}_mm']:+.2f} mm"
+            found.append(_captioned(shoot(look.coloured(step, scale)), text, scale))
+    return found
+
+
+def _captioned(image: Image, text: str, scale: Scale) -> Image:
+    """Return a frame with its caption above and its colour bar below."""
+    height, width, _ = image.shape
+    framed = Picture.new("RGB", (width, 2 * ((height + FILM_HEAD + FILM_FOOT) // 2)), "white")
+    framed.paste(Picture.fromarray(image), (0, FILM_HEAD))
+    pen, font = ImageDraw.Draw(framed), ImageFont.load_default(28)
+    pen.text((width / 2, FILM_HEAD / 2), text, fill="#102a43", font=font, anchor="mm")
+    colours = (scale.colours(np.linspace(0, 1, width // 3))[:, :3] * 255).astype(np.uint8)
+    top = framed.height - FILM_FOOT + 26
+    left = (width - len(colours)) // 2
+    framed.paste(Picture.fromarray(np.repeat(colours[None], 18, axis=0)), (left, top))
+    middle, small = top + 9, ImageFont.load_default(22)
+    pen.text((left - 12, middle), f"{scale.low:g}", fill="#102a43", font=small, anchor="rm")
+    end = f"{scale.top:.3g} {scale.unit} and more".replace("  ", " ")
+    pen.text((left + len(colours) + 12, middle), end, fill="#102a43", font=small, anchor="lm")
+    return np.asarray(framed)
+
+
+def gif(images: list[Image]) -> bytes:
+    """Return the frames as a GIF of at most `LARGEST` bytes, dropping frames if necessary."""
+    # One common palette avoids flickering colours.
+    sample = np.concatenate([image[::4, ::4] for image in [*images[:: max(len(images) // 10, 1)], images[-1]]])
+    palette = Picture.fromarray(sample).quantize(256, Picture.Quantize.MAXCOVERAGE)
+
+    @functools.cache
+    def in_palette(k: int) -> Picture.Image:
+        return Picture.fromarray(images[k]).quantize(palette=palette, dither=Picture.Dither.FLOYDSTEINBERG)
+
+    def encoded(places: Sequence[int]) -> bytes:
+        return _animated([in_palette(k) for k in places], "GIF", optimize=False)
+
+    # A few sample frames estimate the size, to avoid encoding all of them repeatedly.
+    some = sorted({int((k + 0.5) / SAMPLE * len(images)) for k in range(SAMPLE)})
+    each = len(encoded(some)) / len(some)
+    begin = next((k for k, count in enumerate(FEWER) if each * min(count, len(images)) <= LARGEST), len(FEWER) - 1)
+    for count in FEWER[begin:]:
+        places = np.unique(np.linspace(0, len(images) - 1, min(count, len(images))).round().astype(int))
+        if len(data := encoded(places.tolist())) <= LARGEST:
+            break
+    return data
+
+
+def webp(images: list[Image]) -> bytes:
+    """Return the frames as an animated WebP, in all their colours."""
+    # Method 2 takes 50 % longer and saves a fifth. Each frame is encoded by itself: skipped small differences show as blocks.
+    return _animated([*map(Picture.fromarray, images)], "WEBP", quality=QUALITY, method=0, kmin=0, kmax=1)
+
+
+def _animated(frames: Sequence[Picture.Image], kind: str, **how: object) -> bytes:
+    """Return frames as a film in one of Pillow's formats, with its options."""
+    times = [round(1000 * SECONDS / len(frames))] * (len(frames) - 1) + [round(1000 * STANDING)]
+    stream = io.BytesIO()
+    frames[0].save(stream, kind, save_all=True, append_images=frames[1:], duration=times, loop=0, **how)
+    return stream.getvalue()
+
+
+def can_mp4() -> bool:
+    """Return whether an encoder is installed."""
+    return importlib.util.find_spec("imageio_ffmpeg") is not None
+
+
+def write_mp4(path: Path, images: list[Image]) -> None:
+    """Write frames as an H.264 film that every browser plays.
+
+    Raises:
+        RuntimeError: The encoder failed.
+    """
+    import imageio_ffmpeg
+
+    height, width, _ = images[0].shape
+
+    def fill(aside: Path) -> None:
+        rate = max(len(images) / SECONDS, 1.0)
+        writer = imageio_ffmpeg.write_frames(
+            str(aside), (width, height), fps=rate, codec="libx264", quality=7, macro_block_size=2,
+            output_params=["-f", "mp4", "-movflags", "+faststart"],
+        )  # fmt: skip
+        writer.send(None)
+        for image in [*images, *[images[-1]] * round(rate * STANDING)]:
+            writer.send(np.ascontiguousarray(image))
+        writer.close()
+
+    try:
+        replace(path, fill)
+    except (OSError, StopIteration) as error:
+        raise RuntimeError(f"the film could not be encoded ({error})") from error
+
+
+def make_film(shown: Look, folder: Path) -> tuple[list[Path], str]:
+    """Render the frames and write the film in each format into a folder.
+
+    Returns:
+        The written files, and a sentence if a format was left out.
+    """
+    frames = render_frames(shown)
+    encoders = {"film.gif": gif, "film.webp": webp}
+    with ThreadPoolExecutor(len(encoders)) as both:  # encoders are written in C and let each other run
+        encoded = {name: both.submit(encoder, frames) for name, encoder in encoders.items()}
+    for name, data in encoded.items():
+        write_bytes(folder / name, data.result())
+    written = [folder / name for name in encoders]
+    if can_mp4():
+        try:
+            write_mp4(folder / "film.mp4", frames)
+        except RuntimeError as error:
+            return written, str(error)
+        written.append(folder / "film.mp4")
+    return written, ""

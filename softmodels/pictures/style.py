@@ -12,20 +12,17 @@ import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
 import numpy.typing as npt
-from matplotlib.artist import Artist
-from matplotlib.backend_bases import RendererBase
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, PowerNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.transforms import Bbox
 from PIL import Image as Picture
 from PIL.PngImagePlugin import PngInfo
 
@@ -60,6 +57,12 @@ STYLE: Any = {  # versions of matplotlib differ in the type of their parameters'
 }
 INK, EDGE, FAINT = "#102a43", "#334e68", "#829ab1"
 CURVE, WARNING, BRANCH = "#2f6f9f", "#c0392b", "#b7791f"
+
+
+def chart(height: float, width: float = WIDTH) -> tuple[Figure, Axes]:
+    """Return a figure of a size in inches that fits its texts, and its only axes."""
+    figure = Figure((width, height), dpi=DPI, layout="constrained")
+    return figure, figure.subplots()
 
 
 def number(value: float) -> str:
@@ -109,27 +112,6 @@ CLIPPED = 99.5
 """Percentile of the nodal values above which the colours end."""
 
 
-class Pixels(Artist):
-    """An image on a page, pixel by pixel, without matplotlib's resampling, which takes ten times as long.
-
-    Args:
-        image: Shape (height, width, 3).
-        above: Pixels below it.
-        left: Pixels to the left of it.
-    """
-
-    def __init__(self, image: npt.NDArray[np.uint8], above: int, left: int = 0):
-        super().__init__()
-        self._image, self._above, self._left = image, above, left
-
-    def get_window_extent(self, renderer: RendererBase | None = None) -> Bbox:
-        return Bbox.from_bounds(self._left, self._above, self._image.shape[1], self._image.shape[0])
-
-    def draw(self, renderer: RendererBase) -> None:
-        opaque = np.full((*self._image.shape[:2], 1), 255, dtype=np.uint8)
-        renderer.draw_image(renderer.new_gc(), self._left, self._above, np.dstack([self._image, opaque])[::-1])
-
-
 @dataclasses.dataclass(frozen=True)
 class Caption:
     """What stands around an image.
@@ -153,9 +135,8 @@ def subject(case: Case) -> str:
     """Return the device and the silicone of a case in words."""
     material = case.material
     silicone = named(material) or material.name
-    return (
-        f"{type(case.actuator).__name__}, {silicone} ({material.shear_modulus_0 / 1e3:.3g} kPa initial shear modulus)"
-    )
+    modulus = f"{material.shear_modulus_0 / 1e3:.3g} kPa initial shear modulus"
+    return f"{type(case.actuator).__name__}, {silicone} ({modulus})"
 
 
 def page(image: npt.NDArray[np.uint8], caption: Caption, scale: Scale | None = None) -> Figure:
@@ -174,7 +155,7 @@ def page(image: npt.NDArray[np.uint8], caption: Caption, scale: Scale | None = N
     foot = FOOT if scale is not None else LOW_FOOT if caption.metres is not None else 0.0
     whole = head + image.shape[0] / DPI + foot
     figure = Figure((WIDTH, whole), dpi=DPI)
-    figure.add_artist(Pixels(image, round(foot * DPI)))
+    figure.figimage(image, 0, round(foot * DPI), origin="upper")
     for above, text, size, colour in placed:
         figure.text(0.5, 1 - above / whole, text, ha="center", va="top", fontsize=size, color=colour)
     if scale is not None:
@@ -186,21 +167,25 @@ def page(image: npt.NDArray[np.uint8], caption: Caption, scale: Scale | None = N
 
 def rulers(figure: Figure, metres: float, axes: Array) -> None:
     """Draw the axes and a scale bar in the lower corners of a page; arguments as of `Caption`."""
-    whole = figure.get_figheight()
-    wide, tall = figure.get_figwidth() * DPI, whole * DPI
+    size = DPI * np.array([figure.get_figwidth(), figure.get_figheight()])
+
+    def line(begin: Array, end: Array, width: float) -> None:
+        figure.add_artist(Line2D(*(np.array([begin, end]) / size).T, color=INK, linewidth=width))
+
+    centre = DPI * np.array([0.9, 0.4])
     for name, way in zip("xyz", axes, strict=True):
-        centre = DPI * np.array([0.9, 0.4])
-        end, size = centre + 0.29 * DPI * way, float(np.linalg.norm(way))
-        if size > 0.15:
-            figure.add_artist(Line2D(*(np.array([centre, end]).T / [[wide], [tall]]), color=INK, linewidth=1.6))
-            place = (end + 0.08 * DPI * way / size) / (wide, tall)
-            figure.text(place[0], place[1], name, ha="center", va="center", fontsize=10, color=INK)
+        if (length := float(np.linalg.norm(way))) > 0.15:
+            line(centre, centre + 0.29 * DPI * way, 1.6)
+            x, y = (centre + (0.29 + 0.08 / length) * DPI * way) / size
+            figure.text(x, y, name, ha="center", va="center", fontsize=10, color=INK)
     length = next(k * 10.0**n for n in range(3, -5, -1) for k in (5, 2, 1) if k * 10.0**n <= 1.44e3 * DPI * metres)
-    half, middle, height = length * 1e-3 / metres / 2 / wide, 0.9, 0.31 * DPI / tall
-    figure.add_artist(Line2D([middle - half, middle + half], [height, height], color=INK, linewidth=2.5))
+    middle, half = np.array([0.9 * size[0], 0.31 * DPI]), np.array([length * 1e-3 / metres / 2, 0.0])
+    line(middle - half, middle + half, 2.5)
+    up = np.array([0.0, 1.0])
     for end in (middle - half, middle + half):
-        figure.add_artist(Line2D([end, end], [height - 6 / tall, height + 6 / tall], color=INK, linewidth=1.6))
-    figure.text(middle, height + 10 / tall, f"{length:g} mm", ha="center", va="bottom", fontsize=10.5, color=INK)
+        line(end - 6 * up, end + 6 * up, 1.6)
+    x, y = (middle + 10 * up) / size
+    figure.text(x, y, f"{length:g} mm", ha="center", va="bottom", fontsize=10.5, color=INK)
 
 
 class Scale:
@@ -302,24 +287,20 @@ class DrawnFolder:
     def __init__(
         self,
         path: Path,
-        shrink: Callable[[Picture.Image], str] | None = None,
+        shrink: Callable[[Picture.Image], str] = lambda image: "",
         each: Callable[[Path], object] = lambda path: None,
     ):
-        self._each = each
-        self.path = path
+        self.path, self._shrink, self._each = path, shrink, each
         self.written: list[Path] = []
-        self._shrink = shrink
         self._beside = ThreadPoolExecutor(1)
         self._pages: dict[str, Future[str]] = {}
 
     def __enter__(self) -> DrawnFolder:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         self._beside.shutdown()  # pictures drawn before an error are written too
-        if error is None:
+        if kind is None:
             self.pages()
 
     def save(self, name: str, figure: Figure, metadata: Mapping[str, str] | None = None) -> None:
@@ -337,7 +318,7 @@ class DrawnFolder:
         def write() -> str:
             image, data = make()
             write_bytes(path, data)
-            return self._shrink(image) if self._shrink else ""
+            return self._shrink(image)
 
         self._pages[path.name] = self._beside.submit(write)
         self.drew(path)
@@ -357,21 +338,14 @@ class DrawnFolder:
 
 
 def drawn(figure: Figure) -> Picture.Image:
-    """Return a figure's pixels, without transparency, which would double the
-    time."""
+    """Return a figure's pixels, without transparency, which would double the time."""
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     return Picture.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
 
 
 def encoded(image: Picture.Image, dpi: float, texts: Mapping[str, str] | None = None) -> bytes:
-    """Return a PNG.
-
-    Args:
-        image: The picture.
-        dpi: Its pixels per inch.
-        texts: What stands in its header.
-    """
+    """Return a picture with ``dpi`` pixels per inch as a PNG; ``texts`` stand in its header."""
     header = PngInfo()
     for key, text in {"Software": "softmodels", **(texts or {})}.items():
         header.add_itxt(key, text)

@@ -21,11 +21,10 @@ from PIL import Image
 import softmodels as sm
 from measurement.series.photo_list import ColumnError
 from softmodels.app import tracing
-from softmodels.app.bench import Photographs
+from softmodels.app.bench import CASE, Photographs, Project
 from softmodels.app.forms import page_words, with_field
-from softmodels.app.material import CURVE
-from softmodels.app.project import CASE, Project
-from softmodels.app.warm import AnswerError
+from softmodels.app.jobs import AnswerError
+from softmodels.app.making import CURVE
 from softmodels.case.case import in_unit
 from softmodels.case.entries import INPUT_ERRORS
 from softmodels.common.errors import FieldError, reason

@@ -13,9 +13,8 @@ pytest.importorskip("nicegui")
 import softmodels as sm
 from measurement.series.photo_list import read_photos
 from softmodels.app import answers
-from softmodels.app.bench import PHOTOGRAPH, Photographs
+from softmodels.app.bench import PHOTOGRAPH, Photographs, Project
 from softmodels.app.forms import page_words
-from softmodels.app.project import Project
 from softmodels.case.case import Case
 from softmodels.common.errors import FieldError
 from tests.app.conftest import TOP

@@ -14,8 +14,8 @@ import softmodels as sm
 from softmodels.api import run as runs, views
 from softmodels.common.cards import Shown
 from softmodels.common.errors import GeometryError
-from softmodels.pictures.film import render_frames
 from softmodels.pictures.offscreen import can_render, look
+from softmodels.pictures.solid import render_frames
 
 SMALL = 40_000
 """Most characters of a card, its picture included."""
@@ -151,7 +151,7 @@ def test_without_a_display_a_device_in_space_is_a_picture(run, wedge, monkeypatc
 
 @pytest.mark.skipif(not can_render(), reason="this machine cannot render")
 def test_the_film_in_each_format(run, tmp_path, monkeypatch):
-    monkeypatch.setattr(views.film, "render_frames", lambda shown: render_frames(look(run._states), 3))
+    monkeypatch.setattr(views.solid, "render_frames", lambda shown: render_frames(look(run._states), 3))
     film = run.animate(tmp_path / "disk.gif")
     assert repr(film).startswith("<Animation of 3 frames, 960 x ") and 'src="data:image/webp;' in film._repr_html_()
     for file in (tmp_path / "disk.gif", film.save(tmp_path / "disk.webp")):

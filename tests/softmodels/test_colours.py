@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from geometries import SeminarActuator
-from softmodels.pictures import film, offscreen, solid
+from softmodels.pictures import offscreen, solid
 from softmodels.pictures.offscreen import look
 from softmodels.pictures.solid import cut_open
 from softmodels.pictures.style import DPI, FOOT, STYLE, Caption, Scale, drawn, load, page
@@ -159,16 +159,16 @@ def test_a_hot_spot_is_marked_on_the_wall_that_has_it(wedge):
 
 def test_a_films_gradients_are_not_banded():
     """A ramp over all colours with shading: dithered, the mean over a few pixels keeps the colour."""
-    ramp = matplotlib.colormaps["viridis"](np.linspace(0, 1, film.WIDE))[:, :3]
+    ramp = matplotlib.colormaps["viridis"](np.linspace(0, 1, solid.WIDE))[:, :3]
     shade = np.linspace(0.6, 1.0, 120)[:, None, None]
     frames = [np.uint8(255 * np.clip(shade * ramp * k, 0, 1)) for k in (0.9, 0.95, 1.0)]
-    with Image.open(io.BytesIO(film.gif(frames))) as made:
+    with Image.open(io.BytesIO(solid.gif(frames))) as made:
         made.seek(2)
         shown = np.asarray(made.convert("RGB"), dtype=float)
-    error = (shown - frames[2]).reshape(15, 8, film.WIDE // 8, 8, 3).mean(axis=(1, 3))
+    error = (shown - frames[2]).reshape(15, 8, solid.WIDE // 8, 8, 3).mean(axis=(1, 3))
     assert np.sqrt((error**2).mean()) < 4.0  # bands of 160 colours of three frames: 7
-    with Image.open(io.BytesIO(film.webp(frames))) as made:
-        assert made.size == (film.WIDE, 120) and made.n_frames == 3
+    with Image.open(io.BytesIO(solid.webp(frames))) as made:
+        assert made.size == (solid.WIDE, 120) and made.n_frames == 3
 
 
 def test_a_cut_has_no_seam_where_images_of_the_slice_meet(half_slab):
@@ -196,7 +196,7 @@ def test_titles_of_three_cavities_stay_within_their_pictures():
     for figure, columns in ((page(image, caption), 1), (solid.tiled([(title, image)] * 3, 1.0, "HollowDisk"), 3)):
         figure.draw_without_rendering()
         wide, tall = figure.bbox.width, figure.bbox.height
-        top = max(image.get_window_extent().y1 for image in [*figure.axes, *figure.artists])
+        top = max(image.get_extent()[3] for image in figure.images)
         boxes = [text.get_window_extent() for text in figure.texts]
         boxes = [box for box in boxes if box.width > 1]
         assert all(box.width < 0.99 * wide / columns and box.y1 <= tall and box.y0 >= top for box in boxes)
@@ -211,10 +211,10 @@ def test_a_gif_that_is_too_large_has_fewer_frames_in_the_same_colours(monkeypatc
         with Image.open(io.BytesIO(data)) as made:
             return made.n_frames, made.getpalette()
 
-    whole = film.gif(frames)
-    monkeypatch.setattr(film, "LARGEST", round(0.9 * len(whole)))
-    less = film.gif(frames)
-    assert len(less) <= film.LARGEST
+    whole = solid.gif(frames)
+    monkeypatch.setattr(solid, "LARGEST", round(0.9 * len(whole)))
+    less = solid.gif(frames)
+    assert len(less) <= solid.LARGEST
     assert opened(whole) == (30, opened(less)[1]) and opened(less)[0] == 25
 
 
@@ -224,7 +224,7 @@ def test_what_changes_slowly_does_not_lag_in_the_film():
     frames = [(across + 2 * k).astype(np.uint8) for k in range(30)]
     for k, frame in enumerate(frames):
         frame[60:90, 6 * k : 6 * k + 30] = 255
-    with Image.open(io.BytesIO(film.webp(frames))) as made:
+    with Image.open(io.BytesIO(solid.webp(frames))) as made:
         assert made.n_frames == len(frames)
         for k, frame in enumerate(frames):
             made.seek(k)

@@ -18,7 +18,7 @@ from softmodels.case.case import Case
 from softmodels.cli import run as module
 from softmodels.cli.run import DrawingProcess
 from softmodels.common.commands import DrawingOptions
-from softmodels.pictures import film, offscreen
+from softmodels.pictures import offscreen, solid
 from softmodels.pictures.offscreen import can_render, look
 from softmodels.pictures.solid import AtRest
 from softmodels.runs.store import StoredStates
@@ -119,14 +119,14 @@ def test_a_run_that_was_killed_leaves_no_process(drawing):
 def test_a_film_is_made_if_it_is_asked_for(section, monkeypatch):
     """And an encoder that fails costs only its own format."""
     frames = [np.full((40, 60, 3), 20 * k, dtype="uint8") for k in range(6)]
-    monkeypatch.setattr(film, "render_frames", lambda shown: frames)
-    monkeypatch.setattr(film, "can_mp4", lambda: True)
+    monkeypatch.setattr(solid, "render_frames", lambda shown: frames)
+    monkeypatch.setattr(solid, "can_mp4", lambda: True)
 
     def broken(path, images):
         raise RuntimeError("the film could not be encoded (broken)")
 
-    monkeypatch.setattr(film, "write_mp4", broken)
-    files, left_out = film.make(look(StoredStates(section.folder, "disk")), section.folder)
+    monkeypatch.setattr(solid, "write_mp4", broken)
+    files, left_out = solid.make_film(look(StoredStates(section.folder, "disk")), section.folder)
     assert [file.name for file in files] == ["film.gif", "film.webp"] and "could not be encoded" in left_out
     for file in files:
         with Picture.open(file) as found:
@@ -178,7 +178,7 @@ def test_lights_without_gloss_are_those_of_vtk(wedge, monkeypatch):
 
 def test_a_large_film_has_fewer_frames_in_its_gif(monkeypatch):
     noise = np.random.default_rng(1).integers(0, 255, (40, 60, 80, 3), dtype=np.uint8)
-    monkeypatch.setattr(film, "LARGEST", 20 * 60 * 80)
-    data = film.gif(list(noise))
+    monkeypatch.setattr(solid, "LARGEST", 20 * 60 * 80)
+    data = solid.gif(list(noise))
     with Picture.open(io.BytesIO(data)) as found:
-        assert 10 <= found.n_frames < 40 and len(data) <= film.LARGEST
+        assert 10 <= found.n_frames < 40 and len(data) <= solid.LARGEST

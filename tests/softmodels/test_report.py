@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from softmodels.pictures.film import LARGEST
 from softmodels.pictures.offscreen import look
 from softmodels.pictures.report import packed
-from softmodels.runs.grid import SECTOR, turn
+from softmodels.pictures.solid import LARGEST
+from softmodels.runs.grid import CUT, SECTOR, turn
 from softmodels.runs.store import StoredStates
 
 VOID = {"meta", "link", "img", "input", "br", "hr"}
@@ -178,3 +178,80 @@ def test_a_long_path_leaves_steps_out_of_the_view(wedge, monkeypatch):
     assert kept == [0, 2, 3, 5]  # the requested ones, first and last
     assert "2 of 6 steps are omitted" in shown["left_out"]
     assert packed(look(states), [0, 5])[0]["steps"][1]["label"].startswith("110 cm")
+
+
+def seen_from(meta, triangles, values, places, size):
+    """Numbers along the colours that a viewer sees at places of the canvas, those in front of all else; NaN beside the device.
+
+    Args:
+        meta: The view's description.
+        triangles: Corners of all its triangles, shape (t, 3, 3).
+        values: There, shape (t, 3).
+        places: From the lower left corner in px, shape (n, 2).
+        size: Of the canvas in px.
+    """
+    flat = projected(meta, triangles, size)
+    depth = triangles @ np.array(meta["direction"])
+    found = []
+    for place in places:
+        (ax, ay), (bx, by), (cx, cy) = np.moveaxis(flat - place, 0, -1)
+        shares = np.stack([bx * cy - by * cx, cx * ay - cy * ax, ax * by - ay * bx], axis=1)
+        with np.errstate(invalid="ignore"):
+            shares /= shares.sum(axis=1, keepdims=True)
+        hit = np.flatnonzero((shares >= 0).all(axis=1) & np.isfinite(shares).all(axis=1))
+        front = hit[np.argmax((shares[hit] * depth[hit]).sum(axis=1))] if len(hit) else None
+        found.append(np.nan if front is None else shares[front] @ values[front])
+    return np.array(found)
+
+
+def projected(meta, points, size):
+    """Where points in m, shape (..., 3), are on the canvas as the view begins, in px from its lower left corner."""
+    towards, (wide, tall) = np.array(meta["direction"]), size
+    right = np.cross(meta["up"], towards) / np.linalg.norm(np.cross(meta["up"], towards))
+    axes = np.stack([right, np.cross(towards, right)])
+    half = meta["scale"] * max(1.0, meta["aspect"] * tall / wide)
+    return (points - np.array(meta["focus"])) @ axes.T * tall / half / 2 + np.array(size) / 2
+
+
+def test_its_view_shows_the_field_in_a_browser(browser, report):
+    """Ten places of the 3-D view, as WebGL has drawn them, have the colour of the field there, within one of the 256 steps
+    of the bar and half of one within the pixel."""
+    folder, _, page = report
+    context = browser.new_context(viewport={"width": 1280, "height": 900})
+    tab = context.new_page()
+    tab.goto((folder / "report.html").as_uri())
+    tab.wait_for_selector('#viewer[data-drawn="yes"]', state="attached")
+    tab.select_option("#viewer-axis", "-1")
+    meta = json.loads(page.texts["viewer-meta"])
+    states = StoredStates(folder, "disk" if "disk" in folder.name else next(folder.glob("*.h5")).stem)
+    shown, skin, step = look(states), states.skin, states.main
+    size = tab.evaluate("(({width, height}) => [width, height])(document.getElementById('viewer-canvas'))")
+    moved, rest = (skin.device(skin.points(points)) for points in (states.moved(step), states.points))
+    triangles, lines = skin.device_triangles(skin.part != CUT), skin.device_lines(skin.edges)
+    along = np.linspace(0.0, 1.0, 200)[:, None, None]
+    ends = np.concatenate([moved[lines], rest[lines]])
+    edges = projected(meta, (1 - along) * ends[:, 0] + along * ends[:, 1], size)
+    dice = np.random.default_rng(1)
+    places = dice.integers((0, 0), size, (400, 2)) + 0.5  # the middles of pixels
+    places = places[[np.linalg.norm(edges - place, axis=-1).min() > 6 for place in places]]
+    ramp = np.array(meta["colours"])
+    for number, (name, scale) in enumerate(shown.scales.items()):
+        tab.select_option("#viewer-field", str(number))
+        tab.wait_for_function(
+            "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))"
+        )
+        values = np.tile(scale.share(states.field(step, name))[skin.nodes], len(skin.images))
+        wanted = seen_from(meta, moved[triangles], values[triangles], places, size)
+        on = np.flatnonzero(np.isfinite(wanted))[:10]
+        assert len(on) == 10
+        read = np.array(tab.evaluate(READ, [[int(x), int(y)] for x, y in places[on]]))
+        colours = np.argmin(np.linalg.norm(read[:, None, :3] - ramp, axis=2), axis=1)
+        assert np.abs(read[:, :3] - ramp[colours]).max() <= 2
+        assert colours / 255 == pytest.approx(wanted[on], abs=1.5 / 255) and np.ptp(wanted[on]) > 0.05
+    context.close()
+
+
+READ = """places => {
+  const gl = document.getElementById("viewer-canvas").getContext("webgl2"), pixel = new Uint8Array(4);
+  return places.map(([x, y]) => { gl.readPixels(x, y, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel); return [...pixel]; });
+}"""

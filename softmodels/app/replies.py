@@ -1,0 +1,203 @@
+"""What the processes beside the server answer, which both sides import: sections, states, edges in photographs."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+from softmodels.common.arrays import Array
+from softmodels.runs.grid import Cells, fine_triangles, outline
+
+PREVIEW = 1600
+"""Longest side of a photograph's preview in px."""
+PARTS = 3
+"""Pieces per edge of a cell that have one colour each."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Section:
+    """An axisymmetric device in one state; lengths in mm.
+
+    Attributes:
+        corners: Corners (t, 3, 2) of small triangles, deformed.
+        values: A field's value in each of them, shape (t,).
+        edges: Its outline, deformed, shape (e, k, 2).
+        rest: Its outline at rest, shape (e, k, 2).
+    """
+
+    corners: Array
+    values: Array
+    edges: Array
+    rest: Array
+
+    @classmethod
+    def of(cls, points: Array, displacement: Array, cells: Cells, values: Array) -> Section:
+        """Return the section of nodes in m, shape (n, 3) with y = 0, and a nodal field."""
+        before, after = points[:, ::2] * 1e3, (points + displacement)[:, ::2] * 1e3
+        fine, triangles = fine_triangles(np.column_stack([after, values]), cells, PARTS)
+        corners = fine[triangles]
+        return cls(
+            corners[..., :2], corners[..., 2].mean(axis=1), _seen(outline(after, cells)), _seen(outline(before, cells))
+        )
+
+    def between(self, other: Section, share: float) -> Section:
+        """Return the section a share of the way to another state of the same mesh."""
+        names = ("corners", "values", "edges")
+        mixed = {name: (1 - share) * getattr(self, name) + share * getattr(other, name) for name in names}
+        return dataclasses.replace(self, **mixed)
+
+
+def _seen(curves: Array) -> Array:
+    """Return the curves without those on the axis, which is inside of the device."""
+    return curves[np.abs(curves[..., 0]).max(axis=1) > 1e-9 * np.abs(curves).max()]
+
+
+@dataclasses.dataclass(frozen=True)
+class StateAnswer:
+    """A state: its row of ``path.csv`` and its section, coloured by von Mises stress in kPa."""
+
+    row: dict[str, object]
+    section: Section
+
+
+@dataclasses.dataclass(frozen=True)
+class PathAnswer:
+    """A path, as ``sm.run(case)`` finds it.
+
+    Attributes:
+        states: From rest to its end.
+        end: Why the path ends before the last requested value; empty if it does not.
+        notes: Warnings.
+        colours: Of the sections, from the lowest value up.
+        breaks_at: Stretch at which the silicone broke when it was pulled; None if unknown.
+    """
+
+    states: list[StateAnswer]
+    end: str
+    notes: list[str]
+    colours: list[str]
+    breaks_at: float | None
+
+
+@dataclasses.dataclass(frozen=True)
+class LinearAnswer:
+    """A solved state with its exact derivatives, for what is near.
+
+    Attributes:
+        case: Text of the case that was solved.
+        pressure: In Pa.
+        values: By column: the rise of each probe in mm, the added volume in ml.
+        by_pressure: Their derivatives per Pa.
+        by_length: Their derivatives per m of each length.
+    """
+
+    case: str
+    pressure: float
+    values: dict[str, float]
+    by_pressure: dict[str, float]
+    by_length: dict[str, dict[str, float]]
+
+    def at(self, pressure: float, changes: Mapping[str, float]) -> dict[str, float]:
+        """Return the values at a pressure in Pa and for lengths changed by so many m, to first order."""
+        step = pressure - self.pressure
+        return {
+            name: value + step * self.by_pressure[name] + sum(d * self.by_length[k][name] for k, d in changes.items())
+            for name, value in self.values.items()
+        }
+
+
+@dataclasses.dataclass
+class Handles:
+    """What can be dragged on a photograph, in px.
+
+    Attributes:
+        zero: Two points on the undeformed surface.
+        roi: Region of interest, as x0, y0, x1, y1.
+        masks: Regions in which no edge is looked for.
+    """
+
+    zero: list[list[float]] | None = None
+    roi: list[float] | None = None
+    masks: list[list[float]] = dataclasses.field(default_factory=list)
+
+    @property
+    def corners(self) -> dict[tuple[str, int, int], tuple[float, float]]:
+        """The points that can be dragged: by what they belong to, its number, and theirs."""
+        found = {("zero", 0, k): (x, y) for k, (x, y) in enumerate(self.zero or [])}
+        for name, number, box in (("roi", 0, self.roi), *(("mask", n, mask) for n, mask in enumerate(self.masks))):
+            if box is not None:
+                found |= {(name, number, 0): (box[0], box[1]), (name, number, 1): (box[2], box[3])}
+        return found
+
+    def drag(self, corner: tuple[str, int, int], x: float, y: float) -> None:
+        """Put a point elsewhere."""
+        name, number, k = corner
+        if name == "zero":
+            assert self.zero is not None
+            self.zero[k] = [x, y]
+        else:
+            box = self.roi if name == "roi" else self.masks[number]
+            assert box is not None
+            box[2 * k : 2 * k + 2] = [x, y]
+
+    def settle(self) -> None:
+        """Put the corners of boxes in order, as after one was dragged past the other."""
+        for box in (self.roi, *self.masks):
+            if box is not None:
+                box[:] = [*map(min, box[:2], box[2:]), *map(max, box[:2], box[2:])]
+
+
+@dataclasses.dataclass(frozen=True)
+class Preview:
+    """A photograph as the page shows it: a JPEG, and the photograph's own size in px."""
+
+    jpeg: bytes
+    width: int
+    height: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Plane:
+    """The screen that was found: the setup's text, and the crossings of its grid in px."""
+
+    setup: str
+    crossings: Array
+    residual: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Traced:
+    """An edge in a photograph.
+
+    Attributes:
+        edge: Its points in px, shape (n, 2).
+        band: Both ends of each point's standard error in px, `enlarged`, shape (2, n, 2).
+        enlarged: How many times as wide as the error the band is, for it to be seen.
+        doubts: What speaks against trusting it, one sentence each.
+        zero: The zero line in px, shape (2, 2), if the photograph or the setup shows one.
+        height, height_error: Above it in m, if the setup has one.
+    """
+
+    edge: Array
+    band: Array
+    enlarged: int
+    doubts: tuple[str, ...]
+    zero: Array | None
+    height: float | None
+    height_error: float | None
+
+
+@dataclasses.dataclass(frozen=True)
+class Overlay:
+    """A simulated outline over a photograph.
+
+    Attributes:
+        curve: In px of the photograph, shape (k, 2).
+        difference: Measured minus simulated height, rms in m, where the simulated outline is not below the undeformed surface;
+            its axis is where that is least.
+    """
+
+    curve: Array
+    difference: float
