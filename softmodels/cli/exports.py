@@ -158,9 +158,9 @@ def export_command(file: Path, output: Path, quiet: bool) -> None:
 @command("reduce")
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="File: NAME.csv, NAME.json, NAME.xml "
-              "(MuJoCo) or NAME.py (SOFA).")  # fmt: skip
-@click.option("--as", "kind", default="", metavar="KIND", help="csv, json, mjcf, sofa or fonsim.  [default: by the file's "
-              "name]")  # fmt: skip
+              "(MuJoCo), NAME.py (SOFA) or NAME.fmu.")  # fmt: skip
+@click.option("--as", "kind", default="", metavar="KIND", help="csv, json, mjcf, sofa, fonsim or fmu.  [default: by the "
+              "file's name]")  # fmt: skip
 @click.option("--face", default="", help="Face that is the tip.  [default: the device's own]")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def reduce_command(folder: Path, output: Path, kind: str, face: str, quiet: bool) -> None:
@@ -169,7 +169,7 @@ def reduce_command(folder: Path, output: Path, kind: str, face: str, quiet: bool
     Over the pressures of the path up to the first limit point: position and rotation of the tip, added volume, their exact
     derivatives by the pressures, the compliance by force and moment on the tip, effective area, arc of constant curvature, and
     95 % bands where the run has them. NAME.xml is a chain of joints for MuJoCo, whose control is the pressure in kPa; NAME.py a
-    scene for SOFA; --as fonsim a pressure-volume curve for FONSim.
+    scene for SOFA; NAME.fmu a unit for co-simulation (FMI 2.0); --as fonsim a pressure-volume curve for FONSim.
 
     \b
     Examples:

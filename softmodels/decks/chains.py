@@ -1,4 +1,4 @@
-"""A reduced model in the words of other programs: tables, a chain for MuJoCo, a scene for SOFA, a curve for FONSim."""
+"""A reduced model in the words of other programs: tables, a chain for MuJoCo, a scene for SOFA, a curve for FONSim, an FMU."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ import dataclasses
 import io
 import json
 import math
+import re
+import sys
+import tempfile
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from xml.etree import ElementTree
@@ -17,8 +20,8 @@ from scipy.spatial.transform import Rotation
 
 from softmodels.case.entries import CaseError
 from softmodels.common.arrays import Array
-from softmodels.common.errors import known_are
-from softmodels.common.files import read_file, replace_text
+from softmodels.common.errors import known_are, required
+from softmodels.common.files import read_file, write_bytes
 from softmodels.decks.deck import WRITTEN
 from softmodels.decks.reduction import SAME, ReducedModel, TipState, across
 from softmodels.runs.outcomes import RunError
@@ -433,13 +436,134 @@ def _mean_stiffness(compliances: Array) -> float:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
+# A unit for co-simulation (FMI 2.0, by pythonfmu): the interpolant, and loads on the tip by its compliance.
+
+
+EXTRA = "fmu"
+"""The extra of this project that brings pythonfmu."""
+MODULE = "softmodels_slave"
+SLAVE = '''"""{written}: {name}.
+
+The tip in equilibrium with the pressure in the cavity, and with force and moment on it to first order; SI units.
+Pressures from {low:.6g} to {high:.6g} Pa; beyond them the ends of the table. Plain Python.
+"""
+
+import bisect
+import json
+import math
+import re
+import sys
+import tempfile
+import pathlib
+from xml.etree import ElementTree
+
+from pythonfmu import Fmi2Causality, Fmi2Slave, Real
+from pythonfmu.enums import Fmi2Status
+
+INPUTS = ("pressure_Pa", "force_x_N", "force_y_N", "force_z_N", "moment_x_Nm", "moment_y_Nm", "moment_z_Nm")
+OUTPUTS = ("tip_x_m", "tip_y_m", "tip_z_m", "tip_qw_1", "tip_qx_1", "tip_qy_1", "tip_qz_1", "added_volume_m3")
+
+
+def product(a, b):
+    """Product of two quaternions, w first."""
+    return [
+        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+    ]
+
+
+def quaternion(turn):
+    """Quaternion of a rotation vector."""
+    angle = math.sqrt(sum(x * x for x in turn))
+    share = math.sin(angle / 2) / angle if angle > 1e-9 else 0.5
+    return [math.cos(angle / 2), *(share * x for x in turn)]
+
+
+class Tip(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.modelName, self.description = "{identifier}", "{written}: {name}"
+        table = json.loads((pathlib.Path(__file__).parent / "table.json").read_text())
+        self.pressures, self.values, self.slopes = table["pressures"], table["values"], table["slopes"]
+        for name in INPUTS:
+            setattr(self, name, 0.0)
+            self.register_variable(Real(name, causality=Fmi2Causality.input, start=0.0))
+        for name in OUTPUTS:
+            setattr(self, name, 0.0)
+            self.register_variable(Real(name, causality=Fmi2Causality.output))
+        self.update()
+
+    def to_xml(self, *options):
+        """Description of the model, with the outputs as what follows from its start."""
+        root = super().to_xml(*options)
+        structure = root.find("ModelStructure")
+        ElementTree.SubElement(structure, "InitialUnknowns").extend(structure.find("Outputs"))
+        return root
+
+    def at(self, pressure):
+        """Cubic Hermite interpolant of the table."""
+        x, k = self.pressures, min(max(bisect.bisect(self.pressures, pressure), 1), len(self.pressures) - 1)
+        h = x[k] - x[k - 1]
+        t = (pressure - x[k - 1]) / h
+        a, b, c, d = (1 + 2 * t) * (1 - t) ** 2, t * (1 - t) ** 2 * h, t * t * (3 - 2 * t), t * t * (t - 1) * h
+        rows = zip(self.values[k - 1], self.slopes[k - 1], self.values[k], self.slopes[k])
+        return [a * y + b * dy + c * z + d * dz for y, dy, z, dz in rows]
+
+    def update(self):
+        within = min(max(self.pressure_Pa, self.pressures[0]), self.pressures[-1])
+        found, loads = self.at(within), [getattr(self, name) for name in INPUTS[1:]]
+        place, turn, volume, rate, C = found[:3], found[3:6], found[6], found[7:13], found[13:]
+        moved = [sum(C[6 * i + j] * loads[j] for j in range(6)) for i in range(6)]
+        pose = [place[i] + moved[i] for i in range(3)] + product(quaternion(moved[3:]), quaternion(turn))
+        for name, value in zip(OUTPUTS, [*pose, volume + sum(r * load for r, load in zip(rate, loads))]):
+            setattr(self, name, value)
+        return within == self.pressure_Pa
+
+    def exit_initialization_mode(self):
+        self.update()
+
+    def do_step(self, current_time, step_size):
+        if not self.update():
+            self.log("the pressure is outside the table", Fmi2Status.warning)
+        return True
+'''
+
+
+def fmu(model: ReducedModel) -> bytes:
+    """Return a unit for co-simulation; loads in directions of unknown compliance do not move it.
+
+    Raises:
+        ImportError: pythonfmu is not installed.
+    """
+    required("pythonfmu", EXTRA)
+    from pythonfmu import FmuBuilder
+
+    low, high = model.span
+    identifier = re.sub(r"\W", "_", f"softmodels_{model.case.name}")
+    text = SLAVE.format(written=WRITTEN, name=model.case.name, identifier=identifier, low=low, high=high)
+    before = list(sys.path)
+    with tempfile.TemporaryDirectory() as name:
+        script, table, made = (Path(name) / file for file in (f"{MODULE}.py", "table.json", "made.fmu"))
+        script.write_text(text, encoding="utf-8")
+        table.write_text(json.dumps(model.knots()))
+        try:
+            FmuBuilder.build_FMU(script, made, project_files=[table])
+        finally:
+            sys.path[:] = before
+            sys.modules.pop(MODULE, None)
+        return made.read_bytes()
+
+
+# ----------------------------------------------------------------------------------------------------------------------
 # Which file is which.
 
 
-WRITERS: dict[str, Callable[[ReducedModel], str]] = {
-    "csv": table_csv, "json": table_json, "mjcf": mjcf, "sofa": sofa_scene, "fonsim": fonsim_csv,
+WRITERS: dict[str, Callable[[ReducedModel], str | bytes]] = {
+    "csv": table_csv, "json": table_json, "mjcf": mjcf, "sofa": sofa_scene, "fonsim": fonsim_csv, "fmu": fmu,
 }  # fmt: skip
-ENDINGS = {".csv": "csv", ".json": "json", ".xml": "mjcf", ".py": "sofa"}
+ENDINGS = {".csv": "csv", ".json": "json", ".xml": "mjcf", ".py": "sofa", ".fmu": "fmu"}
 """What a file is by its ending; FONSim's is named, as it is CSV too."""
 
 
@@ -454,19 +578,22 @@ def write(model: ReducedModel, file: Path, kind: str = "") -> Path:
     Raises:
         CaseError: Another kind or ending, or a file that this program has not written.
         RunError: The model cannot be written as that.
+        ImportError: What writes it is not installed.
     """
-    chosen = kind_of(file, kind)
-    text = WRITERS[chosen](model)
-    replace_text(file, text)
+    made = WRITERS[kind_of(file, kind)](model)
+    write_bytes(file, made if isinstance(made, bytes) else made.encode())
     return file
 
 
 def is_own(file: Path) -> bool:
     """Return whether a file is a reduced model of this program, which may be replaced."""
     try:
-        head = read_file(file)[:4000].decode(errors="replace")
+        content = read_file(file)
     except OSError:
         return False
+    if content.startswith(b"PK"):
+        return f"resources/{MODULE}.py".encode() in content
+    head = content[:4000].decode(errors="replace")
     return WRITTEN in head or head.startswith(("pressure_Pa,", "volume,pressure\nml,kPa\n"))
 
 

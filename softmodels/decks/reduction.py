@@ -580,6 +580,13 @@ class ReducedModel(Shown):
             )
         return self._curves.at(float(np.clip(pressure, low, high)))
 
+    def knots(self) -> dict[str, list[object]]:
+        """Return ``pressures`` (Pa, rising) and there ``values`` and ``slopes`` of position, rotation vector, volume, rate and
+        compliance, 49 each, SI units; cubic Hermite curves through them are the model. 0 where a compliance is not known."""
+        places = np.sort(self.pressures)
+        values, slopes = (np.array([self._curves.row(x, nu) for x in places]) for nu in (0, 1))
+        return {"pressures": places.tolist(), "values": values.tolist(), "slopes": slopes.tolist()}
+
     def _errors(self) -> dict[str, float]:
         """Return the largest errors at every second state of curves through the others: a bound of those of all states."""
         odd = self.states[1:-1:2]
@@ -673,15 +680,27 @@ class Curves:
         self._compliances = [
             (entries, CubicSpline(x[known], compliances[known][:, entries])) for known, entries in groups
         ]
+        self._rate = CubicSpline(x, np.array([one.rate for one in states])[order])
+
+    def _compliance(self, pressure: float, nu: int = 0) -> Array:
+        """Return the compliance, or its derivative, shape (36,); nan where it is not known."""
+        C = np.full(36, np.nan)
+        for entries, spline in self._compliances:
+            if spline.x[0] <= pressure <= spline.x[-1]:
+                C[entries] = spline(pressure, nu)
+        return C
+
+    def row(self, pressure: float, nu: int) -> Array:
+        """Return position, rotation vector, volume, rate and compliance, or their derivatives, shape (49,); 0 where unknown."""
+        curves = (self._place, self._turn, self._volume, self._rate)
+        found = [np.atleast_1d(curve(pressure, nu)) for curve in curves]
+        return np.nan_to_num(np.concatenate([*found, self._compliance(pressure, nu)]))
 
     def at(self, pressure: float) -> TipPose:
         """Return the state at a pressure in Pa."""
         turn = self._turn(pressure)
         omega = np.linalg.solve(inverse_left_jacobian(turn), self._turn(pressure, 1))
-        C = np.full(36, np.nan)
-        for entries, spline in self._compliances:
-            if spline.x[0] <= pressure <= spline.x[-1]:
-                C[entries] = spline(pressure)
+        C = self._compliance(pressure)
         R = Rotation.from_rotvec(turn).as_matrix()
         return TipPose(
             pressure, self._place(pressure), R, float(self._volume(pressure)), C.reshape(6, 6),

@@ -26,7 +26,7 @@ DEVICES = {
     "bellows": (sm.Bellows(), "ecoflex-00-30", 1.0),
     "tube": (sm.Cylinder(), "ecoflex-00-30", 5.0),
     "bending": (sm.BendingBellows(folds=2, cell_size=0.004), "dragon-skin-20", 15.0),
-    "pneunet": (sm.PneuNet(chambers=3, cell_size=0.005), "ecoflex-00-30", 4.0),
+    "pneunet": (sm.PneuNet(), "ecoflex-00-30", 4.0),
 }
 """Device, silicone and highest pressure in kPa."""
 

@@ -168,6 +168,34 @@ def test_chain_in_mujoco(run, model, tmp_path):
     assert turned == pytest.approx(model(1.5e3).compliance[4, 4], rel=0.02)
 
 
+def test_unit_for_co_simulation(run, model, tmp_path):
+    """Pose and volume at a pressure are the model's; a small load adds what compliance and reciprocity say."""
+    fmpy = pytest.importorskip("fmpy", reason="fmpy reads the unit")
+    pytest.importorskip("pythonfmu", reason="pythonfmu writes the unit")
+    from fmpy.validation import validate_fmu
+
+    file = tmp_path / "finger.fmu"
+    run.reduce(file)
+    assert chains.is_own(file) and not validate_fmu(str(file))
+    load = np.array([0.0, 1e-3, -2e-3, 0.0, 3e-5, 0.0])
+    heads = ["pressure_Pa", *(f"force_{x}_N" for x in "xyz"), *(f"moment_{x}_Nm" for x in "xyz")]
+    given = np.array(
+        [(0.0, 1111.0, *[0.0] * 6), (1.0, 1111.0, *[0.0] * 6), (1.0, 2222.0, *load), (2.0, 2222.0, *load)],
+        dtype=[("time", float), *((head, float) for head in heads)],
+    )
+    outputs = [variable.name for variable in fmpy.read_model_description(str(file)).modelVariables][len(heads) :]
+    found = fmpy.simulate_fmu(str(file), stop_time=2.0, output_interval=0.25, input=given, output=outputs)
+    plain, loaded = (np.array(found[k].tolist()[1:]) for k in (3, -1))
+    at = model(1111.0)
+    assert plain == pytest.approx([*at.position, *at.quaternion, at.volume], rel=1e-9, abs=1e-12)
+    at = model(2222.0)
+    moved = at.compliance @ load
+    assert loaded[:3] == pytest.approx(at.position + moved[:3], rel=1e-9)
+    turned = Rotation.from_rotvec(moved[3:]) * Rotation.from_matrix(at.rotation)
+    assert loaded[3:7] == pytest.approx(turned.as_quat(canonical=True, scalar_first=True), abs=1e-9)
+    assert loaded[7] == pytest.approx(at.volume + at.rate @ load, rel=1e-6)
+
+
 def test_tables(model):
     rows = list(csv.DictReader(io.StringIO(chains.table_csv(model))))
     table = json.loads(chains.table_json(model))["table"]
