@@ -877,12 +877,19 @@ class Study(Shown):
         return dataclasses.replace(indices_of(self.plan.inputs, made), surrogate_error=error)
 
     def save(self, file: str | Path) -> Path:
-        """Write the dataset as netCDF.
+        """Write the dataset as netCDF, or as a folder NAME.zarr.
 
         Raises:
-            ImportError: h5netcdf is not installed.
+            StudyError: A folder of that name is no Zarr.
+            ImportError: h5netcdf, or zarr, is not installed.
         """
         path = place("file", file, "a file")
+        if path.suffix == ".zarr":
+            required("zarr", EXTRA)
+            if path.exists() and not (path / ".zgroup").is_file():
+                raise StudyError(f"{path} is there and no Zarr; name another folder")
+            self.dataset.to_zarr(path, mode="w", zarr_format=2)
+            return path
         required("h5netcdf", EXTRA)
         replace(path, lambda aside: self.dataset.to_netcdf(aside, engine="h5netcdf"))
         return path

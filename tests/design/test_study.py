@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib.util
+
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -92,6 +94,13 @@ def test_killed_study_resumes_to_the_same_dataset(files, limits):
     xarray.testing.assert_identical(again.dataset, limits.dataset)
     again.save(files / "limits.nc")
     xarray.testing.assert_identical(xarray.load_dataset(files / "limits.nc", engine="h5netcdf"), limits.dataset)
+    if importlib.util.find_spec("zarr"):
+        with pytest.raises(StudyError, match="no Zarr"):
+            (files / "mine.zarr").mkdir()
+            again.save(files / "mine.zarr")
+        for _ in range(2):
+            again.save(files / "limits.zarr")
+        xarray.testing.assert_identical(xarray.load_dataset(files / "limits.zarr", engine="zarr"), limits.dataset)
     (files / "other.toml").write_text(STUDY.replace("30 kPa", "40 kPa"))
     with pytest.raises(StudyError, match=r"another study: study.inputs changed"):
         study(files / "other.toml", files / "results", resume=True)
