@@ -122,22 +122,31 @@ def fonsim_csv(model: ReducedModel) -> str:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A chain of joints in one plane for MuJoCo: hinges and slides with springs, whose rest positions follow the pressure.
+# A chain of joints for MuJoCo: hinges and slides with springs, whose rest positions follow the pressure.
 #
-# Segments of equal length. Their angles grow linearly along the chain, and all slides move by the same: three numbers, which
-# give the tip any place and angle in the plane. As functions of the pressure they are quartics. In MuJoCo a joint stands for
-# the pressure, three joints are tied to it by these quartics, and tendons are the springs between those and the chain.
+# Segments of equal length. Their angles grow linearly along the chain, and all slides move by the same: three numbers give the
+# tip any place and angle in the plane of bending, three more (leaning out of it, evenly and not, and twist) any pose at all.
+# As functions of the pressure they are quartics. In MuJoCo a joint stands for the pressure, joints are tied to it by these
+# quartics, and tendons are the springs between those and the chain.
 
 
 SEGMENTS = 8
 MOST_TURN = math.radians(0.5)
 """Rotation up to which a device only extends."""
+FLAT = 0.02
+"""Distance of the tip from the plane of bending, in lengths, up to which a chain stays in it."""
 LAG = 0.01
 """Time constant in s of the pressure behind its command."""
 DAMPING = 0.01
 """Damping of a spring over its stiffness, s."""
-DRIVERS = ("bend", "uneven", "extension")
-UNITS = {"bend": 1.0, "uneven": 1.0, "extension": 1.0}
+DRIVERS = ("bend", "uneven", "extension", "lean", "uneven_lean", "twisting")
+FOLLOWED = {
+    "hinge": ("bend", "uneven"),
+    "slide": ("extension", ""),
+    "side": ("lean", "uneven_lean"),
+    "twist": ("twisting", ""),
+}
+"""The numbers that a joint of each kind follows: its share of the first, and of the second by its place along the chain."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -146,55 +155,55 @@ class Chain:
 
     Attributes:
         base: Its beginning, m.
-        along: Direction at rest.
-        normal: Of the plane in which it bends.
+        axes: In columns its direction at rest, the one across it towards which it bends, and the normal of that plane.
         length: At rest, m.
-        quartics: Bend (rad), unevenness (rad) and extension (m) over the pressure's share of the highest: five coefficients
-            each, shape (3, 5).
+        quartics: The numbers (rad and m) over the pressure's share of the highest: five coefficients each, shape (3, 5), or
+            (6, 5) where the tip leaves the plane.
         top: The highest pressure, Pa.
-        hinge, slide: Stiffness of one joint, N m/rad and N/m.
-        side, twist: The same of bending out of the plane and of torsion; 0 where they are not known.
-        hinges: Whether it bends.
+        stiffness: Of one joint of each kind, N m/rad and N/m; 0 where it is not known, or there is none.
         error: Largest distance of the tip from the table's over the length, and angle in degrees.
     """
 
     base: Array
-    along: Array
-    normal: Array
+    axes: Array
     length: float
     quartics: Array
     top: float
-    hinge: float
-    slide: float
-    hinges: bool
-    side: float = 0.0
-    twist: float = 0.0
+    stiffness: dict[str, float]
     error: tuple[float, float] = (0.0, 0.0)
 
-
-def reached(numbers: Array, length: float) -> tuple[float, float, float]:
-    """Return place along and across (m) and angle (rad) of the end of a chain by its bend, unevenness and extension."""
-    bend, uneven, extension = numbers
-    link = length / SEGMENTS
-    x, y, angle = link / 2, 0.0, 0.0
-    for k in range(SEGMENTS):
-        angle += bend / SEGMENTS + uneven * (k - (SEGMENTS - 1) / 2)
-        step = link * (0.5 if k == SEGMENTS - 1 else 1.0) + extension / SEGMENTS
-        x += step * math.cos(angle)
-        y += step * math.sin(angle)
-    return x, y, angle
+    def follows(self, kind: str) -> bool:
+        """Return whether joints of a kind follow the pressure, and not only yield to loads."""
+        return self.stiffness[kind] > 0.0 and DRIVERS.index(FOLLOWED[kind][0]) < len(self.quartics)
 
 
-def _missed(numbers: Array, target: Array, scale: Array, length: float) -> Array:
-    """Return how far the end of a chain is from a target, in lengths and radians."""
-    return (np.array(reached(numbers, length)) - target) * scale
+def reached(numbers: Array, length: float) -> tuple[Array, Array]:
+    """Return place (m) and rotation of the end of a chain by its numbers, along its axes at rest."""
+    bend, uneven, extension, lean, uneven_lean, twist = np.append(numbers, np.zeros(len(DRIVERS) - len(numbers)))
+    link, along = length / SEGMENTS, np.arange(SEGMENTS) - (SEGMENTS - 1) / 2
+    angles = [
+        bend / SEGMENTS + uneven * along,
+        lean / SEGMENTS + uneven_lean * along,
+        np.full(SEGMENTS, twist / SEGMENTS),
+    ]
+    place, R = np.array([link / 2, 0.0, 0.0]), np.eye(3)
+    for k, joint in enumerate(Rotation.from_euler("ZYX", np.transpose(angles)).as_matrix()):
+        R = R @ joint
+        place += (link * (0.5 if k == SEGMENTS - 1 else 1.0) + extension / SEGMENTS) * R[:, 0]
+    return place, R
+
+
+def _missed(numbers: Array, place: Array, R: Array, length: float) -> Array:
+    """Return how far the end of a chain is from a pose, in lengths and radians."""
+    at, turned = reached(numbers, length)
+    return np.concatenate([(at - place) / length, Rotation.from_matrix(R.T @ turned).as_rotvec()])
 
 
 def chain_of(model: ReducedModel) -> Chain:
     """Return the chain that follows a reduced model.
 
     Raises:
-        RunError: The tip leaves the plane of a chain, or its stiffness is not known.
+        RunError: The stiffness of the tip is not known in a direction in which it moves.
     """
     along = (model.states[0].position - model.base) / model.length
     turn = model.turns[-1]
@@ -202,49 +211,51 @@ def chain_of(model: ReducedModel) -> Chain:
     normal = turn / np.linalg.norm(turn) if hinges else across(along)[1]
     normal = normal - (normal @ along) * along
     normal /= np.linalg.norm(normal)
-    side = np.cross(normal, along)
-    moves = np.array([one.position - model.base for one in model.states])
-    if (out := float(np.abs(moves @ normal).max())) > 0.02 * model.length:
+    axes = np.column_stack([along, np.cross(normal, along), normal])
+    places = np.array([one.position - model.base for one in model.states]) @ axes
+    turned = [axes.T @ one.rotation @ axes for one in model.states]
+    out = float(np.abs(places[:, 2]).max())
+    stiffness = _stiffness(model, axes, hinges)
+    if out > FLAT * model.length and not (stiffness["side"] and stiffness["twist"]):
         raise RunError(
-            f"the tip leaves the plane by {1e3 * out:.3g} mm, and a chain bends in one plane; write a table (.csv, .json)"
+            f"the tip leaves the plane of bending by {1e3 * out:.3g} mm, and its stiffness across that is not known; reduce a "
+            f"model of the whole device, or write a table (.csv, .json)"
         )
-    targets = np.column_stack([moves @ along, moves @ side, model.turns @ normal])
-    found, scale = [], np.array([1 / model.length, 1 / model.length, 1.0])
-    for target in targets:
+    count, found = 6 if out > FLAT * model.length else 3, []
+    for place, R, angle in zip(places, turned, model.turns @ normal, strict=True):
         if not hinges:
-            found.append([0.0, 0.0, target[0] - model.length])
+            found.append([0.0, 0.0, place[0] - model.length])
             continue
         # Away from zero: the derivatives are by differences in proportion.
-        guess = [target[2] + 0.01, 0.01, float(np.hypot(*target[:2])) - 0.99 * model.length]
-        solved = least_squares(_missed, guess, xtol=1e-14, gtol=1e-14, args=(target, scale, model.length))
+        guess = [angle + 0.01, 0.01, float(np.linalg.norm(place)) - 0.99 * model.length, 0.01, 0.01, 0.01][:count]
+        solved = least_squares(_missed, guess, xtol=1e-14, gtol=1e-14, args=(place, R, model.length))
         found.append(solved.x)
     top = float(model.pressures[np.argmax(np.abs(model.pressures))])
     shares = model.pressures / top
     powers = shares[:, None] ** np.arange(1 if abs(shares[0]) < 1e-9 else 0, 5)
     fitted = np.linalg.lstsq(powers, np.array(found), rcond=None)[0].T
-    quartics = np.hstack([np.zeros((3, 5 - fitted.shape[1])), fitted])
-    middle = model((model.span[0] + model.span[1]) / 2).compliance
-    turning = np.nan_to_num(middle[3:, 3:])
-    bending, aside, twisting = (float(e @ turning @ e) for e in (normal, side, along))
-    stretching = float(along @ np.nan_to_num(model.states[0].compliance[:3, :3]) @ along)
+    quartics = np.hstack([np.zeros((len(fitted), 5 - fitted.shape[1])), fitted])
+    misses = np.array([
+        _missed(quartics @ share ** np.arange(5), place, R, model.length)
+        for share, place, R in zip(shares, places, turned, strict=True)
+    ])  # fmt: skip
+    angles = np.linalg.norm(misses[:, 3:], axis=1) * hinges
+    error = float(np.linalg.norm(misses[:, :3], axis=1).max()), math.degrees(float(angles.max()))
+    return Chain(model.base, axes, model.length, quartics, top, stiffness, error)
+
+
+def _stiffness(model: ReducedModel, axes: Array, hinges: bool) -> dict[str, float]:
+    """Return the stiffness of one joint of each kind: of rotations in the middle of the range, of extension at rest."""
+    turning = np.nan_to_num(model((model.span[0] + model.span[1]) / 2).compliance[3:, 3:])
+    twisting, aside, bending = (float(e @ turning @ e) for e in axes.T)
+    stretching = float(axes[:, 0] @ np.nan_to_num(model.states[0].compliance[:3, :3]) @ axes[:, 0])
     if stretching <= 0.0 or (hinges and bending <= 0.0):
         raise RunError(
             "the stiffness of the tip is not known in the plane of bending; reduce a model of the whole device"
         )
     known = SAME * max(bending, aside, twisting)
-    hinge, lateral, twist = (SEGMENTS / one if one > known else 0.0 for one in (bending, aside, twisting))
-    slide = SEGMENTS / stretching
-    chain = Chain(model.base, along, normal, model.length, quartics, top, hinge * hinges, slide, hinges, lateral, twist)
-    misses = []
-    for share, target in zip(shares, targets, strict=True):
-        x, y, angle = reached(quartics @ share ** np.arange(5), model.length)
-        misses.append(
-            (
-                math.hypot(x - target[0], y - target[1]) / model.length,
-                math.degrees(abs(angle - target[2]) if hinges else 0.0),
-            )
-        )
-    return dataclasses.replace(chain, error=(max(one for one, _ in misses), max(one for _, one in misses)))
+    soft = {"hinge": bending * hinges, "side": aside, "twist": twisting}
+    return {"slide": SEGMENTS / stretching, **{kind: SEGMENTS / C if known < C else 0.0 for kind, C in soft.items()}}
 
 
 def mjcf(model: ReducedModel) -> str:
@@ -262,26 +273,22 @@ def mjcf(model: ReducedModel) -> str:
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
     ElementTree.SubElement(root, "option", timestep="0.001", integrator="implicitfast", gravity="0 0 0")
     world = ElementTree.SubElement(root, "worldbody")
-    _drivers(world)
-    tilt = np.column_stack([chain.along, np.cross(chain.normal, chain.along), chain.normal])
-    quaternion = Rotation.from_matrix(tilt).as_quat(canonical=True, scalar_first=True)
+    _drivers(world, len(chain.quartics))
+    quaternion = Rotation.from_matrix(chain.axes).as_quat(canonical=True, scalar_first=True)
     body = ElementTree.SubElement(world, "body", name="base", pos=_words(chain.base), quat=_words(quaternion))
     radius = 0.12 * model.length
     _link(body, link / 2, radius, mass)
     for k in range(SEGMENTS):
         long = link * (0.5 if k == SEGMENTS - 1 else 1.0)
         body = ElementTree.SubElement(body, "body", name=f"link{k}", pos=_words([link / 2 if k == 0 else link, 0, 0]))
-        if chain.hinges:
-            ElementTree.SubElement(body, "joint", name=f"hinge{k}", type="hinge", axis="0 0 1", armature="1e-7")
-        for name, axis, stiffness in (("side", "0 1 0", chain.side), ("twist", "1 0 0", chain.twist)):
-            if stiffness:
-                ElementTree.SubElement(
-                    body, "joint", name=f"{name}{k}", type="hinge", axis=axis, armature="1e-7", stiffness=f"{stiffness:.9g}",
-                    damping=f"{DAMPING * stiffness:.9g}",
-                )  # fmt: skip
+        for kind, axis in (("hinge", "0 0 1"), ("side", "0 1 0"), ("twist", "1 0 0")):
+            if not (stiffness := chain.stiffness[kind]):
+                continue
+            spring = {} if chain.follows(kind) else _spring(stiffness)
+            ElementTree.SubElement(body, "joint", name=f"{kind}{k}", type="hinge", axis=axis, armature="1e-7", **spring)
         ElementTree.SubElement(body, "joint", name=f"slide{k}", type="slide", axis="1 0 0", armature="1e-4")
         _link(body, long, radius, mass)
-    turned = Rotation.from_matrix(tilt.T).as_quat(canonical=True, scalar_first=True)
+    turned = Rotation.from_matrix(chain.axes.T).as_quat(canonical=True, scalar_first=True)
     ElementTree.SubElement(
         body, "site", name="tip", pos=_words([link / 2, 0, 0]), quat=_words(turned), size=f"{radius / 3:.6g}"
     )
@@ -297,12 +304,16 @@ def mjcf(model: ReducedModel) -> str:
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _drivers(world: ElementTree.Element) -> None:
-    """Add the joints of the pressure and of the three numbers, of 1 kg: in MuJoCo equalities are as firm as the mass."""
-    for name in ("pressure", *DRIVERS):
+def _drivers(world: ElementTree.Element, count: int) -> None:
+    """Add the joints of the pressure and of the numbers, of 1 kg: in MuJoCo equalities are as firm as the mass."""
+    for name in ("pressure", *DRIVERS[:count]):
         body = ElementTree.SubElement(world, "body", name=name, gravcomp="1")
         ElementTree.SubElement(body, "inertial", pos="0 0 0", mass="1", diaginertia="1e-3 1e-3 1e-3")
         ElementTree.SubElement(body, "joint", name=name, type="slide", axis="1 0 0")
+
+
+def _spring(stiffness: float) -> dict[str, str]:
+    return {"stiffness": f"{stiffness:.9g}", "damping": f"{DAMPING * stiffness:.9g}"}
 
 
 def _link(body: ElementTree.Element, length: float, radius: float, mass: float) -> None:
@@ -313,21 +324,18 @@ def _link(body: ElementTree.Element, length: float, radius: float, mass: float) 
 
 
 def _springs(root: ElementTree.Element, chain: Chain) -> None:
-    """Add the springs of the chain, and tie the three numbers to the pressure."""
+    """Add the springs of the chain, and tie the numbers to the pressure."""
     tendon, equality = ElementTree.SubElement(root, "tendon"), ElementTree.SubElement(root, "equality")
-    for k in range(SEGMENTS):
-        at = k - (SEGMENTS - 1) / 2
-        parts = {"hinge": [("bend", -1 / SEGMENTS), ("uneven", -at)], "slide": [("extension", -1 / SEGMENTS)]}
-        for kind, stiffness in (("hinge", chain.hinge), ("slide", chain.slide)):
-            if kind == "hinge" and not chain.hinges:
-                continue
+    for kind in filter(chain.follows, FOLLOWED):
+        first, second = FOLLOWED[kind]
+        for k in range(SEGMENTS):
             spring = ElementTree.SubElement(
-                tendon, "fixed", name=f"{kind}_spring{k}", stiffness=f"{stiffness:.9g}", damping=f"{DAMPING * stiffness:.9g}",
-                springlength="0",
-            )  # fmt: skip
-            for name, factor in ((f"{kind}{k}", 1.0), *parts[kind]):
-                ElementTree.SubElement(spring, "joint", joint=name, coef=f"{factor:.9g}")
-    for name, quartic in zip(DRIVERS, chain.quartics, strict=True):
+                tendon, "fixed", name=f"{kind}_spring{k}", springlength="0", **_spring(chain.stiffness[kind])
+            )
+            for name, factor in (f"{kind}{k}", 1.0), (first, -1 / SEGMENTS), (second, (SEGMENTS - 1) / 2 - k):
+                if name:
+                    ElementTree.SubElement(spring, "joint", joint=name, coef=f"{factor:.9g}")
+    for name, quartic in zip(DRIVERS, chain.quartics, strict=False):
         ElementTree.SubElement(
             equality,
             "joint",

@@ -19,7 +19,15 @@ import softmodels as sm
 from softmodels.case.materials import MaterialErrors
 from softmodels.cli.exports import reduce_command
 from softmodels.decks import chains
-from softmodels.decks.reduction import Responses, TipFace, continued, fitted_rotation, inverse_left_jacobian, usable
+from softmodels.decks.reduction import (
+    ReducedModel,
+    Responses,
+    TipFace,
+    continued,
+    fitted_rotation,
+    inverse_left_jacobian,
+    usable,
+)
 from softmodels.runs.fields import Row
 
 FINGER = sm.BendingBellows(folds=1, cell_size=0.006)
@@ -166,6 +174,34 @@ def test_chain_in_mujoco(run, model, tmp_path):
     mujoco.mj_step(chain, data, 500)
     turned = Rotation.from_matrix(data.site("tip").xmat.reshape(3, 3) @ before.T).as_rotvec()[1] / moment
     assert turned == pytest.approx(model(1.5e3).compliance[4, 4], rel=0.02)
+
+
+def test_chain_out_of_its_plane(model, tmp_path):
+    """A finger that also turns about its own axis, by up to 20 degrees, as one with helical fibres does."""
+    mujoco = pytest.importorskip("mujoco")
+    along, states = (model.states[0].position - model.base) / model.length, []
+    for one in model.states:
+        Q = Rotation.from_rotvec(math.radians(20.0) * one.pressure / model.states[-1].pressure * along).as_matrix()
+        both = np.kron(np.eye(2), Q)
+        place = model.base + 3.0 * (Q @ (one.position - model.base) - model.length * along) + model.length * along
+        states.append(dataclasses.replace(
+            one, position=place, rotation=Q @ one.rotation, compliance=both @ one.compliance @ both.T
+        ))  # fmt: skip
+    twisted = ReducedModel(model.case, model.face, tuple(states), model.base, "")
+    made = chains.chain_of(twisted)
+    assert made.quartics.shape == (6, 5) and made.error[0] < 0.003 and made.error[1] < 0.3
+    chain = mujoco.MjModel.from_xml_path(str(chains.write(twisted, tmp_path / "chain.xml")))
+    data, last = mujoco.MjData(chain), states[-1]
+    data.ctrl[0] = last.pressure / 1e3
+    mujoco.mj_step(chain, data, 1000)
+    assert np.linalg.norm(data.site("tip").xpos - last.position) < 0.005 * model.length
+    R = data.site("tip").xmat.reshape(3, 3)
+    assert np.linalg.norm(Rotation.from_matrix(R.T @ last.rotation).as_rotvec()) < 0.01
+    blind = [dataclasses.replace(one, compliance=one.compliance.copy()) for one in states]
+    for one in blind:
+        one.compliance[1::2], one.compliance[:, 1::2] = np.nan, np.nan
+    with pytest.raises(sm.RunError, match="leaves the plane"):
+        chains.chain_of(ReducedModel(model.case, model.face, tuple(blind), model.base, ""))
 
 
 def test_unit_for_co_simulation(run, model, tmp_path):
