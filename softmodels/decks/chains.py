@@ -285,7 +285,7 @@ def mjcf(model: ReducedModel) -> str:
             if not (stiffness := chain.stiffness[kind]):
                 continue
             spring = {} if chain.follows(kind) else _spring(stiffness)
-            ElementTree.SubElement(body, "joint", name=f"{kind}{k}", type="hinge", axis=axis, armature="1e-7", **spring)
+            ElementTree.SubElement(body, "joint", spring, name=f"{kind}{k}", type="hinge", axis=axis, armature="1e-7")
         ElementTree.SubElement(body, "joint", name=f"slide{k}", type="slide", axis="1 0 0", armature="1e-4")
         _link(body, long, radius, mass)
     turned = Rotation.from_matrix(chain.axes.T).as_quat(canonical=True, scalar_first=True)
@@ -330,7 +330,7 @@ def _springs(root: ElementTree.Element, chain: Chain) -> None:
         first, second = FOLLOWED[kind]
         for k in range(SEGMENTS):
             spring = ElementTree.SubElement(
-                tendon, "fixed", name=f"{kind}_spring{k}", springlength="0", **_spring(chain.stiffness[kind])
+                tendon, "fixed", _spring(chain.stiffness[kind]), name=f"{kind}_spring{k}", springlength="0"
             )
             for name, factor in (f"{kind}{k}", 1.0), (first, -1 / SEGMENTS), (second, (SEGMENTS - 1) / 2 - k):
                 if name:
