@@ -540,12 +540,7 @@ class Tip(Fmi2Slave):
 
 
 def fmu(model: ReducedModel) -> bytes:
-    """Return a unit for co-simulation; loads in directions of unknown compliance do not move it.
-
-    Raises:
-        ImportError: pythonfmu is not installed.
-    """
-    required("pythonfmu", EXTRA)
+    """Return a unit for co-simulation; loads in directions of unknown compliance do not move it."""
     from pythonfmu import FmuBuilder
 
     low, high = model.span
@@ -609,7 +604,7 @@ def kind_of(file: Path, kind: str = "") -> str:
     """Return the kind of a file.
 
     Raises:
-        CaseError: See `write`.
+        CaseError, ImportError: See `write`.
     """
     chosen = kind or ENDINGS.get(file.suffix.lower(), "")
     if kind and kind not in WRITERS:
@@ -619,6 +614,8 @@ def kind_of(file: Path, kind: str = "") -> str:
         raise CaseError(f"{file} has no ending of a reduced model; take {named}, or name the kind (kind=..., --as)")
     if file.is_dir():
         raise CaseError(f"{file} is a folder; name a file")
+    if chosen == "fmu":
+        required("pythonfmu", EXTRA)
     return chosen
 
 
