@@ -501,9 +501,9 @@ class Actuator(Designable, Castable, Presented, ABC):
         """Fill the current Gmsh model (m) with the shape, the physical groups and the cell sizes; do not mesh."""
 
     @property
-    @abstractmethod
     def mesh_order(self) -> int:
-        """Polynomial order of the cells' geometry."""
+        """Polynomial order of the cells' geometry: of a field ``order`` if the device has one, else 2."""
+        return getattr(self, "order", 2)
 
     most_cells: ClassVar[int] = 3_000_000
     """Maximum expected number of cells; larger meshes are mostly typing errors."""
@@ -715,6 +715,11 @@ class Sectioned(Actuator):
         return 2 if self.section == "axisymmetric" else 3
 
     @property
+    def movable(self) -> tuple[str, ...]:
+        """All but those that are 0: a corner has no faces of a rounding that a mesh could follow."""
+        return tuple(name for name in parameter_names(self) if parameter(self, name) != 0.0)
+
+    @property
     def axis_holds(self) -> tuple[Hold, ...]:
         """Among `holds`: the axis of a section, whose points stay on it; empty for a solid."""
         return (Hold("axis", (1.0, 0.0, 0.0)),) if self.dimension == 2 else ()
@@ -772,10 +777,6 @@ class MirroredHalf(Halved):
     """A device whose full mesh is that of its half, mirrored; a device is a dataclass of it with a `part_field`."""
 
     part: str
-
-    @property
-    def mesh_order(self) -> int:
-        return 2
 
     @property
     @abstractmethod

@@ -28,7 +28,7 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import Halved, Hold, Pour, Recipe, Sectioned, Vector, parameter, parameter_names
+from geometries.actuator import Halved, Hold, Pour, Recipe, Sectioned, Vector
 from geometries.meshing import MM, corners_of, name_boundary, name_groups, place_of
 from geometries.registry import register_device
 from geometries.revolved import TETRAHEDRON, TRIANGLE, Side, carried_along, check_alike, rounded_off, turn_fully
@@ -317,10 +317,6 @@ class Cylinder(Sectioned, Halved):
         return self.dimension == 3 and self.strip > 0.0
 
     @property
-    def mesh_order(self) -> int:
-        return self.order
-
-    @property
     def expected_cells(self) -> float:
         wall, cap, arc = cell_sizes(self)
         radius, outer = self.inner_radius, self.outer_radius
@@ -426,7 +422,7 @@ class Cylinder(Sectioned, Halved):
 
     @property
     def movable(self) -> tuple[str, ...]:
-        return tuple(name for name in parameter_names(self) if name != "strip" and parameter(self, name) != 0.0)
+        return tuple(name for name in super().movable if name != "strip")
 
     def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the points of the boundary at the same share of the same edge of the other's outline; see

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from geometries.actuator import CutPlane, Hold, Recipe, Vector, Wedged, in_halves, parameter_names
+from geometries.actuator import CutPlane, Hold, Recipe, Vector, Wedged, in_halves
 from geometries.meshing import MM, corners_of, name_boundary, name_group, name_groups, place_of
 from geometries.registry import register_device
 from geometries.revolved import (
@@ -484,10 +484,6 @@ class HollowDisk(Wedged):
             )
 
     @property
-    def mesh_order(self) -> int:
-        return self.order
-
-    @property
     def expected_cells(self) -> float:
         radius, outer, solid, far = self.cavity_radius, self.outer_radius, self.dimension == 3, self.cell_size
         if self.profile:
@@ -609,10 +605,6 @@ class HollowDisk(Wedged):
         # The top stays where it is, so every thickness loses the same.
         shares = tuple((share * device.membrane - high) / left for share in device.profile) if left else device.profile
         return dataclasses.replace(device, base=device.base + high, membrane=left, profile=shares)
-
-    @property
-    def movable(self) -> tuple[str, ...]:
-        return tuple(name for name in parameter_names(self) if getattr(self, name, None) != 0.0)
 
     def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the points of the boundary at the same share of the same edge of the other's outline; see

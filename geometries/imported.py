@@ -1112,10 +1112,6 @@ class ImportedActuator(ImportedPart):
         """Names of the file's solids, if there are several."""
         return self.reading.regions
 
-    @property
-    def mesh_order(self) -> int:
-        return self.order
-
     def cast_along(self, pull: Vector | None, level: float | None) -> Recipe:
         if pull is None:
             raise GeometryError("the mould of this part needs its opening direction, such as --pull '0, 0, 1'")

@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import Actuator, CutPlane, Wedged, parameter, parameter_names
+from geometries.actuator import Actuator, CutPlane, Wedged
 from geometries.meshing import MM, corners_of, name_boundary, name_group, name_groups, place_of
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
@@ -575,7 +575,6 @@ class Revolved(Wedged):
     through: float
 
     axial: ClassVar = True
-    mesh_order: ClassVar = 2
     most_cells: ClassVar = 2_000_000
 
     loose: ClassVar[tuple[str, ...]] = ()
@@ -618,10 +617,6 @@ class Revolved(Wedged):
         """Its outline between corners, however its cells cut it."""
         probes = [(float(np.hypot(x, y)), float(z)) for x, y, z in self.probes.values()]
         return whole_edges(self.sides, probes)
-
-    @property
-    def movable(self) -> tuple[str, ...]:
-        return tuple(name for name in parameter_names(self) if parameter(self, name) != 0.0)
 
     def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the points of the boundary at the same share of the same edge of the other's outline; see

@@ -1501,10 +1501,6 @@ class SeminarActuator(MirroredHalf, HeldTip):
         check_seminar(self)
 
     @property
-    def mesh_order(self) -> int:
-        return self.order
-
-    @property
     def expected_cells(self) -> float:
         share, total = 1.0 / self.copies, 0.5 * self.base_width * self.length * self.thickness / self.cell_size**3
         tubes = [(self.manifold_radius * spread(self), self.manifold_bore)]

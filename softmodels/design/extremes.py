@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
+from softmodels.common.names import lazy_module
 from softmodels.design.quantities import (
     QUANTITIES,
     Combine,
@@ -41,11 +42,15 @@ from softmodels.runs.state_values import (
 if TYPE_CHECKING:
     import scipy.sparse
     import ufl
+    from dolfinx import fem
     from ufl.core.expr import Expr
 
     from softmodels.design.quantities import DesignedBody
     from softmodels.mechanics.regions import MaterialRegion
     from softmodels.mechanics.system import State
+else:
+    fem = lazy_module("dolfinx.fem")
+    ufl = lazy_module("ufl")
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -76,9 +81,6 @@ class PeakMeasure(FormMeasure):
         self, design: DesignedBody, fields: Sequence[FieldPart], values_of: ValuesOf, counted_in_stress: bool,
         rest: float = 0.0,
     ):  # fmt: skip
-        import ufl
-        from dolfinx import fem
-
         self._q = fem.Constant(design.system.body.mesh, 1.0)
 
         def excess(field: Expr) -> Expr:
@@ -186,14 +188,11 @@ EVERYWHERE = CellChoice()
 
 def stretch_field(design: DesignedBody, where: CellChoice = EVERYWHERE) -> list[FieldPart]:
     """Return the largest principal stretch in some cells."""
-    import ufl
-
     return _parts(design, lambda _: ufl.sqrt(eigenvalues(design.strain.C)[0]), where)
 
 
 def mises_field(design: DesignedBody, where: CellChoice = EVERYWHERE) -> list[FieldPart]:
     """Return the von Mises stress in shear moduli, of the deviator of (dW/dF) F^T / J, in some cells."""
-    import ufl
 
     def field(region: MaterialRegion) -> Expr:
         F = ufl.variable(design.system.body.deformation_gradient(design.system.potential.displacement))
@@ -225,8 +224,6 @@ def over_parts(
     combine: Combine,
 ) -> tuple[list[ufl.Form], Combine]:
     """Return the integrals of functions of a field (None for 1) over its parts, and a function of each one's sum over them."""
-    from dolfinx import fem
-
     body, one = design.system.body, fem.Constant(design.system.body.mesh, 1.0)
     values = ((one if function is None else function(part.field), part) for function in integrands for part in parts)
     forms = [value * body.hoop * part.measure for value, part in values]
@@ -352,8 +349,6 @@ class PowerMeasure(FormMeasure):
     def __init__(
         self, design: DesignedBody, fields: Sequence[FieldPart], exponent: float, rest: float, counted_in_stress: bool
     ):
-        from dolfinx import fem
-
         self._p, self._rest = exponent, rest
         self._scale = fem.Constant(design.system.body.mesh, 1.0)  # of powers, which would not be numbers otherwise
         functions = [lambda field: ((field - rest) / self._scale) ** exponent, None]
@@ -478,7 +473,7 @@ class NodesMeasure(Measure):
 
     def _by_nodes(self, rates: Array) -> Array:
         """Return the derivatives by the grid's owned nodes, shape (n, d), as those by the mesh's own nodes; see `Slopes.X`."""
-        from dolfinx import fem, la
+        from dolfinx import la
 
         b = fem.Function(self.design.motion.space).x
         b.array[:] = (self._from_nodes.T @ rates).ravel()

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from geometries import Actuator, GeometryError
 from geometries.actuator import cavity_roles, changed, is_length, parameter
 from softmodels.common.arrays import Array
-from softmodels.common.names import Registry
+from softmodels.common.names import Registry, lazy_module
 from softmodels.common.units import quantity as read_quantity
 from softmodels.components.contact import FileShapeTerm, GuidedShapeTerm, Obstacle, RigidShape, ShapeTerm, force_of_all
 from softmodels.design.trials import DesignFailure, JudgedLoad
@@ -44,6 +44,9 @@ if TYPE_CHECKING:
 
     from softmodels.mechanics.component import Component
     from softmodels.mechanics.system import State
+else:
+    fem = lazy_module("dolfinx.fem")
+    ufl = lazy_module("ufl")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -187,8 +190,6 @@ class FormMeasure(Measure):
         self, design: DesignedBody, forms: Sequence[ufl.Form], combine: Combine, *,
         counted_in_stress: bool = False, by_pressure: Sequence[ufl.Form] = (),
     ):  # fmt: skip
-        import ufl
-
         self.design, self.combine, self.counted_in_stress = design, combine, counted_in_stress
         system, form = design.system, design.system.form
         self._forms = [form(one) for one in forms]
@@ -393,8 +394,6 @@ class Mass(DesignQuantity):
     density: float = 1070.0
 
     def measure(self, design: DesignedBody) -> Measure:
-        from dolfinx import fem
-
         body = design.system.body
         # A constant 1, because UFL cannot find the mesh of a form with numbers only.
         solid = fem.Constant(body.mesh, 1.0) * body.hoop * body.measures()[0]
@@ -589,8 +588,6 @@ class BlockedForce(DesignQuantity):
     unit: ClassVar = "N"
 
     def measure(self, design: DesignedBody) -> Measure:
-        import ufl
-
         system = design.system
         actuator, potential = system.body.actuator, system.potential
         if actuator.blocked is None:
@@ -608,8 +605,6 @@ class BlockedForce(DesignQuantity):
 
 def _moved_role(design: DesignedBody, role: str) -> fem.Function:
     """Return the dofs of a unit motion of a role along the lift, zero elsewhere."""
-    from dolfinx import fem
-
     system = design.system
     component = int(np.argmax(system.body.skew @ in_section(system.body.actuator.lift, system.body.actuator.dimension)))
     dimension, found = system.body.entities[role]
@@ -639,9 +634,6 @@ class _StiffnessMeasure(Measure):
     """
 
     def __init__(self, design: DesignedBody):
-        import ufl
-        from dolfinx import fem
-
         self.design, self.system = design, design.system
         system, body, potential = design.system, design.system.body, design.system.potential
         role = body.actuator.pushed
@@ -869,8 +861,6 @@ class OfFace(DesignQuantity):
 
     def integrated(self, design: DesignedBody, way: Array, combine: Combine) -> FormMeasure:
         """Return a function of integrals over the face; see `integrands`."""
-        from dolfinx import fem
-
         body = design.system.body
         try:
             area = body.sheet_face(self.of)[0]
@@ -886,8 +876,6 @@ class OfFace(DesignQuantity):
 
 def _places(design: DesignedBody) -> tuple[Expr, Expr]:
     """Return undeformed and deformed places in UFL, three components each; of a section in its plane."""
-    import ufl
-
     system = design.system
     X = ufl.SpatialCoordinate(system.body.mesh)
     x = X + system.body.displacement(system.potential.displacement)
@@ -921,8 +909,6 @@ class FacePlace(OfFace):
         return self.integrated(design, way, mean)
 
     def integrands(self, along: Expr, one: Expr, X: Expr, x: Expr) -> list[Expr]:
-        import ufl
-
         return [ufl.dot(along, x), one]
 
 
@@ -948,8 +934,6 @@ class Turn(OfFace):
         return self.integrated(design, way, lambda values: _turn(way, values))
 
     def integrands(self, along: Expr, one: Expr, X: Expr, x: Expr) -> list[Expr]:
-        import ufl
-
         square = ufl.dot(X, x) - ufl.dot(along, X) * ufl.dot(along, x)
         return [ufl.dot(along, ufl.cross(X, x)), square, one, *(X[i] for i in range(3)), *(x[i] for i in range(3))]
 
@@ -996,9 +980,6 @@ class DesignedBody:
     """
 
     def __init__(self, solver: Solver):
-        import ufl
-        from dolfinx import fem
-
         self.solver, self.system = solver, solver.system
         system = self.system
         self.motion = MeshMotion(system.body)
@@ -1026,8 +1007,6 @@ class DesignedBody:
 
     @functools.cached_property
     def _gradients(self) -> object:
-        from dolfinx import fem
-
         return fem.Expression(self.strain.F, self.system.points, jit_options=JIT)
 
     def gradients(self) -> Array:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 import scipy.spatial
 
 from softmodels.common.arrays import Array
+from softmodels.common.names import lazy_module
 from softmodels.design.quantities import FormMeasure, Slopes, check_apart
 from softmodels.design.trials import PRESSURE, VOLUME, DesignFailure, JudgedLoad
 from softmodels.mechanics.controls import Tangent, pressure_control, volume_control
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
 
     from softmodels.design.quantities import DesignedBody, Measure
     from softmodels.mechanics.system import State
+else:
+    fem = lazy_module("dolfinx.fem")
+    ufl = lazy_module("ufl")
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -140,8 +144,6 @@ class Transfer:
     """
 
     def __init__(self, old: DesignedBody, new: DesignedBody):
-        from dolfinx import fem
-
         self.old, self.new = old.system, new.system
         self.rest = new.volume_at_rest()
         self._scale = self.old.length_unit / self.new.length_unit  # displacements are scaled by it, pressures are not
@@ -455,9 +457,6 @@ class Adjoint:
     """
 
     def __init__(self, design: DesignedBody):
-        import ufl
-        from dolfinx import fem
-
         self.design, self.system, self.solver = design, design.system, design.solver
         system, potential, compiled = self.system, self.system.potential, design.motion.compiled
         self._lambda = fem.Function(system.space)
@@ -511,8 +510,6 @@ class Adjoint:
 
     def _works(self, forms: list[ufl.Form]) -> list[fem.Form]:
         """Return the compiled work of linear forms on lambda."""
-        import ufl
-
         return [self.system.form(ufl.action(form, self._lambda)) for form in forms]
 
     def _set(self, lam: Array) -> None:
@@ -679,9 +676,6 @@ class Bifurcations:
     """
 
     def __init__(self, design: DesignedBody, adjoint: Adjoint):
-        import ufl
-        from dolfinx import fem
-
         self.design, self.adjoint, self.solver = design, adjoint, design.solver
         system, potential = design.system, design.system.potential
         self._mode = fem.Function(system.space)
