@@ -220,15 +220,6 @@ def frame_points(width: int, height: int, count: int = 21) -> Points:
     return np.column_stack([x.ravel(), y.ravel()])
 
 
-def beyond_projection(start: Points, end: Points) -> Points:
-    """Return what is left (n, 2) of the way from one set of points to another after the best homography, in px.
-
-    Only this part of a lens' distortion matters here: a homography is fitted to the screen's grid anyway.
-    """
-    homography, _ = cv2.findHomography(start, end, 0)
-    return cv2.perspectiveTransform(start.reshape(-1, 1, 2), homography).reshape(-1, 2) - end
-
-
 def _polynomial(powers: Points, radius: Points) -> Points:
     return np.asarray(np.polynomial.polynomial.polyval(radius, powers), dtype=np.float64)
 
@@ -344,7 +335,15 @@ def lens_profile(
     near = np.clip(np.array([1.0, 1.0 - ZOOM, 1.0 + ZOOM]) * focal, glass.min_focal, glass.max_focal)
     cameras = [_at_focal(body, glass, float(length), width, height) for length in near]
     ideal = frame_points(width, height)
-    bends = [np.sqrt(np.mean(beyond_projection(ideal, camera.distort(ideal)) ** 2)) for camera in cameras]
+    bends = []
+    for camera in cameras:
+        # A homography is fitted to the screen's grid anyway, so only what it leaves of the distortion matters.
+        seen = camera.distort(ideal)
+        left = (
+            cv2.perspectiveTransform(ideal.reshape(-1, 1, 2), cv2.findHomography(ideal, seen, 0)[0]).reshape(-1, 2)
+            - seen
+        )
+        bends.append(np.sqrt(np.mean(left**2)))
     return dataclasses.replace(cameras[0], error_px=PROFILE_SHARE * float(max(bends)))
 
 
@@ -356,7 +355,12 @@ def _at_focal(body: lensfunpy.Camera, glass: lensfunpy.Lens, focal: float, width
     unit, size = 0.5 * math.hypot(width, height), min(width, height) - 1
     centre = np.array([(width - 1 + glass.center_x * size) / 2, (height - 1 + glass.center_y * size) / 2])
     ideal = frame_points(width, height)
-    powers = _radial_fit(ideal, _sample(modifier, ideal), centre, unit)
+    maps = [modifier.apply_geometry_distortion(x, y, 1, 1) for x, y in ideal]
+    if maps[0] is None:
+        raise CameraError(
+            "lensfun gives no distortion for this lens at this focal length; calibrate it from chessboards"
+        )
+    powers = _radial_fit(ideal, np.array([found[0, 0] for found in maps], dtype=float), centre, unit)
     pixel = math.hypot(width, height) * body.crop_factor / DIAGONAL  # px per mm on the sensor
     matrix = np.array([[focal * pixel, 0, (width - 1) / 2], [0, focal * pixel, (height - 1) / 2], [0, 0, 1]])
     coefficients = np.concatenate([[unit], centre, powers])
@@ -408,16 +412,6 @@ def _database_file(path: Path) -> lensfunpy.Database:
         return lensfunpy.Database(xml=text, load_common=False, load_bundled=False)
     except lensfunpy.LensfunError:
         raise CameraError(f"{path} is not a lens profile in lensfun's format") from None
-
-
-def _sample(modifier: lensfunpy.Modifier, points: Points) -> Points:
-    """Return lensfun's place in the photograph for each ideal pixel (n, 2)."""
-    maps = [modifier.apply_geometry_distortion(x, y, 1, 1) for x, y in points]
-    if maps[0] is None:
-        raise CameraError(
-            "lensfun gives no distortion for this lens at this focal length; calibrate it from chessboards"
-        )
-    return np.array([found[0, 0] for found in maps], dtype=float)
 
 
 def _radial_fit(ideal: Points, seen: Points, centre: Points, unit: float) -> Points:

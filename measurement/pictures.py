@@ -192,7 +192,8 @@ def read_pixels(path: Path, size: tuple[int, int] | None = None) -> Pixels:
     path = Path(path)
     try:
         with opened(path) as picture:
-            orientation = _turned_by_reader(picture)
+            # What a reader has turned already; HEIC's does.
+            orientation = int(picture.info.get("original_orientation") or 1) if picture.format == "HEIF" else 1
             wide, high = picture.size if orientation not in (5, 6, 7, 8) else picture.size[::-1]
             if size is not None and (wide, high) != size:
                 raise Unmeasurable(f"it has {wide} x {high} pixels, but the setup has {size[0]} x {size[1]}")
@@ -217,7 +218,10 @@ def _decoded(path: Path, picture: Image.Image) -> Pixels:
         if whole is not None and whole.dtype == np.uint16 and whole.shape[1::-1] == picture.size:
             return _colours(whole)
     if picture.mode.startswith("I"):
-        return _colours(_whole_numbers(np.asarray(picture)))
+        values = np.asarray(picture)
+        if values.min() < 0 or values.max() > 65535:
+            raise Unmeasurable("its pixels are numbers of more than 16 bits; save it with 8 or 16 bits per channel")
+        return _colours(values.astype(np.uint16))
     if picture.mode == "CMYK":
         return np.asarray(_from_ink(picture))
     if picture.mode in _UNUSABLE:
@@ -225,7 +229,9 @@ def _decoded(path: Path, picture: Image.Image) -> Pixels:
             f"its pixels are {_UNUSABLE[picture.mode]}; save it as grey or RGB with 8 or 16 bits per channel"
         )
     if picture.has_transparency_data:
-        return _opaque(picture)
+        if (whole := np.asarray(picture.convert("RGBA")))[..., 3].min() < 255:
+            raise Unmeasurable(_CUT_OUT)
+        return whole[..., :3]
     return np.asarray(picture if picture.mode == "RGB" else picture.convert("RGB"))
 
 
@@ -252,13 +258,6 @@ def _colours(deep: npt.NDArray[np.uint16]) -> Pixels:
     return np.repeat(small[..., None], 3, axis=2) if small.ndim == 2 else small
 
 
-def _whole_numbers(values: npt.NDArray[np.generic]) -> npt.NDArray[np.uint16]:
-    low, high = int(values.min()), int(values.max())
-    if low < 0 or high > 65535:
-        raise Unmeasurable("its pixels are numbers of more than 16 bits; save it with 8 or 16 bits per channel")
-    return values.astype(np.uint16)
-
-
 def _from_ink(picture: Image.Image) -> Image.Image:
     """Return Printers' inks as colours: by the file's own profile, or by the plain rule where it has none."""
     profile = picture.info.get("icc_profile")
@@ -272,13 +271,6 @@ def _from_ink(picture: Image.Image) -> Image.Image:
 
 
 _CUT_OUT = "parts of it are transparent, so it was edited; list the original photograph"
-
-
-def _opaque(picture: Image.Image) -> Pixels:
-    whole = np.asarray(picture.convert("RGBA"))
-    if whole[..., 3].min() < 255:
-        raise Unmeasurable(_CUT_OUT)
-    return whole[..., :3]
 
 
 def _check_pages(picture: Image.Image) -> None:
@@ -316,13 +308,6 @@ def free_memory() -> float | None:
     with contextlib.suppress(OSError, ValueError, AttributeError):
         return float(os.sysconf("SC_PHYS_PAGES")) * float(os.sysconf("SC_PAGE_SIZE"))
     return None
-
-
-def _turned_by_reader(picture: Image.Image) -> int:
-    """Return the EXIF orientation that a reader has turned the picture by already; HEIC's does."""
-    if picture.format != "HEIF":
-        return 1
-    return int(picture.info.get("original_orientation") or 1)
 
 
 @functools.cache

@@ -118,7 +118,10 @@ def refine_edge(shading: Shading, contour: Array, factor: float, camera: EdgeSha
         Unmeasurable: The edge fades over more than the profiles can reach, or is nowhere clear.
     """
     length = float(np.linalg.norm(np.diff(contour, axis=0), axis=1).sum())
-    contour = _light_beside(shading, contour, 2.0 * factor)
+    place, normal = stations(contour, 2.0 * factor)
+    ahead, behind = (shading.level(place + sign * 2.0 * factor * normal) for sign in (1.0, -1.0))
+    if not np.nanmedian(ahead - behind) > 0.0:  # the normals shall point to the light
+        contour = contour[::-1]
     spacing, reach = max(2.0 * factor, length / 400.0), 4.0 * factor + 4.0
     for _ in range(4):
         edge = _edge_in(Profiles.across(shading, contour, spacing, reach))
@@ -132,13 +135,6 @@ def refine_edge(shading: Shading, contour: Array, factor: float, camera: EdgeSha
     spacing = max(3.0, float(np.linalg.norm(np.diff(edge.px, axis=0), axis=1).sum()) / MOST_STATIONS)
     reach = float(np.clip(4.5 * width + 2.0, 5.0, 250.0))
     return _edge_in(Profiles.across(shading, edge.px, spacing, reach), shading, camera)
-
-
-def _light_beside(shading: Shading, path: Array, reach: float) -> Array:
-    """Return the path in the direction whose normals, as `stations` draws them, point to the light."""
-    place, normal = stations(path, reach)
-    ahead, behind = (shading.level(place + sign * reach * normal) for sign in (1.0, -1.0))
-    return path if np.nanmedian(ahead - behind) > 0.0 else path[::-1]
 
 
 def _edge_in(profiles: Profiles, shading: Shading | None = None, camera: EdgeShape | None = None) -> Edge:

@@ -290,7 +290,11 @@ def measure_all(
     after = judged(before)
     for k, result in enumerate(after):
         if pictures is not None and result is not before[k]:
-            _draw_again(result, setup, zero, tone, pictures)
+            with contextlib.suppress(Unmeasurable):  # it could be read a moment ago; what is drawn already stays
+                photo = result.photograph
+                image = read_pixels(photo.file, setup.camera.size)
+                traced = trace_image(image, setup, tone, zero.tone, photo.anyway)
+                draw_edge(pictures / f"{result.name}.png", image, setup, traced, result.outcome, photo.pressure)
     return after
 
 
@@ -320,13 +324,6 @@ def judged(results: Sequence[Result]) -> list[Result]:
 
 def _outlines(outcomes: Sequence[Outline | Refusal]) -> dict[int, Outline]:
     return {k: outcome for k, outcome in enumerate(outcomes) if isinstance(outcome, Outline)}
-
-
-def _draw_again(result: Result, setup: Setup, zero: ZeroLine, tone: str, pictures: Path) -> None:
-    with contextlib.suppress(Unmeasurable):  # it could be read a moment ago; what is drawn already stays
-        image = read_pixels(result.photograph.file, setup.camera.size)
-        traced = trace_image(image, setup, tone, zero.tone, result.photograph.anyway)
-        draw_edge(pictures / f"{result.name}.png", image, setup, traced, result.outcome, result.photograph.pressure)
 
 
 def _unforeseen(error: Exception) -> str:

@@ -118,15 +118,13 @@ class Column:
         Raises:
             ColumnError: A level that is not a length.
         """
-        levels = [_level(text) for text in (left, right)]
+        levels = []
+        for text in (left, right):
+            value, is_length = _length_or_pressure(text)
+            if not is_length and value != 0.0:
+                raise ColumnError(f"{text!r} is not the level of a tube; write it like 31.2 cm")
+            levels.append(value)
         return self.read(f"{levels[0] - levels[1]!r} m", error)
-
-
-def _level(text: str) -> float:
-    value, is_length = _length_or_pressure(text)
-    if not is_length and value != 0.0:
-        raise ColumnError(f"{text!r} is not the level of a tube; write it like 31.2 cm")
-    return value
 
 
 def _length_or_pressure(text: str) -> tuple[float, bool]:

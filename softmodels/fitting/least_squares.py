@@ -519,7 +519,7 @@ def objections(fit: LeastSquaresFit, modulus: Callable[[Mapping[str, float]], fl
         modulus: The law's small-strain shear modulus in Pa at parameter values.
     """
     found = [
-        f"{p.words} ended at its bound {with_unit(bound, p)}, so its value and interval are meaningless"
+        f"{p.words} ended at its bound {f'{bound:.4g} {p.unit}'.rstrip()}, so its value and interval are meaningless"
         for p in fit.free
         if (bound := fit.at_bounds.get(p.name)) is not None and bound not in p.answers
     ]
@@ -530,11 +530,6 @@ def objections(fit: LeastSquaresFit, modulus: Callable[[Mapping[str, float]], fl
             f"the data do not determine the shear modulus: {value / 1e3:.4g} kPa with a standard error of {error / 1e3:.3g} kPa"
         )
     return tuple(found)
-
-
-def with_unit(value: float, p: Parameter) -> str:
-    """Return a parameter's value with its unit."""
-    return f"{value:.4g} {p.unit}".rstrip()
 
 
 def _undetermined(fit: LeastSquaresFit, p: Parameter) -> str:

@@ -290,7 +290,8 @@ class Problem:
             if not self.count:
                 raise
             return np.full(self.count, np.nan)
-        rows = np.concatenate([*parts, self._prior_residuals(values)])
+        priors = [(values[p.name] - p.prior.mean) / p.prior.error for p in self.free if p.prior]
+        rows = np.concatenate([*parts, priors])
         self.count = len(rows)
         return rows
 
@@ -321,9 +322,6 @@ class Problem:
             assert p.prior
             block[row, column[p.name]] = 1 / p.prior.error
         return np.vstack([*blocks, block]), rows
-
-    def _prior_residuals(self, values: Mapping[str, float]) -> Array:
-        return np.array([(values[p.name] - p.prior.mean) / p.prior.error for p in self.free if p.prior])
 
     def solve(self, x: Array, tolerance: float, most: int) -> OptimizeResult:
         """Run scipy's trust-region method from ``x``, whose residuals must be numbers."""

@@ -244,7 +244,7 @@ def thinned(curve: TensileCurve, most: int = MOST_POINTS) -> TensileCurve:
         return curve
     steps = most
     while True:
-        stretch, stress, _ = _averaged(curve, steps)
+        stretch, stress, _ = averaged(curve, steps)
         missed = _missed(curve, stretch, stress, 2 * steps)
         if missed <= KEPT * float(np.abs(curve.stress).max()) or 2 * steps > min(FINEST, len(curve.stretch) // 2):
             break
@@ -295,13 +295,7 @@ def _history_thinned(curve: TensileCurve, most: int) -> TensileCurve:
     )  # fmt: skip
 
 
-def averaged(curve: TensileCurve, steps: int) -> tuple[Array, Array]:
-    """Return the mean stretch and mean stress in Pa of each of ``steps`` equal steps of stretch that has a reading."""
-    stretch, stress, _ = _averaged(curve, steps)
-    return stretch, stress
-
-
-def _averaged(curve: TensileCurve, steps: int) -> tuple[Array, Array, npt.NDArray[np.int64]]:
+def averaged(curve: TensileCurve, steps: int) -> tuple[Array, Array, npt.NDArray[np.int64]]:
     """Return the mean stretch, mean stress and number of readings of every step that has any."""
     edges = np.linspace(curve.stretch[0], curve.stretch[-1], steps + 1)
     place = np.clip(np.searchsorted(edges, curve.stretch, "right") - 1, 0, steps - 1)
@@ -314,7 +308,7 @@ def _averaged(curve: TensileCurve, steps: int) -> tuple[Array, Array, npt.NDArra
 def _missed(curve: TensileCurve, stretch: Array, stress: Array, halves: int) -> float:
     """Return the largest distance in Pa between the averages, joined by straight lines, and averages over halves of their
     steps."""
-    finer, fine, counts = _averaged(curve, halves)
+    finer, fine, counts = averaged(curve, halves)
     # A half step with few readings shows its noise instead of the curve's curvature.
     firm = (counts >= max(1, int(np.median(counts)) // 2)) & (finer >= stretch[0]) & (finer <= stretch[-1])
     off = np.abs(np.interp(finer, stretch, stress) - fine)[firm]
@@ -359,7 +353,7 @@ def evened(curve: TensileCurve) -> TensileCurve:
     """
     if len(curve.stretch) < 2 * STEPS:
         return curve
-    means, stress = averaged(curve, STEPS)
+    means, stress, _ = averaged(curve, STEPS)
     edges = np.linspace(curve.stretch[0], curve.stretch[-1], STEPS + 1)
     middles = (edges[1:] + edges[:-1]) / 2
     stretch = middles[np.clip(np.searchsorted(edges, means, "right") - 1, 0, STEPS - 1)]

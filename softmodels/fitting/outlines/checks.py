@@ -440,7 +440,12 @@ def by_course(rows: Sequence[HeightRow]) -> WrongRows | None:
         return None
     pair = exchanged(rows)
     if pair is not None:
-        return WrongRows((pair[0].source, pair[1].source), _exchange(*pair), any(map(_gross, pair)))
+        one, two = pair
+        said = (
+            f"{one.source} and {two.source} seem exchanged: expected {reading(one.expected)} for the first and "
+            f"{reading(two.expected)} for the second, but their rows have {reading(one.pressure)} and {reading(two.pressure)}"
+        )
+        return WrongRows((one.source, two.source), said, any(map(_gross, pair)))
     return WrongRows(tuple(one.source for one in found), "; ".join(map(_sentence, found)), any(map(_gross, found)))
 
 
@@ -518,13 +523,6 @@ def _sentence(one: WrongReading) -> str:
     return (
         f"{one.source} contradicts the others: expected {reading(one.expected)} at its height, its "
         f"row has {reading(one.pressure)}, {share}"
-    )
-
-
-def _exchange(one: WrongReading, two: WrongReading) -> str:
-    return (
-        f"{one.source} and {two.source} seem exchanged: expected {reading(one.expected)} for the first and "
-        f"{reading(two.expected)} for the second, but their rows have {reading(one.pressure)} and {reading(two.pressure)}"
     )
 
 
