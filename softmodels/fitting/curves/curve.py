@@ -541,11 +541,24 @@ class TensileCurve:
             )
         if self.time is None and (np.diff(self.stretch) < 0.0).any():
             raise TensileError(f"{self.name}: the stretch does not rise from row to row; give one loading ramp, sorted")
-        try:
-            _check_rest(self)
-            _check_modulus(self)
-        except TensileError as error:
-            raise TensileError(f"{self.name}: {error}") from None
+        top = float(np.abs(self.stress).max())
+        if top == 0.0:
+            raise TensileError(f"{self.name}: every stress is zero")
+        # Within half a percent of rest, even the stiffest start is far below a tenth of the largest stress.
+        at_rest = np.abs(self.stress[np.abs(self.stretch - 1) < 0.005])
+        if len(at_rest) and at_rest.min() > 0.1 * top and self.stretch.max() > 1.2:
+            raise TensileError(
+                f"{self.name}: the stress at stretch 1 is {at_rest.min() / 1e3:.4g} kPa instead of zero; subtract the load "
+                "cell's offset first"
+            )
+        modulus, (least, most) = small_modulus(self), INITIAL_MODULUS_RANGE
+        if not modulus > 0.0:
+            raise TensileError(f"{self.name}: the stress decreases with the stretch; check its sign and the columns")
+        if not least <= modulus <= most:
+            raise TensileError(
+                f"{self.name}: the curve starts with a shear modulus of {modulus / 1e3:.3g} kPa; silicones and soft rubbers "
+                f"have {least / 1e3:g} to {most / 1e3:g} kPa, so check the unit of the stress (a factor 1000?)"
+            )
         return self
 
     def within(self, low: float, high: float) -> TensileCurve:
@@ -846,21 +859,6 @@ def loop(stretch: Array, stress: Array) -> float:
     return max(1.0 - work(down) / work(up), 0.0) if work(up) > 0.0 else 0.0
 
 
-def _check_rest(curve: TensileCurve) -> None:
-    """Reject a stress in the undeformed state, as from a load cell that was not tared."""
-    top = float(np.abs(curve.stress).max())
-    if top == 0.0:
-        raise TensileError("every stress is zero")
-    near = np.abs(curve.stretch - 1) < 0.005
-    if near.any():
-        # Within half a percent of rest, even the stiffest start is far below a tenth of the largest stress.
-        at_rest = float(np.abs(curve.stress[near]).min())
-        if at_rest > 0.1 * top and curve.stretch.max() > 1.2:
-            raise TensileError(
-                f"the stress at stretch 1 is {at_rest / 1e3:.4g} kPa instead of zero; subtract the load cell's offset first"
-            )
-
-
 def small_modulus(curve: TensileCurve) -> float:
     """Return the shear modulus in Pa of a neo-Hookean fit to the first part of a ramp (to stretch 1.5, or its first half)."""
     top = max(1.5, float(curve.stretch[curve.stretch > 1][:LEAST_POINTS].max(initial=1.0)))
@@ -870,15 +868,3 @@ def small_modulus(curve: TensileCurve) -> float:
     if not len(L):
         return math.nan
     return float(shape @ curve.stress[part] / (shape @ shape))
-
-
-def _check_modulus(curve: TensileCurve) -> None:
-    modulus = small_modulus(curve)
-    if not modulus > 0.0:
-        raise TensileError("the stress decreases with the stretch; check its sign and the columns")
-    low, high = INITIAL_MODULUS_RANGE
-    if not low <= modulus <= high:
-        raise TensileError(
-            f"the curve starts with a shear modulus of {modulus / 1e3:.3g} kPa; silicones and soft rubbers have "
-            f"{low / 1e3:g} to {high / 1e3:g} kPa, so check the unit of the stress (a factor 1000?)"
-        )

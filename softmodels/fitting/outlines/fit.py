@@ -43,7 +43,7 @@ from softmodels.fitting.outlines.checks import (
     within_chance,
 )
 from softmodels.fitting.outlines.creeping import CreepingResiduals
-from softmodels.fitting.outlines.device import DeviceModel, MeasuredDevice
+from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.outlines.residuals import (
     Height,
     HeightResiduals,
@@ -233,28 +233,6 @@ def try_outlines(
             raise UnsoundError(f"{said} (with all photographs: {error})") from None
         raise
     return LawTrial(tuple(chosen), fit, judge_outlines(chosen, fit, series, good), series)
-
-
-def try_heights(
-    device: DeviceModel,
-    heights: Sequence[Height],
-    changes: Changes = MappingProxyType({}),
-    loss: str = "linear",
-) -> LawTrial[HeightResiduals]:
-    """Fit a law to heights whose series has no row that contradicts the others.
-
-    Raises:
-        UnsoundError: It has.
-        FitError: The fit fails.
-    """
-    columns = [(one.height, one.pressure, one.pressure_error, one.height_error) for one in heights]
-    rows, _ = series_of(device, [one.source for one in heights], *np.array(columns).T)
-    wrong = by_course(rows)
-    if wrong:
-        raise UnsoundError(wrong.whole)
-    source = HeightResiduals(device, heights)
-    fit = least_squares_of_heights(source, changes=changes, loss=loss)
-    return LawTrial((source,), fit, judge_heights(source, fit))
 
 
 PROFILE_POINTS = 6
@@ -519,8 +497,14 @@ class _Task:
         trials: dict[str, LawTrial[HeightResiduals]] = {}
         for choice in self.choices:
             model = self.devices[0].model(choice, comm)
-            checked = check_heights(heights, model.silhouette.width)
-            trials[choice.name] = try_heights(model, checked, self.changes(choice), self.options.loss)
+            usable = check_heights(heights, model.silhouette.width)
+            columns = [(one.height, one.pressure, one.pressure_error, one.height_error) for one in usable]
+            rows, _ = series_of(model, [one.source for one in usable], *np.array(columns).T)
+            if wrong := by_course(rows):
+                raise UnsoundError(wrong.whole)
+            source = HeightResiduals(model, usable)
+            fit = least_squares_of_heights(source, changes=self.changes(choice), loss=self.options.loss)
+            trials[choice.name] = LawTrial((source,), fit, judge_heights(source, fit))
         how = (
             "mean square deviation of the largest deflections at the raw readings, errors from the "
             "scatter and from the bench's priors"
@@ -533,16 +517,16 @@ class _Task:
         comparison = compare([trial.fit for trial in trials.values()])
         laws = [self._law(trials[ranked.fit.label], ranked.fit) for ranked in comparison.ranked]
         first: LawTrial[Source] = next(iter(trials.values()))
-        words: list[tuple[str, str]] = [self._in_words(source, first.fit) for source in first.sources]
-        notes = [*notes, *(told for _, told in words if told)]
-        devices = tuple(device for device, _ in words)
-        return FitReport(tuple(laws), comparison, self.curves, how, devices=devices, notes=tuple(map(spoken, notes)))
-
-    def _in_words(self, source: OutlineResiduals | HeightResiduals, fit: LeastSquaresFit) -> tuple[str, str]:
-        """Return a device with its measurements, and a sentence on its loads and heights, or ""."""
-        name, kind = source.device or self.devices[0].name, type(source.model.system.body.actuator).__name__
-        told = source.model.told(source.own(fit.values))
-        return f"{name}: {kind}, {source.in_words}", f"{source.device}: {told}" if source.device and told else told
+        devices, notes = [], [*notes]
+        for source in first.sources:
+            kind, told = (
+                type(source.model.system.body.actuator).__name__,
+                source.model.told(source.own(first.fit.values)),
+            )
+            devices.append(f"{source.device or self.devices[0].name}: {kind}, {source.in_words}")
+            notes += [f"{source.device}: {told}" if source.device else told] if told else []
+        said = tuple(map(spoken, notes))
+        return FitReport(tuple(laws), comparison, self.curves, how, devices=tuple(devices), notes=said)
 
     def _law[Source: (OutlineResiduals, HeightResiduals)](
         self, trial: LawTrial[Source], fit: LeastSquaresFit
