@@ -378,17 +378,11 @@ def lens_of(given: Sequence[float]) -> Array:
     return np.array([*given, *[0.0] * (5 - len(given))])
 
 
-def _lit_screen(scene: Scene) -> tuple[Rays, Image]:
-    """Rays, and the light (h, w) of the bare screen."""
-    rays, light = _light_of(
-        Scene(
-            width=scene.width, height=scene.height, focal_px=scene.focal_px, pixel_size=scene.pixel_size, tilt=scene.tilt,
-            pan=scene.pan, roll=scene.roll, grid_pitch=scene.grid_pitch, line_width=scene.line_width,
-            line_grey=scene.line_grey, unevenness=scene.unevenness,
-            distortion=tuple(map(float, scene.distortion)), target=(float(scene.target[0]), float(scene.target[1])),
-        )
-    )  # fmt: skip
-    return rays, light.copy()
+_SCREEN = (
+    "width", "height", "focal_px", "pixel_size", "tilt", "pan", "roll", "grid_pitch", "line_width", "line_grey", "unevenness",
+    "distortion", "target",
+)  # fmt: skip
+"""What the bare screen's light depends on."""
 
 
 @functools.lru_cache(maxsize=1)
@@ -422,7 +416,10 @@ def photograph(
     truth = truth_of(scene)
     rng = np.random.default_rng(seed)
     _check(truth)
-    rays, light = _lit_screen(scene)
+    known = {name: getattr(scene, name) for name in _SCREEN}
+    known |= {name: tuple(map(float, known[name])) for name in ("distortion", "target")}
+    rays, bare = _light_of(Scene(**known))
+    light = bare.copy()
     shadows = [
         shadowed(rays, _polygon(shape) * scene.magnification, scene.penumbra, scene.ambient, scene.lamp)
         for shape in ([] if outline is None else [outline, *things])

@@ -356,10 +356,7 @@ def measure_crossings(
     for last in (False, True):
         nodes = _nodes(camera, plane)
         ideal, indices, sigma = _measure(gray, camera, plane, nodes, half, depth)
-        if len(indices) < MIN_LINES or any(np.ptp(indices, axis=0) < 1):
-            raise GridError(
-                f"only {len(indices)} crossings of the grid can be measured; at least {MIN_LINES} are needed"
-            )
+        _check_count(indices)
         if not last:
             # Windows well centred on their lines cut off no darkness on one side.
             try:
@@ -367,6 +364,11 @@ def measure_crossings(
             except PlaneError:
                 raise GridError("the grid's crossings lie on one line; show more of the grid") from None
     return camera.distort(ideal), indices, sigma
+
+
+def _check_count(indices: NDArray[np.int64]) -> None:
+    if len(indices) < MIN_LINES or any(np.ptp(indices, axis=0) < 1):
+        raise GridError(f"only {len(indices)} crossings of the grid can be measured; at least {MIN_LINES} are needed")
 
 
 def _nodes(camera: Camera, plane: Plane) -> NDArray[np.int64]:
@@ -778,8 +780,7 @@ def checked(px: Points, indices: NDArray[np.int64], sigma: Points, plane: Plane)
     Raises:
         GridError: Too few points, a residual too large, or a grid turned by about 45 degrees.
     """
-    if len(px) < MIN_LINES:
-        raise GridError(f"only {len(px)} crossings of the grid can be measured; at least {MIN_LINES} are needed")
+    _check_count(indices)
     missed = plane.to_pixels(indices.astype(float)) - plane.points
     residual = float(np.sqrt(np.mean(np.sum(missed**2, axis=1))))
     axes = np.linalg.inv(plane.jacobian(plane.points.mean(axis=0))[0])  # px per index; columns are the grid's axes
@@ -808,10 +809,7 @@ def _without_outliers(
     keep = np.isfinite(ideal).all(axis=1)
     total = len(px)
     while True:
-        if keep.sum() < MIN_LINES or any(np.ptp(indices[keep], axis=0) < 1):
-            raise GridError(
-                f"only {int(keep.sum())} crossings of the grid can be measured; at least {MIN_LINES} are needed"
-            )
+        _check_count(indices[keep])
         try:
             plane = weighted_plane(ideal[keep], indices[keep].astype(float), sigma[keep])
         except PlaneError as error:

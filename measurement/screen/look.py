@@ -74,14 +74,9 @@ class LineShape:
             inks: Share of light (2, k) that the lines let through there, relative to that at the profiles' end.
         """
         seen = [axis for axis in (0, 1) if 1.0 - inks[axis].min() > LEAST_DEPTH]
-        lines: list[LineShape | None] = [None, None]
-        if seen:
-            for axis, line in zip(seen, cls._of_one_ink(distance, inks[seen]), strict=True):
-                lines[axis] = line
-        return lines[0], lines[1]
-
-    @classmethod
-    def _of_one_ink(cls, distance: Array, inks: Array) -> list[LineShape]:
+        if not seen:
+            return None, None
+        inks = inks[seen]
         depth, end = float(1.0 - inks.min()), float(distance[-1])
         half = [float(distance[1.0 - ink > 0.5 * (1.0 - ink.min())].max()) for ink in inks]
         far = distance >= end * 2.0 / 3.0  # what a profile is taken relative to
@@ -107,7 +102,8 @@ class LineShape:
             least_squares(missed, np.clip(np.log(np.maximum(start, 1e-9)), low + 1e-6, high - 1e-6), bounds=(low, high))
             for start in starts
         ]
-        return lines(min(fits, key=lambda fit: float(fit.cost)).x)
+        found = dict(zip(seen, lines(min(fits, key=lambda fit: float(fit.cost)).x), strict=True))
+        return found.get(0), found.get(1)
 
     def through(self, off: Array) -> Array:
         """Return the share of light that the blurred line lets through at signed distances from its middle in m."""

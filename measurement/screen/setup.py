@@ -71,7 +71,15 @@ class Plane:
             PlaneError: Too few points, or points on a line.
         """
         seen, known = as_points(px), as_points(metres)
-        _check(seen, known, sigma_px)
+        if len(seen) != len(known):
+            raise PlaneError(f"there are {len(seen)} points in the photograph but {len(known)} on the screen")
+        needed = FEWEST + (sigma_px is None)
+        if len(seen) < needed:
+            raise PlaneError(f"{len(seen)} known points do not fix a plane and its error; give at least {needed}")
+        if not (np.isfinite(seen).all() and np.isfinite(known).all()):
+            raise PlaneError("the known points must be finite numbers")
+        if sigma_px is not None and not np.all(np.asarray(sigma_px, dtype=float) > 0.0):
+            raise PlaneError("the standard error of the known points must be positive")
         # Centred and scaled coordinates keep the equations well conditioned (Hartley 1997, doi 10.1109/34.601246).
         from_metres, from_px = _scaling(known), _scaling(seen)
         start, end = _apply(from_metres, known), _apply(from_px, seen)
@@ -136,18 +144,6 @@ class Plane:
         slope[:, 0, 0:3] = slope[:, 1, 3:6] = ray
         slope[:, :, 6:9] = -metres[:, :, None] * ray[:, None, :]
         return slope @ self.covariance @ np.swapaxes(slope, 1, 2)
-
-
-def _check(seen: Points, known: Points, sigma_px: float | ArrayLike | None) -> None:
-    if len(seen) != len(known):
-        raise PlaneError(f"there are {len(seen)} points in the photograph but {len(known)} on the screen")
-    needed = FEWEST + (sigma_px is None)
-    if len(seen) < needed:
-        raise PlaneError(f"{len(seen)} known points do not fix a plane and its error; give at least {needed}")
-    if not (np.isfinite(seen).all() and np.isfinite(known).all()):
-        raise PlaneError("the known points must be finite numbers")
-    if sigma_px is not None and not np.all(np.asarray(sigma_px, dtype=float) > 0.0):
-        raise PlaneError("the standard error of the known points must be positive")
 
 
 def _homogeneous(points: Points) -> Points:

@@ -99,9 +99,7 @@ def draw_steps(path: Path, image: Pixels, setup: Setup, traced: Traced, outline:
     _draw_line(axes[2], traced, 1.5)
     axes[2].set_title(f"3. The edge in raw pixels, ± {np.median(traced.line.error):.2f} px")
     for part in axes:
-        part.set_xlabel("x in px")
-        part.set_ylabel("y in px")
-        part.set_anchor("N")
+        part.set(xlabel="x in px", ylabel="y in px", anchor="N")
         part.grid(False)
     below = last.subplots()
     below.fill_between(outline.x * 1e3, 0.0, outline.z * 1e3, color="#d9e2ec")
@@ -111,10 +109,8 @@ def draw_steps(path: Path, image: Pixels, setup: Setup, traced: Traced, outline:
             outline.x * 1e3, np.where(outline.bridged, outline.z, np.nan) * 1e3, ":", color="#9a6700", linewidth=2.0
         )
     below.axhline(0.0, color="#829ab1", linewidth=1.0)
-    below.set_aspect("equal")
-    below.set_title(f"4. The outline, ± {np.median(outline.error) * 1e6:.1f} µm")
-    below.set_xlabel("along the surface in mm")
-    below.set_ylabel("height in mm")
+    title = f"4. The outline, ± {np.median(outline.error) * 1e6:.1f} µm"
+    below.set(aspect="equal", title=title, xlabel="along the surface in mm", ylabel="height in mm")
     below.grid(alpha=0.3)
     figure.savefig(path)
 
@@ -189,11 +185,9 @@ def draw_profiles(path: Path, outlines: Sequence[Outline]) -> None:
         # A gap stays open; only its band shows how far the outline may lie off there.
         seen = np.where(outline.bridged, np.nan, outline.z) * 1e3
         axes.plot(outline.x * 1e3, seen, color=colour, linewidth=1.6, linestyle="-" if outline.trusted else ":")
-    axes.set_aspect("equal")
-    axes.set_xlabel("along the surface in mm")
-    axes.set_ylabel("above the surface in mm")
     weak = "" if all(outline.trusted for outline in outlines) else "; dotted: untrusted"
-    axes.set_title(f"Outlines at {len(outlines)} pressures{weak}")
+    title = f"Outlines at {len(outlines)} pressures{weak}"
+    axes.set(aspect="equal", title=title, xlabel="along the surface in mm", ylabel="above the surface in mm")
     axes.grid(alpha=0.3)
     figure.colorbar(ScalarMappable(norm, colours), ax=axes, label="pressure in kPa")
     figure.savefig(path, bbox_inches="tight")  # equal scales leave the label outside otherwise
@@ -232,11 +226,9 @@ def draw_heights(path: Path, outlines: Sequence[Outline]) -> None:
             plain(outline.source), (outline.pressure / 1e3, outline.height * 1e3), fontsize=8, va="top",
             xytext=(-6 if right else 6, -4), textcoords="offset points", ha="right" if right else "left", color="#c0392b",
         )  # fmt: skip
-    axes.set_xlabel("pressure in kPa")
-    axes.set_ylabel("height in mm")
-    axes.set_title("Height over pressure, bars and band of two standard errors")
+    title = "Height over pressure, bars and band of two standard errors"
+    axes.set(xlabel="pressure in kPa", ylabel="height in mm", title=title, axisbelow=True)
     axes.grid(alpha=0.3)
-    axes.set_axisbelow(True)
     if course is not None or not all(outline.trusted for outline in outlines):
         axes.legend()
     figure.savefig(path)
