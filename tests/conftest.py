@@ -153,9 +153,9 @@ LONG = {
     "app": "page",
     "softmodels": (
         "pictures loaded_fit creeping_fit door drawing band door_folders resumed_numbers memory_fit mould time_runs colours "
-        "outline_fit mould_mirror limit_command design_command run added_device outline_command interruptions kills examples"
+        "outline_fit limit_command design_command run added_device outline_command interruptions examples"
     ),
-    "measurement": "damages refused ray_traced accuracy round_trip own_files soft_body grid setup_variants copies door",
+    "measurement": "damages refused ray_traced accuracy own_files soft_body grid setup_variants copies door",
     "design": "parameters gradients inverse",
     "verification": (
         "ranks suction_cup inertia sensitivity_in_time iterative_parts loop memory friction rigid communicators robustness"

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.special import ndtr
 
-from measurement.outline.edge import coarse_contour, refine_edge, smoothed
+from measurement.outline.edge import Edge, coarse_contour, refine_edge, robust_loess, smoothed
 from measurement.outline.profiles import Shading, find_shadow
+from measurement.outline.zero import ZeroLine, highest_ripple
 from measurement.pictures import TONES, Unmeasurable
+from measurement.series.checks import drop, membrane
 
 ROWS, COLUMNS = np.indices((240, 320)).astype(float)
 LINEAR = TONES["linear"]
@@ -166,3 +170,189 @@ def test_a_blur_moves_no_edge_that_is_curved():
 
     assert off(edge.px) < -0.12
     assert abs(off(line.px)) < 0.05
+
+
+# -- A patch of an edge that is more blurred than the rest -----------------------------------------------------------
+
+
+SCALE = 30e-6
+
+
+def edge(width, count=600):
+    """A half circle of 15 mm with this width in px over the angle."""
+    turn = np.linspace(np.pi, 0.0, count)
+    normal = np.column_stack([np.cos(turn), -np.sin(turn)])
+    noise = np.exp(0.03 * np.random.default_rng(1).standard_normal(count))
+    edge = Edge(500.0 * normal, normal, np.full(count, 0.02), width(turn) * noise, np.full(count, 0.8), 0.0)
+    return SimpleNamespace(traced=SimpleNamespace(edge=edge, scale=SCALE))
+
+
+@pytest.mark.parametrize(
+    "width",
+    [
+        lambda turn: np.full(len(turn), 3.0),
+        lambda turn: 3.0 * (1.0 + 0.3 * np.cos(turn)),  # one side is out of focus
+        lambda turn: np.hypot(3.0, 1.5 * np.cos(turn)),  # an oblong lamp
+    ],
+)
+def test_a_width_that_changes_slowly_is_trusted(width):
+    assert next(drop(edge(width)), None) is None
+
+
+@pytest.mark.parametrize("at", [0.5, 1.0, 1.6])
+def test_a_drop_before_a_part_of_the_edge_is_not(at):
+    doubt = next(drop(edge(lambda turn: np.where(np.abs(turn - at) < 0.12, 4.0, 3.0))), None)
+    assert doubt is not None and "more blurred" in doubt.verdict
+
+
+# -- Gaps in an edge: what was measured stays what it is, what was not is called so, and its error opens with the ga--
+
+
+BRIDGING_RADIUS, SPACING, NOISE = 900.0, 3.0, 0.06
+
+
+def arc(hidden=0.0, seed=0):
+    """An edge on a circle of 900 px, ``hidden`` px of it missing in the middle."""
+    rng = np.random.default_rng(seed)
+    s = np.arange(-600.0, 600.0, SPACING)
+    s = s[np.abs(s) > 0.5 * hidden]
+    normal = np.column_stack([np.sin(s / BRIDGING_RADIUS), np.cos(s / BRIDGING_RADIUS)])
+    px = normal * (BRIDGING_RADIUS + rng.normal(0.0, NOISE, len(s)))[:, None]
+    one = np.ones(len(s))
+    return Edge(px, normal, NOISE * one, one, one, 0.0)
+
+
+def off(line):
+    return np.linalg.norm(line.px, axis=1) - BRIDGING_RADIUS
+
+
+def test_an_edge_without_a_gap_has_no_bridge():
+    line = smoothed(arc(), 400.0)
+    assert not line.bridged.any()
+    assert 0.5 < np.mean((off(line) / line.error) ** 2) < 1.5
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_speck_that_takes_four_points_is_smoothed_over(seed):
+    edge = arc(4.2 * SPACING, seed)
+    line = smoothed(edge, 400.0)
+    assert len(line.px) == len(edge.px) == 395
+    assert not line.bridged.any()
+    assert np.abs(off(line)).max() < 4.0 * NOISE
+
+
+@pytest.mark.parametrize("hidden", [30.0, 100.0, 250.0])
+def test_a_gap_is_bridged_by_points_that_say_so_and_the_others_stay(hidden):
+    line = smoothed(arc(hidden), 400.0)
+    assert line.bridged.sum() == pytest.approx(hidden / SPACING, abs=6)
+    across = np.abs(line.px[:, 0]) < 0.5 * hidden - SPACING
+    assert line.bridged[across].all()
+    # Smoothing over the gap would draw the points beside it into it, by a good part of its sagitta.
+    assert np.abs(off(line)[~line.bridged]).max() < 5 * NOISE
+    assert np.all(np.abs(off(line)[line.bridged]) < 3.0 * line.error[line.bridged])
+    assert np.linalg.norm(line.normal, axis=1) == pytest.approx(1.0)
+
+
+def test_the_error_opens_with_the_square_of_the_gap():
+    greatest = [smoothed(arc(hidden), 800.0).error.max() for hidden in (200.0, 400.0)]
+    assert greatest[0] > 5.0 * NOISE
+    assert greatest[1] > 3.0 * greatest[0]
+
+
+def test_a_gap_that_is_too_long_stays_open():
+    line = smoothed(arc(500.0), 400.0)
+    assert not line.bridged.any()
+    assert np.linalg.norm(np.diff(line.px, axis=0), axis=1).max() > 490.0
+
+
+def outline(bump=0.0, length=6e-3, seed=0):
+    """A dome 4 mm high, ``bump`` of which is a fibre that lies along its top."""
+    x = np.arange(-13e-3, 13e-3, 60e-6)
+    z = 4e-3 * np.clip(1.0 - (x / 12e-3) ** 2, 0.0, None) ** 3 + np.random.default_rng(seed).normal(0.0, 2e-6, len(x))
+    return np.column_stack([x, z + bump * (np.abs(x) < 0.5 * length)])
+
+
+def check_ripples(placed):
+    flat = ZeroLine.through(np.array([[0.0, 0.0], [1.0, 0.0]]))
+    error = np.full(len(placed), 2e-6)
+    return next(
+        membrane(SimpleNamespace(raw=placed, ripple=highest_ripple(placed), placed=placed, error=error, zero=flat)),
+        None,
+    )
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_step_of_a_fibre_is_no_membrane_and_a_dome_is_one(seed):
+    assert check_ripples(outline(seed=seed)) is None
+    assert "narrower than a membrane can bend" in str(check_ripples(outline(60e-6, seed=seed)))
+    place, height, _ = highest_ripple(outline(60e-6, seed=seed)[::-1])
+    assert abs(abs(outline()[::-1][place, 0]) - 3e-3) < 0.5e-3
+    assert abs(height) > 12e-6
+
+
+# -- Robust loess against curves it must leave alone, points it must ignore, and its own definition written out ------
+
+
+X = np.linspace(0.0, 0.03, 260)
+
+
+def local_quadratics(x, y, span):
+    """MATLAB's 'loess': at each place a quadratic through the nearest ``span`` points with tricube weights."""
+    out = np.empty_like(y)
+    for i, place in enumerate(x):
+        far = np.abs(x - place)
+        near = np.argsort(far, kind="stable")[:span]
+        weight = np.clip(1.0 - (far[near] / far[near].max()) ** 3, 0.0, None) ** 3
+        out[i] = np.polyval(np.polyfit(x[near] - place, y[near], 2, w=np.sqrt(weight)), 0.0)
+    return out
+
+
+def test_a_quadratic_stays_what_it_is():
+    y = 0.004 - 20.0 * (X - 0.012) ** 2
+    assert np.abs(robust_loess(X, y).value - y).max() < 1e-12
+
+
+def test_outliers_are_ignored():
+    rng = np.random.default_rng(0)
+    y = 0.004 - 20.0 * (X - 0.012) ** 2
+    noisy = y + 2e-6 * rng.normal(size=len(X))
+    noisy[[40, 41, 120, 200]] += 4e-4
+    # The outliers are two hundred times the noise.
+    assert np.abs(robust_loess(X, noisy).value - y).max() < 6e-6
+
+
+def test_span_counts_points_as_matlab_does():
+    """Without outliers the robust fit is the plain one but for weights near one; a wrong span would be far off."""
+    rng = np.random.default_rng(1)
+    y = 1e-4 * np.sin(X / 0.0006) + 1e-7 * rng.normal(size=len(X))
+    inner = slice(25, -25)
+    missed = {
+        span: np.std((robust_loess(X, y, 21).value - local_quadratics(X, y, span))[inner]) for span in (15, 21, 27)
+    }
+    assert missed[21] < 0.5 * min(missed[15], missed[27])
+
+
+def test_stated_errors_are_true():
+    rng = np.random.default_rng(2)
+    y = 0.004 - 20.0 * (X - 0.012) ** 2
+    ratios = []
+    for _ in range(10):
+        smooth = robust_loess(X, y + 3e-6 * rng.normal(size=len(X)))
+        ratios.append((smooth.value - y) / smooth.error)
+        assert np.median(smooth.scatter) == pytest.approx(3e-6, rel=0.25)
+    assert 0.7 < np.mean(np.square(ratios)) < 1.4
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "span", "reason"),
+    [
+        (X, X[1:], 20, "as many values"),
+        (X[:4], X[:4], 20, "at least 5"),
+        (X, X, 4, "at least 5"),
+        (X[::-1], X, 20, "rising"),
+        (np.zeros(30), np.arange(30.0), 20, "at one place"),
+    ],
+)
+def test_what_cannot_be_smoothed(x, y, span, reason):
+    with pytest.raises(ValueError, match=reason):
+        robust_loess(x, y, span)

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 
 import cv2
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
+from scipy.special import ndtr
 
 from measurement.camera import Camera
-from measurement.photographer import Scene, dome, photograph
+from measurement.photographer import Scene, dome, lens_of, photograph, truth_of
 from measurement.screen.calibration import find_charuco, find_chessboard
 from measurement.screen.grid import GridError, find_grid
+from measurement.screen.look import LineShape
+from measurement.screen.setup import Plane, PlaneError, Setup
+from measurement.series.measuring import outline_of, trace_image, zero_of
+from tests.support.photographs.bench import Bench
+from tests.support.photographs.verdict import across
 
 DOME = dome(0.006, floor=-0.002)
 VIEWS = {
@@ -192,3 +200,166 @@ def test_boards():
         find_charuco(blank(), (7, 5))
     with pytest.raises(GridError, match="dictionary"):
         find_charuco(blank(), (7, 5), dictionary="NO_SUCH")
+
+
+# -- Lines out of focus: their shape from a measured profile, and what their blur does to an edge that they cross ----
+
+
+STEP = 0.005
+
+
+@pytest.mark.parametrize(("width", "blur", "penumbra", "off"), [(2.0, 1.5, 1.0, 0.7), (4.0, 1.0, 2.0, -1.0)])
+def test_the_blurred_product_is_the_product_of_the_blurred_and_their_covariance(width, blur, penumbra, off):
+    x = np.arange(-20.0, 20.0, STEP)
+    shadow, ink = ndtr(x / penumbra), 1.0 - 0.4 * (np.abs(x - off) < 0.5 * width)
+    together, apart, line = (gaussian_filter1d(value, blur / STEP) for value in (shadow * ink, shadow, ink))
+    edge, shape = np.hypot(blur, penumbra), LineShape(width, 0.4, blur)
+    assert shape.through(x - off) == pytest.approx(line, abs=1e-3)
+    rest = shape.covariance(x - off, x / edge, np.full_like(x, blur / edge))
+    assert np.abs(together - apart * line).max() > 0.02
+    assert rest == pytest.approx(together - apart * line, abs=5e-4)
+
+
+def test_lines_square_to_the_edge_leave_it_where_it_is():
+    off = np.linspace(-3.0, 3.0, 50)
+    assert LineShape(2.0, 0.4, 1.0).covariance(off, off, np.zeros(50)) == pytest.approx(0.0, abs=1e-15)
+
+
+def profiles(*lines, end=0.9):
+    """Distances and profiles as they are measured: relative to their ends, and without the faintest ink."""
+    distance = np.linspace(0.0, end, 81)
+    inks = np.array([line.through(distance) for line in lines])
+    inks /= inks[:, distance > end * 2 / 3].mean(axis=1, keepdims=True)
+    return distance, np.minimum(np.where(1.0 - inks > 0.01, inks, 1.0), 1.0)
+
+
+@pytest.mark.parametrize("blur", [0.02, 0.08, 0.15])
+def test_the_shape_of_lines_is_found(blur):
+    lines = LineShape(0.4, 0.35, blur), LineShape(0.5, 0.35, blur)
+    for found, line in zip(LineShape.fitted(*profiles(*lines)), lines, strict=True):
+        assert found.blur == pytest.approx(blur, rel=0.05)
+        assert found.depth == pytest.approx(0.35, rel=0.1)
+        assert found.width == pytest.approx(line.width, rel=0.1)
+
+
+def test_lines_much_narrower_than_their_blur_still_tell_the_blur():
+    found, _ = LineShape.fitted(*profiles(LineShape(0.3, 0.3, 0.27), LineShape(0.3, 0.3, 0.27)))
+    assert found.blur == pytest.approx(0.27, rel=0.1)
+
+
+def test_no_lines_have_no_shape():
+    distance = np.linspace(0.0, 1.0, 81)
+    assert LineShape.fitted(distance, np.ones((2, 81))) == (None, None)
+    inks = np.array([LineShape(0.3, 0.3, 0.05).through(distance), np.ones(81)])
+    assert [line is None for line in LineShape.fitted(distance, inks)] == [False, True]
+
+
+@pytest.mark.parametrize("blur", [4.0, 9.2])
+def test_grid_lines_do_not_move_an_edge_that_is_out_of_focus(blur):
+    bench, height = Bench.random(28), 1.8e-3
+    truth, scene = truth_of(bench.scene), bench.scene
+    camera = Camera(truth.matrix, lens_of(scene.distortion), scene.width, scene.height, "known", 0.0)
+    plane = find_grid(photograph(scene, None, 1)[0], camera, scene.grid_pitch).plane(camera)
+    setup = Setup(camera, plane, grid_pitch=scene.grid_pitch)
+    blurred = dataclasses.replace(scene, blur=blur)
+    raised = trace_image(photograph(blurred, bench.polygon(height), 2)[0], setup)
+    zero = zero_of(trace_image(photograph(scene, bench.polygon(0.0), 3)[0], setup, likely=raised.tone))
+    rest = across(bench, truth, setup, outline_of(raised, zero, 1e3, 5.0, "blurred"), height)
+    # 37 um where the ink is only divided out; 16 and 7 um where what it draws is taken for the shape.
+    assert np.abs(rest).max() < 14e-6
+    assert np.sqrt(np.mean(rest**2)) < 5e-6
+
+
+# -- The screen's homography and whether its stated errors are true --------------------------------------------------
+
+
+TRUTH = truth_of(Scene(tilt=35.0, pan=-15.0, width=2400, height=1600, target=(0.002, 0.004)))
+NODES = np.stack(np.meshgrid(np.arange(-3, 4), np.arange(-2, 3)), axis=-1).reshape(-1, 2) * 0.009
+SEEN = TRUTH.to_pixels(NODES)
+PLACES = np.random.default_rng(1).uniform([100, 100], [2300, 1500], (40, 2))
+
+
+def test_points_without_error_are_fitted_exactly_there_and_back():
+    plane = Plane.fit(SEEN, NODES)
+    assert plane.residual < 1e-12
+    assert np.abs(plane.to_metres(PLACES) - TRUTH.to_screen(PLACES)).max() < 1e-12
+    assert np.abs(plane.to_pixels(plane.to_metres(PLACES)) - PLACES).max() < 1e-7
+    assert np.linalg.norm(plane.homography) == pytest.approx(1.0)
+
+
+def test_jacobian_against_differences():
+    plane, step = Plane.fit(SEEN, NODES), 1e-3
+    slope = plane.jacobian(PLACES)
+    for axis in (0, 1):
+        aside = step * np.eye(2)[axis]
+        difference = (plane.to_metres(PLACES + aside) - plane.to_metres(PLACES - aside)) / (2 * step)
+        assert np.abs(slope[:, :, axis] - difference).max() < 1e-6 * np.abs(slope).max()
+
+
+@pytest.mark.parametrize("sigma", [0.05, None], ids=["error given", "error from the fit"])
+def test_stated_errors_are_true(sigma):
+    rng = np.random.default_rng(7)
+    lengths = []
+    for _ in range(50):
+        plane = Plane.fit(SEEN + rng.normal(0.0, 0.05, SEEN.shape), NODES, sigma)
+        missed = plane.to_metres(PLACES) - TRUTH.to_screen(PLACES)
+        spread = plane.covariances(PLACES)
+        lengths.append(np.einsum("ni,nij,nj->n", missed, np.linalg.inv(spread), missed) / 2.0)
+    # Mean of 50 squared standardised residuals (two axes, strongly correlated over the places): 1 within 0.2.
+    assert np.mean(lengths) == pytest.approx(1.0, abs=0.25)
+
+
+def test_each_point_may_have_its_own_error():
+    rng = np.random.default_rng(8)
+    sigma = rng.uniform(0.02, 0.5, len(SEEN))
+    lengths, flat = [], []
+    for _ in range(50):
+        noisy = SEEN + rng.normal(0.0, 1.0, SEEN.shape) * sigma[:, None]
+        plane = Plane.fit(noisy, NODES, sigma)
+        missed = plane.to_metres(PLACES) - TRUTH.to_screen(PLACES)
+        lengths.append(np.einsum("ni,nij,nj->n", missed, np.linalg.inv(plane.covariances(PLACES)), missed) / 2.0)
+        flat.append(
+            np.sum((Plane.fit(noisy, NODES).to_metres(PLACES) - TRUTH.to_screen(PLACES)) ** 2) / np.sum(missed**2)
+        )
+    assert np.mean(lengths) == pytest.approx(1.0, abs=0.25)
+    assert np.median(flat) > 1.5  # weighing pays
+
+
+def test_refused():
+    line = np.column_stack([np.linspace(0, 1000, 8), np.linspace(0, 500, 8)])
+    with pytest.raises(PlaneError, match="on a line"):
+        Plane.fit(line, line * 1e-5)
+    with pytest.raises(PlaneError, match="on a line"):
+        Plane.fit(np.vstack([line, [500.0, 900.0]]), np.vstack([line, [500.0, 900.0]]) * 1e-5)
+    with pytest.raises(PlaneError, match="give at least 5"):
+        Plane.fit(SEEN[:4], NODES[:4])
+    with pytest.raises(PlaneError, match="same point"):
+        Plane.fit(np.ones((6, 2)), NODES[:6])
+    with pytest.raises(PlaneError, match="35 points in the photograph but 34"):
+        Plane.fit(SEEN, NODES[1:])
+    with pytest.raises(PlaneError, match="finite"):
+        Plane.fit(np.where(SEEN[0] == SEEN, np.nan, SEEN), NODES)
+    with pytest.raises(PlaneError, match="must be positive"):
+        Plane.fit(SEEN, NODES, 0.0)
+    corners = np.array([0, 6, 28, 34])
+    assert Plane.fit(SEEN[corners], NODES[corners], 0.1).residual < 1e-12
+
+
+def test_focal_length_does_not_matter():
+    """Lengths on the screen are the same whatever pinhole matrix an undistorted photograph is given."""
+    first, second = Camera.ideal(2400, 1600), Camera.ideal(2400, 1600, 9000.0)
+    a, b = (Plane.fit(camera.undistort(SEEN), NODES).to_metres(camera.undistort(PLACES)) for camera in (first, second))
+    assert np.array_equal(a, b)
+
+
+def test_what_neighbours_miss_in_common_is_no_noise():
+    rng = np.random.default_rng(3)
+    x, y = np.meshgrid(np.arange(9.0), np.arange(7.0))
+    targets = np.column_stack([x.ravel(), y.ravel()]) * 5e-3
+    px = targets * 2e4 + 300.0
+    noisy = Plane.fit(px + rng.normal(0.0, 0.2, px.shape), targets)
+    assert noisy.systematic < 0.3 * noisy.residual
+    offset = px - px.mean(axis=0)
+    bent = px + 0.3 * offset * (np.linalg.norm(offset, axis=1, keepdims=True) / 300.0) ** 2
+    wrong = Plane.fit(bent, targets)
+    assert wrong.systematic > 0.4 * wrong.residual

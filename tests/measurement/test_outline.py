@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from measurement.outline.edge import Edge
 from measurement.outline.outline import COLUMNS, Outline, OutlineError
+from measurement.outline.profiles import ShadowColour
+from measurement.outline.zero import ZeroLine, highest_ripple
+from measurement.screen.look import GridLook, flatness
+from measurement.series.checks import flat, membrane, one_lamp, unsure_of
 
 X = np.linspace(-0.01, 0.01, 41)
 Z = 0.004 * (1.0 - (X / 0.01) ** 2)
@@ -132,3 +139,141 @@ def test_the_history_of_the_pressure_stays_in_the_file(tmp_path):
         Outline.from_csv(tmp_path / "a.csv")
     with pytest.raises(OutlineError, match="run backwards"):
         made(history=((0.0, 0.0), (2.0, 1e3), (1.0, 1e3)))
+
+
+# -- Bumps narrower than a membrane can bend: doubted if they are high, in the stated error if they are low ----------
+
+
+def edge(bump=0.0, place=2e-3, noise=1.5e-6, seed=0):
+    """A bulge of 20 mm width and 4 mm height, a point every 50 um, with a thing of 0.6 mm length and this height on it."""
+    x = np.linspace(-14e-3, 14e-3, 561)
+    rise = 4e-3 * np.clip(1.0 - (x / 10e-3) ** 2, 0.0, None) ** 3
+    thing = bump * np.exp(-0.5 * ((x - place) / 0.25e-3) ** 2)
+    return np.column_stack([x, rise + thing + np.random.default_rng(seed).normal(0.0, noise, len(x))])
+
+
+def check_ripples(placed):
+    flat = ZeroLine.through(np.array([[0.0, 0.0], [1.0, 0.0]]))
+    error = np.full(len(placed), 2e-6)
+    return next(
+        membrane(SimpleNamespace(raw=placed, ripple=highest_ripple(placed), placed=placed, error=error, zero=flat)),
+        None,
+    )
+
+
+def unsure(placed):
+    return unsure_of(highest_ripple(placed))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_smooth_edge_is_trusted_as_it_is(seed):
+    placed = edge(seed=seed)
+    assert check_ripples(placed) is None
+    assert unsure(placed) == 0.0
+
+
+@pytest.mark.parametrize("place", [-4e-3, 0.0, 2e-3])
+@pytest.mark.parametrize("bump", [20e-6, -20e-6])
+def test_a_low_bump_is_trusted_and_widens_the_stated_error(bump, place):
+    placed = edge(bump, place)
+    assert check_ripples(placed) is None
+    # A polynomial over a few millimetres follows a part of it.
+    assert 0.2 * abs(bump) < unsure(placed) < 0.6 * abs(bump)
+
+
+@pytest.mark.parametrize(("bump", "name"), [(80e-6, "bump of"), (-80e-6, "hollow of")])
+def test_a_high_one_is_doubted(bump, name):
+    doubt = check_ripples(edge(bump))
+    assert name in str(doubt)
+    assert unsure(edge(bump)) > 20e-6
+
+
+def test_a_flat_surface_a_little_below_the_zero_plane_is_no_second_thing():
+    x = np.linspace(-14e-3, 14e-3, 561)
+    assert check_ripples(np.column_stack([x, np.full(561, -20e-6)])) is None
+
+
+# -- A second lamp beside the first: one flank of the shadow is less deep than the other, which one lamp does not ma--
+
+
+COLOUR = ShadowColour(np.full(3, 0.1), np.full(3, 0.8), np.eye(3) * 1e-4)
+WHOLE = 1.0 / float(COLOUR.direction @ COLOUR.lit)
+
+
+def flanks(part, seed=0):
+    noise = np.random.default_rng(seed).normal(0.0, 0.01, len(part))
+    one = np.ones(len(part))
+    flanks = Edge(np.zeros((len(part), 2)), np.zeros((len(part), 2)), one, one, WHOLE * (part + noise), 0.0)
+    return SimpleNamespace(traced=SimpleNamespace(edge=flanks, coarse=SimpleNamespace(colour=COLOUR)))
+
+
+def test_one_lamp_and_some_dust_are_no_second_lamp():
+    part = np.ones(400)
+    part[100:104] = 0.6
+    assert next(one_lamp(flanks(part)), None) is None
+    assert next(one_lamp(flanks(np.linspace(0.98, 1.02, 400))), None) is None
+
+
+@pytest.mark.parametrize("share", [0.15, 0.3])
+def test_a_flank_that_a_second_lamp_reaches_is_doubted(share):
+    part = np.where(np.arange(400) < 150, 1.0 - share, 1.0)
+    assert "a second lamp" in next(one_lamp(flanks(part)), None).verdict
+
+
+def test_an_edge_of_half_a_lamp_is_refused():
+    doubt = next(one_lamp(flanks(np.full(400, 0.5))), None)
+    assert doubt.rejects and "second lamp" in doubt.verdict
+
+
+# -- A screen that bulges in one place: told from noise and dust, and counted for the edge beside it -----------------
+
+
+PITCH, NOISE = 9e-3, 4e-6
+EDGE = np.column_stack([np.linspace(-0.01, 0.01, 50), np.full(50, 1e-3)])
+
+
+def look(bulge=0.0, dust=0, noise=NOISE, seed=0):
+    """Places along the lines of a screen 54 mm wide, moved as a whole, and by a bulge about (2 mm, 3 mm)."""
+    rng = np.random.default_rng(seed)
+    along = np.arange(-27e-3, 27e-3, 0.75e-3)
+    lines = np.arange(-2, 3) * PITCH
+    place = np.array([[(line, at), (at, line)] for line in lines for at in along]).reshape(-1, 2)
+    axis = np.tile([0, 1], len(lines) * len(along))
+    far = np.linalg.norm(place - [2e-3, 3e-3], axis=1)
+    shift = 5e-6 + 4e-5 * place[:, 0] + bulge * np.exp(-0.5 * (far / 4e-3) ** 2) + rng.normal(0.0, noise, len(axis))
+    shift[rng.integers(0, len(axis), dust)] += 200e-6
+    bare = np.ones((2, 3))
+    return GridLook(PITCH, 1.0, place, shift, axis, bare, np.linspace(0.0, 1.0, 3), ({}, {}))
+
+
+def found(looks, points):
+    seen = flatness(looks, points)
+    return seen.error, next(flat(SimpleNamespace(traced=SimpleNamespace(flatness=seen))), None)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_flat_screen_and_dust_are_no_bulge(seed):
+    error, doubt = found([look(dust=6, seed=seed)], EDGE)
+    assert doubt is None
+    assert np.median(error) < 3e-6
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_bulge_beside_the_edge_is_stated_and_doubted(seed):
+    error, doubt = found([look(bulge=100e-6, seed=seed)], EDGE)
+    assert "the screen bulges" in doubt.verdict
+    assert error.max() > 25e-6
+    assert np.argmax(error) == pytest.approx(30, abs=10)
+
+
+def test_a_bulge_far_from_the_edge_is_not_its_matter():
+    error, doubt = found([look(bulge=100e-6)], EDGE - np.array([0.0, 30e-3]))
+    assert doubt is None
+    assert error.max() < 10e-6
+
+
+def test_faint_lines_in_the_shadow_have_an_error_of_their_own():
+    looks = [look(), look(noise=30e-6, seed=1)]
+    noise = flatness(looks, EDGE).noise
+    assert noise.max() > 5.0 * noise.min()
+    assert found(looks, EDGE)[1] is None

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import os
+import re
 
 import pytest
 
 from measurement.camera import CameraError, _database_file
 from measurement.outline.outline import Outline, OutlineError
 from measurement.pictures import Unmeasurable, read_pixels
+from measurement.screen.setup import Setup, SetupError
 from measurement.series.photo_list import PhotoListError, read_photos
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
+from softmodels.case.materials import material_from
 from softmodels.common.files import UserFileError, check_file, file_digest, read_file, read_text, replace_text
 from softmodels.common.folders import FolderLock, has_table, is_drawn
-from softmodels.common.tables import TomlError, read_toml
+from softmodels.common.tables import TomlError, numbers, read_toml
+from softmodels.materials.laws import MaterialError
 
 
 @pytest.fixture(params=["pipe", "device", "link to a device", "folder"])
@@ -76,3 +82,59 @@ def test_a_link_from_elsewhere_is_not_written_through(tmp_path):
     (tmp_path / "case.toml.part").symlink_to(mine)
     replace_text(tmp_path / "case.toml", "theirs")
     assert mine.read_text() == "mine" and (tmp_path / "case.toml").read_text() == "theirs"
+
+
+# -- TOML that is broken, giant or deep: refused with a reason, in a moment; a byte order mark does no harm ----------
+
+
+BROKEN = {
+    "no TOML": (b"a = ", "is not valid TOML"),
+    "a number of 400 digits": (b"a = " + b"9" * 400, "(400 characters) does not fit into 64 bits"),
+    "a number of 5,000 digits": (b"a = " + b"9" * 5000, "a whole number of thousands of digits"),
+    "a number of 5,000 hexadecimal digits": (b"a = 0x" + b"f" * 5000, "does not fit into 64 bits"),
+    "deep lists": (b"a = " + b"[" * 5000 + b"]" * 5000, "lists or tables"),
+    "deeper lists": (b"a = " + b"[\n" * 100_000, "lists or tables"),
+    "deep tables": (b"[" + b".".join([b"a"] * 60) + b"]\nb = 1", "lists or tables"),
+    "a key of many parts": (b".".join([b"a"] * 5000) + b" = 1", "has more than 100 parts"),
+    "a long line": (b'a = "' + b"x" * 100_000 + b'"', "has 100006 characters"),
+    "a giant": (b"a = 1\n" * 1_000_000, "is larger than 2 MB"),
+    "another encoding": ("a = 'é'".encode("utf-16"), "not UTF-8 text"),
+    "a zero byte": (b"a = '\0'", "invalid character"),
+    "a key twice": (b"a = 1\na = 2", "is not valid TOML"),
+}
+
+
+@pytest.mark.parametrize("kind", BROKEN)
+def test_broken_files_are_a_sentence(kind, tmp_path):
+    data, words = BROKEN[kind]
+    path = tmp_path / "a.toml"
+    path.write_bytes(data)
+    with pytest.raises(TomlError, match=re.escape(words)) as refused:
+        read_toml(path)
+    assert len(str(refused.value)) < 400
+    readers = [(Case.from_file, CaseError), (Setup.from_file, SetupError)]
+    readers.append((lambda file: material_from(str(file), {}), MaterialError))
+    for read, error in readers:
+        with pytest.raises(error, match=re.escape(words)):
+            read(path)
+
+
+def test_files_that_are_not_there(tmp_path):
+    for path in (tmp_path / "none.toml", tmp_path):
+        with pytest.raises(TomlError, match=r"cannot be read \((No such file|it is a folder)"):
+            read_toml(path)
+
+
+def test_a_byte_order_mark_does_no_harm(tmp_path):
+    case = tmp_path / "case.toml"
+    text = '[geometry]\ndevice = "HollowDisk"\n[load]\npressure_cm = 20\n[material]\nsilicone = "ecoflex-00-30"\n'
+    case.write_text(text, encoding="utf-8-sig")
+    assert Case.from_file(case) == Case.from_toml(text) == Case.from_toml("\ufeff" + text)
+    assert material_from(str(case), {}) == Case.from_file(case).material
+
+
+def test_lists_of_numbers():
+    assert numbers([[1, 2.5], [3, 4]]).tolist() == [[1.0, 2.5], [3.0, 4.0]] and numbers([]).shape == (0,)
+    for value in ([1, "2"], [True], [[1, 2], [3]], 5, [1, [2]], [{}], [float("nan")]):
+        with pytest.raises((TypeError, ValueError)):
+            numbers(value)

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image as Picture
 
 from softmodels.case.case import Case
@@ -21,6 +22,7 @@ from softmodels.common.commands import DrawingOptions
 from softmodels.pictures import offscreen, solid
 from softmodels.pictures.offscreen import can_render, look
 from softmodels.pictures.solid import AtRest
+from softmodels.pictures.style import DrawnFolder, png
 from softmodels.runs.store import StoredStates
 from tests.support import made_up as drawings, runs
 
@@ -182,3 +184,38 @@ def test_a_large_film_has_fewer_frames_in_its_gif(monkeypatch):
     data = solid.gif(list(noise))
     with Picture.open(io.BytesIO(data)) as found:
         assert 10 <= found.n_frames < 40 and len(data) <= solid.LARGEST
+
+
+# -- Pictures that are encoded beside what draws the next one: all on disk at the end, and no failure lost -----------
+
+
+def some(k):
+    figure = Figure((2.0, 1.0), dpi=50)
+    figure.text(0.1, 0.5, f"picture {k}")
+    return figure
+
+
+def test_all_are_on_disk_at_the_end(tmp_path):
+    with DrawnFolder(tmp_path, shrink=lambda image: f"{image.width} x {image.height}") as out:
+        for k in range(8):
+            out.save(f"p{k}", some(k), {"Title": f"number {k}"})
+        out.add("made", png(some(9)))
+    assert [path.name for path in out.written] == [*(f"p{k}.png" for k in range(8)), "made.png"]
+    assert out.pages() == dict.fromkeys((path.name for path in out.written), "100 x 50")
+    for k in range(8):
+        with Picture.open(tmp_path / f"p{k}.png") as image, Picture.open(tmp_path / "made.png") as other:
+            assert image.text["Title"] == f"number {k}" and image.mode == "RGB"
+            assert image.info["dpi"] == pytest.approx((50, 50), abs=0.1)
+            assert not np.array_equal(np.asarray(image), np.asarray(other))
+
+
+def test_a_picture_that_cannot_be_written_is_no_picture(tmp_path):
+    out = DrawnFolder(tmp_path / "missing")
+    with pytest.raises(FileNotFoundError), out:
+        out.save("p", some(0))
+
+
+def test_what_else_went_wrong_is_what_is_reported(tmp_path):
+    with pytest.raises(ZeroDivisionError), DrawnFolder(tmp_path / "missing") as out:
+        out.save("p", some(0))
+        _ = 1 / 0

@@ -10,9 +10,15 @@ import time
 from unittest import mock
 
 import click
+import numpy as np
 import pytest
 
+import softmodels as sm
+from softmodels.case.load import LoadRequest
 from softmodels.common.commands import run_command
+from softmodels.components.fibres import Reinforced, least_resistance
+from softmodels.runs.notes import advice
+from softmodels.runs.outcomes import FAILED, NO_EQUILIBRIUM
 
 STARTS = {
     "softmodels.disk": ["--pressure-cm", "0:100"],
@@ -93,3 +99,88 @@ def test_full_memory_is_a_sentence(capsys):
     assert end.value.code == 1
     err = capsys.readouterr().err
     assert err.count("\n") == 1 and "out of memory" in err
+
+
+# -- Ends of a path that are the device's own are named as such: it is held so that nothing moves, or a part of it s--
+
+
+TUBE = sm.Cylinder(section="axisymmetric", cell_size=2e-3)
+HELD = (sm.Rigid(region="cap", kind="held", name="plate"), sm.Clamp("outer", slip="z", name="grip"))
+INCOMPRESSIBLE = sm.NeoHookean(30e3, 0.5)
+
+
+def test_a_cavity_that_cannot_change_takes_no_volume():
+    with pytest.raises(sm.RunError, match=r"no equilibrium at 1 ml .* the supports prevent any change") as told:
+        sm.inflate(TUBE, INCOMPRESSIBLE, volumes="1 ml", components=HELD)
+    assert told.value.status == NO_EQUILIBRIUM
+
+
+def test_a_pressure_that_squeezes_the_silicone_itself_is_named():
+    case = sm.Case("tube", TUBE, sm.NeoHookean(30e3, 0.4999), volumes_ml=(1.0,), components=HELD)
+    figures = {"max_stretch": 1.05, "J_min": 0.97}
+    assert "300 times the silicone's shear modulus" in advice(case, {**figures, "pressure_Pa": 9e6})
+    assert advice(case, {**figures, "pressure_Pa": 1e6}).startswith("No cause was found")
+
+
+@pytest.mark.parametrize("control", ["auto", "pressure", "arc-length"])
+def test_and_any_pressure(control):
+    run = sm.inflate(TUBE, INCOMPRESSIBLE, pressures="50 cm", components=HELD, control=control)
+    assert run.limit is None and run.pressure[-1] == pytest.approx(50 * run.case.cm)
+    assert abs(run.added_volume[-1]) < 1e-15 and run.largest_stretch[-1] == pytest.approx(1.0)
+
+
+def test_and_its_syringe_compresses_the_gas_alone():
+    syringe = sm.Syringe(3e-6, dead_volume=1e-6)
+    run = sm.inflate(TUBE, INCOMPRESSIBLE, strokes="1 ml", supply=syringe, components=HELD)
+    gas = syringe.dead_volume + syringe.syringe + TUBE.cavity_volume  # within a percent that of the mesh
+    assert abs(run.added_volume[-1]) < 1e-15
+    assert run.pressure[-1] == pytest.approx(syringe.ambient * 1e-6 / (gas - 1e-6), rel=0.02)
+
+
+def test_a_part_that_snaps_while_the_volume_is_given_is_named():
+    """The edge of a bellows' cap is pushed over on the plane that stops it: pressure and volume turn back both at once."""
+    device = sm.Bellows(
+        convolutions=1, inner_radius=6.276e-3, outer_radius=10.77e-3, wall=0.95e-3, pitch=5.261e-3, rounding=0.845e-3,
+        cap=2.73e-3, tip="free", cell_size=1e-3, through=1.0,
+    )  # fmt: skip
+    run = sm.inflate(device, sm.Gent(17.95e3, 57.0, 0.5), volumes="12 ml",
+                     components=[sm.Obstacle("tip", "z = 14.126 mm"), sm.Walls("none")])  # fmt: skip
+    assert (
+        "2 cells of the mesh would fold at (6.909, 0, 10.11) mm" in run.limit.why and "outer and tip" in run.limit.why
+    )
+    assert run.limit.kind == "lost" and run._ended.status == FAILED and run.added_volume[-1] < 6e-6
+    assert run.path["stable_under_volume"][-1] == 1
+
+
+def test_a_part_that_snaps_beside_a_whole_that_goes_on_as_before_is_named():
+    """The edge of a balloon's neck, beside a balloon five times as wide in a tube: no measure of the whole shows it move."""
+    device = sm.Balloon(
+        radius=15.85e-3, wall=0.945e-3, neck_radius=6.27e-3, neck_length=8.5e-3, fillet=1.283e-3, held="end",
+        cell_size=2e-3, through=1.0, section="axisymmetric",
+    )  # fmt: skip
+    tube = sm.RigidShape("cylinder", "outer", (0.0, 0.0, 0.0), 18.85e-3, (0.0, 0.0, 1.0), hollow=True, name="tube")
+    run = sm.inflate(device, sm.Yeoh(7859.0, 94.3, 0.0, 0.5), pressures="40 cm", components=[tube])
+    assert run.limit.kind == "lost" and "of the mesh would fold at (6.9" in run.limit.why and "neck" in run.limit.why
+    assert run.largest_stretch[-1] > 5.0 and run._ended.status == FAILED
+
+
+@pytest.mark.parametrize("section", [True, False])
+def test_a_compressed_fibre_kinks_at_half_a_shear_modulus_across_it(section):
+    """Along a wave whose normal is the fibre's the silicone has mu, the fibre 2 dW/dx; nothing else is softer."""
+    stretches, stresses = np.array([0.9, 0.9, 0.9]), np.array([[-0.4], [-0.5], [-0.6]])
+    gradients = np.array([np.diag([x**-0.5, x**-0.5, x]) for x in stretches])
+    lines = np.tile((0.0, 0.0, 1.0), (3, 1, 1))
+    state = Reinforced(gradients, lines, stresses, np.full((3, 1), 2.0))
+    least = least_resistance(sm.NeoHookean(20e3, 0.49), 20e3, state, section)
+    assert least == pytest.approx([0.2, 0.0, -0.2], abs=0.02 if not section else 1e-5)
+
+
+def test_fibres_that_kink_are_named():
+    tube = sm.Cylinder(section="axisymmetric", length=20e-3, cell_size=4e-3)
+    threads = sm.Fibres(angle=0.0, helices=1, modulus=3e5, name="threads")
+    case = sm.Case(
+        "tube", tube, sm.NeoHookean(30e3, 0.49), components=(threads, sm.Force("end", "-z", name="push")),
+        driven=LoadRequest("travel_mm", (0.0, 8.0), "push"),
+    )  # fmt: skip
+    run = sm.run(case)
+    assert run.limit.kind == "limit" and "the fibres of [fibres.threads] kink" in run.limit.why

@@ -23,7 +23,7 @@ from softmodels.fitting.curves.residuals import StressError, predicted, residual
 from softmodels.fitting.problem import FitError, FitOptions, LawChoice
 from softmodels.materials.laws import Gent, Yeoh
 from softmodels.materials.specimens import nominal_stress, stress_in_time
-from tests.softmodels.test_specimens_in_time import by_equations
+from tests.softmodels.test_specimens import by_equations
 
 LAW, SHARES, TAUS = Yeoh(8e3, 90.0, 0.5, 0.5), (0.3, 0.2, 0.15), (1.0, 10.0, 100.0)
 PULL = (np.linspace(0.0, 40.0, 61), 1.0 + 1.5 * (1.0 - np.abs(np.linspace(-1.0, 1.0, 61))))

@@ -9,7 +9,9 @@ import pytest
 from ffcx.codegeneration import jit
 
 import softmodels as sm
-from geometries import meshing
+from geometries import ACTUATORS, meshing
+from softmodels.__main__ import softmodels
+from softmodels.case.case import Case
 from softmodels.cli.options import main
 from softmodels.disk import command
 from softmodels.mechanics.compiling import told_of_waits, use_cache
@@ -157,3 +159,106 @@ def test_a_case_files_solver_is_replaced_and_its_run_gone_on_with_by_the_other(t
     both, direct = ([row for row in runs.rows(folder) if row["requested"]] for folder in folders)
     for key in ("pressure_Pa", "plate_z_mm", "stored_energy_mJ"):
         assert [row[key] for row in both] == pytest.approx([row[key] for row in direct], rel=1e-8)
+
+
+# -- ``softmodels run --device NAME``: any registered device by its options ------------------------------------------
+
+
+MEMBRANE = ("-m", "softmodels", "run", "--device", "membrane", "--thickness", "2mm", "--cell-size", "2mm",
+            "--pressure-cm", "0,10", "--quiet", "--no-pictures")  # fmt: skip
+
+
+def test_it_runs(tmp_path):
+    """The name may be written in small letters; the folder's case names the device, and repeats the run."""
+    done = runs.run(*MEMBRANE, "--output", tmp_path / "one")
+    assert done.status == 0, done.err
+    last = runs.rows(tmp_path / "one")[-1]
+    assert last["pressure_cm"] == 10.0 and last["apex_mm"] > 1.0
+    case = Case.from_file(tmp_path / "one" / "case.toml")
+    assert type(case.actuator).__name__ == "Membrane" and case.actuator.thickness == 0.002
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("run", "--device", "Balloons", "--pressure-cm", "1"), "--device is 'Balloons'; it must be one of"),
+        (("run", "--device"), "--device is ''"),
+        (("run", "--device", "Membrane"), "request either pressures"),
+        (("run", "--device=Membrane", "--pressure-cm", "1", "--thickness", "1m"), "thickness is 1 m"),
+        (("run", "--device", "Membrane", "--wall", "1mm"), "No such option"),
+        (("run", "case.toml", "--device", "Membrane", "--pressure-cm", "1"), "unexpected argument 'case.toml'"),
+        (("run",), "Missing argument 'FILE'"),
+        (("run", "none.toml", "--", "--device"), "none.toml"),
+    ],
+)
+def test_what_cannot_be_meant_is_one_sentence(ended, words, told):
+    status, out, err = ended(softmodels, *words)
+    assert status == 2 and told in err and err.count("\n") == 1 and not out
+
+
+@pytest.mark.parametrize("name", ACTUATORS)
+def test_every_device_has_its_help(ended, name):
+    status, out, _ = ended(softmodels, "run", "--device", name, "--help")
+    assert status == 0 and f"run --device {name} --pressure-cm {ACTUATORS[name].pressures}" in out
+
+
+# -- Machines that lack something: what is missing is named, and nothing else is blamed for it -----------------------
+
+
+RUN = """
+import sys
+from pathlib import Path
+import softmodels.mechanics.iterative, softmodels.mechanics.mpi
+{change}
+from softmodels.{module} import {names}
+{main}
+"""
+DISK = {"module": "disk", "names": "command, main", "main": "main(command)"}
+WHOLE = {"module": "__main__", "names": "main", "main": "main()"}
+SMALL = ("--pressure-cm", "0:20", "--section", "axisymmetric", "--no-pictures")
+NO_MEMORY = "softmodels.mechanics.iterative.OUT_OF_MEMORY = (0,)"  # what MUMPS reports where all is well
+NO_SHARED_MEMORY = "softmodels.mechanics.mpi.SHARED_MEMORY = Path('/proc/none')"
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="/proc and /dev/shm are Linux's")
+@pytest.mark.parametrize(
+    ("program", "words", "change", "told"),
+    [
+        (DISK, SMALL, NO_MEMORY, "out of memory; use a larger --cell-size"),
+        (WHOLE, ("limit", "--variant", "shadow"), NO_MEMORY, "out of memory; use a larger --cell-size"),
+        (DISK, SMALL, NO_SHARED_MEMORY, "needs shared memory, and /proc/none cannot be written"),
+        (WHOLE, ("limit", "--variant", "shadow"), "", "kernel cache /proc/none/fenics cannot be used"),
+    ],
+)
+def test_what_is_missing_is_named(program, words, change, told, tmp_path, monkeypatch):
+    if not change:
+        monkeypatch.setenv("XDG_CACHE_HOME", "/proc/none")
+    done = runs.run("-c", RUN.format(change=change, **program), *words, cwd=tmp_path)
+    last = done.err.strip().splitlines()[-1]
+    assert done.status == 1 and told in last and "Traceback" not in done.err, done.err
+    assert "refine the mesh" not in last and "free some disk space" not in last
+
+
+BLOCKED = """
+import runpy, sys
+class Missing:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in ("dolfinx", "dolfinx_solver", "petsc4py", "slepc4py", "mpi4py", "ufl", "basix", "ffcx"):
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+sys.meta_path.insert(0, Missing())
+sys.argv = sys.argv[1:]
+runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
+"""
+
+
+def test_photographs_curves_and_meshes_need_no_fenicsx(tmp_path):
+    (tmp_path / "pull.csv").write_text("stretch,stress_kPa\n" + "".join(
+        f"{1 + k / 10:.1f},{28 * (1 + k / 10 - (1 + k / 10) ** -2):.4f}\n" for k in range(1, 15)
+    ))  # fmt: skip
+    fit = ("softmodels", "fit", "--tensile", "pull.csv", "--material", "yeoh", "--no-pictures", "-o", "fit")
+    for words in (fit, ("geometries", "HollowDisk", "-o", "disk.msh"), ("measurement", "--help")):
+        done = runs.run("-c", BLOCKED, *words, cwd=tmp_path)
+        assert done.status == 0, done.err
+    assert (tmp_path / "fit" / "fitted.toml").is_file() and (tmp_path / "disk.msh").is_file()
+    done = runs.run("-c", BLOCKED, "softmodels", "run", "--device", "Balloon", "--pressure-cm", "0:2", cwd=tmp_path)
+    assert done.status == 1 and "the simulation needs FEniCSx (softmodels doctor lists what is missing)" in done.err

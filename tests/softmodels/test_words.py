@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
+import types
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
+from click.testing import CliRunner
+
+import softmodels as sm
+from softmodels.api.calls import inflate  # noqa: F401  (says what its arguments are)
+from softmodels.common.errors import spoken, written
+from softmodels.common.schema import Quantity, field_of
+from softmodels.disk import command
+from softmodels.path.supply import SUPPLIES, AirSupply, Stroke, register_supply
+from softmodels.runs.columns import term
+from softmodels.runs.notes import explain, explain_failure
 
 ROOT = Path(__file__).parents[2]
 PHRASES = re.compile(
@@ -25,3 +38,123 @@ def test_plain_words(package):
     for path in files:
         text = " ".join(re.sub(r'"?\n\s*(#|f?")?', " ", path.read_text(encoding="utf-8")).split())
         assert not [found[0] for found in PHRASES.finditer(text)], path
+
+
+# -- One sentence, two readers: the command line reads of options, a caller from Python of arguments. A supply has a--
+
+
+COARSE = {"section": "axisymmetric", "cell_size": 6e-3, "refinement": 1.0}
+BALLOONS = sm.HollowDisk(membrane=1e-3, **COARSE)
+LAW = sm.NeoHookean(20e3)
+SENTENCES = {
+    "drive it by volume (--volume-ml, or --control volume)": 'drive it by volume (volumes, or control="volume")',
+    "use --control auto or arc-length, which pass": 'use control="auto" or "arc-length", which pass',
+    "refine the mesh (--cell-size) or round": "refine the mesh (cell_size) or round",
+    "run without --resume into another folder (--output)": "run without resume=True into another folder (folder)",
+    "take a larger --contact-stiffness than 5": "take a larger Obstacle.stiffness than 5",
+    "a smaller --dead-volume or --gas liquid": 'a smaller dead_volume or gas="liquid"',
+    "use a --poisson closer to 0.5, or --poisson 0.49": "use a poisson closer to 0.5, or poisson=0.49",
+    "--section wedge --angle 360deg shows all": 'section="wedge" angle=360 shows all',
+    "strokes of a syringe (--supply syringe with --stroke-ml)": "strokes of a syringe (supply=Syringe(...) with strokes)",
+    "0.005 per ml (--leak-per-ml)": "0.005 per ml (leak)",
+    "leave out PETSc's options (what follows --), refine": "leave out PETSc's options (the variable PETSC_OPTIONS), refine",
+    "a dash -- as here, and a range 2--3": "a dash -- as here, and a range 2--3",
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Flask(AirSupply):
+    """A flask in front of the cavity."""
+
+    flask: float = field_of(Quantity("m^3"), "volume of the flask", 1e-3)
+    name: ClassVar[str] = "flask"
+
+    def control(self, cavity, pressure_unit, volume_unit):
+        rest = cavity / volume_unit
+        return Stroke(rest, rest + self.flask / volume_unit, 101.325e3 / pressure_unit, 1.0, 0.0)
+
+
+@pytest.fixture
+def flask():
+    register_supply(Flask)
+    yield Flask(1e-3)
+    del SUPPLIES["flask"]
+
+
+@pytest.mark.parametrize("sentence", SENTENCES)
+def test_options_are_arguments_in_python(sentence):
+    assert spoken(sentence) == SENTENCES[sentence] == spoken(SENTENCES[sentence])
+
+
+def test_a_run_explains_its_end_to_each_reader(tmp_path):
+    run = sm.inflate(BALLOONS, LAW, pressures="0:100 cm")
+    assert 'drive it by volume past the limit (volumes, or control="volume")' in run.limit.why
+    assert "a thicker membrane (membrane)" in run.limit.why and "--" not in run.limit.why
+    folder = run.save(tmp_path / "disk")
+    assert "(--volume-ml, or --control volume)" in (folder / "summary.json").read_text()
+    assert sm.load(folder).limit == run.limit
+    with pytest.raises(sm.RunError, match="volumes, or control") as caught:
+        run.at("60 cm")
+    assert "--" not in str(caught.value)
+
+
+REFUSED = {
+    'use control="auto" or "volume"': {"volumes": "0:10 ml", "control": "pressure"},
+    "add pressures or driven=LoadRequest(...)": {
+        "volumes": "0:10 ml",
+        "load_unload": True,
+    },
+    "a syringe (supply=Syringe(...)) and its strokes (strokes) belong together": {"strokes": "0:10 ml"},
+    "use a larger one (syringe)": {"strokes": "0:30 ml", "supply": sm.Syringe()},
+    'use formulation="mixed", or poisson=0.49': {"pressures": "0:9 cm", "formulation": "displacement"},
+    "leave out resume=True": {"pressures": "0:9 cm", "resume": True},
+}
+
+
+@pytest.mark.parametrize("words", REFUSED)
+def test_refusals_name_arguments(words):
+    law = sm.NeoHookean(20e3, 0.5) if "formulation" in REFUSED[words] else LAW
+    with pytest.raises((sm.CaseError, sm.MaterialError)) as caught:
+        sm.inflate(BALLOONS, law, **REFUSED[words])
+    assert words in str(caught.value) and "--" not in str(caught.value)
+
+
+def test_the_command_line_keeps_its_words_in_the_same_process():
+    words = ["--volume-ml", "0:10", "--control", "pressure", "--quiet"]
+    done = CliRunner().invoke(command, words)
+    assert done.exit_code == 2 and "use --control auto or volume\n" in done.stderr
+    with pytest.raises(sm.CaseError) as caught:
+        sm.inflate(BALLOONS, LAW, volumes="0:10 ml", control="pressure")
+    assert 'use control="auto" or "volume"' in str(caught.value) and "--control auto" in written(caught.value)
+
+
+def test_a_supply_is_called_by_its_name(flask):
+    with pytest.raises(sm.CaseError, match=r"a flask \(supply=Flask\(...\)\) and its strokes"):
+        sm.inflate(BALLOONS, LAW, pressures="0:9 cm", supply=flask)
+    run = sm.inflate(BALLOONS, LAW, strokes="0:1 ml", supply=flask)
+    assert term("stable_under_supply", None, run.case.load.driver).name == "stable under the flask"
+    assert "stroke_limit" in run.path
+    assert "syringe" not in "".join(term(name, BALLOONS, "flask").text for name in run.path)
+
+
+@pytest.mark.parametrize(
+    ("supply", "gas", "ending"),
+    [
+        (Flask(1e-3), "the gas of the flask", "snaps through. Stay below"),
+        (sm.Syringe(), "the gas in syringe and tubes", "or use a smaller --dead-volume or --gas liquid"),
+    ],
+)
+def test_a_limit_of_the_stroke_is_told_in_the_supplys_words(supply, gas, ending):
+    case = sm.Case("disk", BALLOONS, LAW, strokes_ml=(0.0, 20.0), supply=supply)
+    figures = types.SimpleNamespace(rises={"apex": 0.01}, pressure=3e3, added_volume=1e-5, max_stretch=1.5, device={})
+    fields = types.SimpleNamespace(figures=lambda state: figures, system=types.SimpleNamespace(volume_unit=1e-5))
+    path = types.SimpleNamespace(last=types.SimpleNamespace(state=None), value=lambda state: 1.0)
+    end = types.SimpleNamespace(limit=types.SimpleNamespace(state=None), cause=None)
+    text = explain(case, end, fields, path)
+    assert f"beyond it {gas} expands and the device snaps through" in text and text.endswith(ending)
+
+
+def test_what_a_lost_path_is_told():
+    case = sm.Case("disk", BALLOONS, LAW, pressures_cm=(1.0,))
+    text = explain_failure(case, ValueError("no convergence"), None, petsc=True)
+    assert spoken(text).endswith("(the variable PETSC_OPTIONS), refine the mesh (cell_size), or use another control")

@@ -8,11 +8,12 @@ import math
 import numpy as np
 import pytest
 
-from geometries import HollowDisk
+from geometries import Beam, HollowDisk, PneuNet
+from softmodels.case.materials import Region
 from softmodels.materials.laws import NeoHookean
-from softmodels.mechanics import mpi, solver as solver_module
+from softmodels.mechanics import iterative as direct, mpi, solver as solver_module
 from softmodels.mechanics.controls import volume_control
-from softmodels.mechanics.iterative import Multigrid
+from softmodels.mechanics.iterative import Multigrid, corners_of
 from softmodels.mechanics.mpi import TooLargeError
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
@@ -104,3 +105,151 @@ def test_model_that_does_not_fit(body_of, monkeypatch):
     assert switched.name == "iterative" and f"a factorisation would take about {direct / 1e9:.2g} GB" in switched.told
     with pytest.raises(TooLargeError, match='or solver="iterative"'):
         solver_module.select_solver(system, "direct")
+
+
+# -- The levels of displacements' multigrid against the assembled matrix, and against DOLFINx' interpolation between--
+
+
+HARD_LAW = NeoHookean(30e3, 0.45)
+DEVICES = {
+    "skew wedge": HollowDisk(cell_size=0.008, fillet=0.0, angle=30.0, azimuth=20.0),
+    "finger of two regions": PneuNet(chambers=2, cell_size=0.006),
+    "section": HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.006),
+}
+MATRIX, OTHER = "the assembled matrix", "interpolation by DOLFINx"
+
+
+MOST = 70
+"""Iterations of GMRES to 1e-8."""
+
+
+@pytest.fixture(params=[(name, "mixed") for name in DEVICES] + [("skew wedge", "displacement")], ids="-".join)
+def set_up(request, body_of):
+    """Return a solver with its levels of a random state near rest, ones at free dofs, and a generator of random numbers."""
+    name, formulation = request.param
+    components = [Region(NeoHookean(400e3, 0.45), name="base")] if "regions" in name else []
+    system = System(body_of(DEVICES[name]), HARD_LAW, formulation, components=components)
+    solver, generator = Solver(system, "iterative"), np.random.default_rng(0)
+    free = np.ones(system.n)
+    free[np.concatenate([bc.dof_indices()[0] for bc in system.bcs])] = 0.0
+    rest = system.rest()
+    solver.factorise(rest)
+    system.w.x.array[:] = 1e-3 * generator.standard_normal(system.n) * free
+    system._set_pressures(0.1, np.empty(0))
+    system.assemble_tangent()
+    solver.bordered.factorise()  # the levels that were made at rest take this state's matrix
+    return solver, free, generator
+
+
+def test_products_of_the_quadratic_level(set_up, figure):
+    solver, _, generator = set_up
+    system, inverse = solver.system, solver.bordered.inverse
+    quadratic, _ = inverse._levels
+    u, x, y = inverse._u, system.K.createVecRight(), system.K.createVecLeft()
+    moved, b = generator.standard_normal(len(u)), generator.standard_normal(len(u))
+    x.array_w[u] = moved
+    system.K.mult(x, y)
+    quadratic.x[:] = moved
+    found, known = quadratic.residual(b), b - y.array_r[u]
+    figure(MATRIX, "residual of a level in single precision", (found - known) / np.abs(known).max(), 1e-7)
+
+
+def test_the_linear_level_is_the_quadratic_one_on_linear_displacements(set_up, figure):
+    from dolfinx import fem
+    from scipy.spatial import cKDTree
+
+    solver, free, generator = set_up
+    system, inverse = solver.system, solver.bordered.inverse
+    _, linear = inverse._levels
+    nodes, d = inverse._nodes, system.body.mesh.geometry.dim
+    corners = fem.Function(fem.functionspace(nodes.mesh, ("Lagrange", 1, (d,))))
+    places = corners.function_space.tabulate_dof_coordinates()
+    own, _ = corners_of(nodes)
+    _, at = cKDTree(places).query(inverse._places[own])
+    held = free[inverse._u].reshape(-1, d)[own] == 0
+    values = np.where(held, 0.0, generator.standard_normal(held.shape))
+    corners.x.array.reshape(-1, d)[at] = values
+    between = fem.Function(nodes)
+    between.interpolate(corners)
+    x, y = system.K.createVecRight(), system.K.createVecLeft()
+    x.array_w[inverse._u] = between.x.array * free[inverse._u]
+    system.K.mult(x, y)
+    b, c = linear._matrix.createVecRight(), linear._matrix.createVecLeft()
+    b.array_w[:] = values.ravel()
+    linear._matrix.mult(b, c)
+    figure(OTHER, "energy of linear displacements by the linear level", b.dot(c) / x.dot(y) - 1, 1e-11)
+
+
+def test_a_cycle_is_linear_and_near_the_inverse(set_up, figure):
+    """GMRES needs the first to the last digits, and few iterations the second."""
+    solver, free, generator = set_up
+    system, inverse = solver.system, solver.bordered.inverse
+    one, other, both, x, y, z = (system.K.createVecRight() for _ in range(6))
+    for vector in (one, other):
+        vector.array_w[:] = generator.standard_normal(system.n) * free
+    both.array_w[:] = 3.0 * one.array_r - 1e4 * other.array_r
+    for b, into in ((one, x), (other, y), (both, z)):
+        inverse.apply(b, into)
+    apart = z.array_r - (3.0 * x.array_r - 1e4 * y.array_r)
+    figure("theory", "a cycle of a sum less the cycles' sum", apart / np.abs(z.array_r).max(), 1e-11)
+    solver.kept.set_columns()
+    assert solver.bordered.iterate(one, x, 1e-8) <= MOST
+
+
+# -- Factorisations in single precision against double: same states and eigenvalues, and double where single is not --
+
+
+LARGE_WEDGE = HollowDisk(angle=22.5, cell_size=0.006, fillet=0.0, base_fillet=0.0)
+SLENDER = Beam(length=0.2, width=0.004, thickness=0.002, cell_size=0.002)
+DOUBLE = "double precision"
+
+
+@pytest.fixture
+def solver_of(body_of, monkeypatch):
+    """Return a function that gives a device's solver in a precision, whatever the device's size."""
+
+    def made(device, rounded):
+        monkeypatch.setattr(direct, "SMALL", 0 if rounded else 10**9)
+        return Solver(System(body_of(device), LAW), "direct")
+
+    return made
+
+
+def test_the_path_and_its_eigenvalues_are_those_of_double_precision(solver_of, figure):
+    found = []
+    for rounded in (True, False):
+        solver = solver_of(LARGE_WEDGE, rounded)
+        points = [point for point in trace(Continuation(solver), [0.1, 0.3]) if point.requested]
+        solver.factorise(points[-1].state)
+        assert solver.bordered.inverse.rounded is rounded
+        found.append((points, Stability.of(solver).lowest()))
+    (single, mode), (double, expected) = found
+    apart = [np.abs(a.state.w - b.state.w).max() / np.abs(b.state.w).max() for a, b in zip(single, double, strict=True)]
+    figure(DOUBLE, "displacements and pressures of a wedge, factors in single precision", apart, 1e-8)
+    figure(DOUBLE, "lowest eigenvalue of a wedge, factors in single precision", mode / expected - 1, 1e-8)
+
+
+def test_answers_of_the_inverse_are_refined(solver_of, figure):
+    solver = solver_of(LARGE_WEDGE, rounded=True)
+    solver.factorise(solver.system.rest())
+    K = solver.system.K
+    b, x, left = (K.createVecRight() for _ in range(3))
+    b.array_w[:] = np.random.default_rng(0).normal(size=solver.system.n)
+    for name, solve, bounds in (
+        ("rough", solver.bordered.solve_roughly, (1e-9, 1e-2)),
+        ("refined", solver.bordered.solve, (0.0, 1e-11)),
+    ):
+        solve(b, x)
+        K.mult(x, left)
+        left.aypx(-1.0, b)
+        assert bounds[0] <= left.norm() / b.norm() <= bounds[1], name
+
+
+def test_a_slender_beam_is_factorised_in_double_precision(solver_of):
+    """A hundred times as long as thick: single precision has an eigenvalue of its own to offer."""
+    solver = solver_of(SLENDER, rounded=True)
+    solver.factorise(solver.system.rest())
+    assert not solver.bordered.inverse.rounded
+    assert Stability.of(solver).negative_eigenvalues() == 0
+    solver.factorise(solver.system.rest())  # single precision is tried again, for every K
+    assert not solver.bordered.inverse.rounded
