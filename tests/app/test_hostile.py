@@ -26,6 +26,7 @@ from softmodels.app.bench import CASE, Photographs, Project
 from softmodels.app.forms import page_words, with_field
 from softmodels.app.jobs import AnswerError
 from softmodels.app.making import CURVE
+from softmodels.app.server import LARGEST_UPLOAD, Guard, free_port
 from softmodels.case.case import in_unit
 from softmodels.case.entries import INPUT_ERRORS
 from softmodels.common.errors import FieldError, reason
