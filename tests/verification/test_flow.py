@@ -19,11 +19,13 @@ from softmodels.materials import memory
 from softmodels.materials.laws import Gent, NeoHookean
 from softmodels.materials.memory import InNumpy, Memory
 from softmodels.materials.specimens import MODES, branch_stress, respond, stress_in_time
+from softmodels.path.program import TOLERANCE
 from tests.support import bodies
-from tests.verification.test_memory import MU, REST, SPHERE, entries, followed, strain, tensor, unimodular
+from tests.verification.test_memory import MU, REST, SPHERE, entries, followed, strain, tensor, unimodular, wall_volume
 
 ODE = "ordinary differential equation of Kumar and Lopez-Pamies' branch"
 WALL = "closed integral through the wall of a sphere, with the equation of Kumar and Lopez-Pamies' branch in time"
+SET = "closed integral through the wall of a sphere, with the equation of a branch that flows above a stress"
 LAW = ((13.54, 1.0), (1.08, -2.474))
 SPRING = ((5.42, -10.0), (20.78, 1.948))
 G = sum(m for m, _ in SPRING)
@@ -203,6 +205,31 @@ def test_a_thick_sphere_filled_held_and_emptied(tolerance, bound, body_of, figur
         pressure += weight * half * 2 * difference / (R * np.array([stretch(t) ** 3 for t in times]))
     off = (pressures - pressure) / pressure.max()
     figure(WALL, f"pressure in time over the largest, tolerance {tolerance:g}", off, bound)
+
+
+def test_a_sphere_keeps_a_set(body_of, figure):
+    """A branch that flows above a stress: raised in 3 s, held for 2 s, vented in 3 s, at rest for an hour.
+
+    Its relaxation time is 1 s under large stress and 12 days at rest.
+    """
+    onset, exponent, least = 0.1, 6.0, 1e-6
+    flowing = {"share": 0.3, "time": 1e6, "onset": onset, "exponent": exponent, "least": least}
+    law = NeoHookean(MU, 0.5).with_memory(branches=[flowing])
+    corners, heights = (0.0, 3.0, 5.0, 8.0, 3608.0), (0.0, 400.0, 400.0, 0.0, 0.0)
+    tables = {"cavity1": {"pressure_cm": list(heights[1:])}, "time_s": list(corners[1:])}
+    (times, _, volumes, *_), end = followed(body_of(SPHERE), law, tables, TOLERANCE)
+    assert end is None and times[-1] == corners[-1]
+
+    def fluidity(J2):
+        return 1 / (least + (1 - least) / (1 + (J2 / onset**2) ** exponent))
+
+    later = times > 0.0
+    pressure = lambda t: 95.1 * np.interp(t, corners, heights)  # noqa: E731
+    exact = wall_volume(pressure, times[later], corners, [(0.3, 1e6)], fluidity)
+    found = volumes[later] - volumes[0]
+    vented = found[times[later] <= corners[3]][-1]
+    assert 0.03 * found.max() < found[-1] and 0.8 * vented < found[-1] < vented
+    figure(SET, "added volume over the largest, through an hour of rest", (found - exact) / exact.max(), 3e-4)
 
 
 def diagonal(branch, sides, corners):

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
-from scipy.optimize import minimize_scalar
+from scipy.optimize import brentq, minimize_scalar
 from scipy.sparse import csr_array
 from scipy.special import erf
 
@@ -23,7 +23,7 @@ from softmodels.materials.memory import InNumpy, Softening
 from softmodels.mechanics import solver as solver_module
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
-from softmodels.path.program import from_tables, time_at
+from softmodels.path.program import TOLERANCE, from_tables, time_at
 from softmodels.path.schedule import Settings, follow
 from softmodels.path.time_steps import LostInTime
 from tests.support import bodies
@@ -287,6 +287,59 @@ def test_a_thick_sphere_filled_held_and_emptied(tolerance, bound, body_of, figur
     figure(
         WALL, f"pressure in time over the largest, tolerance {tolerance:g}", (pressures - exact) / exact.max(), bound
     )
+
+
+def wall_volume(pressure, times, corners, branches=BRANCHES, fluidity=lambda J2: 1.0):
+    """Added volumes in m3 of the sphere whose pressure in Pa is a function of time, at times in s from corners, where it kinks.
+
+    ``fluidity`` is the rate of a branch over 1/tau, of half the square of its stress' deviator over G^2.
+    """
+    points, weights = np.polynomial.legendre.leggauss(24)
+    middle, half = (SPHERE.outer + SPHERE.inner) / 2, (SPHERE.outer - SPHERE.inner) / 2
+    R = middle + half * points
+
+    def strains(volume, y):
+        """C along the radius and around, and the excess of each branch's C Cv^-1 around."""
+        stretch = (1.0 + volume * (SPHERE.inner / R) ** 3) ** (1 / 3)
+        radial, hoop = stretch**-4, stretch**2
+        Cv = y.reshape(len(branches), len(R))
+        return stretch, radial, hoop, Cv, hoop * np.sqrt(Cv) - radial / Cv
+
+    def found(t, y):
+        def excess(volume):
+            stretch, radial, hoop, _, own = strains(volume, y)
+            difference = hoop - radial + sum(share * one for (share, _), one in zip(branches, own, strict=True))
+            return MU * np.sum(weights * half * 2 * difference / (R * stretch**3)) - pressure(t)
+
+        return brentq(excess, -0.3, 6.0, xtol=1e-13)
+
+    def slope(t, y):
+        _, radial, hoop, Cv, own = strains(found(t, y), y)
+        rates = (radial - (radial / Cv + 2 * hoop * np.sqrt(Cv)) / 3 * Cv) * fluidity(own**2 / 3)
+        return np.concatenate([one / tau for (_, tau), one in zip(branches, rates, strict=True)])
+
+    y, volumes = np.ones(len(R) * len(branches)), np.empty(len(times))
+    for low, high in itertools.pairwise(corners):
+        inside = (times > low) & (times <= high)
+        at = np.unique([*times[inside], high])
+        states = solve_ivp(slope, (low, high), y, "LSODA", at, rtol=1e-8, atol=1e-10).y
+        own = dict(zip(at, states.T, strict=True))
+        volumes[inside] = [found(t, own[t]) for t in times[inside]]
+        y = states[:, -1]
+    return volumes * REST
+
+
+def test_a_thick_sphere_under_a_pressure_that_jumps_and_rises(body_of, figure):
+    """To 150 cm at once, held for 2 s, to 300 cm in 2 s, and held for 3 s; by the default tolerance."""
+    corners, heights = (0.0, 2.0, 4.0, 7.0), (150.0, 150.0, 300.0, 300.0)
+    law = NeoHookean(MU, 0.5).with_memory(branches=BRANCHES)
+    tables = {"cavity1": {"pressure_cm": list(heights)}, "time_s": list(corners)}
+    (times, _, volumes, *_), end = followed(body_of(SPHERE), law, tables, TOLERANCE)
+    assert end is None and times[-1] == corners[-1]
+    later = times > 0.0
+    exact = wall_volume(lambda t: 95.1 * np.interp(t, corners, heights), times[later], corners)
+    off = (volumes[later] - volumes[0] - exact) / exact.max()
+    figure(WALL, "added volume under a pressure that jumps and rises, over the largest", off, 1e-4)
 
 
 def test_the_estimated_memory_counts_the_history(body_of, monkeypatch):
