@@ -398,10 +398,9 @@ def _list(values: Sequence[float]) -> str:
 
 def _pour_steps(pour: Pour, bodies: Sequence[str], cure: str) -> list[str]:
     """Return how one piece is cast and demoulded."""
-    cup, pins = (
-        " and ".join(f"the {name}" for name in bodies if "cup" in name),
-        [name for name in bodies if "pin" in name],
-    )
+    parts = {name: name.removeprefix(pour.name) for name in bodies}  # the piece itself may be called a cup
+    cup = " and ".join(f"the {name}" for name, part in parts.items() if "cup" in part)
+    pins = [name for name, part in parts.items() if "pin" in part]
     steps = []
     if pour.lost:
         steps.append(

@@ -26,6 +26,7 @@ from geometries.actuator import Castable
 from geometries.meshing import private_model
 from softmodels.casting.bodies import recipe_of, tooling
 from softmodels.casting.facets import BETWEEN, arranged, laid_flat, print_estimate
+from softmodels.casting.files import _pour_steps
 from softmodels.casting.make import _made, common_thickness, manifold_of
 from softmodels.casting.settings import MouldError, Workshop
 
@@ -83,6 +84,12 @@ def test_a_device_is_cast_to_its_closed_form(kind, tmp_path):
             common = occ.intersect([leaving], rest, removeObject=False, removeTool=False)[0]
             assert sum(occ.getMass(*solid) for solid in common) < 1e-6
         gmsh.option.setString("Geometry.OCCTargetUnit", "")
+
+
+def test_the_lid_of_a_piece_called_cup_is_no_cup():
+    (pour,) = recipe_of(SuctionCup(), COARSE).pours
+    steps = " ".join(_pour_steps(pour, ["cup lid", "cup cup"], "4 h"))
+    assert "Put the cup cup on the cup lid and bolt" in steps
 
 
 def test_a_core_that_cannot_leave_is_refused():
