@@ -63,14 +63,6 @@ if TYPE_CHECKING:
     )
 
 
-_NAMES, __getattr__, __dir__ = lazy_names(
-    __name__,
-    {
-        **{place: tuple(name for name, own in PLACES.items() if own == place) for place in PLACES.values()},
-        "geometries.actuator": ("Actuator", "CutPlane", "Hold"),
-        "softmodels.common.errors": ("GeometryError", "MeshFileError", "MeshingError", "MeshingStopped"),
-        "geometries.registry": ("ACTUATORS", "register_device"),
-    },
-)
+_NAMES, __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [*_NAMES]

@@ -37,17 +37,6 @@ if TYPE_CHECKING:
     from measurement.series.witness import Refusal as Refusal, Result as Result
 
 
-_PLACES = {
-    "measurement.camera": ("Camera", "CameraError"),
-    "measurement.outline.outline": ("Outline", "OutlineError"),
-    "measurement.screen.calibration": ("calibrate", "setup_from_grid"),
-    "measurement.screen.grid": ("GridError",),
-    "measurement.screen.setup": ("Setup", "SetupError"),
-    "measurement.series.checks": ("Doubt", "Evidence", "register_check"),
-    "measurement.series.photo_list": ("Column", "ColumnError", "Photograph", "PhotoListError", "read_photos"),
-    "measurement.series.measuring": ("Measurement", "outlines", "NoZero"),
-    "measurement.series.witness": ("Refusal", "Result"),
-}
-_NAMES, __getattr__, __dir__ = lazy_names(__name__, _PLACES)
+_NAMES, __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [*_NAMES]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import io
@@ -21,7 +22,7 @@ from softmodels.case.entries import NAME, CaseError, ProbeError, place_of
 from softmodels.case.materials import to_table
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
-from softmodels.common.errors import Spoken, known_are, spoken
+from softmodels.common.errors import Spoken, known_are, required, spoken
 from softmodels.common.files import file_digest, is_same
 from softmodels.common.names import checked, keep_arrays, one_of, place, read_only, several
 from softmodels.common.processes import one_at_a_time
@@ -32,7 +33,7 @@ from softmodels.materials.silicones import named
 from softmodels.mechanics.mpi import is_root, on_root, start
 from softmodels.runs.analyses import KINDS, Limit
 from softmodels.runs.columns import load_columns, overlap_text, state_labels, term
-from softmodels.runs.fields import Row, requestable, split
+from softmodels.runs.fields import OUTPUTS, OutputField, Row, requestable, split
 from softmodels.runs.formats import CELL_TYPES, TENSOR
 from softmodels.runs.lines import POINTS, Line, Probe
 from softmodels.runs.notes import notes_of, sentences
@@ -704,9 +705,15 @@ class Run(Shown):
         Raises:
             ImportError: pandas is not installed.
         """
-        from softmodels.api.frames import dataframe
+        frame: pandas.DataFrame = required("pandas", "notebook").DataFrame(self.path)
+        texts = {column: self._texts(column) for column in frame.columns}
+        frame.attrs = {name: {column: text[name] for column, text in texts.items()} for name in ("units", "long_name")}
+        return frame
 
-        return dataframe(self._states)
+    def _texts(self, column: str) -> dict[str, str]:
+        """Return the unit and the name in words of a column of ``path.csv``."""
+        known = term(column, self.case.actuator, state_labels(self.case).driver)
+        return {"units": split(column)[1], "long_name": known.name}
 
     @checked
     def to_xarray(self, fields: str | Sequence[str] = ()) -> xarray.Dataset:
@@ -723,8 +730,7 @@ class Run(Shown):
             CaseError: No such field.
             ResultsError: The states of a folder can no longer be read.
         """
-        from softmodels.api.frames import dataset
-
+        library = required("xarray", "notebook")
         wanted = several("fields", fields, str, "the name of a nodal field")
         bifurcations = (step for step, row in enumerate(self.rows) if row.get("bifurcation"))
         known = {name for step in (0, *bifurcations) for name in self._source.fields(step)} if wanted else set()
@@ -732,7 +738,43 @@ class Run(Shown):
             if name not in known:
                 more = f", and those that a run is asked for, as by fields=[{name!r}]" if name in requestable() else ""
                 raise CaseError(f"the run has no field {brief(name)}; {known_are(name, sorted(known), more)}")
-        return dataset(self._states, wanted)
+        columns = {name: ("step", values, self._texts(name)) for name, values in self.path.items()}
+        places: dict[str, object] = {"step": columns.pop("step"), "pressure": columns.pop("pressure_Pa")}
+        nodal = {}
+        for name in wanted:
+            output = OUTPUTS.get(name)
+            told, axes = {"long_name": name}, ("component",)
+            if isinstance(output, OutputField):
+                told, axes = {"units": output.unit, "long_name": output.title}, output.axes
+            values = self._over_steps(name)
+            nodal[name] = (("step", "node", *axes)[: values.ndim], values, told)
+        places |= self._axes if wanted else {}
+        found: xarray.Dataset = library.Dataset({**columns, **nodal}, coords=places, attrs={"case": self.case.name})
+        return found
+
+    @property
+    def _axes(self) -> dict[str, object]:
+        """Coordinates of nodal fields in datasets."""
+        section = " of a section: x radial, y hoop" if self.case.actuator.dimension == 2 else ""
+        direction = {"long_name": f"direction in device coordinates{section}"}
+        principal = {"long_name": "number of the principal value, the largest first"}
+        return {
+            **{axis: ("node", self._source.points[:, k], {"units": "m", "long_name": f"{axis}, place of the node, undeformed"})
+               for k, axis in enumerate("xyz")},
+            **{axis: (axis, np.array([*"xyz"]), direction) for axis in ("component", "component2")},
+            "principal": ("principal", np.arange(1, 4), principal),
+        }  # fmt: skip
+
+    def _over_steps(self, name: str) -> Array:
+        """Return a nodal field of all states, shape (states, n, ...); nan in states without it."""
+        kept = {}
+        for step in range(len(self)):
+            with contextlib.suppress(KeyError):
+                kept[step] = self._source.field(step, name)
+        found = np.full((len(self), *next(iter(kept.values())).shape), np.nan)
+        for step, values in kept.items():
+            found[step] = values
+        return found
 
     # -- pictures and files -------------------------------------------------------------------------------------------
 

@@ -6,8 +6,10 @@ sentence, see `softmodels.common.commands.stoppable`.
 
 from __future__ import annotations
 
+import ast
 import functools
 import importlib
+import inspect
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping, Sequence
@@ -20,8 +22,6 @@ from softmodels.common.errors import Spoken, known_are, meant
 from softmodels.common.units import UnitError, brief, numbers
 
 if TYPE_CHECKING:
-    import inspect
-
     import numpy as np
     import numpy.typing as npt
 
@@ -77,8 +77,6 @@ def _constructor(owner: type, function: Callable[..., None]) -> Callable[..., No
 
 @functools.cache
 def _signature(function: Callable[..., object]) -> inspect.Signature:
-    import inspect  # with the first call that is checked, not with the package
-
     return inspect.signature(function)
 
 
@@ -108,8 +106,6 @@ def doubt(text: str) -> None:
 
 def _refusal(name: str, signature: inspect.Signature, args: Sequence[object], kwargs: dict[str, object]) -> str:
     """Return why arguments do not fit a signature."""
-    import inspect
-
     kinds = inspect.Parameter
     known = [p for p in signature.parameters.values() if p.kind not in (kinds.VAR_POSITIONAL, kinds.VAR_KEYWORD)]
     by_place = [p.name for p in known if p.kind in (kinds.POSITIONAL_ONLY, kinds.POSITIONAL_OR_KEYWORD)]
@@ -325,16 +321,21 @@ def lazy_module(name: str) -> ModuleType:
     return _LateModule(name)
 
 
-def lazy_names(
-    package: str, places: Mapping[str, Sequence[str]]
-) -> tuple[list[str], Callable[[str], object], Callable[[], list[str]]]:
-    """Return a package's ``__all__``, ``__getattr__`` and ``__dir__`` (PEP 562).
+def lazy_names(package: str) -> tuple[list[str], Callable[[str], object], Callable[[], list[str]]]:
+    """Return a package's ``__all__``, ``__getattr__`` and ``__dir__`` (PEP 562): the names that it imports for type checkers.
 
     Args:
         package: The package's ``__name__``.
-        places: Public names by the module that defines them.
     """
-    module_of = {name: module for module, names in places.items() for name in names}
+    source = inspect.getsource(sys.modules[package])
+    module_of = {
+        alias.name: str(line.module)
+        for block in ast.parse(source).body
+        if isinstance(block, ast.If)  # TYPE_CHECKING
+        for line in block.body
+        if isinstance(line, ast.ImportFrom)
+        for alias in line.names
+    }
     namespace = vars(sys.modules[package])
 
     def load(name: str) -> object:
