@@ -44,7 +44,7 @@ from softmodels.runs.notes import no_branch, sentences
 from softmodels.runs.outcomes import BAD_INPUT, Ended, Progress, RunError, UnwrittenError
 from softmodels.runs.recording import ResultsPlace, is_loaded, solved_into
 from softmodels.runs.simulation import InMemory, Listener, PathEnded, Silent, Simulation, solve_sources
-from softmodels.runs.store import StoredStates
+from softmodels.runs.states import StoredStates
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -34,13 +34,12 @@ from softmodels.mechanics.mpi import is_root, on_root, start
 from softmodels.runs.analyses import KINDS, Limit
 from softmodels.runs.columns import load_columns, overlap_text, state_labels, term
 from softmodels.runs.fields import OUTPUTS, OutputField, Row, requestable, split
-from softmodels.runs.formats import CELL_TYPES, TENSOR
-from softmodels.runs.lines import POINTS, Line, Probe
 from softmodels.runs.notes import notes_of, sentences
 from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM, STOPPED, Ended, RunError
 from softmodels.runs.recording import ResultsPlace, begin, begin_branch, gather, recall, stored_point
 from softmodels.runs.simulation import InMemory, Simulation, Step
-from softmodels.runs.store import Results, States, StoredStates
+from softmodels.runs.states import POINTS, Line, Probe, States, StoredStates
+from softmodels.runs.store import CELL_TYPES, TENSOR, Results
 
 if TYPE_CHECKING:
     import pandas
@@ -743,7 +742,7 @@ class Run(Shown):
         nodal = {}
         for name in wanted:
             output = OUTPUTS.get(name)
-            told, axes = {"long_name": name}, ("component",)
+            told, axes = {"long_name": name}, tuple[str, ...](("component",))
             if isinstance(output, OutputField):
                 told, axes = {"units": output.unit, "long_name": output.title}, output.axes
             values = self._over_steps(name)

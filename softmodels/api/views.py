@@ -33,7 +33,7 @@ from softmodels.pictures.offscreen import WINDOW, Image, Look, add_lights, can_r
 from softmodels.pictures.style import CURVE, INK, STYLE, WARNING, drawn, headline
 from softmodels.runs.fields import coloured
 from softmodels.runs.outcomes import RunError
-from softmodels.runs.store import States
+from softmodels.runs.states import States
 
 if TYPE_CHECKING:
     from pyvista import Plotter

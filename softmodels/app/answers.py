@@ -29,7 +29,7 @@ from softmodels.mechanics.system import State, System
 from softmodels.runs.columns import span_sentence
 from softmodels.runs.model import Model
 from softmodels.runs.simulation import Simulation
-from softmodels.runs.store import StoredStates
+from softmodels.runs.states import StoredStates
 
 COLOURS = [to_hex(colour) for colour in matplotlib.colormaps["viridis"](np.linspace(0.0, 1.0, 32))]
 """Of sections, from the lowest value up."""

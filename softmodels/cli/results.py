@@ -20,7 +20,7 @@ from softmodels.common.commands import DrawingOptions
 from softmodels.common.files import check_file, read_file, write_bytes, write_text
 from softmodels.common.folders import check_output_file, is_drawn
 from softmodels.common.processes import say
-from softmodels.runs.lines import POINTS, Line
+from softmodels.runs.states import POINTS, Line
 
 if TYPE_CHECKING:
     from softmodels.api.run import SolvedState

@@ -36,7 +36,7 @@ from softmodels.runs.notes import sentences
 from softmodels.runs.outcomes import RunError
 from softmodels.runs.recording import stored_state
 from softmodels.runs.simulation import Simulation
-from softmodels.runs.store import States
+from softmodels.runs.states import States
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr

@@ -29,7 +29,8 @@ from softmodels.pictures.curves import drawing, limits, over_of, profile, smooth
 from softmodels.pictures.style import LINE_COLOURS, STYLE, WIDTH, chart
 from softmodels.runs.columns import term
 from softmodels.runs.fields import Row
-from softmodels.runs.store import ResultsError, StoredStates
+from softmodels.runs.states import StoredStates
+from softmodels.runs.store import ResultsError
 
 COMPARED = ("added_volume_ml", "max_stretch", "peak_stretch", "max_von_mises_kPa", "blocked_force_N", "contact_force_N")
 """Columns compared at the highest common load, beside the rise."""

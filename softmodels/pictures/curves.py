@@ -38,9 +38,8 @@ from softmodels.pictures.style import (
 from softmodels.runs.columns import SourceRows, StateLabels, key_of, load_columns, term
 from softmodels.runs.fields import Row, at_rise, split
 from softmodels.runs.grid import parabolas
-from softmodels.runs.lines import Line, told
 from softmodels.runs.notes import cycles, jumped_over
-from softmodels.runs.store import States, round_steps, row_at
+from softmodels.runs.states import Line, States, round_steps, row_at, told
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

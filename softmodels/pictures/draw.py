@@ -31,7 +31,8 @@ from softmodels.pictures import curves, report, solid
 from softmodels.pictures.offscreen import Look, can_render, draw_outlines, look
 from softmodels.pictures.solid import AtRest
 from softmodels.pictures.style import STYLE, DrawnFolder
-from softmodels.runs.store import ResultsError, States, StoredStates, axes_of, cut_line, picture_files, picture_folder
+from softmodels.runs.states import States, StoredStates, axes_of, cut_line
+from softmodels.runs.store import ResultsError, picture_files, picture_folder
 
 
 def orders() -> Iterator[list[Any]]:

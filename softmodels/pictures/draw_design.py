@@ -48,7 +48,8 @@ from softmodels.pictures.style import (
 )
 from softmodels.runs.fields import Row
 from softmodels.runs.grid import outline
-from softmodels.runs.store import ResultsError, States, StoredStates
+from softmodels.runs.states import States, StoredStates
+from softmodels.runs.store import ResultsError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

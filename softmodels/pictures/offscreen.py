@@ -21,7 +21,7 @@ from softmodels.components.contact import RigidShape, obstacle_of, surface_of
 from softmodels.pictures.style import DPI, EDGE, INK, WARNING, WIDTH, Caption, Scale, headline, load, number, subject
 from softmodels.runs.fields import coloured
 from softmodels.runs.grid import CUT, OUTSIDE, Cells, Surface
-from softmodels.runs.store import States
+from softmodels.runs.states import States
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

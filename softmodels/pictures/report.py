@@ -58,7 +58,7 @@ from softmodels.runs.fields import Cell as Value, Row
 from softmodels.runs.grid import CUT, OUTSIDE, QUARTERS, SECTOR, Cells, turn
 from softmodels.runs.notes import left_out, notes_of, stability_text
 from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM
-from softmodels.runs.store import States
+from softmodels.runs.states import States
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The case of a report: device, material, load and solver as tables with units.

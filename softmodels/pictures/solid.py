@@ -66,7 +66,8 @@ from softmodels.pictures.style import (
     wrapped,
 )
 from softmodels.runs.grid import CUT, OUTSIDE, Cells, Surface, edge_curves, fine_triangles, outer_faces, outline
-from softmodels.runs.store import ResultsError, States, StoredStates
+from softmodels.runs.states import States, StoredStates
+from softmodels.runs.store import ResultsError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from softmodels.path.schedule import StageEnd
     from softmodels.path.stability import Springs, Stability
     from softmodels.runs.fields import Figures
-    from softmodels.runs.store import States
+    from softmodels.runs.states import States
 
 
 @contextlib.contextmanager
@@ -487,7 +487,7 @@ class Equilibrium(Shown):
     def _states(self) -> States:
         """This state as pictures take it."""
         from softmodels.runs.fields import Row
-        from softmodels.runs.store import States
+        from softmodels.runs.states import States
 
         case, grid = self.model.case, self.model.fields.grid
         row = Row({

@@ -32,7 +32,8 @@ from softmodels.runs.fields import Row
 from softmodels.runs.notes import events, no_branch, notes_of, sentences, stability_text, unwritten
 from softmodels.runs.outcomes import BAD_INPUT, DONE, FAILED, Ended, RunError, UnwrittenError
 from softmodels.runs.simulation import FROM_REST, Begun, Listener, PathEnded, Simulation, Step, solve_sources
-from softmodels.runs.store import BRANCH, RUN, Results, States, picture_files, picture_folder
+from softmodels.runs.states import States
+from softmodels.runs.store import BRANCH, RUN, Results, picture_files, picture_folder
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
     from softmodels.path.points import Point
     from softmodels.path.schedule import StageEnd
     from softmodels.runs.fields import Fields
-    from softmodels.runs.formats import Restart
+    from softmodels.runs.store import Restart
 
 
 # ----------------------------------------------------------------------------------------------------------------------

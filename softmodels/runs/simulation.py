@@ -18,11 +18,11 @@ from softmodels.mechanics.compiling import compiling, told_of_waits
 from softmodels.mechanics.mpi import any_rank, is_root, on_root
 from softmodels.runs.columns import Solved, row_of
 from softmodels.runs.fields import Row, check_requested
-from softmodels.runs.formats import Restart, restart_of
 from softmodels.runs.model import Model, body_of, temporary_folder
 from softmodels.runs.notes import explain, explain_failure, explain_step, sentences
 from softmodels.runs.outcomes import FAILED, INTERRUPTED, NO_EQUILIBRIUM, STOPPED, RunError
-from softmodels.runs.store import States
+from softmodels.runs.states import States
+from softmodels.runs.store import Restart, restart_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -3,46 +3,41 @@
 New results are prepared in a subfolder, and replace those of an earlier run once their first step is stored. Each step is
 written to its own file under a temporary name and renamed; the light files (XDMF, CSV) are rewritten after each step. A
 finished run merges the steps into one HDF5 file. Used on rank 0 only, without MPI.
+
+Below are the formats of its files: steps in HDF5 and what else refers to them (VTKHDF, XDMF, CSV). All is written as
+references to where each step lies, so that nothing is stored twice.
 """
 
 from __future__ import annotations
 
 import contextlib
+import csv
 import dataclasses
 import errno
 import functools
+import io
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, TypedDict
+from xml.sax.saxutils import escape, quoteattr
 
 import h5py
 import numpy as np
 import numpy.typing as npt
 
-from geometries import Actuator
-from geometries.actuator import Vector
 from softmodels.case.case import Case
 from softmodels.case.materials import SourceBand
-from softmodels.common.arrays import Array
 from softmodels.common.errors import Spoken
-from softmodels.common.files import hdf5_reason, remove_steps, replace, replace_hdf5
+from softmodels.common.files import check_file, hdf5_reason, remove_steps, replace, replace_hdf5
 from softmodels.common.folders import PATIENCE, OwnFolder
-from softmodels.common.pages import Provenance
-from softmodels.runs import formats
-from softmodels.runs.columns import (
-    FILE as SOURCES,
-    SourceRows,
-    StateLabels,
-    in_order,
-    read_sources,
-    state_labels,
-    write_sources,
-)
+from softmodels.runs.columns import FILE as SOURCES, SourceRows, in_order, read_sources, write_sources
 from softmodels.runs.fields import Row
-from softmodels.runs.formats import opened, read_values
-from softmodels.runs.grid import OUTSIDE, Surface, surface_of
+
+if TYPE_CHECKING:
+    from softmodels.path.points import Point
 
 PICTURES = ("profile", "loop", "mesh", "slice", "mode", "undeformed", "cut", "hot-spots", "stress",
             *(f"stress-{k}" for k in range(1, 5)))  # fmt: skip
@@ -89,7 +84,7 @@ class Results:
     def __init__(self, folder: Path, name: str, gauge: str = "apex", kind: str = RUN):
         self.own = OwnFolder(folder, kind)
         self.folder, self.name, self.gauge = folder, name, gauge
-        self.stored: list[formats.StoredStep] = []
+        self.stored: list[StoredStep] = []
         self._about: dict[str, object] = {}
         self.started: float | None = None
 
@@ -180,8 +175,8 @@ class Results:
 
     def check_grid(self, points: npt.NDArray[np.float64]) -> None:
         """Raise `ResultsError` if the stored states lie on other nodes than these, shape (n, 3), m."""
-        with formats.opened(self.heavy) as file:
-            stored = np.asarray(formats.read_values(file, "mesh/points"))
+        with opened(self.heavy) as file:
+            stored = np.asarray(read_values(file, "mesh/points"))
         if stored.shape != points.shape or not np.allclose(stored, points, rtol=0.0, atol=1e-9 * np.abs(stored).max()):
             nodes = f"{len(stored)} nodes there, {len(points)} here"
             raise ResultsError(f"the states in {self.folder} are of another mesh ({nodes}); run without --resume")
@@ -196,9 +191,9 @@ class Results:
             raise ResultsError(f"{self.folder} holds no {self.heavy.name}, so there is no run to resume")
         if self.steps.is_symlink():
             raise ResultsError(f"{self.steps} is a link, but the steps of a run must be in its own folder; remove it")
-        found: dict[int, formats.StoredStep] = {}
+        found: dict[int, StoredStep] = {}
         try:
-            with formats.opened(self.heavy) as file:
+            with opened(self.heavy) as file:
                 written = int(file.attrs.get("format", 0))
                 if written > FORMAT or (go_on and written < FORMAT):
                     which, fix = ("a later", "update softmodels") if written > FORMAT else ("an earlier", OLDER)
@@ -206,37 +201,33 @@ class Results:
                         f"{self.folder} was written by {which} version of softmodels (format {written}, not {FORMAT})"
                     )
                     raise ResultsError(f"{text}; {fix}")
-                points, cells = formats.inside(file, "mesh/points").shape, formats.inside(file, "mesh/cells").shape
-                self._shapes = (points[0], cells, str(formats.inside(file, "mesh").attrs["cell_name"]))
-                for group in formats.inside(file, "steps") if "steps" in file else ():
-                    step = formats.inside(file, f"steps/{group}")
-                    found[int(group)] = formats.read_step(step, self.heavy.name, f"/steps/{group}")
+                points, cells = inside(file, "mesh/points").shape, inside(file, "mesh/cells").shape
+                self._shapes = (points[0], cells, str(inside(file, "mesh").attrs["cell_name"]))
+                for group in inside(file, "steps") if "steps" in file else ():
+                    step = inside(file, f"steps/{group}")
+                    found[int(group)] = read_step(step, self.heavy.name, f"/steps/{group}")
             for path in sorted(self.steps.glob("*.h5")):
-                with formats.opened(path) as file:
-                    found[int(path.stem)] = formats.read_step(file, f"{self.steps.name}/{path.name}", "")
+                with opened(path) as file:
+                    found[int(path.stem)] = read_step(file, f"{self.steps.name}/{path.name}", "")
         except ResultsError:
             raise
         except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
             raise ResultsError(f"the results in {self.folder} cannot be read ({hdf5_reason(error)})") from error
         self.stored = [found[step] for step in sorted(found)]
 
-    def add(self, row: Row, fields: Mapping[str, npt.NDArray[np.float64]], restart: formats.Restart) -> None:
+    def add(self, row: Row, fields: Mapping[str, npt.NDArray[np.float64]], restart: Restart) -> None:
         """Store one step: its row of ``path.csv``, nodal fields (n,), (n, 3) or (n, 3, 3), and its restart data."""
-        flat = {
-            name: values if values.ndim < 3 else values.reshape(-1, formats.TENSOR) for name, values in fields.items()
-        }
+        flat = {name: values if values.ndim < 3 else values.reshape(-1, TENSOR) for name, values in fields.items()}
         self.steps.mkdir(exist_ok=True)
 
         def fill(file: h5py.File) -> None:
             for name, values in flat.items():
                 file[name] = values
-            file.attrs[formats.ROW], file.attrs[formats.RESTART] = json.dumps(row.cells), json.dumps(restart)
+            file.attrs[ROW], file.attrs[RESTART] = json.dumps(row.cells), json.dumps(restart)
 
         path = self.steps / f"{len(self.stored):04d}.h5"
         replace_hdf5(path, fill)
-        self.stored.append(
-            formats.StoredStep(f"{self.steps.name}/{path.name}", "", row, restart.copy(), formats.shapes_of(flat))
-        )
+        self.stored.append(StoredStep(f"{self.steps.name}/{path.name}", "", row, restart.copy(), shapes_of(flat)))
         self.write_light()
         if self.folder != self.own.path:
             self._bring_in()
@@ -246,10 +237,10 @@ class Results:
         if not (self.folder / self.stored[step].file).exists():
             self.load()  # the run that wrote it has merged its steps meanwhile
         stored = self.stored[step]
-        with formats.opened(self.folder / stored.file) as file:
-            found = {name: np.asarray(formats.read_values(file, f"{stored.group}/{name}")) for name in names}
+        with opened(self.folder / stored.file) as file:
+            found = {name: np.asarray(read_values(file, f"{stored.group}/{name}")) for name in names}
         return {
-            name: values.reshape(-1, 3, 3) if values.shape[1:] == (formats.TENSOR,) else values
+            name: values.reshape(-1, 3, 3) if values.shape[1:] == (TENSOR,) else values
             for name, values in found.items()
         }
 
@@ -269,7 +260,7 @@ class Results:
         ]
         whole = self.heavy, self._shapes, self.stored, gathered
         try:
-            replace(self.heavy, lambda path: formats.write_gathered(path, *whole))
+            replace(self.heavy, lambda path: write_gathered(path, *whole))
         except (OSError, RuntimeError) as error:
             raise OSError(errno.EIO, hdf5_reason(error)) from error
         self.stored = gathered
@@ -278,305 +269,377 @@ class Results:
 
     def write_light(self, gathered: bool = False) -> None:
         """Write ``path.csv``, the XDMF and the light VTKHDF anew; ``gathered`` is whether the HDF5 file has all steps."""
-        formats.write_light(self.heavy, self._shapes, self.stored, gathered)
+        write_light(self.heavy, self._shapes, self.stored, gathered)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The states of a run: fields on one mesh, and which of them to show.
+# Restart data of a state, besides its fields.
 
 
-STILLS = 4
-"""Maximum number of states shown side by side."""
+class StoredSignature(TypedDict):
+    """Stored form of a `Signature`."""
+
+    negative_eigenvalues: int
+    lowest: float
+    exact: bool
 
 
-type NodalGrid = tuple[Array, npt.NDArray[np.int64], str]
-"""Undeformed nodes in m, shape (n, 3); cells in VTK's order, shape (c, 6 or 10); XDMF's name of the cells."""
-
-
-class States:
-    """States on one mesh, for pictures, tables and what is solved from them.
-
-    Args:
-        case: What was run.
-        rows: Their rows of ``path.csv``.
-        grid: Their mesh.
-        read: Returns a nodal field of a state by its number and the field's name; KeyError where there is none.
+class Restart(TypedDict):
+    """Data to rebuild a `Point`, besides its fields; see there.
 
     Attributes:
-        points: Undeformed nodes in device coordinates, m, shape (n, 3).
-        cells: Node numbers in VTK's order, shape (c, 10 or 6).
-        cell_name: XDMF's name of the cells.
-        others: Rows of the silicone's other sources by name; empty where they were not asked for.
-        branch: Rows of the branch followed from the first bifurcation; empty if none was.
-        made: Where they come from.
+        P, V: The state's pressure and volume, dimensionless.
+        tangent: Changes of P and V along the path.
     """
 
-    def __init__(self, case: Case, rows: Sequence[Row], grid: NodalGrid, read: Callable[[int, str], Array]):
-        self.case, self.rows, self._read = case, list(rows), read
-        self.points, self.cells, self.cell_name = grid
-        self.others: SourceRows = {}
-        self.branch: Sequence[Row] = ()
-        self.made = Provenance()
-
-    @property
-    def name(self) -> str:
-        return self.case.name
-
-    def fields(self, step: int, names: Sequence[str] | None = None) -> Mapping[str, Array]:
-        """Return nodal fields of a state by name, all of them for None."""
-        raise NotImplementedError
-
-    def restart(self, step: int) -> formats.Restart:
-        """Return the numbers that a restart needs beside the fields."""
-        raise NotImplementedError
-
-    def mesh(self) -> bytes:
-        """Return the device's mesh as a Gmsh file."""
-        raise NotImplementedError
-
-    @property
-    def actuator(self) -> Actuator:
-        return self.case.actuator
-
-    @functools.cached_property
-    def words(self) -> StateLabels:
-        """Labels of its states."""
-        return state_labels(self.case)
-
-    @functools.cached_property
-    def skin(self) -> Surface:
-        """The surface of the mesh."""
-        return surface_of(self.points, self.cells, self.cell_name, self.actuator)
-
-    @property
-    def bifurcation(self) -> int | None:
-        """The first bifurcation of the path; None if there is none."""
-        return next((step for step, row in enumerate(self.rows) if row.get("bifurcation")), None)
-
-    @functools.cached_property
-    def sources(self) -> dict[str, Sequence[Row]]:
-        """Rows of each source of the silicone, the run's own among them; none where no others were solved."""
-        return in_order(self.case, self.rows, self.others)
-
-    def field(self, step: float, name: str) -> Array:
-        """Return a nodal field of a state, shape (n,) or (n, 3), SI units; of step 2.5 the mean of steps 2 and 3."""
-        begin, share = int(step), step - int(step)
-        if not share:
-            return np.asarray(self._read(begin, name))
-        return (1 - share) * np.asarray(self._read(begin, name)) + share * np.asarray(self._read(begin + 1, name))
-
-    def moved(self, step: float) -> Array:
-        """Return the deformed nodes of a state in m, shape (n, 3)."""
-        return self.points + self.field(step, "displacement")
-
-    def row(self, step: float) -> Row:
-        """Return the row of a state; see `row_at`."""
-        return row_at(self.rows, step)
-
-    @functools.cached_property
-    def loaded(self) -> list[int]:
-        """Steps that are not at rest."""
-        return [k for k, row in enumerate(self.rows) if self.words.loaded(row)]
-
-    @functools.cached_property
-    def main(self) -> int:
-        """The last requested state under load, or the last of all if there is none."""
-        asked = [k for k in self.loaded if self.rows[k]["requested"]]
-        return asked[-1] if asked else len(self.rows) - 1
-
-    @functools.cached_property
-    def along(self) -> Array:
-        """Position of each step along the path, from 0 to 1, shape (steps,).
-
-        Of a program by its steps. Else by the pressure where it only rises; past a limit point by the arc length of
-        pressure and volume.
-        """
-        if self.case.program:
-            steps = np.array([row["load_step"] for row in self.rows])
-            return steps / (steps[-1] or 1.0)
-        # Of a dead load its magnitude stands for the pressure, and what it moves for the volume.
-        raised, moved = self.words.along
-        pressure = np.array([row[raised] for row in self.rows])
-        if len(pressure) == 1:
-            return np.zeros(1)
-        if (np.diff(pressure) > 0).all():
-            return np.asarray((pressure - pressure[0]) / (pressure[-1] - pressure[0]))
-        path = np.column_stack([pressure, [row[moved] for row in self.rows]])
-        size = np.ptp(path, axis=0)
-        lengths = np.linalg.norm(np.diff(path, axis=0) / np.where(size > 0, size, 1.0), axis=1)
-        along = np.concatenate([[0.0], np.cumsum(lengths)])
-        return np.asarray(along / (along[-1] or 1.0))
-
-    def shown(self, most: int = STILLS) -> list[float]:
-        """The states to show: the requested ones under load, or some spread over the path, the last included.
-
-        Args:
-            most: At most this many; of more requested ones, some are chosen evenly, with the last.
-
-        Returns:
-            Their steps. A round pressure between two steps is a fraction: the state there is interpolated.
-        """
-        asked = [k for k in self.loaded if self.rows[k]["requested"]]
-        if len(asked) > most:
-            asked = [asked[round(k)] for k in np.linspace(0, len(asked) - 1, most + 1)[1:]]
-        if len(asked) >= 2:
-            return list[float](asked)
-        if not self.loaded:
-            return [len(self.rows) - 1]
-        if even := [] if self.case.program else round_steps(self.rows[: self.main + 1], self.case.column, most):
-            return even
-        wanted = np.linspace(0.0, 1.0, most + 1)[1:]
-        places = self.along[self.loaded]
-        found = {self.loaded[int(np.argmin(np.abs(places - value)))] for value in wanted}
-        return list[float](sorted(found | set(asked))[-most:])
+    P: float
+    V: float
+    requested: bool
+    limit: bool
+    jump: bool
+    turn: bool
+    step: float
+    line: str
+    stiffest: float
+    tangent: list[float]
+    signature: StoredSignature
 
 
-class StoredStates(States):
-    """The states of a folder of results.
-
-    Args:
-        folder: Results with their ``case.toml``.
-        name: Stem of the result files; None for the case's own.
-        home: Where the mesh is; the same folder if None.
-
-    Raises:
-        ResultsError: No results, or none that can be read.
-        CaseError: No case file, or a wrong one.
-    """
-
-    def __init__(self, folder: Path, name: str | None = None, home: Path | None = None):
-        try:
-            folder = folder.absolute()  # the caller may change the working directory
-        except OSError:
-            raise ResultsError(
-                f"{folder} is relative to the working directory, which no longer exists; change the working "
-                f"directory, or give an absolute path"
-            ) from None
-        case = Case.from_file(folder / "case.toml") if name is None else None
-        self.folder, self.results = folder, Results(folder, name or (case.name if case else ""))
-        if not self.results.heavy.exists():
-            raise ResultsError(f"{folder} holds no {self.results.heavy.name}, so there is nothing to draw")
-        self.results.load()
-        if not self.results.rows:
-            raise ResultsError(f"the results in {folder} hold no step yet, so there is nothing to draw")
-        case = case or Case.from_file(folder / "case.toml")
-        with opened(self.results.heavy) as file:
-            points, cells = (np.asarray(read_values(file, f"mesh/{name}")) for name in ("points", "cells"))
-            grid = points, cells, str(file["mesh"].attrs["cell_name"])
-        read = functools.lru_cache(maxsize=24)(lambda step, field: self.fields(step, (field,))[field])
-        super().__init__(case, self.results.rows, grid, read)
-        self._mesh = (home or folder) / f"{case.name}.msh"
-        self.others = read_sources(folder) if isinstance(case.band, SourceBand) else {}
-        aside = self.results.branch()
-        if aside.heavy.exists():
-            aside.load()
-        self.branch = aside.rows
-        self.made = Provenance.from_table(self.results.own.about.get("made"))
-
-    def branch_states(self) -> StoredStates | None:
-        """Return the states of the followed branch; None if there is none."""
-        return StoredStates(self.results.branch().folder, None, self.folder) if self.branch else None
-
-    def fields(self, step: int, names: Sequence[str] | None = None) -> Mapping[str, Array]:
-        there = self.results.stored[step].shapes
-        if missing := [name for name in names or () if name not in there]:
-            raise KeyError(missing[0])
-        with self._readable():
-            found = self.results.fields(step, tuple(there if names is None else names))
-        return {name: values.astype(float) for name, values in found.items()}
-
-    def restart(self, step: int) -> formats.Restart:
-        return self.results.stored[step].restart
-
-    def mesh(self) -> bytes:
-        with self._readable():
-            return self._mesh.read_bytes()
-
-    @contextlib.contextmanager
-    def _readable(self) -> Iterator[None]:
-        """Raise `ResultsError` if the folder has changed since it was loaded."""
-        try:
-            yield
-        except (OSError, KeyError, ResultsError) as error:
-            reason = error.strerror if isinstance(error, OSError) and error.strerror else hdf5_reason(error)
-            raise ResultsError(
-                f"the states in {self.folder} can no longer be read ({reason}); restore the folder, or "
-                f"load it from its new place"
-            ) from None
-
-
-def row_at(rows: Sequence[Row], step: float) -> Row:
-    """Return the row of a state, of step 2.5 the mean of the numbers of steps 2 and 3."""
-    begin, share = int(step), step - int(step)
-    if not share:
-        return rows[begin]
-    pairs = [(name, value, rows[begin + 1].cells.get(name)) for name, value in rows[begin].cells.items()]
-    both = [(name, a, b) for name, a, b in pairs if isinstance(a, int | float) and isinstance(b, int | float)]
-    return Row((name, (1 - share) * a + share * b) for name, a, b in both)
-
-
-def round_steps(rows: Sequence[Row], column: str, most: int) -> list[float]:
-    """Return where a column has round values, at most ``most``, and the last step; empty unless it only rises, or only falls
-    from 0.
-
-    Fractions are between two steps, where the column is taken as straight.
-    """
-    values = np.array([row[column] for row in rows])
-    values = values * np.sign(values[-1])
-    if len(values) < 2 or not values[-1] or not (np.diff(values) > 0).all():
-        return []
-    wide = values[-1] / most
-    unit = 10.0 ** np.floor(np.log10(wide))
-    wide = next(unit * k for k in (1.0, 2.0, 2.5, 5.0, 10.0) if unit * k >= wide * (1 - 1e-9))
-    wanted = wide * np.arange(1, most + 1)
-    places = np.interp(wanted[wanted < values[-1] - 0.35 * wide], values, np.arange(len(values)))
-    near = places.round()
-    return [*np.where(np.abs(places - near) < 1e-6, near, places).tolist(), len(rows) - 1]
+def restart_of(point: Point) -> Restart:
+    """Return the restart data of a point's step."""
+    signature = point.signature
+    return {
+        "P": point.state.P, "V": point.state.V, "requested": point.requested, "limit": point.limit, "jump": point.jump,
+        "turn": point.turn, "step": point.step, "line": point.line, "stiffest": point.stiffest,
+        "tangent": [point.tangent.P, point.tangent.V],
+        "signature": {
+            "negative_eigenvalues": signature.negative_eigenvalues, "lowest": signature.lowest, "exact": signature.exact,
+        },
+    }  # fmt: skip
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Section of a device's outer surface by a plane: the undeformed line and its deformed shape.
+# Read the HDF5 files of a results folder, which may be from an untrusted source.
+#
+# HDF5 takes values from other files where a dataset is stored outside (external storage), is put together from others (virtual)
+# or is behind a link. Results never use these, so they are rejected: they would expose the bytes of other files.
 
 
-BESIDE = 1e-7
-"""Offset of the cut from the plane, relative to the device's size, so that vertices in the plane do no harm."""
+LARGEST = 1 << 50
+"""Size limit of a results file: none."""
+NUMBERS = "fiu"
+"""Kinds of numpy's types that fields have."""
 
 
-def cut_line(skin: Surface, points: Array, displacement: Array, normal: Vector, at: float, size: float) -> Array:
-    """Return the pieces of the deformed section of the outer surface, in device coordinates (m), shape (k, 2, 3).
+class ForeignDataError(ValueError):
+    """A results file refers to other files; the message continues the file's name."""
+
+
+@contextlib.contextmanager
+def opened(path: Path) -> Iterator[h5py.File]:
+    """Open a results file for reading.
+
+    Raises:
+        OSError: It is not a regular file, or not HDF5.
+    """
+    import h5py
+
+    check_file(path, LARGEST)
+    with h5py.File(path, "r") as file:
+        yield file
+
+
+def inside(group: h5py.Group, path: str) -> Any:
+    """Return the object at a path in a group: a group, or a dataset of numbers stored in this file.
+
+    Raises:
+        KeyError: There is nothing.
+        ForeignDataError: It refers to another file.
+    """
+    import h5py
+
+    place = group
+    for name in filter(None, path.split("/")):
+        if not isinstance(place, h5py.Group):
+            raise KeyError(f"no {path}")
+        if not isinstance(link := place.get(name, getlink=True), h5py.HardLink):
+            raise (
+                KeyError(f"no {path}")
+                if link is None
+                else ForeignDataError(f"{path} is a link; links are not followed")
+            )
+        place = place[name]
+    if isinstance(place, h5py.Dataset):
+        if place.external is not None or place.is_virtual:
+            raise ForeignDataError(f"{path} takes its values from other files; these are not read")
+        if place.dtype.kind not in NUMBERS or place.size * place.dtype.itemsize > place.id.get_storage_size():
+            raise ForeignDataError(
+                f"{path} is compressed, or holds fewer numbers than declared; results are stored uncompressed"
+            )
+    return place
+
+
+def read_values(group: h5py.Group, path: str) -> npt.NDArray[np.generic]:
+    """Return the numbers of a dataset; see `inside`."""
+    return inside(group, path)[()]  # type: ignore[no-any-return]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Location of a run's step on disk.
+
+
+ROW, RESTART = "row", "restart"
+"""Attributes of a step: its row of ``path.csv``, and what a restart needs beside its fields."""
+
+
+@dataclasses.dataclass(frozen=True)
+class StoredStep:
+    """Location of a step's fields, and its other data.
+
+    Attributes:
+        file: HDF5 file, relative to the folder of results.
+        group: Its group in there.
+        row: Its row of ``path.csv``.
+        restart: What a `Point` needs to be made again, beside its fields.
+        shapes: Shapes of its nodal fields by name, (n,), (n, 3) or (n, 9) of tensors.
+    """
+
+    file: str
+    group: str
+    row: Row
+    restart: Restart
+    shapes: Mapping[str, tuple[int, ...]]
+
+
+class Shaped(Protocol):
+    """An array, or a dataset of a file."""
+
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+
+
+def shapes_of(fields: Mapping[str, Shaped]) -> dict[str, tuple[int, ...]]:
+    """Shapes of nodal fields or of datasets, sorted by name."""
+    return {name: fields[name].shape for name in sorted(fields)}
+
+
+def read_step(group: h5py.Group, file: str, path: str) -> StoredStep:
+    """Return a step from its group of an HDF5 file; the file is named relative to the folder of results.
+
+    Raises:
+        ForeignDataError: One of its fields is not in this file.
+    """
+    fields = {name: inside(group, name) for name in group}
+    return StoredStep(
+        file, path, Row(json.loads(group.attrs[ROW])), json.loads(group.attrs[RESTART]), shapes_of(fields)
+    )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# VTKHDF of a run: the group read by ParaView and VTK, made of references to the stored data.
+#
+# https://docs.vtk.org/en/latest/vtk_file_formats/vtkhdf_file_format/ : an unstructured grid with steps. The grid is there once;
+# a nodal field is one array over all steps, which here is a virtual dataset: HDF5 reads it piece by piece from where each step
+# lies, in this file or another beside it. Nothing is stored twice, and the light file can be replaced whole after each step.
+
+
+VERSION = (2, 2)
+GROUP = "VTKHDF"
+TENSOR = 9
+"""Components of a tensor in files, row by row: XX, XY, XZ, YX and so on, as VTK and XDMF have them."""
+SAME_FILE = "."
+"""HDF5's name of the file that a reference stands in."""
+CELL_TYPES = {"Triangle_6": 22, "Tetrahedron_10": 24}
+"""VTK's numbers of the cells, by XDMF's names."""
+Shapes = tuple[int, tuple[int, ...], str]
+"""Number of points, shape of the cells (c, k), and XDMF's name of them."""
+
+
+def write_vtkhdf(file: h5py.File, heavy: str, shapes: Shapes, stored: Sequence[StoredStep]) -> None:
+    """Add the group to an HDF5 file.
 
     Args:
-        skin: The device's surface.
-        points: Undeformed nodes, m, shape (n, 3).
-        displacement: Of the nodes, m, shape (n, 3).
-        normal: Unit normal of the plane that cuts the undeformed device.
-        at: Its distance from the origin in m.
-        size: Of the device in m.
+        file: Where to.
+        heavy: The file with the grid, relative to this one's folder, or `HERE`. Steps whose file it is are `HERE` then too.
+        shapes: Of the grid.
+        stored: Where each step's fields are.
     """
-    rest, moved = (skin.device(skin.points(nodal)) for nodal in (points, points + displacement))
-    triangles = skin.device_triangles(skin.part == OUTSIDE)
-    height = rest @ np.asarray(normal) - at - BESIDE * size
-    above = height[triangles] > 0.0
-    hit = triangles[above.any(axis=1) & ~above.all(axis=1)]
-    pieces = np.empty((len(hit), 2, 3))
-    count = np.zeros(len(hit), dtype=int)
-    for a, b in ((0, 1), (1, 2), (2, 0)):
-        one, two = hit[:, a], hit[:, b]
-        rows = np.flatnonzero((height[one] > 0.0) != (height[two] > 0.0))
-        one, two = one[rows], two[rows]
-        share = (height[one] / (height[one] - height[two]))[:, None]
-        pieces[rows, count[rows]] = moved[one] + share * (moved[two] - moved[one])
-        count[rows] += 1
-    return pieces
+    points, (cells, corners), cell_name = shapes
+    group = file.create_group(GROUP)
+    group.attrs["Version"] = np.array(VERSION)
+    group.attrs.create("Type", np.bytes_("UnstructuredGrid"))
+    sizes = {"NumberOfPoints": points, "NumberOfCells": cells, "NumberOfConnectivityIds": cells * corners}
+    for name, size in sizes.items():
+        _put(group, name, np.array([size]))
+    group["Points"] = file["mesh/points"] if heavy == SAME_FILE else h5py.ExternalLink(heavy, "/mesh/points")
+    _flat(group, "Connectivity", heavy, "/mesh/cells", (cells, corners))
+    small = {"compression": "gzip", "shuffle": True}
+    group.create_dataset("Offsets", data=np.arange(cells + 1) * corners, **small)
+    group.create_dataset("Types", data=np.full(cells, CELL_TYPES[cell_name], dtype=np.uint8), **small)
+    steps = group.create_group("Steps")
+    steps.attrs["NSteps"] = len(stored)
+    _put(steps, "Values", np.array([step.row["step"] for step in stored], dtype=float))
+    none = np.zeros(len(stored), dtype=np.int64)
+    _put(steps, "NumberOfParts", none + 1)
+    for name in ("PartOffsets", "PointOffsets"):
+        _put(steps, name, none)  # always the same grid
+    for name in ("CellOffsets", "ConnectivityIdOffsets"):
+        _put(steps, name, none[:, None])
+    data, offsets = group.create_group("PointData"), steps.create_group("PointDataOffsets")
+    names = {name: shape for step in stored for name, shape in step.shapes.items()}
+    for name in sorted(names):
+        _put(offsets, name, _over_steps(data, name, names[name], stored, heavy))
 
 
-def axes_of(normal: Vector, lift: Vector) -> Array:
-    """Return two unit vectors in a plane, shape (2, 3): to the right, mostly along x or y, and upwards along the lift or y."""
-    n = np.asarray(normal)
-    for up in (np.asarray(lift), np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])):
-        across = up - (up @ n) * n
-        if np.linalg.norm(across) > 0.1:
-            break
-    across = across / np.linalg.norm(across)
-    right = np.cross(across, n)
-    return np.array([right if right[np.argmax(np.abs(right))] > 0.0 else -right, across])
+def _over_steps(
+    group: h5py.Group, name: str, shape: tuple[int, ...], stored: Sequence[StoredStep], heavy: str
+) -> np.ndarray:
+    """Add a field over all steps, with unstored zeros for steps without it; return where each step's values begin."""
+    having = [step for step in stored if name in step.shapes]
+    points = shape[0]
+    blocks = len(having) + (len(having) < len(stored))
+    size = (blocks * points, *shape[1:])
+    properties = _unstamped()
+    properties.set_fill_value(np.zeros(1))
+    part, source, rest = h5py.h5s.create_simple(size), h5py.h5s.create_simple(shape), (0,) * (len(shape) - 1)
+    for block, step in enumerate(having):
+        part.select_hyperslab((block * points, *rest), shape)
+        properties.set_virtual(
+            part, (SAME_FILE if heavy == SAME_FILE else step.file).encode(), f"{step.group}/{name}".encode(), source
+        )
+    h5py.h5d.create(group.id, name.encode(), h5py.h5t.NATIVE_DOUBLE, h5py.h5s.create_simple(size), properties)
+    place_of = {id(step): block for block, step in enumerate(having)}
+    return np.array([place_of.get(id(step), len(having)) * points for step in stored], dtype=np.int64)
+
+
+def _put(group: h5py.Group, name: str, values: npt.NDArray[np.int64 | np.float64]) -> None:
+    """Store a small array of 64-bit numbers; a third of the time that h5py's own assignment takes, after each step anew."""
+    kind = h5py.h5t.NATIVE_DOUBLE if values.dtype.kind == "f" else h5py.h5t.NATIVE_INT64
+    made = h5py.h5d.create(group.id, name.encode(), kind, h5py.h5s.create_simple(values.shape), _unstamped())
+    made.write(h5py.h5s.ALL, h5py.h5s.ALL, np.ascontiguousarray(values))
+
+
+def _unstamped() -> h5py.h5p.PropDCID:
+    """Return the properties of a dataset without the time it was made at: the same run writes the same bytes."""
+    properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    properties.set_obj_track_times(False)
+    return properties
+
+
+def _flat(group: h5py.Group, name: str, file: str, path: str, shape: tuple[int, int]) -> None:
+    """A one-dimensional virtual dataset over a whole two-dimensional one of 64-bit integers."""
+    flat = h5py.h5s.create_simple((shape[0] * shape[1],))
+    properties = _unstamped()
+    properties.set_virtual(flat, file.encode(), path.encode(), h5py.h5s.create_simple(shape))
+    h5py.h5d.create(group.id, name.encode(), h5py.h5t.NATIVE_INT64, flat, properties)
+
+
+def link_vtkhdf(file: h5py.File, heavy: str) -> None:
+    """The light file of a run that is gathered: its group is in the file with the grid and all steps."""
+    file[GROUP] = h5py.ExternalLink(heavy, f"/{GROUP}")
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# XDMF file that gives ParaView the locations of the fields of every step.
+#
+# It spells out topology, geometry and all fields in every time step: VTK's reader crashes on the ``xi:include`` that DOLFINx
+# would write, and ParaView would show each field on a grid of its own.
+
+
+def xdmf(name: str, heavy: str, shapes: Shapes, stored: Sequence[StoredStep]) -> bytes:
+    """Return the XDMF of a folder of results.
+
+    Args:
+        name: Stem of the result files.
+        heavy: The HDF5 file with the grid.
+        shapes: Number of points, shape of the cells, and XDMF's name of them.
+        stored: Where each step's fields are.
+    """
+    steps = [
+        _grid(name, heavy, shapes, str(step.row["step"]), f"{step.file}:{step.group}", tuple(step.shapes.items()))
+        for step in stored
+    ]
+    series = f'<Grid Name={quoteattr(name)} GridType="Collection" CollectionType="Temporal">'
+    lines = ["<?xml version='1.0' encoding='utf-8'?>", '<Xdmf Version="3.0">', "  <Domain>", f"    {series}", *steps]
+    return "\n".join([*lines, "    </Grid>", "  </Domain>", "</Xdmf>"]).encode()
+
+
+@functools.lru_cache(maxsize=4096)  # the file is rewritten after each step, and earlier steps have not changed
+def _grid(
+    name: str, heavy: str, shapes: Shapes, number: str, place: str, fields: tuple[tuple[str, tuple[int, ...]], ...]
+) -> str:
+    """Return one step's part of the file."""
+    points, cells, cell_name = shapes
+
+    def part(kind: str, attributes: str, shape: tuple[int, ...], path: str, number: str = "Float") -> str:
+        item = f'DataItem Dimensions="{" ".join(map(str, shape))}" NumberType="{number}" Precision="8" Format="HDF"'
+        return f"        <{kind} {attributes}>\n          <{item}>{escape(path)}</DataItem>\n        </{kind}>"
+
+    topology = f'TopologyType="{cell_name}" NumberOfElements="{cells[0]}"'
+    parts = [
+        part("Topology", topology, cells, f"{heavy}:/mesh/cells", "Int"),
+        part("Geometry", 'GeometryType="XYZ"', (points, 3), f"{heavy}:/mesh/points"),
+    ]
+    for field, shape in fields:
+        kind = "Scalar" if len(shape) == 1 else "Tensor" if shape[1] == TENSOR else "Vector"
+        attributes = f'Name={quoteattr(field)} AttributeType="{kind}" Center="Node"'
+        parts.append(part("Attribute", attributes, shape, f"{place}/{field}"))
+    head = f'      <Grid Name={quoteattr(name)} GridType="Uniform">\n        <Time Value="{number}" />'
+    return "\n".join([head, *parts, "      </Grid>"])
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The files of a results folder besides those of the steps: the light files, and the HDF5 file of a finished run.
+
+
+def write_light(heavy: Path, shapes: Shapes, stored: Sequence[StoredStep], gathered: bool) -> None:
+    """Write ``path.csv``, the XDMF and the light VTKHDF of a run; each is replaced whole.
+
+    Args:
+        heavy: The HDF5 file with the grid.
+        shapes: Of the grid.
+        stored: Where each step's fields are.
+        gathered: Whether they are all in that file.
+    """
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, fieldnames=list(stored[0].row), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(step.row.cells for step in stored)
+    replace(heavy.with_name("path.csv"), lambda path: path.write_text(text.getvalue()))
+    light = xdmf(heavy.stem, heavy.name, shapes, stored)
+    replace(heavy.with_suffix(".xdmf"), lambda path: path.write_bytes(light))
+
+    def fill(file: h5py.File) -> None:
+        if gathered:
+            link_vtkhdf(file, heavy.name)
+        else:
+            write_vtkhdf(file, heavy.name, shapes, stored)
+
+    replace_hdf5(heavy.with_suffix(".vtkhdf"), fill)
+
+
+def write_gathered(
+    path: Path, heavy: Path, shapes: Shapes, stored: Sequence[StoredStep], gathered: Sequence[StoredStep]
+) -> None:
+    """Write all steps into one HDF5 file with the grid.
+
+    Args:
+        path: Where to.
+        heavy: The uncompressed grid file.
+        shapes: Of the grid.
+        stored: Where each step's fields are.
+        gathered: Where they will be.
+    """
+    with h5py.File(path, "w") as file:
+        with opened(heavy) as old:
+            old.copy("mesh", file)
+            file.attrs["format"] = old.attrs.get("format", 0)
+        for step, place in zip(stored, gathered, strict=True):
+            with opened(heavy.parent / step.file) as source:
+                group = file.create_group(place.group)
+                part = source[step.group] if step.group else source
+                for name in part:
+                    part.copy(name, group)
+                for key, value in part.attrs.items():
+                    group.attrs[key] = value
+        write_vtkhdf(file, SAME_FILE, shapes, gathered)

@@ -19,7 +19,7 @@ from softmodels.pictures.style import DPI, FOOT, STYLE, Caption, Scale, drawn, l
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.fields import Row
 from softmodels.runs.grid import fine_triangles, outline
-from softmodels.runs.store import StoredStates
+from softmodels.runs.states import StoredStates
 
 
 def corners(states):

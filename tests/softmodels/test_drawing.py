@@ -23,7 +23,7 @@ from softmodels.pictures import offscreen, solid
 from softmodels.pictures.offscreen import can_render, look
 from softmodels.pictures.solid import AtRest
 from softmodels.pictures.style import DrawnFolder, png
-from softmodels.runs.store import StoredStates
+from softmodels.runs.states import StoredStates
 from tests.support import made_up as drawings, runs
 
 

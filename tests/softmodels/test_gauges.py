@@ -165,7 +165,7 @@ def test_a_point_beside_the_part_is_refused(block, tmp_path):
 
 
 def test_the_profile_is_the_outside_in_the_plane(block):
-    from softmodels.runs.store import StoredStates, axes_of, cut_line
+    from softmodels.runs.states import StoredStates, axes_of, cut_line
 
     states = StoredStates(block[1], "part")
     normal, at = states.case.gauges.cut

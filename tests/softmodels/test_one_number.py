@@ -12,7 +12,7 @@ from softmodels.pictures import curves, offscreen, report, solid
 from softmodels.pictures.offscreen import look
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.notes import events, jumps_text, unlocated
-from softmodels.runs.store import StoredStates
+from softmodels.runs.states import StoredStates
 from tests.support import runs
 
 CYCLE = (

@@ -24,7 +24,8 @@ from softmodels.pictures.style import Caption, Scale, png
 from softmodels.runs import grid
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.grid import CUT
-from softmodels.runs.store import Results, ResultsError, States, StoredStates, round_steps
+from softmodels.runs.states import States, StoredStates, round_steps
+from softmodels.runs.store import Results, ResultsError
 from tests.support import made_up as drawings
 
 RISE, SPREAD, STEPS = 4e-3, 0.05, 6

@@ -17,7 +17,7 @@ from softmodels.pictures.offscreen import look
 from softmodels.pictures.report import packed
 from softmodels.pictures.solid import LARGEST
 from softmodels.runs.grid import CUT, SECTOR, turn
-from softmodels.runs.store import StoredStates
+from softmodels.runs.states import StoredStates
 
 VOID = {"meta", "link", "img", "input", "br", "hr"}
 

@@ -14,7 +14,7 @@ from geometries import HollowDisk, SeminarActuator
 from softmodels.pictures import report
 from softmodels.pictures.offscreen import look
 from softmodels.runs.columns import term
-from softmodels.runs.store import StoredStates
+from softmodels.runs.states import StoredStates
 from tests.support import runs
 
 SOFT = ("--variant", "shadow", "--material", "ecoflex-00-30", "--volume-ml", "0:120:60", "--quiet")

@@ -16,7 +16,7 @@ import softmodels as sm
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.body import Body
 from softmodels.runs.fields import Fields, requestable
-from softmodels.runs.lines import Probe
+from softmodels.runs.states import Probe
 from tests.support import bodies
 from tests.support.cavities import TubeBody
 from tests.support.closed_forms import work_of_stress
