@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from softmodels.common.commands import DrawingOptions, options, stoppable, unswept
+from softmodels.common.commands import stoppable
 from softmodels.mechanics.mpi import speaks
 
 with stoppable("softmodels", speaks):
@@ -12,85 +10,50 @@ with stoppable("softmodels", speaks):
 
     from softmodels import __version__
     from softmodels.cli import options as commandline
-    from softmodels.cli.options import CommandPlace, LazyGroup
+    from softmodels.cli.options import LazyGroup
 
 PLACES = {
-    "app": CommandPlace(
-        "softmodels.cli.doctor", "app",
-        "Open the bench as a page in the browser: photographs, material, device, mould.",
-    ),
-    "compare": CommandPlace(
-        "softmodels.cli.results", "compare_command",
-        "Compare the results in FOLDERS with those in the first: their cases, main figures, paths and outlines.",
-    ),
-    "curve": CommandPlace(
-        "softmodels.cli.material_commands", "curve",
-        "Show materials in uniaxial tension, pure shear and equibiaxial tension, and as a balloon.",
-    ),
-    "demo": CommandPlace(
-        "softmodels.cli.examples", "demo",
-        "Run the whole workflow: simulate a known silicone, photograph it, measure the photographs, fit, and compare.",
-    ),
-    "design": CommandPlace(
-        "softmodels.cli.design", "design", "Find the device that best meets the objective of a problem FILE, within its limits."
-    ),
-    "examples": CommandPlace(
-        "softmodels.cli.examples", "examples",
-        "Write small files to try every command with: photographs, boards, a tensile curve, a STEP part, cases.",
-    ),
-    "export": CommandPlace(
-        "softmodels.cli.exports", "export_command",
-        "Write the case FILE for another program: the same mesh, silicones, supports, rigid parts, contact and loads.",
-    ),
-    "fit": CommandPlace(
-        "softmodels.cli.material_commands", "fit_material",
-        "Fit laws to measurements: parameters with 95 % intervals, and a material file for a simulation.",
-    ),
-    "grasp": CommandPlace(
-        "softmodels.cli.analyses", "grasp_command",
-        "Close equal fingers around an object that is free in their plane, and load it.",
-    ),
-    "limit": CommandPlace(
-        "softmodels.cli.analyses", "limit_command",
-        "Find the largest pressure a device can take, and the place of its largest strain.",
-    ),
-    "line": CommandPlace(
-        "softmodels.cli.results", "line_command",
-        "Take the values along a line through the body of the results in FOLDER, such as the stress through a wall.",
-    ),
-    "modes": CommandPlace(
-        "softmodels.cli.analyses", "modes_command",
-        "Find the natural frequencies of a device at rest and while it is inflated, and their modes.",
-    ),
-    "mould": CommandPlace(
-        "softmodels.cli.exports", "mould_command",
-        "Make the mould of the device in a case FILE: cups and lids as STEP and STL, in mm, and a sheet for the bench.",
-    ),
-    "open": CommandPlace(
-        "softmodels.cli.results", "open_command", "Open the report of the results in FOLDER in the browser.",
-    ),
-    "reduce": CommandPlace(
-        "softmodels.cli.exports", "reduce_command",
-        "Reduce the results in FOLDER to the device's tip, for robot simulators.",
-    ),
-    "run": CommandPlace(
-        "softmodels.cli.options", "run",
-        "Run a case FILE, such as the case.toml in a folder of results, or a device by its options.",
-    ),
-    "score": CommandPlace(
-        "softmodels.cli.material_commands", "score",
-        "Score materials against held-out tensile curves, or against outlines of a device.",
-    ),
-    "silicones": CommandPlace(
-        "softmodels.cli.material_commands", "silicones",
-        "List the named silicones: shear modulus at small strain, stresses in uniaxial tension, range and source.",
-    ),
-    "study": CommandPlace(
-        "softmodels.cli.design", "study_command",
-        "Solve the case of a study FILE many times with some of its fields varied.",
-    ),
+    "softmodels.cli.analyses": {
+        "grasp": "Close equal fingers around an object that is free in their plane, and load it.",
+        "limit": "Find the largest pressure a device can take, and the place of its largest strain.",
+        "modes": "Find the natural frequencies of a device at rest and while it is inflated, and their modes.",
+    },
+    "softmodels.cli.design": {
+        "design": "Find the device that best meets the objective of a problem FILE, within its limits.",
+        "study": "Solve the case of a study FILE many times with some of its fields varied.",
+    },
+    "softmodels.cli.doctor": {
+        "app": "Open the bench as a page in the browser: photographs, material, device, mould.",
+        "doctor": "Check the installation: list versions and what is missing (MPI, compiler), and solve a small case.",
+    },
+    "softmodels.cli.examples": {
+        "demo": "Run the whole workflow: simulate a known silicone, photograph it, measure the photographs, fit, and compare.",
+        "examples": "Write small files to try every command with: photographs, boards, a tensile curve, a STEP part, cases.",
+    },
+    "softmodels.cli.exports": {
+        "export":
+            "Write the case FILE for another program: the same mesh, silicones, supports, rigid parts, contact and loads.",
+        "mould":
+            "Make the mould of the device in a case FILE: cups and lids as STEP and STL, in mm, and a sheet for the bench.",
+        "reduce": "Reduce the results in FOLDER to the device's tip, for robot simulators.",
+    },
+    "softmodels.cli.material_commands": {
+        "curve": "Show materials in uniaxial tension, pure shear and equibiaxial tension, and as a balloon.",
+        "fit": "Fit laws to measurements: parameters with 95 % intervals, and a material file for a simulation.",
+        "score": "Score materials against held-out tensile curves, or against outlines of a device.",
+        "silicones": "List the named silicones: shear modulus at small strain, stresses in uniaxial tension, range and source.",
+    },
+    "softmodels.cli.options": {
+        "run": "Run a case FILE, such as the case.toml in a folder of results, or a device by its options.",
+    },
+    "softmodels.cli.results": {
+        "compare": "Compare the results in FOLDERS with those in the first: their cases, main figures, paths and outlines.",
+        "draw": "Redraw the pictures and the report of the results in FOLDER.",
+        "line": "Take the values along a line through the body of the results in FOLDER, such as the stress through a wall.",
+        "open": "Open the report of the results in FOLDER in the browser.",
+    },
 }  # fmt: skip
-"""The commands except `draw` and `doctor`, which are below."""
+"""The first sentence of each command's help, by its module and its name."""
 
 
 @click.group(cls=LazyGroup, places=PLACES, speaks=speaks, context_settings={"help_option_names": ["-h", "--help"]})
@@ -122,25 +85,6 @@ def softmodels() -> None:
     softmodels demo                     whole workflow: simulate, photograph, measure, fit, compare
     softmodels doctor                   check the installation
     """
-
-
-@softmodels.command("draw")
-@click.argument("folder", type=click.Path(path_type=Path))
-@options(DrawingOptions, "wanted")
-def draw(folder: Path, wanted: DrawingOptions) -> None:
-    """Redraw the pictures and the report of the results in FOLDER."""
-    with unswept():
-        from softmodels.pictures.draw import draw_folder
-
-        draw_folder(folder, wanted=wanted)
-
-
-@softmodels.command("doctor")
-def check() -> None:
-    """Check the installation: list versions and what is missing (MPI, compiler), and solve a small case."""
-    from softmodels.cli.doctor import doctor
-
-    doctor()
 
 
 def main() -> None:

@@ -37,8 +37,9 @@ EXPECTED_MM = 1.305
 """Apex rise in mm of the default disk at 54.15 cm of water on a coarse section; the solve must come within 2 %."""
 
 
+@command("doctor")
 def doctor() -> None:
-    """Print one line per check and exit with 1 if any failed."""
+    """Check the installation: list versions and what is missing (MPI, compiler), and solve a small case."""
     checks: list[tuple[str, Callable[[], str]]] = [
         ("python", lambda: f"{platform.python_version()} on {platform.system()} {platform.machine()}"),
         *((name, lambda name=name, module=module: _version(name, module)) for name, module in PACKAGES.items()),  # type: ignore[misc]

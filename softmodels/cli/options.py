@@ -453,42 +453,31 @@ FOREIGN = (".step", ".stp", ".msh", ".inp", ".stl")
 """File endings of drawings and meshes."""
 
 
-@dataclasses.dataclass(frozen=True)
-class CommandPlace:
-    """Module and name of a command.
-
-    Attributes:
-        module: Its module.
-        name: The command's name in there.
-        text: The first sentence of its help.
-    """
-
-    module: str
-    name: str
-    text: str
-
-
 class LazyGroup(CommandGroup):
-    """A group whose commands are named by `Place`.
+    """A group that imports the module of a command when it is called.
 
     Args:
-        places: By the commands' names.
+        places: First sentence of each command's help, by its module and its name.
         speaks: Whether this process may print, where it is stopped while a command is imported.
         given: What click's own group takes.
     """
 
-    def __init__(self, *, places: Mapping[str, CommandPlace], speaks: Callable[[], bool], **given: Any):
+    def __init__(self, *, places: Mapping[str, Mapping[str, str]], speaks: Callable[[], bool], **given: Any):
         super().__init__(**given)
-        self.places, self.speaks = places, speaks
+        self.speaks = speaks
+        self.texts = {name: text for texts in places.values() for name, text in texts.items()}
+        self.module_of = {name: module for module, texts in places.items() for name in texts}
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return sorted({*self.commands, *self.places})
+        return sorted(self.texts)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name not in self.commands and cmd_name in self.places:
-            place = self.places[cmd_name]
+        if cmd_name not in self.commands and cmd_name in self.module_of:
             with stoppable("softmodels", self.speaks):
-                self.add_command(getattr(importlib.import_module(place.module), place.name), cmd_name)
+                module = importlib.import_module(self.module_of[cmd_name])
+            for found in vars(module).values():
+                if isinstance(found, click.Command) and found.name == cmd_name:
+                    self.add_command(found)
         return super().get_command(ctx, cmd_name)
 
     def resolve_command(
@@ -500,11 +489,11 @@ class LazyGroup(CommandGroup):
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of commands into the group's help, without importing them."""
-        names = self.list_commands(ctx)
-        limit = formatter.width - 6 - max(map(len, names))
-        texts = {name: place.text for name, place in self.places.items()}
-        rows = [(name, click.Command(None, help=texts[name]).get_short_help_str(limit)) if name in texts
-                else (name, self.commands[name].get_short_help_str(limit)) for name in names]  # fmt: skip
+        limit = formatter.width - 6 - max(map(len, self.texts))
+        rows = [
+            (name, click.Command(None, help=text).get_short_help_str(limit))
+            for name, text in sorted(self.texts.items())
+        ]
         with formatter.section("Commands"):
             formatter.write_dl(rows)
 

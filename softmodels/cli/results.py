@@ -1,4 +1,4 @@
-"""The commands ``open``, ``compare`` and ``line``: look at results, hold them against each other, and take values from them."""
+"""The commands ``open``, ``draw``, ``compare`` and ``line``: look at results, hold them against each other, take values."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from softmodels.case.components import import_own_modules
 from softmodels.cli.options import command, fail, unwritable
-from softmodels.common.commands import DrawingOptions
+from softmodels.common.commands import DrawingOptions, options, unswept
 from softmodels.common.files import check_file, read_file, write_bytes, write_text
 from softmodels.common.folders import check_output_file, is_drawn
 from softmodels.common.processes import say
@@ -99,6 +99,17 @@ def _made(folder: Path) -> bool:
             draw_folder(folder, wanted=DrawingOptions("few"))
         return True
     return False
+
+
+@command("draw")
+@click.argument("folder", type=click.Path(path_type=Path))
+@options(DrawingOptions, "wanted")
+def draw_command(folder: Path, wanted: DrawingOptions) -> None:
+    """Redraw the pictures and the report of the results in FOLDER."""
+    with unswept():
+        from softmodels.pictures.draw import draw_folder
+
+        draw_folder(folder, wanted=wanted)
 
 
 @command("compare")

@@ -213,5 +213,5 @@ def test_bad_input_on_two_ranks_is_said_once(tmp_path):
 
 def test_commands_are_listed_by_the_first_sentence_of_their_help():
     context = click.Context(whole_command)
-    for name, place in whole_command.places.items():
-        assert whole_command.get_command(context, name).get_short_help_str(1000) == place.text
+    for name, text in whole_command.texts.items():
+        assert whole_command.get_command(context, name).get_short_help_str(1000) == text
