@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import io
 import json
 import math
 import tempfile
@@ -36,7 +34,7 @@ from softmodels.cli.options import (
     write_into,
 )
 from softmodels.common.commands import flag_option, option, options, output_option, quiet_option
-from softmodels.common.files import image_uri, read_text, write_bytes, write_text
+from softmodels.common.files import csv_text, image_uri, read_text, write_bytes, write_text
 from softmodels.common.folders import ResultFolder
 from softmodels.common.pages import Bullets, Cell, Charts, Fact, Folded, Listing, Page, Picture, Provenance, Table, Text
 from softmodels.common.processes import say
@@ -191,10 +189,11 @@ def write(folder: Path, limits: Mapping[str, Limit], scatter: Scatter, column: L
     """
     table = [row_of(name, found, column) for name, found in limits.items()]
     write_text(folder / "limit.json", json.dumps(table, indent=2) + "\n")
-    _csv(folder / "limit.csv", table)
+    write_text(folder / "limit.csv", csv_text(table[0], table))
     if not scatter.sampled:
         return None
-    _csv(folder / "scatter.csv", [{**changes, **row_of("", found, column)} for changes, found in scatter.sampled])
+    rows = [{**changes, **row_of("", found, column)} for changes, found in scatter.sampled]
+    write_text(folder / "scatter.csv", csv_text(rows[0], rows))
     what, counted = scatter.borne
     if not counted:
         return None
@@ -256,14 +255,6 @@ def write_page(
         {name: read_text(folder / name) for name in names if (folder / name).exists()}, column.cm,
     )  # fmt: skip
     write_text(folder / "report.html", page.html())
-
-
-def _csv(path: Path, rows: Sequence[Row]) -> None:
-    text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    write_text(path, text.getvalue())
 
 
 SAMPLES = 32
@@ -624,12 +615,13 @@ def modes_table(found: NaturalFrequencies, cm: float) -> str:
         cm: Pa in one cm of the column.
     """
     count = found.frequency.shape[1]
-    rows = [["pressure_cm", "pressure_Pa", "added_volume_ml", "requested", *(f"f{k}_Hz" for k in range(1, count + 1))]]
+    head = ["pressure_cm", "pressure_Pa", "added_volume_ml", "requested", *(f"f{k}_Hz" for k in range(1, count + 1))]
+    rows = []
     states = zip(found.pressure, found.added_volume, found.requested, found.frequency, strict=True)
     for pressure, volume, requested, frequencies in states:
         numbers = [pressure / cm, pressure, volume * 1e6]
         rows.append([*(f"{x:.9g}" for x in numbers), str(int(requested)), *(f"{x:.9g}" for x in frequencies)])
-    return "".join(",".join(row) + "\n" for row in rows)
+    return csv_text(head, rows)
 
 
 def _modes_page(case: Case, found: NaturalFrequencies, figure: Figure, place: Path) -> str:
@@ -667,7 +659,7 @@ def _modes_page(case: Case, found: NaturalFrequencies, figure: Figure, place: Pa
 
 def _draw_modes(case: Case, found: NaturalFrequencies, sealed: bool, place: Path) -> Figure:
     """Draw the frequencies, which are returned, and the modes of the last state; say so if that fails."""
-    from softmodels.cli.run import end, start_drawing, tell_not_drawn
+    from softmodels.cli.run import drawn_aside
     from softmodels.pictures.analyses import DRAWN, frequency_figure, section_shapes, solid_shapes
     from softmodels.pictures.style import png
 
@@ -684,13 +676,8 @@ def _draw_modes(case: Case, found: NaturalFrequencies, sealed: bool, place: Path
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "shapes.npz"
         np.savez(file, **vars(solid_shapes(found.points, found.cells, found.cell_name, case.actuator, moved, shapes)))
-        process = start_drawing(case, "softmodels.pictures.analyses", str(file), str(place / "shapes.png"), *titles)
-        try:
-            out, errors = process.communicate()
-        finally:
-            end(process)
-    if process.returncode:
-        tell_not_drawn(out, errors, process.returncode, "the frequencies are complete")
+        words = "softmodels.pictures.analyses", str(file), str(place / "shapes.png"), *titles
+        drawn_aside(case, "the frequencies are complete", *words)
     return figure
 
 
@@ -781,23 +768,17 @@ def grasp_table(made: Grasp, found: Sequence[Held]) -> str:
     fingers = range(1, len(made.angles) + 1)
     parts = ("along_N", "across_N", "press_N", "sliding")
     head = [
-        "pressure_cm",
-        "pressure_Pa",
-        "load_N",
-        "moved_along_mm",
-        "moved_across_mm",
-        "turned_deg",
-        "closure",
-        "bears_N",
-    ]
-    rows = [[*head, *(f"finger{k}_{part}" for k in fingers for part in parts)]]
+        "pressure_cm", "pressure_Pa", "load_N", "moved_along_mm", "moved_across_mm", "turned_deg", "closure", "bears_N",
+        *(f"finger{k}_{part}" for k in fingers for part in parts),
+    ]  # fmt: skip
+    rows = []
     for held in found:
         numbers = [held.pressure / made.case.cm, held.pressure, held.load, *held.moved * 1e3, math.degrees(held.turned),
                    float(held.closed(made.shape.friction)), held.bears(made.shape.friction)]  # fmt: skip
         for force, press, sliding in zip(held.forces, held.press, held.sliding, strict=True):
             numbers += [*force, press, sliding]
         rows.append([f"{number:.9g}" for number in numbers])
-    return "".join(",".join(row) + "\n" for row in rows)
+    return csv_text(head, rows)
 
 
 def told(made: Grasp, found: Sequence[Held]) -> list[str]:

@@ -12,7 +12,7 @@ import click
 
 from geometries import MeshFileError, MeshingError
 from softmodels.cli.options import command, fail
-from softmodels.cli.run import end, start_drawing, tell_not_drawn
+from softmodels.cli.run import drawn_aside, run
 from softmodels.common.commands import (
     COLORMAP_OPTION,
     STOPPED,
@@ -170,7 +170,6 @@ def _close(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, qu
 
 def _drawn(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, quiet: bool, colormap: str) -> bool:
     """Run the initial and the final device and draw both; return whether there are pictures."""
-    from softmodels.cli.run import run
     from softmodels.design.result import FILES
 
     assert result.folder is not None
@@ -182,20 +181,8 @@ def _drawn(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, qu
         status = run(case, result.folder / name, RunOptions(quiet=True, no_pictures=True), interrupts=asked_to_stop)
         if status not in (DONE, NO_EQUILIBRIUM):
             return False
-    return bool(on_root(comm, lambda: _draw(result, colormap)))
-
-
-def _draw(result: DesignResult, colormap: str) -> bool:
-    """Draw in a separate process, because VTK and DOLFINx each bring their own HDF5; return whether that succeeded."""
-    words = str(result.folder), "--colormap", colormap
-    process = start_drawing(result.problem.case, "softmodels.pictures.draw_design", *words)
-    try:
-        out, errors = process.communicate()
-    finally:
-        end(process)
-    if process.returncode:
-        tell_not_drawn(out, errors, process.returncode, "the design is complete")
-    return process.returncode == 0
+    words = "softmodels.pictures.draw_design", str(result.folder), "--colormap", colormap
+    return on_root(comm, lambda: drawn_aside(result.problem.case, "the design is complete", *words))
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -10,6 +10,8 @@ import dataclasses
 import itertools
 import json
 import math
+import subprocess
+import sys
 import tempfile
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
@@ -24,9 +26,9 @@ from geometries.meshing import interpreter
 from measurement.photographer import FLOOR, SCENE, Scene, chessboard, photograph, save
 from softmodels.case.case import Case
 from softmodels.case.materials import DEFAULT
+from softmodels.cli.options import command, fail, unwritable
 from softmodels.common.arrays import Array
-from softmodels.common.commands import FolderType, open_folder, open_place, status_of
-from softmodels.common.folders import OwnFolderError
+from softmodels.common.commands import FolderType, open_folder, open_place, trouble
 from softmodels.common.processes import say
 from softmodels.common.units import pascal_per_cm
 from softmodels.fitting.curves.memory import spectrum
@@ -36,6 +38,7 @@ from softmodels.fitting.outlines.silhouette import half_outline
 from softmodels.fitting.problem import LawChoice
 from softmodels.materials.laws import Material
 from softmodels.materials.specimens import nominal_stress, stress_in_time
+from softmodels.mechanics.mpi import start
 from softmodels.runs.outcomes import DONE, FAILED
 
 if TYPE_CHECKING:
@@ -186,7 +189,7 @@ def compared(folder: Path, truth: DemoTruth) -> tuple[list[str], bool]:
     return lines, good
 
 
-@click.command()
+@command("demo")
 @click.option("-o", "--output", type=FolderType(), help="Folder for all files.  [default: loop; loop-2 and "
               "so on if that exists]")  # fmt: skip
 @click.option("--megapixels", type=click.FloatRange(1.0, 50.0), default=18.0, show_default=True,
@@ -196,16 +199,10 @@ def demo(output: Path | None, megapixels: float) -> None:
 
     Takes a few minutes with 18 megapixels. Exit status: 0 if every 95 % interval contains the truth, else 1.
     """
-    import subprocess
-    import sys
-
-    from softmodels.cli.options import fail
-    from softmodels.mechanics.mpi import start
-
     comm = start()
     if comm.size > 1:
         fail("the demonstration runs on one process only; start it without mpirun")
-    try:
+    with unwritable("the demonstration"):
         place = open_place(output, Path("loop"), "demonstration of the whole workflow", WRITTEN)
         write_case(place, TRUTH)
         click.echo("simulating the true device")
@@ -214,10 +211,6 @@ def demo(output: Path | None, megapixels: float) -> None:
         with photographs.writing() as folder:
             take_photographs(folder, TRUTH, halves, scene_of(megapixels), click.echo)
         photographs.leave()
-    except OwnFolderError as error:
-        fail(str(error))
-    except OSError as error:
-        fail(f"the demonstration cannot be written ({error.strerror or error})", status_of(error))
     for module, words in commands(place, TRUTH):
         click.echo(f"$ python -m {module} {' '.join(words)}")
         status = subprocess.run([*interpreter(), "-m", module, *words], check=False).returncode
@@ -479,8 +472,6 @@ def write_examples(path: Path, tell: Callable[[str], None] = lambda text: None) 
 
 def photographs(folder: Path, tell: Callable[[str], None]) -> None:
     """Make photographs of the grid and of the inflated disk, with the table of the column's levels."""
-    from softmodels.mechanics.mpi import start
-
     tell("simulating the photographed disk (compiling kernels on the first run, about 10 s)")
     _, halves = inflated(TRUTH, start())
     take_photographs(folder, TRUTH, halves, bench(), tell)
@@ -499,7 +490,6 @@ def creeping() -> tuple[DemoTruth, list[Array], list[str]]:
     """Return the disk at the pressures of the photographs of `held`, half its outline in each, and their times."""
     from softmodels.fitting.outlines.creeping import Creep, Timetable
     from softmodels.fitting.outlines.device import MeasuredDevice
-    from softmodels.mechanics.mpi import start
 
     choice = LawChoice.from_text(TRUTH.law, TRUTH.poisson)
     model = MeasuredDevice.of(TRUTH.actuator).model(choice, start(), spectrum([], HOLDS))
@@ -518,7 +508,7 @@ def creeping() -> tuple[DemoTruth, list[Array], list[str]]:
     return truth, halves, [f",{hold:g} s,{RISE:g} s" for _ in LEVELS for hold in HOLDS]
 
 
-@click.command("examples")
+@command("examples")
 @click.option("-o", "--output", default=Path("examples"), show_default=True, type=click.Path(path_type=Path))
 def examples(output: Path) -> None:
     """Write small files to try every command with: photographs, boards, a tensile curve, a STEP part, cases.
@@ -526,15 +516,11 @@ def examples(output: Path) -> None:
     Takes about two minutes. Existing files are kept.
     Exit status: 0 written, 1 failed, 2 the folder cannot be written.
     """
-    from softmodels.cli.options import fail
-    from softmodels.common.commands import status_of, trouble
-
     if why := trouble(output):
         fail(f"the folder {output} cannot be written ({why})")
     try:
-        folder = write_examples(output, click.echo)
-    except OSError as error:
-        fail(f"the examples cannot be written ({error.strerror or error})", status_of(error))
+        with unwritable("the examples"):
+            folder = write_examples(output, click.echo)
     except ImportError as error:
         fail(
             f"{error}; the photographs need FEniCSx (softmodels doctor lists what is missing); the rest is in {output}",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import csv
 import dataclasses
 import math
 import re
@@ -21,7 +20,7 @@ from softmodels.case.materials import material_from
 from softmodels.cli.options import command, fail, write_into
 from softmodels.common.commands import flag_option, open_folder, option, options, output_option, quiet_option
 from softmodels.common.errors import known_are
-from softmodels.common.files import read_text, write_text
+from softmodels.common.files import csv_text, read_text, write_text
 from softmodels.common.folders import ResultFolder
 from softmodels.common.pages import Fact, Page, Provenance, Table
 from softmodels.common.processes import say
@@ -607,7 +606,7 @@ def curve(how: CurveOptions) -> None:
         return
 
     def write(place: Path) -> None:
-        _write_curves(place / "curves.csv", many, ratio)
+        write_text(place / "curves.csv", _curves_csv(many, ratio))
         if not how.no_pictures:
             from softmodels.pictures.fits import draw
 
@@ -649,18 +648,17 @@ def table_of(one: MaterialCurves, thickness_over_radius: float) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _write_curves(path: Path, many: list[MaterialCurves], thickness_over_radius: float) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        rows = csv.writer(file)
-        stresses = [f"{mode}_{kind}_Pa" for mode in MODE_NAMES for kind in ("nominal", "true")]
-        rows.writerow(["material", "poisson", "stretch", *stresses, "balloon_Pa", "thickness_over_radius"])
-        for one in many:
-            columns = [c for mode in MODE_NAMES for c in (one.responses[mode].stress, one.true_stress(mode))]
-            columns.append(one.balloon(thickness_over_radius))
-            for i, stretch in enumerate(one.stretch):
-                numbers = [f"{column[i]:.9g}" for column in columns]
-                nu = exact_text(one.material.poisson, "")
-                rows.writerow([one.name, nu, f"{stretch:.9g}", *numbers, f"{thickness_over_radius:.6g}"])
+def _curves_csv(many: list[MaterialCurves], thickness_over_radius: float) -> str:
+    stresses = [f"{mode}_{kind}_Pa" for mode in MODE_NAMES for kind in ("nominal", "true")]
+    rows = []
+    for one in many:
+        columns = [c for mode in MODE_NAMES for c in (one.responses[mode].stress, one.true_stress(mode))]
+        columns.append(one.balloon(thickness_over_radius))
+        nu = exact_text(one.material.poisson, "")
+        for i, stretch in enumerate(one.stretch):
+            numbers = [f"{column[i]:.9g}" for column in columns]
+            rows.append([one.name, nu, f"{stretch:.9g}", *numbers, f"{thickness_over_radius:.6g}"])
+    return csv_text(["material", "poisson", "stretch", *stresses, "balloon_Pa", "thickness_over_radius"], rows)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

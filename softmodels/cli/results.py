@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import csv
-import io
 import sys
 import webbrowser
 from collections.abc import Sequence
@@ -17,7 +15,7 @@ import numpy as np
 from softmodels.case.components import import_own_modules
 from softmodels.cli.options import command, fail, unwritable
 from softmodels.common.commands import DrawingOptions, options, unswept
-from softmodels.common.files import check_file, read_file, write_bytes, write_text
+from softmodels.common.files import check_file, csv_text, read_file, write_bytes, write_text
 from softmodels.common.folders import check_output_file, is_drawn
 from softmodels.common.processes import say
 from softmodels.runs.states import POINTS, Line
@@ -230,13 +228,9 @@ def _write_line(output: Path, line: Line, state: SolvedState) -> None:
     from softmodels.pictures.style import DPI, STYLE, drawn, encoded
 
     columns = line.columns
-    text = io.StringIO()
-    rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(columns)
-    rows.writerows(np.array([*columns.values()]).T.tolist())
     with matplotlib.rc_context(STYLE):
         picture = encoded(drawn(along_line(line, f"{state.case.name} at {headline(state.case, state.row)}")), DPI)
-    write_text(output, text.getvalue())
+    write_text(output, csv_text(columns, np.array([*columns.values()]).T.tolist()))
     write_bytes(output.with_suffix(".png"), picture)
 
 

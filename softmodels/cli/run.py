@@ -68,6 +68,18 @@ def tell_not_drawn(out: str, errors: str, status: int, left: str) -> None:
     say(f"softmodels: the pictures could not be drawn ({reason[-1]}); {left}", err=True)
 
 
+def drawn_aside(case: Case, left: str, module: str, *words: str) -> bool:
+    """Draw in a separate process, see `start_drawing`; return whether that succeeded, or report what is ``left``."""
+    process = start_drawing(case, module, *words)
+    try:
+        out, errors = process.communicate()
+    finally:
+        end(process)
+    if process.returncode:
+        tell_not_drawn(out, errors, process.returncode, left)
+    return process.returncode == 0
+
+
 @contextlib.contextmanager
 def _counter(quiet: bool) -> Iterator[Callable[[str], None]]:
     """Show the current step and the elapsed time on a terminal; nothing elsewhere."""

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import base64
 import contextlib
+import csv
 import errno
 import functools
 import hashlib
+import io
 import os
 import re
 import stat
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -217,6 +219,15 @@ def hdf5_reason(error: BaseException) -> str:
     """Return the operating system's error in a long HDF5 message, or the message's first line."""
     found = re.search(r"error message = '([^']+)'", str(error))
     return found[1] if found else str(error).strip().splitlines()[0]
+
+
+def csv_text(head: Iterable[str], rows: Iterable[Mapping[str, object] | Sequence[object]]) -> str:
+    """Return a table as CSV; rows are values by the names in the head, or in its order."""
+    text, names = io.StringIO(newline=""), list(head)
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows([row.get(name, "") for name in names] if isinstance(row, Mapping) else row for row in rows)
+    return text.getvalue()
 
 
 def write_text(path: Path, text: str) -> None:

@@ -323,15 +323,7 @@ def doubt_of(thing: Any) -> str:
 
 
 def length_field(default: float, text: str, *, zero: bool = False, signed: bool = False, **more: Any) -> Any:
-    """Return a dataclass field for a length in m; ``zero`` allows the value 0, ``signed`` negative ones.
-
-    Args:
-        default: Its value if not given.
-        text: What it is.
-        zero: Whether it may be 0.
-        signed: Whether it may be negative.
-        more: Further attributes of `About`.
-    """
+    """Return a dataclass field for a length in m, which may be 0 (``zero``) or negative (``signed``)."""
     return field_of(Length(zero=zero, signed=signed), text, default, **more)
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import dataclasses
 import functools
-import io
 import itertools
 import math
 import re
@@ -24,7 +23,7 @@ from geometries import Actuator
 from softmodels.case.case import Case
 from softmodels.case.materials import MaterialErrors, SourceBand
 from softmodels.common.arrays import Array
-from softmodels.common.files import replace
+from softmodels.common.files import csv_text, write_text
 from softmodels.materials.silicones import named, silicone_called, source_names, stretch_at_break
 from softmodels.mechanics.component import COMPONENTS
 from softmodels.mechanics.controls import volume_control
@@ -674,11 +673,8 @@ def write_sources(folder: Path, sources: SourceRows) -> None:
     """Write the table: the source, then the columns of ``path.csv`` without those of an error's band."""
     rows = [(name, row) for name, many in sources.items() for row in many]
     columns = list(dict.fromkeys(column for _, row in rows for column in row))
-    text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, ["source", *columns], lineterminator="\n")
-    writer.writeheader()
-    writer.writerows({"source": name, **row.cells} for name, row in rows)
-    replace(folder / FILE, lambda path: path.write_text(text.getvalue(), encoding="utf-8"))
+    cells = ([name, *(row.cells.get(column, "") for column in columns)] for name, row in rows)
+    write_text(folder / FILE, csv_text(["source", *columns], cells))
 
 
 def read_sources(folder: Path) -> dict[str, list[Row]]:

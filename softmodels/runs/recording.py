@@ -321,21 +321,13 @@ def gather(case: Case, results: Results, ended: Ended) -> Summary:
         "status": ended.status, "message": ended.message, "steps": len(results.stored), "last": results.rows[-1].cells,
         "events": events(results.rows, words), "stretch_at_break": stretch_at_break(case.material),
         "notes": notes_of(case, results.rows, results.sources(case)),
-        "stability": stability_text(results.rows, case.actuator, words, branch_rows(results)),
+        "stability": stability_text(results.rows, case.actuator, words, results.branch_rows),
     }  # fmt: skip
     started = results.started
     made = Provenance.now(None if started is None else monotonic() - started)
     results.own.claim(["summary.json"], {"made": made.table()})
     write_text(results.folder / "summary.json", json.dumps(summary, indent=2) + "\n")
     return summary
-
-
-def branch_rows(results: Results) -> list[Row]:
-    """Return the rows of the followed branch; empty if there is none."""
-    branch = results.branch()
-    if branch.heavy.exists():
-        branch.load()
-    return branch.rows
 
 
 class Observer:

@@ -216,10 +216,7 @@ class StoredStates(States):
         super().__init__(case, self.results.rows, grid, read)
         self._mesh = (home or folder) / f"{case.name}.msh"
         self.others = read_sources(folder) if isinstance(case.band, SourceBand) else {}
-        aside = self.results.branch()
-        if aside.heavy.exists():
-            aside.load()
-        self.branch = aside.rows
+        self.branch = self.results.branch_rows
         self.made = Provenance.from_table(self.results.own.about.get("made"))
 
     def branch_states(self) -> StoredStates | None:

@@ -11,11 +11,9 @@ references to where each step lies, so that nothing is stored twice.
 from __future__ import annotations
 
 import contextlib
-import csv
 import dataclasses
 import errno
 import functools
-import io
 import json
 import os
 import shutil
@@ -31,7 +29,7 @@ import numpy.typing as npt
 from softmodels.case.case import Case
 from softmodels.case.materials import SourceBand
 from softmodels.common.errors import Spoken
-from softmodels.common.files import check_file, hdf5_reason, remove_steps, replace, replace_hdf5
+from softmodels.common.files import check_file, csv_text, hdf5_reason, remove_steps, replace, replace_hdf5, write_text
 from softmodels.common.folders import PATIENCE, OwnFolder
 from softmodels.runs.columns import FILE as SOURCES, SourceRows, in_order, read_sources, write_sources
 from softmodels.runs.fields import Row
@@ -103,6 +101,14 @@ class Results:
     def branch(self) -> Results:
         """Results of the branch at this path's bifurcation, in their own folder, which may not exist."""
         return Results(self.own.path / BRANCH.strip("/"), self.name, self.gauge, "branch")
+
+    @property
+    def branch_rows(self) -> list[Row]:
+        """Rows of the followed branch; empty if there is none."""
+        branch = self.branch()
+        if branch.heavy.exists():
+            branch.load()
+        return branch.rows
 
     def write_sources(self, sources: SourceRows) -> None:
         """Write the paths of the silicone's other sources, if any."""
@@ -601,11 +607,7 @@ def write_light(heavy: Path, shapes: Shapes, stored: Sequence[StoredStep], gathe
         stored: Where each step's fields are.
         gathered: Whether they are all in that file.
     """
-    text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, fieldnames=list(stored[0].row), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(step.row.cells for step in stored)
-    replace(heavy.with_name("path.csv"), lambda path: path.write_text(text.getvalue()))
+    write_text(heavy.with_name("path.csv"), csv_text(stored[0].row, (step.row.cells for step in stored)))
     light = xdmf(heavy.stem, heavy.name, shapes, stored)
     replace(heavy.with_suffix(".xdmf"), lambda path: path.write_bytes(light))
 
