@@ -437,7 +437,7 @@ def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
     elif speaks():
         open_here()
     try:
-        with sentences():
+        with sentences() if files else contextlib.nullcontext():
             report = _device_report(files, how) if files else _curves_report(how)
     except (UnsoundError, CannotEvaluate) as error:
         for one in folder:  # the files of an earlier fit are not mistaken for this one's
