@@ -20,7 +20,7 @@ from softmodels.pictures import curves, offscreen, report
 from softmodels.pictures.style import headline
 from softmodels.runs.columns import term
 from softmodels.runs.notes import advice
-from softmodels.runs.store import StoredStates
+from softmodels.runs.states import StoredStates
 from tests.support import runs
 
 TUBE, HALF = sm.Cylinder(), sm.Cylinder(section="half", strip=90.0)

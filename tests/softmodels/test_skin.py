@@ -13,7 +13,7 @@ from softmodels.components.contact import RigidShape
 from softmodels.pictures.offscreen import look, shape_layers, shape_surface, shapes_of, way
 from softmodels.pictures.solid import best_plane
 from softmodels.runs.grid import CUT, OUTSIDE, surface_of
-from softmodels.runs.store import StoredStates
+from softmodels.runs.states import StoredStates
 from tests.support import made_up as drawings
 
 SHARP_DISK = {"cell_size": 0.004, "refinement": 1.0}
