@@ -149,6 +149,9 @@ class FigureWriter:
 
 
 LONG = {
+    "verification": (
+        "ranks suction_cup inertia sensitivity_in_time iterative_parts loop memory friction rigid communicators robustness"
+    ),
     "docs": "pages notebooks memory_page",
     "app": "page",
     "softmodels": (
@@ -157,9 +160,6 @@ LONG = {
     ),
     "measurement": "damages refused ray_traced accuracy own_files soft_body grid setup_variants copies door",
     "design": "parameters gradients inverse",
-    "verification": (
-        "ranks suction_cup inertia sensitivity_in_time iterative_parts loop memory friction rigid communicators robustness"
-    ),
 }
 """Files of tests that take longest, by folder: they begin first, so that no core waits for one of them at the end."""
 
