@@ -342,8 +342,11 @@ def section_svg(section: Section, box: Array, top: float, colours: list[str], te
         for k in np.unique(places)
     ]
     half += [
-        f'<path d="{_paths(curves)}" class="{name}" fill="none" stroke-width="{wide / 700:.4f}"/>'
-        for curves, name in ((section.rest, "rest"), (section.edges, "edge"))
+        f'<path d="{_paths(curves)}" class="{name}" fill="none" {stroke} stroke-width="{wide / 700:.4f}"/>'
+        for curves, name, stroke in (
+            (section.rest, "rest", 'stroke="#8a8a8a" stroke-dasharray="0.6 0.4"'),
+            (section.edges, "edge", 'stroke="currentColor"'),
+        )  # as attributes: no rule of the page reaches the mirrored half
     ]
     drawn = f'<g id="half-section">{"".join(half)}</g><use href="#half-section" transform="scale(-1 1)"/>'
     return (

@@ -142,8 +142,6 @@ async def _refuse(scope: Scope, send: Send, status: int, sentence: str) -> None:
 
 STYLE = """
 svg.section { width: 100%; max-height: 62vh; }
-svg.section .rest { stroke: #8a8a8a; stroke-dasharray: 0.6 0.4; }
-svg.section .edge { stroke: currentColor; }
 svg.section .scale-bar path { stroke: currentColor; fill: none; }
 svg.section .scale-bar text { fill: currentColor; }
 .two-columns { display: grid; grid-template-columns: minmax(0, 1fr); gap: 1rem; width: 100%; }
