@@ -44,7 +44,7 @@ def _numbers(values):
 
 @pytest.mark.parametrize("program", BOUNDS)
 def test_figures_do_not_depend_on_the_ranks(program, several, meshes, comm, figure):
-    one, found = on_ranks.figures(comm, meshes, program), several(program)
+    one, found = on_ranks.found_by(program, comm, meshes), several(program)
     assert found.keys() == one.keys()
     ranks = 3 if program == "rigid" else 2
     for name, values in one.items():

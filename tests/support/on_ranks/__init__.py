@@ -13,7 +13,7 @@ PROGRAMS = "figures", "creeping", "creeping_rates", "filling", "moving", "region
 """Modules; ``rigid-iterative`` is ``rigid`` with the iterative solver."""
 
 
-def figures(comm, folder: Path, program: str):
+def found_by(program: str, comm, folder: Path):
     """What a program has found on this communicator."""
     name, _, method = program.partition("-")
     module = importlib.import_module(f"{__name__}.{name}")

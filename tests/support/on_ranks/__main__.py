@@ -5,12 +5,12 @@ import sys
 from pathlib import Path
 
 from softmodels.mechanics.mpi import abort_on_error, is_root, start
-from tests.support.on_ranks import figures
+from tests.support.on_ranks import found_by
 
 if __name__ == "__main__":
     comm = start()
     abort_on_error(comm)
     folder, *programs = sys.argv[1:]
-    found = {program: figures(comm, Path(folder), program) for program in programs}
+    found = {program: found_by(program, comm, Path(folder)) for program in programs}
     if is_root(comm):
         print(json.dumps({**found, "ranks": comm.size}))

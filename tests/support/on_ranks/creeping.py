@@ -19,7 +19,7 @@ def figures(comm, folder) -> dict[str, list[float]]:
         ("axisymmetric", ["25 cm", "25 cm", "5 cm"], [5.0, 8.0, 10.0]),
         ("wedge", ["25 cm", "5 cm"], [5.0, 7.0]),
     ):
-        disk = sm.HollowDisk(section=section, angle=15.0, cell_size=6e-3, fillet=1.5e-3)
+        disk = sm.HollowDisk(section=section, angle=45.0, cell_size=6e-3)
         run = sm.inflate(disk, LAW, pressures=pressures, times=times)
         found |= {f"{column}, {section}": [float(value) for value in run.path[column]] for column in COLUMNS}
     return found
