@@ -409,10 +409,9 @@ class InMemory(States):
         self._comm, grid = simulation.comm, simulation.fields.grid
         # Only rank 0 has the whole grid.
         points, cells, self._mesh = on_root(self._comm, lambda: (grid.points, grid.cells, mesh()))
-        super().__init__(
-            simulation.case, (), (points, cells, grid.cell_name), lambda step, name: self._fields[step][name]
-        )
-        self._fields: list[dict[str, Array]] = []
+        kept: list[dict[str, Array]] = []
+        super().__init__(simulation.case, (), (points, cells, grid.cell_name), lambda step, name: kept[step][name])
+        self._fields = kept
         self._restarts: list[Restart] = []
 
     def add(self, step: Step) -> None:
