@@ -45,12 +45,8 @@ HANDLE = 3.0
 
 @dataclasses.dataclass(frozen=True)
 class Frame:
-    """Where a piece stands: the rotation and scale that bring the device there.
-
-    Attributes:
-        turn: Shape (3, 3).
-        scale: Size of what is cast over the device's.
-    """
+    """Where a piece stands: the rotation, shape (3, 3), that brings the device there, and the size of what is cast over the
+    device's."""
 
     turn: Array
     scale: float
@@ -66,13 +62,8 @@ class Frame:
 
 @dataclasses.dataclass(frozen=True)
 class Hole:
-    """An opening of a lid or a cup: a cone, wide outside, so that the sprue tears off at its neck; or the room of a pin.
-
-    Attributes:
-        place: (x, y) of its axis, mm.
-        neck, mouth: Its radii at the silicone and outside, mm.
-        heights: From where to where it runs, mm.
-    """
+    """An opening of a lid or a cup, lengths in mm: a cone about (x, y), wide outside, so that the sprue tears off at its neck
+    at the silicone; or the room of a pin."""
 
     place: tuple[float, float]
     neck: float
@@ -82,13 +73,7 @@ class Hole:
 
 @dataclasses.dataclass(frozen=True)
 class ToolBody:
-    """A body of a mould.
-
-    Attributes:
-        name: ``"upper cup"`` and so on.
-        solid: It, in the current Gmsh model.
-        pull: Unit vector along which it leaves; zero if it is dissolved.
-    """
+    """A body of a mould in the current Gmsh model, and the unit vector along which it leaves; zero if it is dissolved."""
 
     name: str
     solid: Solid
@@ -100,12 +85,9 @@ class Tooling:
     """The mould of one piece, in the current Gmsh model.
 
     Attributes:
-        pour: What is cast, and how.
-        frame: Where it stands.
         bodies: In the order in which they leave.
         target: Shape to be cast, from the device's geometry.
-        cores: Its cavities.
-        cavities: All of the device's, if they are closed.
+        cores, cavities: The piece's cavities, and all of the device's if they are closed.
         plugs: Silicone that makes room for the tubes.
         openings: What is cut out of the bodies and not filled by the piece: pour opening, vents, slack of pins.
         level, top: Heights where the piece begins and ends, mm.
@@ -136,11 +118,8 @@ class Tooling:
 
 
 def recipe_of(device: Actuator, workshop: Workshop) -> Recipe:
-    """Return how a device is cast, along the workshop's pull if it is an imported part.
-
-    Raises:
-        MouldError: It has no recipe, or its own and no use for a pull.
-    """
+    """Return how a device is cast, along the workshop's pull if it is an imported part; `MouldError` without a recipe, or for
+    a pull that it has no use for."""
     try:
         recipe = device.cast_along(workshop.direction, workshop.level)
     except GeometryError as error:
@@ -216,12 +195,7 @@ def _merged(solids: Sequence[Solid]) -> list[Solid]:
 
 
 def tooling(device: Actuator, recipe: Recipe, pour: Pour, workshop: Workshop) -> Tooling:
-    """Fill the current Gmsh model with the mould of one piece of a device.
-
-    Raises:
-        MouldError: It cannot be made so.
-        GeometryError, MeshingError: The device's whole cannot be made.
-    """
+    """Fill the current Gmsh model with the mould of one piece of a device; `MouldError` if it cannot be made so."""
     return _Maker(device, recipe, pour, workshop).tooling()
 
 
@@ -595,8 +569,7 @@ class Inlet:
         room: What it takes from the piece.
         core: The body, or what is put on the lid or cup.
         bore: The hole for a pin in the cup.
-        outwards: Unit vector out of the device.
-        begin: Where it leaves the device, mm.
+        outwards, begin: Unit vector out of the device, and where it leaves it, mm.
         radius: Of its bore where that is widest, mm.
     """
 
@@ -643,18 +616,11 @@ ALONG = 60
 def hole_places(
     cast: list[Solid], heights: tuple[float, float], line: tuple[int, float] | None, workshop: Workshop
 ) -> list[Array]:
-    """Return the places (x, y) in mm of the pour opening and then of the vents.
+    """Return the places (x, y) in mm of the pour opening, where most room is, and then of the vents, as far from it and from
+    each other as can be; `MouldError` without room.
 
-    The pour opening is where most room is; the vents are as far from it and from each other as can be.
-
-    Args:
-        cast: The piece that is cast, in the current Gmsh model.
-        heights: Of the faces of pour opening and vents, mm.
-        line: Axis and place of a plane in which all of them are; None if they may be anywhere.
-        workshop: Sizes of the holes.
-
-    Raises:
-        MouldError: There is no room.
+    ``heights`` are those of the faces of pour opening and vents in mm, ``line`` axis and place of a plane in which all of them
+    are.
     """
     places, room = _places(_edge(cast, heights[0]), line)
     needed = 0.5 * MM * workshop.pour + MM * workshop.least_gap
@@ -726,12 +692,7 @@ def _places(segments: Array, line: tuple[int, float] | None = None) -> tuple[Arr
 
 
 def face_namer(device: Actuator, frame: Frame) -> Callable[[Array], str]:
-    """Return a function from a place in the mould (mm) to the clause that names the part's face there.
-
-    Args:
-        device: The part.
-        frame: How it was turned and scaled.
-    """
+    """Return a function from a place in the mould (mm) to the clause that names the part's face there."""
 
     def named(place: Array) -> str:
         return _name(device, frame.drawn(place))

@@ -81,13 +81,11 @@ class Facets:
     """A closed surface in mm.
 
     Attributes:
-        points: Vertices, shape (n, 3).
-        triangles: Vertices of each triangle, counted against the clock from outside, shape (m, 3).
+        points, triangles: Vertices, shape (n, 3), and those of each triangle, counter-clockwise from outside, shape (m, 3).
         face: Which face of the body each triangle lies on, shape (m,).
         normals: Outward unit normals of the exact surface at the corners of each triangle, shape (m, 3, 3).
         chord: Distance in mm that the triangles' middles, and their edges', are from the exact surface at most.
-        volume: Of the exact body, mm3.
-        centre: Its centre of mass, mm.
+        volume, centre: Of the exact body, mm3, and its centre of mass, mm.
     """
 
     points: Array
@@ -122,15 +120,8 @@ class Facets:
 
 
 def facets_of(file: Path, chord: float) -> Facets:
-    """Return the surface of the one solid of a STEP file.
-
-    Args:
-        file: The file.
-        chord: Largest distance allowed from the exact surface, mm.
-
-    Raises:
-        MeshingError: It cannot be meshed, or not as finely.
-    """
+    """Return the surface of the one solid of a STEP file, at most ``chord`` mm from the exact one; `MeshingError` if that
+    fails."""
     with private_model():
         solid = read_step(file)
         surfaces = [tag for _, tag in gmsh.model.getBoundary([(3, solid)], oriented=False)]
@@ -181,13 +172,8 @@ def _measured(surfaces: list[int], chord: float) -> Facets:
 
 
 def _turns(meshed: dict[int, Cells], points: Array) -> dict[int, float]:
-    """For each face, 1 if its triangles go round against the clock from outside, else -1.
-
-    Two faces that meet in an edge go along it in opposite directions if they are turned the same way.
-
-    Raises:
-        MeshingError: The faces are not connected.
-    """
+    """Return by face 1 if its triangles go counter-clockwise from outside, else -1; `MeshingError` if the faces are not
+    connected. Two faces that meet in an edge go along it in opposite directions if they are turned the same way."""
     owners: dict[tuple[int, int], list[tuple[int, float]]] = {}
     for surface, nodes in meshed.items():
         edges = np.concatenate([nodes[:, [0, 1]], nodes[:, [1, 2]], nodes[:, [2, 0]]])
@@ -233,11 +219,8 @@ def _normals(surface: int, corners: Cells) -> Array:
 
 
 def _distance(surface: int, chord: float) -> float:
-    """Return the distance in mm that the middles of a face's triangles, and of their edges, are from it at most.
-
-    The surface's point at the mean of the corners' parameters is quick to have, and no nearer than the nearest one, which is
-    looked for only where that is not enough.
-    """
+    """Return the distance in mm that the middles of a face's triangles, and of their edges, are from it at most: from the
+    surface's point at the mean of the corners' parameters, and from the nearest one only where that is not enough."""
     if gmsh.model.getType(2, surface) == "Plane":
         return 0.0
     _, nodes = gmsh.model.mesh.getElementsByType(2, surface)
@@ -282,13 +265,8 @@ def _off_sphere(on: Array, looked: Array) -> Array:
 
 
 def _volume(turns: dict[int, float], middle: Array, count: int) -> tuple[float, Array]:
-    """Return the volume and centre of mass by the divergence theorem, on triangles curved to a higher order.
-
-    Args:
-        turns: 1 for a face whose mesh is turned outwards, -1 for the others.
-        middle: What places are counted from, so that little is lost to rounding.
-        count: Number of triangles.
-    """
+    """Return volume and centre of mass by the divergence theorem, on triangles curved to a higher order, with places counted
+    from a middle, so that little is lost to rounding. Turns are those of `_turns`."""
     gmsh.model.mesh.setOrder(4 if count < FINE_ENOUGH else 2)
     volume, moment = 0.0, np.zeros(3)
     for surface, turn in turns.items():
@@ -323,13 +301,7 @@ QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 @dataclasses.dataclass(frozen=True)
 class Placed:
-    """A body on a plate.
-
-    Attributes:
-        name: Of the body.
-        plate: Number of the plate, from 1.
-        facets: Its surface where it lies, in mm from the plate's corner.
-    """
+    """A body's surface where it lies on a plate (numbered from 1), in mm from the plate's corner."""
 
     name: str
     plate: int
@@ -395,12 +367,8 @@ def too_large(placed: Sequence[Placed], workshop: Workshop) -> list[str]:
 
 @dataclasses.dataclass(frozen=True)
 class PrintEstimate:
-    """What a print takes.
-
-    Attributes:
-        resin: Volume of all bodies, m3.
-        times: Of each plate, s: all layers up to its tallest body.
-    """
+    """What a print takes: the volume of all bodies in m3, and the times in s of each plate, all layers up to its tallest
+    body."""
 
     resin: float
     times: tuple[float, ...]

@@ -93,11 +93,7 @@ def three_mf_bytes(bodies: Mapping[str, Facets]) -> bytes:
 
 
 def write_bodies(folder: Path, asked: Asked, made: Made) -> None:
-    """Write everything but pictures and the sheet.
-
-    Raises:
-        OSError: There is no room.
-    """
+    """Write everything but pictures and the sheet."""
     for body in (*made.bodies, *made.casts):
         write_bytes(folder / f"{body.stem}.step", body.step)
         write_bytes(folder / f"{body.stem}.stl", stl_bytes(body.facets))
@@ -256,18 +252,7 @@ class SheetTable:
 
 @dataclasses.dataclass(frozen=True)
 class BenchSheet:
-    """Casting instructions for the bodies.
-
-    Attributes:
-        title: Of the sheet.
-        about: Sentences about device, silicone and parting plane.
-        amounts: Volumes and masses of silicone.
-        prints: Resin and time that the printer takes.
-        steps: Order of work, a sentence or two each.
-        walls: Thicknesses of silicone and of the bodies.
-        checks: What was checked before anything was written.
-        notes: What to know.
-    """
+    """Casting instructions for the bodies, the parts of the sheet in their order."""
 
     title: str
     about: Sequence[str]
@@ -511,18 +496,8 @@ def _notes(asked: Asked) -> list[str]:
 
 
 def write_sheet(folder: Path, asked: Asked, made: Made, pictures: bool = True) -> bool:
-    """Write ``sheet.md``, ``sheet.html``, the drawings and the pictures into a folder; return whether pictures were
-    rendered.
-
-    Args:
-        folder: The folder.
-        asked: What was asked for.
-        made: The mould.
-        pictures: Whether to render; without a way to nothing is rendered.
-
-    Raises:
-        OSError: There is no room.
-    """
+    """Write ``sheet.md``, ``sheet.html``, the drawings and the pictures into a folder; return whether pictures were rendered:
+    if wanted, and where that can be done."""
     rendered = pictures and can_render()
     drawing(made).savefig(folder / DRAWING)
     size = (MM * asked.workshop.bed_width, MM * asked.workshop.bed_depth)

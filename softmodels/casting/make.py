@@ -56,8 +56,7 @@ class Checked:
     Attributes:
         lean: Least angle in degrees between the pull and the faces that form the part: 0 for an upright wall.
         own_lean: The same of pins, sockets and holes; NaN without any.
-        wall: Smallest thickness of the body, m.
-        gap: Smallest width of its grooves and holes, m.
+        wall, gap: Smallest thickness of the body, and smallest width of its grooves and holes, m.
         chord: Largest distance of the STL from the exact body, m.
         volume_gap: STL's volume over the exact one, less 1.
         overlap: Thickness of what it has in common with other bodies, and with these and the cast on its way out, by the
@@ -75,13 +74,7 @@ class Checked:
 
 @dataclasses.dataclass(frozen=True)
 class Surfaces:
-    """The triangles of one piece's mould.
-
-    Attributes:
-        made: The mould.
-        bodies: Surfaces by name, in the order in which they leave.
-        cast: That of the cast.
-    """
+    """The triangles of one piece's mould: those of the bodies by name, in the order in which they leave, and of the cast."""
 
     made: Tooling
     bodies: Mapping[str, Facets]
@@ -89,18 +82,8 @@ class Surfaces:
 
 
 def check_body(name: str, found: Surfaces, workshop: Workshop, named: Name) -> Checked:
-    """Check a body against the workshop's limits.
-
-    Args:
-        name: ``"upper cup"`` and the like.
-        found: The mould that it belongs to.
-        workshop: The limits.
-        named: Names a face of the part.
-
-    Raises:
-        MouldError: An undercut, a wall or a gap too fine for the printer.
-        MeshingError: It is not watertight, or its STL strays.
-    """
+    """Check a body: `MouldError` for an undercut, or a wall or gap too fine for the printer, `MeshingError` if it is not
+    watertight, or its STL strays."""
     facets = found.bodies[name]
     if facets.open_edges:
         raise MeshingError(f"the {name} is not watertight ({facets.open_edges} open edges); change a length slightly")
@@ -128,17 +111,8 @@ def check_body(name: str, found: Surfaces, workshop: Workshop, named: Name) -> C
 
 
 def check_core(facets: Facets, foot: float, workshop: Workshop, named: Name) -> float:
-    """Check a core of the cavity against the printer; return its smallest width in m.
-
-    Args:
-        facets: Its surface.
-        foot: Height in mm of the plane in which it stands on a lid: that face is inside of a body.
-        workshop: The limits.
-        named: Names a face of the part.
-
-    Raises:
-        MouldError: A channel too fine.
-    """
+    """Return the smallest width in m of a core of the cavity; `MouldError` if that is too fine for the printer. ``foot`` is
+    the height in mm of the plane in which it stands on a lid: that face is inside of a body."""
     (width, place), _ = thicknesses(facets, np.abs(facets.corners[:, :, 2] - foot).max(axis=1) < 1e-4)
     if width + 2.0 * facets.chord < MM * workshop.least_wall:
         raise MouldError(
@@ -154,12 +128,8 @@ def _area(facets: Facets) -> float:
 
 
 def _leans(name: str, found: Surfaces, workshop: Workshop, named: Name) -> tuple[float, float]:
-    """Return the least sine of the lean of the part's faces along the body's pull, and of the pins and holes along theirs.
-
-    Raises:
-        MouldError: A face hangs over.
-        MeshingError: A pin, a socket or a hole has less than the draft.
-    """
+    """Return the least sine of the lean of the part's faces along the body's pull, and of the pins and holes along theirs;
+    `MouldError` for a face that hangs over, `MeshingError` for a pin, a socket or a hole with less than the draft."""
     facets, made = found.bodies[name], found.made
     pull = next(body.pull for body in made.bodies if body.name == name)
     if not pull.any():
@@ -290,11 +260,8 @@ def common_thickness(one: Manifold, other: Manifold) -> float:
 
 
 def overlaps(found: Surfaces) -> dict[str, float]:
-    """Return for each body how thick its overlap is with others in place, and with others and the cast on its way out, mm.
-
-    Raises:
-        MouldError, MeshingError: More than the triangles' distance from the exact faces.
-    """
+    """Return for each body how thick its overlap is with others in place, and with others and the cast on its way out, mm; an
+    error if that is more than the triangles' distance from the exact faces."""
     from manifold3d import Manifold, OpType
 
     made, solids = found.made, {name: manifold_of(facets) for name, facets in found.bodies.items()}
@@ -347,13 +314,10 @@ def _is_inside(solid: Solid, low: Array, high: Array) -> bool:
 
 @dataclasses.dataclass(frozen=True)
 class MouldBody:
-    """A body of a mould, or what is cast in it.
+    """A body of a mould, or what is cast in it, with its STEP file and its surface in mm.
 
     Attributes:
-        name: ``"upper cup"``, ``"lower lid"``, ``"upper cast"`` and so on.
-        piece: Name of the piece that it belongs to.
-        step: Its STEP file in mm.
-        facets: Its surface in mm.
+        name, piece: ``"upper cup"``, ``"lower lid"``, ``"upper cast"`` and so on, and the piece that it belongs to.
         pull: Unit vector along which it leaves; zero of what is cast, and of what is dissolved.
         checked: What was found of it; None of what is cast.
         beyond: Of what is cast: silicone between its core and the cup along z, m; NaN of bodies.
@@ -427,12 +391,8 @@ class Made(Shown):
 
 
 def made(device: Actuator, workshop: Workshop, stopped: Callable[[], bool] = bool) -> Made:
-    """Make a device's mould.
-
-    Args:
-        device: The device; slices and sections stand for their whole.
-        workshop: How it is made.
-        stopped: Asked several times a second; once true, the work ends.
+    """Make the mould of a device, slices and sections standing for their whole; ``stopped`` is asked several times a second,
+    and once true ends the work.
 
     Raises:
         MouldError: It cannot be made so.
@@ -447,12 +407,10 @@ class _Drawn:
     """One piece's mould once its model is closed.
 
     Attributes:
-        tools: Its bodies.
         folder: A STEP of each body, of ``cast``, and of each jig, core, cavity and plug by its number.
         counts: How many jigs, cores, cavities and plugs there are.
         differs: See `Made`.
-        taken: Volume of the block in mm3 that is in no body.
-        beyond: Volume of bodies in mm3 that is not in the block.
+        taken, beyond: Volume of the block in no body, and of bodies not in the block, mm3.
         plug: Volume of the plugs, mm3.
     """
 
@@ -525,11 +483,8 @@ def _extras(drawn: Sequence[_Drawn], workshop: Workshop) -> tuple[MouldBody, ...
 
 
 def _draw(device: Actuator, recipe: Recipe, pour: Pour, workshop: Workshop, folder: Path) -> _Drawn:
-    """Make the mould of one piece, compare its void with the piece, and write its STEP files.
-
-    Raises:
-        MeshingError: The mould leaves something else than the device.
-    """
+    """Make the mould of one piece, compare its void with the piece, and write its STEP files; `MeshingError` if the mould
+    leaves something else than the device."""
     with private_model():
         tools = tooling(device, recipe, pour, workshop)
         void = left(tools)

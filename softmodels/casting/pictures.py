@@ -233,12 +233,7 @@ def _view(axes: Axes, edges: Array, points: Array) -> None:
 
 
 def plates_picture(placed: Sequence[Placed], size: tuple[float, float]) -> Figure:
-    """Draw the plates from above, each body as the outline of its edges with its name.
-
-    Args:
-        placed: Bodies on their plates.
-        size: Width and depth of a plate, mm.
-    """
+    """Draw the plates from above, each body as the outline of its edges with its name; a plate's width and depth are in mm."""
     from matplotlib.collections import LineCollection
     from matplotlib.patches import Rectangle
 

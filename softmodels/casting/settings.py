@@ -55,11 +55,7 @@ class MouldError(Spoken, ValueError):
 @checked
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Workshop:
-    """Settings of a mould. Lengths are in m, angles in degrees.
-
-    Raises:
-        MouldError: From the constructor, if no mould can be made so.
-    """
+    """Settings of a mould, lengths in m, angles in degrees; `MouldError` if no mould can be made so."""
 
     wall: float = length_field(0.005, "thickness of the mould's floors and lids")
     rim: float = length_field(0.008, "rim of the mould around the part, which holds the pins")
@@ -224,14 +220,7 @@ class Workshop:
 
 @dataclasses.dataclass(frozen=True)
 class Asked:
-    """A requested mould.
-
-    Attributes:
-        device: The device.
-        workshop: How its mould is made.
-        silicone: Name of the product that is cast; empty if it is not known.
-        name: Of the case; names the folder.
-    """
+    """A requested mould of a device; the silicone is the product's name, empty if it is not known, and ``name`` the case's."""
 
     device: Actuator
     workshop: Workshop
@@ -252,15 +241,10 @@ class Asked:
 
 
 def asked_of(device: Actuator | Case | str | Path, silicone: str | None = None, **settings: object) -> Asked:
-    """Return the request made from Python.
+    """Return the request made from Python; `MouldError` or `CaseError` for invalid input.
 
-    Args:
-        device: A device, a case, or a case file, whose table ``[mould]`` holds settings too.
-        silicone: Name of the product that is cast; the case's if not given.
-        settings: Fields of `Workshop`: numbers in SI units (angles in degrees), or texts with a unit.
-
-    Raises:
-        MouldError, CaseError: Invalid input.
+    Settings are fields of `Workshop`, numbers in SI units (angles in degrees) or texts with a unit; a case file's table
+    ``[mould]`` holds some too. The silicone is the case's if not given.
     """
     if isinstance(device, Actuator):
         return _asked(device, device.stem, None, {}, silicone, settings)
@@ -303,11 +287,8 @@ def _asked(
 
 
 def _product(name: object, case: Case | None) -> str:
-    """Return the silicone's product: the requested one, or the case's if its material is a named silicone.
-
-    Raises:
-        MouldError: There is none of that name.
-    """
+    """Return the silicone's product: the requested one (`MouldError` if there is none), or the case's if its material is a
+    named silicone."""
     if name is None:
         material = named(case.material) if case else None
         return product_of(material) if material else ""
@@ -318,11 +299,8 @@ def _product(name: object, case: Case | None) -> str:
 
 
 def _read(file: Path) -> tuple[Case, dict[str, object]]:
-    """Return a case file and its table ``[mould]``; the load is ignored.
-
-    Raises:
-        CaseError, MouldError: It cannot be read, or is none.
-    """
+    """Return a case file and its table ``[mould]``; the load is ignored. `CaseError` or `MouldError` for a file that is
+    none."""
     try:
         tables = read_toml(file)
     except TomlError as error:

@@ -157,8 +157,8 @@ class Chain:
         base: Its beginning, m.
         axes: In columns its direction at rest, the one across it towards which it bends, and the normal of that plane.
         length: At rest, m.
-        quartics: The numbers (rad and m) over the pressure's share of the highest: five coefficients each, shape (3, 5), or
-            (6, 5) where the tip leaves the plane.
+        quartics: The numbers (rad and m) over the pressure's share of ``top``: five coefficients each, shape (3, 5), or (6, 5)
+            where the tip leaves the plane.
         top: The highest pressure, Pa.
         stiffness: Of one joint of each kind, N m/rad and N/m; 0 where it is not known, or there is none.
         error: Largest distance of the tip from the table's over the length, and angle in degrees.
@@ -200,11 +200,8 @@ def _missed(numbers: Array, place: Array, R: Array, length: float) -> Array:
 
 
 def chain_of(model: ReducedModel) -> Chain:
-    """Return the chain that follows a reduced model.
-
-    Raises:
-        RunError: The stiffness of the tip is not known in a direction in which it moves.
-    """
+    """Return the chain that follows a reduced model; `RunError` if the tip's stiffness is not known in a direction in which it
+    moves."""
     along = (model.states[0].position - model.base) / model.length
     turn = model.turns[-1]
     hinges = float(np.linalg.norm(turn)) > MOST_TURN
@@ -259,11 +256,7 @@ def _stiffness(model: ReducedModel, axes: Array, hinges: bool) -> dict[str, floa
 
 
 def mjcf(model: ReducedModel) -> str:
-    """Return a chain as MJCF: ``ctrl`` is the pressure in kPa; the site ``tip`` has the tip's pose.
-
-    Raises:
-        RunError: See `chain_of`.
-    """
+    """Return a chain as MJCF: ``ctrl`` is the pressure in kPa; the site ``tip`` has the tip's pose."""
     chain, link = chain_of(model), model.length / SEGMENTS
     mass = model.case.actuator.solid_volume * model.density / (SEGMENTS + 1)
     root = ElementTree.Element("mujoco", model=model.case.name)
@@ -571,17 +564,11 @@ ENDINGS = {".csv": "csv", ".json": "json", ".xml": "mjcf", ".py": "sofa", ".fmu"
 
 
 def write(model: ReducedModel, file: Path, kind: str = "") -> Path:
-    """Write a reduced model for another program.
-
-    Args:
-        model: The model.
-        file: Where to.
-        kind: One of `WRITERS`; by the file's ending if empty.
+    """Write a reduced model for another program, as one of `WRITERS`; by the file's ending if the kind is empty.
 
     Raises:
         CaseError: Another kind or ending, or a file that this program has not written.
-        RunError: The model cannot be written as that.
-        ImportError: What writes it is not installed.
+        RunError, ImportError: The model cannot be written as that, or what writes it is not installed.
     """
     made = WRITERS[kind_of(file, kind)](model)
     write_bytes(file, made if isinstance(made, bytes) else made.encode())
@@ -601,11 +588,7 @@ def is_own(file: Path) -> bool:
 
 
 def kind_of(file: Path, kind: str = "") -> str:
-    """Return the kind of a file.
-
-    Raises:
-        CaseError, ImportError: See `write`.
-    """
+    """Return the kind of a file; `CaseError` or `ImportError` as `write`."""
     chosen = kind or ENDINGS.get(file.suffix.lower(), "")
     if kind and kind not in WRITERS:
         raise CaseError(f"as {kind!r} no reduced model is written; {known_are(kind, WRITERS)}")

@@ -56,13 +56,7 @@ MAIN = "silicone"
 
 @dataclasses.dataclass(frozen=True)
 class DeckSilicone:
-    """A material.
-
-    Attributes:
-        name: What the deck calls it.
-        material: Law and parameters.
-        regions: Regions of the mesh that it fills.
-    """
+    """A material by the deck's name for it, and the regions of the mesh that it fills."""
 
     name: str
     material: Material
@@ -100,14 +94,7 @@ class DeckSilicone:
         return found
 
     def check(self, where: str) -> None:
-        """Reject a law that no deck supports.
-
-        Args:
-            where: What a sentence begins with.
-
-        Raises:
-            CaseError: It is one.
-        """
+        """Raise `CaseError`, which begins with ``where``, for a law that no deck supports."""
         material = self.material
         if not (material.invariant_terms or material.stretch_terms):
             raise CaseError(
@@ -121,13 +108,8 @@ class DeckSilicone:
 
 
 def silicones_of(material: Material, components: Iterable[object], regions: Iterable[str]) -> tuple[DeckSilicone, ...]:
-    """Return the materials of a device; the first, its main one, fills all cells without a region.
-
-    Args:
-        material: The main one.
-        components: What is added to the device.
-        regions: Those of its mesh.
-    """
+    """Return the materials of a device with its parts and regions; the first, its main one, fills all cells without a
+    region."""
     others = [DeckSilicone(part.name, part.material, (part.name,)) for part in components if isinstance(part, Region)]
     named = {one.name for one in others}
     main = f"main_{MAIN}" if MAIN in named else MAIN
@@ -147,12 +129,8 @@ Terms = dict[tuple[int, int], float]
 
 @dataclasses.dataclass(frozen=True)
 class Tie:
-    """A displacement that is a linear combination of others.
-
-    Attributes:
-        node, component: Which it is.
-        terms: Factors by node and component of the others.
-    """
+    """A displacement, by its node and component, that is a linear combination of others: factors by their nodes and
+    components."""
 
     node: int
     component: int
@@ -161,14 +139,8 @@ class Tie:
 
 @dataclasses.dataclass(frozen=True)
 class Rigged:
-    """A rigid part of a deck that moves.
-
-    Attributes:
-        name: Its label.
-        nodes: The mesh's nodes that follow it.
-        place: The node whose displacement is that of its centre, or of all its nodes where it does not turn.
-        turn: The node whose displacement is its rotation vector in rad; None where it does not turn.
-    """
+    """A rigid part of a deck that moves, and the mesh's nodes that follow it. The displacement of the node ``place`` is that
+    of its centre, or of all its nodes where it does not turn; of ``turn``, if there is one, its rotation vector in rad."""
 
     name: str
     nodes: Ints
@@ -178,14 +150,8 @@ class Rigged:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Supports:
-    """Supports of a deck's nodes.
-
-    Attributes:
-        held: Held displacements: component (0 to 2) and nodes at which it vanishes, no node twice for a component.
-        tied: Displacements that depend on others.
-        rigged: Rigid parts that move.
-        added: Places in m of nodes that are not the mesh's, numbered behind it, shape (k, 3).
-    """
+    """Supports of a deck's nodes: held displacements (component and nodes, no node twice for a component), displacements that
+    depend on others, rigid parts that move, and the places in m of nodes added behind the mesh's, shape (k, 3)."""
 
     held: dict[int, Ints]
     tied: tuple[Tie, ...]
@@ -194,13 +160,8 @@ class Supports:
 
 
 def supports_of(case: Case, mesh: MeshArrays, freedoms: Mapping[str, Freedom]) -> Supports:
-    """Return the supports of a case's mesh.
-
-    Args:
-        case: The case.
-        mesh: Its device's mesh.
-        freedoms: The motions left to each rigid part, by its label, its centre in m.
-    """
+    """Return the supports of a case's mesh; ``freedoms`` are the motions left to each rigid part by its label, its centre in
+    m."""
     rows, ties = _held_directions(case, mesh), list[Tie]()
     rigged, added = [], np.empty((0, 3))
     for part in case.components:
@@ -273,14 +234,8 @@ def _solved_at(node: int, rows: Array) -> list[Tie]:
 
 
 def solved(rows: Array) -> list[tuple[int, dict[int, float]]]:
-    """Return the components that vanish, or depend on others, if some directions are held (reduced row echelon form).
-
-    Args:
-        rows: Held directions, shape (k, 3).
-
-    Returns:
-        Components with the factors of those that they are the sum of; none for one that vanishes.
-    """
+    """Return, by row echelon form, the components that vanish or depend on others if some directions are held, shape (k, 3):
+    each with the factors of those that it is the sum of; none for one that vanishes."""
     matrix, found = rows.copy(), []
     pivots: list[tuple[int, int]] = []
     for _ in range(3):
@@ -311,15 +266,8 @@ def solved(rows: Array) -> list[tuple[int, dict[int, float]]]:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Slide:
-    """A line on which the springs' beginning gives way, and what holds it there.
-
-    Attributes:
-        along: Its direction, a unit vector, shape (3,).
-        carried: How the beginning moves as the line is gone along, shape (3,).
-        length: In m of the spring that holds it.
-        ways: Ways in m, rising, shape (m,).
-        forces: With which it is held then, in N, shape (m,).
-    """
+    """A line along a unit vector, shape (3,), on which the springs' beginning gives way (moved by ``carried`` per length), and
+    what holds it there: a spring's length in m, its ways in m, rising, shape (m,), and its forces then in N, shape (m,)."""
 
     along: Array
     carried: Array
@@ -333,13 +281,10 @@ class Springs:
     """Springs of one part, which begin at one node and end at one node each; all these nodes are beside the mesh's.
 
     Attributes:
-        label: The part's name.
-        what: What they are and where, a clause after the name.
-        ground: Where they begin, in m, shape (3,).
-        ends: Where they end, in m, shape (k, 3).
+        what: What they are and where, a clause after the part's name.
+        ground, ends: Where they begin, shape (3,), and end, shape (k, 3), m.
         terms: Of each end what its displacements are the sums of, by component; nothing of one that is held.
-        stretches: Elongations in m, rising, shape (k, m).
-        forces: With which a spring pulls then, in N, shape (k, m).
+        stretches, forces: Elongations in m, rising, and forces with which a spring pulls then, in N, shape (k, m) each.
         slide: Where the beginning gives way; None where it stands still.
     """
 
@@ -365,11 +310,7 @@ class Springs:
         return np.vstack([self.ground, self.ends, *slide])
 
     def ties(self, first: int) -> list[Tie]:
-        """Return what moves its own nodes; a displacement without terms is held.
-
-        Args:
-            first: Number of the beginning's node.
-        """
+        """Return what moves its own nodes, ``first`` being the beginning's; a displacement without terms is held."""
         found = [Tie(first + k, i, terms) for k, own in enumerate(self.terms, 1) for i, terms in enumerate(own)]
         if self.slide is None:
             return [*found, *(Tie(first, i, {}) for i in range(3))]
@@ -414,14 +355,11 @@ class ContactStop:
     """A contact obstacle, lengths in sizes of the device.
 
     Attributes:
-        label: Its name in the deck.
         roles: The faces.
         ground: The point that springs are fixed to, shape (3,).
         onto: What integration points are projected with from there, shape (3, 3).
-        radius: Length of a spring that touches.
-        sign: 1 where a shorter one presses, -1 where a longer one does.
-        penalty: The energy.
-        depths: At which its slope is written, rising from 0.
+        radius, sign: Length of a spring that touches; 1 where a shorter one presses, -1 where a longer one does.
+        penalty, depths: The energy, and penetrations at which its slope is written, rising from 0.
         slide: On which it gives way, lengths in m; None where it stands still.
     """
 
@@ -437,13 +375,7 @@ class ContactStop:
 
 
 def pressing(system: System, mesh: MeshArrays, components: Sequence[Component]) -> list[Springs]:
-    """Return the springs of a device's contact.
-
-    Args:
-        system: The device's equations.
-        mesh: The mesh of its slice.
-        components: What else is added to the device.
-    """
+    """Return the springs of a device's contact."""
     size = system.body.actuator.size
     plane = system.potential.terms.get(Obstacle.table)
     stops = [_plane(plane)] if isinstance(plane, PlaneTerm) else []
@@ -539,9 +471,7 @@ class Family:
 
     Attributes:
         where: The part's table, and its label, for messages and remarks.
-        label: The part's name.
-        roles: Faces that they are laid on, or regions; the whole body if empty.
-        on_faces: Whether they are on faces.
+        roles, on_faces: Faces that they are laid on, or regions; the whole body if empty.
         axis, angle: Of their direction, in degrees; see `softmodels.components.fibres.Helix`.
         hand: -1 of the helix that winds the other way.
         across: Whether they run square to that direction, in the face.
@@ -580,13 +510,7 @@ def threaded(part: object) -> list[Family]:
 
 
 def threads(mesh: MeshArrays, components: Sequence[object], size: float) -> list[Springs]:
-    """Return the springs of a device's fibres and fabrics.
-
-    Args:
-        mesh: The mesh of its slice.
-        components: What is added to the device.
-        size: Its size in m, which the springs are long.
-    """
+    """Return the springs of a device's fibres and fabrics, as long as its size in m."""
     return [_fibre_springs(family, mesh, size) for part in components for family in threaded(part)]
 
 
@@ -671,13 +595,10 @@ ALIKE = 1e-6
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Deck:
-    """A case to be written.
+    """A case to be written, with its mesh of second-order cells.
 
     Attributes:
-        case: The case.
-        mesh: Its mesh, cells of second order.
         pressures: Of each cavity in Pa, step by step, shape (steps, cavities).
-        supports: How its nodes may move.
         silicones: Its materials, the main one first.
         forces: Of all dead loads, on the slice, in N, shape (n, 3); None where there are none.
         springs: Its contact, fibres and fabrics.
@@ -766,17 +687,8 @@ class Deck:
 
 
 def deck_of(case: Case, mesh: Path, system: System | None = None) -> Deck:
-    """Return the deck of a case.
-
-    Args:
-        case: A case that passes `check`.
-        mesh: The mesh file of its device.
-        system: The device's equations with only displacements, on one rank; None if not needed (`needs_equations`).
-
-    Raises:
-        CaseError: Cells, or loads, that cannot be written.
-        MeshFileError: No mesh of tetrahedra.
-    """
+    """Return the deck of a case that passes `check`; its equations, with displacements only and on one rank, if
+    `needs_equations`. `CaseError` for cells or loads that cannot be written, `MeshFileError` for no mesh of tetrahedra."""
     arrays = read_arrays(mesh)
     if arrays.cells.shape[1] == 4:
         raise CaseError("the mesh has 4-node tetrahedra, which lock for silicone; use second-order cells")
@@ -841,11 +753,7 @@ def acting(case: Case) -> list[str]:
 
 
 def check(case: Case) -> None:
-    """Reject cases that decks cannot express.
-
-    Raises:
-        CaseError: What, and what to do.
-    """
+    """Raise `CaseError` for what decks cannot express, with what to do."""
     device = case.actuator
     if device.dimension != 3:
         raise CaseError(

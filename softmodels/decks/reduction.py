@@ -95,12 +95,8 @@ def group(actuator: Actuator) -> list[Array]:
 
 
 class TipFace:
-    """The pose of a face of a device as linear means of its displacement.
-
-    Args:
-        system: The device's equations.
-        role: The face.
-        of: The device whose slice this is, for motions against its symmetry; None for those that have it.
+    """The pose of a face of a device as linear means of its displacement; ``of`` is the device whose slice this is, for
+    motions against its symmetry.
 
     Attributes:
         centre: Of the undeformed face of the whole device, m.
@@ -262,11 +258,7 @@ def usable(rows: Sequence[Row]) -> tuple[list[int], str]:
 
 
 def tip_of(case: Case, face: str, roles: Sequence[str]) -> str:
-    """Return the face that is the tip.
-
-    Raises:
-        CaseError: The device has none, or it is not named.
-    """
+    """Return the face that is the tip; `CaseError` if the device has none, or it is not named."""
     device = case.actuator
     chosen = face or device.pushed or ("tip" if "tip" in roles else "")
     if not chosen:
@@ -279,11 +271,7 @@ def tip_of(case: Case, face: str, roles: Sequence[str]) -> str:
 
 
 def table_of(source: States, face: str = "") -> ReducedModel:
-    """Return the reduced model of a run's first rising piece.
-
-    Args:
-        source: The run.
-        face: The tip's face; the device's own if empty.
+    """Return the reduced model of a run's first rising piece, of the given tip face or the device's own.
 
     Raises:
         CaseError: A run of a program or in time, or no such face.
@@ -333,12 +321,7 @@ def touches(row: Row) -> bool:
 
 
 class Responses:
-    """Linear responses of a device at its states.
-
-    Args:
-        simulation: The device, prepared.
-        role: The face whose pose is asked for.
-    """
+    """Linear responses of a prepared device, of the pose of a face, at its states."""
 
     def __init__(self, simulation: Simulation, role: str):
         self.solver, self.fields, self.case = simulation.solver, simulation.fields, simulation.case
@@ -653,14 +636,7 @@ def relative(one: Array, other: Array) -> float:
 
 
 class Curves:
-    """Smooth functions through the states of a table.
-
-    Args:
-        states: The states.
-
-    Attributes:
-        turns: Rotation vectors of the states, continued past half a turn.
-    """
+    """Smooth functions through the states of a table; ``turns`` are their rotation vectors, continued past half a turn."""
 
     def __init__(self, states: Sequence[TipState]):
         p = np.array([one.pressure for one in states])
