@@ -205,16 +205,8 @@ MOST_APART = 1e6
 
 
 def check_materials(material: Material, components: Sequence[Component], formulation: str) -> None:
-    """Reject a material unsuitable for the formulation, or with parameters in a wrong unit.
-
-    Args:
-        material: The main one.
-        components: What is added, regions in other materials among it.
-        formulation: ``mixed`` or ``displacement``.
-
-    Raises:
-        CaseError: Which, and why.
-    """
+    """Raise `CaseError` for a material, or one of a region, that is unsuitable for the formulation or has parameters in a
+    wrong unit."""
     mu = material.shear_modulus_0
     if not MODULI[0] <= mu <= MODULI[1]:
         raise CaseError(
@@ -411,11 +403,8 @@ class Case:
         self.load.check(self.actuator)
 
     def _settle(self) -> None:
-        """Convert each field to its type: read texts with units, look up silicones by name.
-
-        Raises:
-            ArgumentError, or an error of `PART_ERRORS`: A value is invalid.
-        """
+        """Convert each field to its type: read texts with units, look up silicones by name; an error of `PART_ERRORS` for a
+        value that is invalid."""
         for name, entry in entries().items():
             if isinstance(entry, Value):
                 object.__setattr__(self, name, entry.settled(getattr(self, name)))
@@ -656,11 +645,9 @@ def _known(table: Mapping[str, object], where: str, names: tuple[str, ...]) -> N
 
 
 def _found(tables: Tables, folder: Path | None) -> Tables:
-    """Return the tables with absolute file paths, because the case.toml of the results is in another folder.
-
-    Files are counted from the case's folder; those of fitted materials, which commands name from where they run, from there
-    too where the case's folder has none.
-    """
+    """Return the tables with absolute file paths, because the case.toml of the results is in another folder. Files are counted
+    from the case's folder; those of fitted materials, which commands name from where they run, from there too where the case's
+    folder has none."""
     home = (folder or Path()).resolve()
 
     def absolute(table: object, only_there: bool) -> object:
@@ -691,11 +678,8 @@ MAY_GROW = ("pressures_cm", "volumes_ml", "strokes_ml", "program")
 
 
 def identity(case: Case) -> dict[str, str]:
-    """Return all input that a case's results depend on: texts by dotted names, such as ``"material.c1"``.
-
-    Raises:
-        CaseError: A file that the case names cannot be read.
-    """
+    """Return all input that a case's results depend on: texts by dotted names, such as ``"material.c1"``; `CaseError` for a
+    file that cannot be read."""
     texts = {name: text for name, text in _texts("", case) if name not in ALIKE}
     for name, path in case.actuator.files.items():
         texts[f"actuator.{name}"] = f"SHA-256 {file_digest(path)}"
@@ -784,19 +768,13 @@ def case_of(
     times: Values | None = None,
     **options: Unpack[RequestOptions],
 ) -> Case:
-    """A case.
+    """A case, as a call of the library describes it; `ArgumentError` or `CaseError` for invalid input.
 
     Args:
-        device: The device.
-        material: Its silicone, or the name of one.
-        pressures: Requested pressures: numbers in Pa, or a text in cm of the water column or in a unit of pressure.
-        volumes: Requested added volumes of the cavity: numbers in m3, or a text.
+        pressures, volumes: Requested numbers in Pa or m3, or a text with a unit.
         times: When they are reached, in s or as texts; then they may fall too. A value that repeats is a hold.
         options: ``strokes`` of a syringe (m3, or a text) with the ``supply``; the opening of a supply's ``valve`` at the times;
             other fields of a `Case` by their names.
-
-    Raises:
-        ArgumentError, CaseError: Invalid input.
     """
     one_of("device", device, Actuator, "a device, such as sm.HollowDisk()")
     chosen = {key: value for key, value in options.items() if value is not None and key != "strokes"}
@@ -862,11 +840,8 @@ def _doubt_pressures(pressures: Values | None, case: Case) -> None:
 
 
 def one_value(text: str, pascal_in_cm: float) -> tuple[str, float]:
-    """Return whether a text such as ``"70 cm"`` is a ``"pressure"`` (Pa) or a ``"volume"`` (m3), and its value.
-
-    Raises:
-        CaseError: Neither.
-    """
+    """Return whether a text such as ``"70 cm"`` is a ``"pressure"`` (Pa) or a ``"volume"`` (m3), and its value; else
+    `CaseError`."""
     number, unit = split_text(text)
     if unit == "cm":
         return "pressure", _scaled(number, "pressure") * pascal_in_cm
@@ -887,11 +862,8 @@ def _scaled(number: str, what: str) -> float:
 
 
 def in_unit(unit: str, values: Values | None, what: str, pascal_in_cm: float, falls: bool = False) -> tuple[float, ...]:
-    """Return the requested values in cm of the column or in ml, as a case has them; a list may fall if ``falls``.
-
-    Raises:
-        CaseError: Invalid values.
-    """
+    """Return the requested values in cm of the column or in ml, as a case has them; a list may fall if ``falls``. `CaseError`
+    for invalid ones."""
     if values is None:
         return ()
     scale = 1 / pascal_in_cm if unit == "cm" else 1 / ML
@@ -913,11 +885,7 @@ EXAMPLES = {"cm": "'0:177 cm'", "ml": "'0:60 ml'"}
 
 
 def _listed(values: object, what: str) -> list[object]:
-    """Return the requested values as a list of Python's numbers and texts.
-
-    Raises:
-        CaseError: They are something else.
-    """
+    """Return the requested values as a list of Python's numbers and texts; else `CaseError`."""
     if not isinstance(values, list | tuple):
         if not hasattr(values, "tolist") and (isinstance(values, bool) or not isinstance(values, int | float)):
             raise CaseError(f"{what} {brief(values)} is neither numbers nor a text with a unit")

@@ -101,13 +101,8 @@ def _of_table(kind: type[Component], tables: Tables) -> list[Component]:
 
 
 def with_walls(components: Sequence[Component], actuator: Actuator, draws: bool) -> Parts:
-    """Return the parts of a case, with self-contact of walls unless it is disabled.
-
-    Args:
-        components: The parts.
-        actuator: The device.
-        draws: Whether air is drawn out of it: then the cavities' own walls may touch too.
-    """
+    """Return the parts of a case, with self-contact of walls unless it is disabled; if air is drawn out, the cavities' own
+    walls may touch too."""
     inside = cavity_roles(actuator) if draws else []
     if (actuator.meeting == () and not inside) or any(isinstance(part, Walls) for part in components):
         return tuple(components)
@@ -123,11 +118,7 @@ def without_walls(components: Sequence[Component]) -> Parts:
 
 
 def check_parts(components: Sequence[Component], actuator: Actuator) -> None:
-    """Reject parts unsuitable for the device, or with duplicate names.
-
-    Raises:
-        ComponentError: Which, and why.
-    """
+    """Raise `ComponentError` for parts unsuitable for the device, or with duplicate names."""
     twice = [label for label, count in Counter(part.label for part in components).items() if count > 1]
     if twice:
         raise ComponentError(
@@ -158,11 +149,7 @@ class OwnModuleError(ValueError):
 
 
 def import_own_modules() -> None:
-    """Import the files that `VARIABLE` names, each once.
-
-    Raises:
-        OwnModuleError: One is no Python file, or raises an exception.
-    """
+    """Import the files that `VARIABLE` names, each once; `OwnModuleError` if one is no Python file, or raises an exception."""
     for text in filter(None, os.environ.get(VARIABLE, "").split(os.pathsep)):
         path = Path(text).resolve()
         if path not in map(_file, list(sys.modules.values())):

@@ -59,17 +59,8 @@ class ProbeError(Spoken, ValueError):
 @checked
 @dataclasses.dataclass(frozen=True)
 class Probes:
-    """Points by name, angles by name as one or two lines from point to point or as a face, and the plane of the profile.
-
-    Attributes:
-        points: Names and places, as written.
-        angles: Names and lines.
-        faces: Names and faces whose rotation is an angle, as written, such as "x = 70 mm".
-        plane: As written; empty for none.
-
-    Raises:
-        ProbeError: From the constructor, if a text has none of these forms or a name is unknown.
-    """
+    """Points by name, angles by name as one or two lines from point to point or as a face (such as "x = 70 mm"), and the plane
+    of the profile, empty for none, all as written; `ProbeError` for a text of none of these forms or an unknown name."""
 
     points: tuple[tuple[str, str], ...] = ()
     angles: tuple[tuple[str, tuple[Line, ...]], ...] = ()
@@ -128,11 +119,7 @@ class Probes:
         return {name: f"{name}_off_mm" for name, _ in self.points}
 
     def check(self, actuator: Actuator) -> None:
-        """Reject names whose columns already exist.
-
-        Raises:
-            ProbeError: A name that is taken.
-        """
+        """Raise `ProbeError` for names whose columns already exist."""
         if self.faces and actuator.dimension == 2:
             raise ProbeError(f"angle {self.faces[0][0]}: faces of an axisymmetric section do not rotate; leave it out")
         taken = {*actuator.device_figures(actuator.probes), *(f"max_stretch_{axis}_mm" for axis in "xyz")}
@@ -147,14 +134,8 @@ class Probes:
         lift: Vector,
         normals: Mapping[str, tuple[Array, Array]] | None = None,
     ) -> dict[str, float]:
-        """Return the values by column.
-
-        Args:
-            rest: Undeformed places by name, m.
-            moved: Displacements by name, m.
-            lift: Direction of the device's lift.
-            normals: Normals of the faces of `turning` by name: undeformed, and turned by the face's mean rotation.
-        """
+        """Return the values by column, from undeformed places and displacements by name in m, the direction of the device's
+        lift, and the normals of the faces of `turning` by name: undeformed, and turned by the face's mean rotation."""
         now = {name: np.asarray(rest[name]) + moved[name] for name in rest}
         found = {
             f"{name}_{axis}_mm": float(now[name][i]) * 1e3 for name, _ in self.points for i, axis in enumerate("xyz")
@@ -173,11 +154,8 @@ NO_PROBES = Probes()
 
 
 def probes_from_tables(tables: Mapping[str, Mapping[str, object]]) -> Probes:
-    """Read the tables ``[points]``, ``[angles]`` and ``[profile]`` of a case.
-
-    Raises:
-        ProbeError: What they hold makes no points, angles or plane.
-    """
+    """Read the tables ``[points]``, ``[angles]`` and ``[profile]`` of a case; `ProbeError` if they make no points, angles or
+    plane."""
     points, angles, profile = (tables.get(name, {}) for name in ("points", "angles", "profile"))
     named: list[tuple[str, str]] = []
     for name, text in points.items():
@@ -237,11 +215,7 @@ def _with_at(text: str) -> str:
 
 
 def place_of(name: str, text: str) -> Vector:
-    """Return the place of a text such as ``"70, 0, 4 mm"`` in device coordinates, m.
-
-    Raises:
-        ProbeError: It is none.
-    """
+    """Return the place of a text such as ``"70, 0, 4 mm"`` in device coordinates, m; else `ProbeError`."""
     return _reworded(point, name, _with_at(text))
 
 
@@ -285,11 +259,7 @@ class SeriesError(Spoken, ValueError):
 
 
 class Typed(tuple[float, ...]):
-    """Values as they were typed.
-
-    Attributes:
-        doubt: A sentence if the text is ambiguous; else empty.
-    """
+    """Values as they were typed; ``doubt`` is a sentence if the text is ambiguous."""
 
     doubt: str = ""
 
@@ -301,18 +271,11 @@ def _typed(values: Iterable[float], doubt: str) -> Typed:
 
 
 def series(text: object, what: str) -> Typed:
-    """Return the requested values: ``"0:177"`` (from, to), ``"0:177:10"`` (from, to, step) or ``"0,70,130,177"``; or a list.
+    """Return the requested values of ``"0:177"`` (from, to), ``"0:177:10"`` (from, to, step) or ``"0,70,130,177"``, or of
+    numbers.
 
-    Args:
-        text: The text, or a sequence of numbers.
-        what: ``"pressure"`` or ``"volume"``, for the messages.
-
-    Returns:
-        The values, all rising from 0 or above, or all falling from 0 or below, as pressures and volumes do under vacuum; the
-        end of a range is always among them.
-
-    Raises:
-        SeriesError: Not numbers, of both signs, back towards 0, or far too many; a vacuum of what has none.
+    They all rise from 0 or above, or all fall from 0 or below, as under vacuum; the end of a range is always among them.
+    `SeriesError` for what is not so, or far too many. ``what`` is ``"pressure"`` or ``"volume"``, for the messages.
     """
     if isinstance(text, str):
         separator = ":" if ":" in text else ","
@@ -419,17 +382,8 @@ def _range(numbers: list[float], text: str, what: str) -> list[float]:
 
 
 def of_text(unit: str, text: str, what: str, pascal_in_cm: float) -> Typed:
-    """Return the requested values of a text with a unit, such as ``"0:17 kPa"``, in cm of the column or in ml.
-
-    Args:
-        unit: ``"cm"`` or ``"ml"``.
-        text: The text.
-        what: ``"pressure"`` or ``"volume"``, for the messages.
-        pascal_in_cm: Pa in one cm of the column.
-
-    Raises:
-        SeriesError: See `series`; a unit that is missing, unknown or of something else.
-    """
+    """Return the requested values of a text with a unit, such as ``"0:17 kPa"``, in ``"cm"`` of the column or in ``"ml"``;
+    `SeriesError` as for `series`, or for the unit."""
     values, written = split_text(text)
     scale = _scale(unit, text, written, what, pascal_in_cm)
     read = series(values, what)
@@ -491,11 +445,7 @@ MISSING: Final = Missing.MISSING
 
 
 def table_of(tables: Tables, name: str) -> Mapping[str, object]:
-    """Return a table of a case file; empty if the file omits it.
-
-    Raises:
-        FieldError: It is no table.
-    """
+    """Return a table of a case file; empty if the file omits it, `FieldError` if it is none."""
     table = tables.get(name, {})
     if not isinstance(table, Mapping):
         raise FieldError(f"{name} is {table!r}; it must be a table, starting with a line [{name}]")
@@ -504,14 +454,8 @@ def table_of(tables: Tables, name: str) -> Mapping[str, object]:
 
 @dataclasses.dataclass(frozen=True)
 class Option:
-    """An option of a command line.
-
-    Attributes:
-        name: Its name, with underscores.
-        about: Its kind and help.
-        default: What stands in the help as its default.
-        metavar: What stands for its value in the help.
-    """
+    """An option of a command line: its name with underscores, its kind and help, and what stands in the help as its default
+    and for its value."""
 
     name: str
     about: About
@@ -520,11 +464,7 @@ class Option:
 
 
 class Entry[V](abc.ABC):
-    """Conversion of a field with values V to and from text.
-
-    Attributes:
-        tables: Tables of the case file that it reads.
-    """
+    """Conversion of a field with values V to and from text; ``tables`` are those of the case file that it reads."""
 
     tables: tuple[str, ...] = ()
 
@@ -546,11 +486,7 @@ class Entry[V](abc.ABC):
         yield from ()
 
     def arguments(self, field: str) -> dict[str, str]:
-        """Return the Python names of its options that differ from the option's.
-
-        Args:
-            field: The field's name.
-        """
+        """Return the Python names of a field's options that differ from the option's."""
         return {}
 
     def take(self, options: MutableMapping[str, object]) -> V | Missing:
@@ -570,15 +506,11 @@ class SeriesKind(Kind):
 
 @dataclasses.dataclass(frozen=True)
 class Value(Entry[object]):
-    """A single value of a table, with an option of the same name.
+    """A single value of a table, with an option of the same name unless ``option`` is given.
 
     Attributes:
-        table, key: Where it stands.
-        about: Its kind and help.
-        default: What it is where it is left out.
         what: What messages call it; the key if empty.
         hidden: Whether it is left out of a written file where it has its default.
-        option: Name of its option; the key if empty.
     """
 
     table: str

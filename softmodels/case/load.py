@@ -35,14 +35,8 @@ OPTIONS = {"share": "weight_share"}
 @checked
 @dataclasses.dataclass(frozen=True)
 class LoadRequest:
-    """Requested values of one dead load, all others constant.
-
-    Attributes:
-        key: One of `asked_of_loads`.
-        values: In the key's unit, rising.
-        on: Name of the load, where the device has several of the kind.
-        at_pressure_cm: Pressure in cm of the column that is applied before and kept.
-    """
+    """Requested values of one dead load, rising, in the unit of the key (one of `asked_of_loads`), all others constant; ``on``
+    names the load, where the device has several of the kind. The pressure in cm of the column is applied before and kept."""
 
     key: str
     values: tuple[float, ...]
@@ -60,11 +54,7 @@ class LoadRequest:
         return next(table for table, keys in requestable().items() if self.key in keys)
 
     def of(self, components: tuple[Component, ...]) -> LoadPart:
-        """Return the load.
-
-        Raises:
-            FieldError: There is none, or several.
-        """
+        """Return the load; `FieldError` if there is none, or several."""
         found = [part for part in components if isinstance(part, LoadPart) and part.table == self.table]
         named = [part for part in found if not self.on or part.name == self.on]
         if len(named) == 1:
@@ -146,14 +136,8 @@ VOLUME_RANGE = 1000.0
 
 @dataclasses.dataclass(frozen=True)
 class Requested:
-    """A quantity that can be requested.
-
-    Attributes:
-        name: What the path calls it; messages too.
-        words: Several of it.
-        unit: Of its values in case files, options and tables.
-        column: Column of ``path.csv`` that holds it.
-    """
+    """A quantity that can be requested: its name and plural for the path and messages, the unit of its values in case files,
+    options and tables, and its column of ``path.csv``."""
 
     name: str
     words: str
@@ -210,11 +194,8 @@ class Load:
         return -1 if min([*self.pressures_cm, *self.volumes_ml], default=0.0) < 0.0 else 1
 
     def lowest_cm(self, ratios: Sequence[float]) -> float:
-        """Return the lowest pressure in cm of a cavity or of a supply's source, at most 0.
-
-        Args:
-            ratios: The cavities' pressures in proportion to the requested one.
-        """
+        """Return the lowest pressure in cm of a cavity, by their ratios to the requested one, or of a supply's source, at most
+        0."""
         common = (*self.pressures_cm, *((self.driven.at_pressure_cm,) if self.driven else ()))
         own = (value for one in self.program if one.key in OF_PRESSURE for value in one.values)
         return min([0.0, *(value * ratio for value in common for ratio in ratios), *own])
@@ -250,12 +231,8 @@ class Load:
         return tuple(value * self.scale for value in self.values)
 
     def check(self, actuator: Actuator) -> None:
-        """Reject invalid loads.
-
-        Raises:
-            CaseError: No or several quantities are requested, or options contradict each other.
-            SupplyError: Strokes that the supply cannot make.
-        """
+        """Raise `CaseError` if no or several quantities are requested, or options contradict each other, and `SupplyError` for
+        strokes that the supply cannot make."""
         asked = (self.pressures_cm, self.volumes_ml, self.strokes_ml, self.program, self.driven)
         if sum(map(bool, asked)) != 1:
             raise CaseError(
@@ -324,11 +301,7 @@ class Load:
             )
 
     def check_band(self) -> None:
-        """Reject loads for which no band is defined.
-
-        Raises:
-            CaseError: A supply, a program, a cycle, or travels.
-        """
+        """Raise `CaseError` for loads without a band: a supply, a program, a cycle, or travels."""
         if rubs := self._remembering:
             raise CaseError(f"bands are not available with friction, as at {rubs}: leave out --band, or the friction")
         if (
@@ -343,11 +316,7 @@ class Load:
             )
 
     def check_branch(self) -> None:
-        """Reject a load under which no branch can be followed.
-
-        Raises:
-            CaseError: A program or a cycle.
-        """
+        """Raise `CaseError` for loads under which no branch can be followed: a program or a cycle."""
         if rubs := self._remembering:
             raise CaseError(f"--branch is not available with friction, as at {rubs}; leave one of them out")
         if self.program:
@@ -413,15 +382,8 @@ class Load:
             raise CaseError("a series for each cavity needs control auto or arc-length, without load_unload")
 
     def check_size(self, shear_modulus: float, cavity: float) -> None:
-        """Reject values that suggest a wrong unit.
-
-        Args:
-            shear_modulus: Of the material in Pa.
-            cavity: The cavity's volume in m3.
-
-        Raises:
-            CaseError: The value is out of range for the material or the cavity.
-        """
+        """Raise `CaseError` for values that suggest a wrong unit, given the material's shear modulus in Pa and the cavity's
+        volume in m3."""
         of_cavities = [one for one in self.program if not one.target]
         given = {
             is_volume: [v for one in of_cavities if one.is_volume == is_volume for v in one.values]
@@ -456,17 +418,10 @@ class Load:
 
 
 def in_time(load: Load, rate: str, hold: float, cycles: float, cavities: int) -> Program:
-    """Return the program of requested pressures or volumes in time.
+    """Return the program of a load's requested pressures or volumes in time; `CaseError` where nothing changes in time so.
 
-    Args:
-        load: The load, with requested pressures or volumes.
-        rate: How fast they change, such as ``"1 kPa/s"``; empty for at once.
-        hold: How long the last of them is held, in s; in each cycle.
-        cycles: How often they are gone through, from 0 and back to 0; 0 for once and without the way back.
-        cavities: Number of the device's cavities, which all go through the same.
-
-    Raises:
-        CaseError: Nothing that changes in time so.
+    The rate is such as ``"1 kPa/s"``, empty for at once; the last value is held for ``hold`` s, in each cycle. Cycles go from
+    0 and back to 0; 0 of them for once and without the way back. All cavities go through the same.
     """
     values = load.pressures_cm or load.volumes_ml
     if not values or values[-1] == 0.0:

@@ -66,15 +66,8 @@ def _flag(name: str) -> str:
 
 
 def material_from(name: str | None, values: Mapping[str, object]) -> Material:
-    """Return the material of a command line.
-
-    Args:
-        name: A law, a silicone, a TOML file, or None for the default law.
-        values: Parameters as texts with units by name; None where not given.
-
-    Raises:
-        MaterialError: An unknown name, a parameter that is missing, foreign or impossible.
-    """
+    """Return the material of a command line, from a law, a silicone, a TOML file or None for the default law, and parameters
+    as texts with units; `MaterialError` for an unknown name, or a parameter that is missing, foreign or impossible."""
     given = {key: value for key, value in values.items() if value is not None}
     if name is None and not given:
         return DEFAULT
@@ -148,11 +141,8 @@ def to_table(material: Material, text: Text = exact_text) -> dict[str, object]:
 
 
 def from_table(table: Mapping[str, object]) -> Material:
-    """Return the material of a TOML table: ``law`` (or ``silicone``, or the ``file`` of a fitted one) and its parameters.
-
-    Raises:
-        MaterialError: See `material_from`.
-    """
+    """Return the material of a TOML table: ``law`` (or ``silicone``, or the ``file`` of a fitted one) and its parameters;
+    `MaterialError` as `material_from`."""
     values = dict(table)
     if "file" in values:
         return _from_file(values.pop("file"), values)
@@ -250,14 +240,8 @@ WIDTH_95 = 2 * 1.959964
 @checked
 @dataclasses.dataclass(frozen=True)
 class MaterialErrors:
-    """The uncertainty of a fitted material.
-
-    Attributes:
-        names: Parameters of the law.
-        covariance: Of them, SI units, n rows of n numbers.
-        how: Where it comes from, a clause.
-        around: The material that they were found around; None where that is not known.
-    """
+    """The uncertainty of a fitted material: the covariance of its law's n parameters, SI units, n rows of n numbers, a clause
+    on where it comes from, and the material around which they were found, if that is known."""
 
     names: tuple[str, ...]
     covariance: tuple[tuple[float, ...], ...]
@@ -279,10 +263,7 @@ class MaterialErrors:
     @classmethod
     def from_file(cls, path: Path) -> MaterialErrors:
         """From ``fitted.toml``; with ``fit.json`` beside it the full covariance, else only that of the 95 % intervals.
-
-        Raises:
-            MaterialError: No fit, or one without errors.
-        """
+        `MaterialError` without a fit or errors."""
         try:
             tables = read_toml(path)
         except TomlError as error:
@@ -305,11 +286,7 @@ class MaterialErrors:
         return cls(tuple(names[k] for k in kept), tuple(map(tuple, rows)), how, fitted)
 
     def check(self, material: Material) -> None:
-        """Reject errors of another material, or an invalid covariance.
-
-        Raises:
-            MaterialError: Which.
-        """
+        """Raise `MaterialError` for errors of another material, or an invalid covariance."""
         if self.around is not None and self.around != material:
             raise MaterialError(
                 f"the errors ({self.how}) belong to another material than the case's; use the fitted "
@@ -330,11 +307,7 @@ class MaterialErrors:
 
 @dataclasses.dataclass(frozen=True)
 class SourceBand:
-    """The sources of a named silicone; the case is solved with each.
-
-    Attributes:
-        product: The silicone's name without a source.
-    """
+    """The sources of a silicone named without a source; the case is solved with each."""
 
     product: str
 
@@ -353,11 +326,7 @@ class SourceBand:
         return f"the sources of {self.product}"
 
     def check(self, material: Material) -> None:
-        """Reject another material than this silicone.
-
-        Raises:
-            MaterialError: It is none of the sources.
-        """
+        """Raise `MaterialError` for a material that is none of the sources."""
         name = named(material)
         if name is None or product_of(name) != self.product:
             raise MaterialError(
@@ -381,11 +350,8 @@ type AnyBand = MaterialErrors | SourceBand
 
 
 def band_of(text: str | Path) -> AnyBand:
-    """Return the band of a silicone's sources by its name, or of a fitted material by its ``fitted.toml``.
-
-    Raises:
-        MaterialError: Neither, or one without errors.
-    """
+    """Return the band of a silicone's sources by its name, or of a fitted material by its ``fitted.toml``; else
+    `MaterialError`."""
     if silicone_called(str(text)) is not None:
         return SourceBand(product_of(str(text)))
     return MaterialErrors.from_file(Path(text))

@@ -38,11 +38,7 @@ def of_shape(case: Case, name: str) -> bool:
 
 
 def value_of(case: Case, name: str) -> float:
-    """Return a number's value.
-
-    Raises:
-        GeometryError: The device has no such parameter.
-    """
+    """Return a number's value; `GeometryError` if the device has no such parameter."""
     where, _, own = name.rpartition(".")
     if not where:
         return parameter(case.actuator, name)
@@ -50,11 +46,7 @@ def value_of(case: Case, name: str) -> float:
 
 
 def varied(case: Case, values: Mapping[str, float]) -> Case:
-    """Return a case with other values of its numbers.
-
-    Raises:
-        GeometryError, ComponentError, MaterialError, CaseError: They are invalid.
-    """
+    """Return a case with other values of its numbers; an error of the device, part, material or case if they are invalid."""
     device = {name: value for name, value in values.items() if "." not in name}
     material, components = case.material, {part.key: part for part in case.components}
     for name, value in values.items():

@@ -182,11 +182,7 @@ def _regressor(tolerance: Tolerance, value: float) -> float:
 
 
 def write(folder: Path, limits: Mapping[str, Limit], scatter: Scatter, column: LimitColumn) -> Figure | None:
-    """Write ``limit.json`` and ``limit.csv``, and of a scatter its table and picture, which is returned.
-
-    Raises:
-        OSError: The folder cannot be written.
-    """
+    """Write ``limit.json`` and ``limit.csv``, and of a scatter its table and picture, which is returned."""
     table = [row_of(name, found, column) for name, found in limits.items()]
     write_text(folder / "limit.json", json.dumps(table, indent=2) + "\n")
     write_text(folder / "limit.csv", csv_text(table[0], table))
@@ -213,15 +209,7 @@ KINDS = {"limit": "limit pressure", "bifurcation": "bifurcation", "none": "no li
 def write_page(
     folder: Path, question: LimitRequest, limits: Mapping[str, Limit], scatter: Scatter, notes: Sequence[str]
 ) -> None:
-    """Write the tables and their report.
-
-    Args:
-        folder: Where to.
-        question: What was asked.
-        limits: By material.
-        scatter: The devices within the tolerances.
-        notes: What to know, sentences.
-    """
+    """Write the tables and their report, with notes in sentences."""
     from softmodels.pictures.curves import drawing
 
     figure = write(folder, limits, scatter, question.column)
@@ -290,9 +278,7 @@ class LimitRequest:
 
     Attributes:
         case: A case around the device; its load is ignored.
-        materials: The silicones by name.
-        tolerances: Within which the device scatters; none for only the nominal device.
-        count: Devices within them.
+        tolerances, count: Within which the device scatters, none for only the nominal device; how many devices.
         normal: Whether the tolerances are two standard deviations.
         column: Unit of the pressures.
         hold: Time in s for which they must be borne; 0 for ever.
@@ -310,18 +296,8 @@ class LimitRequest:
     def from_options(
         cls, kind: type[Actuator], file: Path | None, how: LimitOptions, names: Sequence[str], values: Values
     ) -> LimitRequest:
-        """Make it from the command's options.
-
-        Args:
-            kind: The device if no file names one.
-            file: The case file, if one is given.
-            how: The command's own.
-            names: The materials.
-            values: Those of the device and the law, None where not given.
-
-        Raises:
-            CaseError, GeometryError, MaterialError: Invalid input.
-        """
+        """Make it from the command's options, of a case file or else a device, and those of device and law, None where not
+        given; `CaseError`, `GeometryError` or `MaterialError` for invalid input."""
         case = None if file is None else Case.from_file(file)
         device, materials = _asked(kind, case, file, names, dict(values))
         for material in materials.values():
@@ -339,11 +315,8 @@ class LimitRequest:
 
 
 def _working_cm(text: str | None, pascal_in_cm: float) -> float | None:
-    """Return a working pressure in cm of the column: a number of cm, or a text with a unit of pressure.
-
-    Raises:
-        CaseError: No positive pressure.
-    """
+    """Return a working pressure in cm of the column, of a number of cm or a text with a unit; `CaseError` if it is not
+    positive."""
     if text is None:
         return None
     try:
@@ -441,11 +414,7 @@ def _notes(question: LimitRequest, materials: Mapping[str, Material], limits: Ma
 def _as_asked(
     case: Case | None, device: Actuator, materials: Mapping[str, Material], water_density: float | None, dummy: float
 ) -> Case:
-    """Return a case of the device with a dummy load in cm, to check the input as any case is checked.
-
-    Raises:
-        CaseError: See `Case`.
-    """
+    """Return a case of the device with a dummy load in cm, to check the input as any case is checked."""
     for material in materials.values():
         around = case or Case("limit", device, material, pressures_cm=(dummy,))
         made = dataclasses.replace(
@@ -608,12 +577,7 @@ def _pressure_text(found: NaturalFrequencies, state: int, cm: float) -> str:
 
 
 def modes_table(found: NaturalFrequencies, cm: float) -> str:
-    """Return ``modes.csv``.
-
-    Args:
-        found: The frequencies.
-        cm: Pa in one cm of the column.
-    """
+    """Return ``modes.csv``; ``cm`` is Pa in one cm of the column."""
     count = found.frequency.shape[1]
     head = ["pressure_cm", "pressure_Pa", "added_volume_ml", "requested", *(f"f{k}_Hz" for k in range(1, count + 1))]
     rows = []

@@ -58,15 +58,8 @@ HALF_WIDTH = 0.2
 
 @dataclasses.dataclass(frozen=True)
 class DemoTruth:
-    """The true parameters, unknown to the fit.
-
-    Attributes:
-        actuator: The device, as a section.
-        law: Its law.
-        values: The law's numbers by name.
-        poisson: Poisson's ratio, which the fit takes as given.
-        pressures: True pressures in Pa, rising.
-    """
+    """The true parameters, unknown to the fit: the device as a section, its law and numbers by name, Poisson's ratio, which
+    the fit takes as given, and pressures in Pa, rising."""
 
     actuator: HollowDisk
     law: str
@@ -122,19 +115,11 @@ def take_photographs(
     times: Sequence[str] = (),
     first: int = 100,
 ) -> None:
-    """Write the grid's photograph, one at rest, one per pressure, and ``photos.csv`` with the column's levels.
+    """Write the grid's photograph (number ``first``), one at rest, one per pressure, and ``photos.csv`` with the column's
+    levels and the columns hold and rise of ``times``; ``halves`` are the right halves of the outline in m.
 
     Levels are read to a millimetre with the error the measurement takes them to have; the leak makes them too high. One that
     stays the same is read once.
-
-    Args:
-        folder: Where to.
-        truth: The device and its pressures.
-        halves: Right half of its outline at each, in m.
-        scene: The bench.
-        tell: Gets a sentence now and then.
-        times: Of each, the columns hold and rise.
-        first: Number of the grid's photograph, which the others follow.
     """
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(2013)
@@ -279,12 +264,7 @@ Try them as the README of softmodels shows, for example
 
 
 class Folder:
-    """The folder for the examples; never overwrites a file.
-
-    Attributes:
-        written: What was written.
-        kept: What was there already.
-    """
+    """The folder for the examples, what was written, and what was there already; never overwrites a file."""
 
     def __init__(self, path: Path):
         self.path = path
@@ -327,12 +307,8 @@ def tensile_curve() -> str:
 
 
 def memory_curve(corners: Sequence[tuple[float, float]], seed: int) -> str:
-    """Return a noisy uniaxial test of `remembering` as a machine's table.
-
-    Args:
-        corners: Times in s and stretches, straight between them.
-        seed: Of the noise.
-    """
+    """Return a noisy uniaxial test of `remembering` as a machine's table, straight between corners of times in s and
+    stretches."""
     time = np.arange(0.0, corners[-1][0] + SAMPLING / 2, SAMPLING)
     stretch = np.interp(time, *np.transpose(corners))
     noise = MEMORY_NOISE * np.random.default_rng(seed).standard_normal(len(time))
@@ -436,15 +412,7 @@ def _write_step(path: Path, draw: Callable[[gmsh.model.occ], None]) -> None:
 
 
 def write_examples(path: Path, tell: Callable[[str], None] = lambda text: None) -> Folder:
-    """Write all examples into a folder.
-
-    Args:
-        path: The folder; made if missing.
-        tell: Gets a sentence now and then.
-
-    Raises:
-        OSError: It cannot be written.
-    """
+    """Write all examples into a folder, made if missing; ``tell`` gets a sentence now and then."""
     folder = Folder(path)
     folder.add("README.txt", lambda file: file.write_text(README, encoding="utf-8"))
     for name, text in {**CASES, **BENCH, **PROBLEMS}.items():

@@ -104,11 +104,8 @@ class CurveFiles:
     thickness: float | None = option(type=QuantityType("m"), help="Its undeformed thickness.")
 
     def check_given(self, *more: str) -> None:
-        """Reject options about curves, ``more`` of a command's own among them, if no curve is given.
-
-        Raises:
-            TensileError: The first of them.
-        """
+        """Raise `TensileError` for the first option about curves, ``more`` of a command's own among them, if no curve is
+        given."""
         for field in () if self.tensile else dataclasses.fields(self):
             named = field.name in ("columns", "gauge_length", "cross_section", *more)
             if named and getattr(self, field.name) != field.default:
@@ -116,15 +113,8 @@ class CurveFiles:
                 raise TensileError(f"--{name} applies to curves only; give one with --tensile, or leave it out")
 
     def read(self, stretch: str | None = None, history: bool = False) -> list[TensileCurve]:
-        """Read the curves within a range of stretch as typed (None for all), and average dense ones (see `thinned`).
-
-        Args:
-            stretch: The range.
-            history: Whether the whole tests are needed, with their times.
-
-        Raises:
-            TensileError: A curve cannot be used, or they do not go together.
-        """
+        """Read the curves within a range of stretch as typed (None for all), or the whole tests with their times, and average
+        dense ones (see `thinned`); `TensileError` if one cannot be used, or they do not go together."""
         if not self.tensile:
             raise TensileError("nothing to fit to; give a curve with --tensile FILE")
         specimen = Specimen(self.cross_section, self.gauge_length, self.radius, self.thickness)
@@ -270,11 +260,8 @@ class FitGiven(OutlineOptions, CurveFiles):
     )
 
     def fit_options(self, changes: Mapping[str, Change]) -> FitOptions:
-        """Return them as `FitOptions`.
-
-        Raises:
-            FitError: A gauge error that is no share, or a parameter that is to be both free and fixed.
-        """
+        """Return them as `FitOptions`; `FitError` for a gauge error that is no share, or a parameter that is to be both free
+        and fixed."""
         gauge = {"auto": USUAL_GAUGE_ERROR, "none": 0.0}
         return FitOptions(
             poisson=self.poisson, changes=changes, robust=self.robust, profiles=not self.no_profiles,
@@ -295,24 +282,16 @@ class FitGiven(OutlineOptions, CurveFiles):
 
 
 def curve_changes(options: FitGiven, choices: Sequence[LawChoice]) -> dict[str, Change]:
-    """Return the changes that ``--fix``, ``--bounds`` and ``--prior`` make to parameters of laws fitted to curves.
-
-    Raises:
-        FitError: A text that is no such change, or a name that none of the laws has.
-    """
+    """Return the changes that ``--fix``, ``--bounds`` and ``--prior`` make to parameters of laws fitted to curves; `FitError`
+    for a text that is none, or an unknown name."""
     units = {name: choice.unit(name) for choice in choices for name in choice.names}
     laws, known = ", ".join(choice.name for choice in choices), ", ".join(units)
     return _changes(options, units, lambda name: f"{laws}: no parameter {name!r}; there is {known}", value_needed=True)
 
 
 def device_changes(options: FitGiven, lengths: Mapping[str, Sequence[str]]) -> dict[str, Change]:
-    """Return the same for devices, with variable lengths by name; ``--fix leak`` keeps its nominal value.
-
-    Of several devices ``leak`` is that of each, and ``NAME.leak`` that of one.
-
-    Raises:
-        FitError: A text that is no such change, or a name that nothing has.
-    """
+    """Return the same for devices, with variable lengths by name; ``--fix leak`` keeps its nominal value. Of several devices
+    ``leak`` is that of each, and ``NAME.leak`` that of one."""
     bench = {name: BENCH_UNITS.get(name, "") for name in BENCH}
     of = {device: {**bench, **dict.fromkeys(names, "m")} for device, names in lengths.items()}
     own = {"poisson": "", **{name: unit for units in of.values() for name, unit in units.items()}}

@@ -66,13 +66,8 @@ type Values = MutableMapping[str, object]
 def material_options[Command: Callable[..., object]](
     command: Command, default: str | None = None, several: bool = False
 ) -> Command:
-    """Add ``--material`` and an option for every parameter of every law to a click command.
-
-    Args:
-        command: The function or command.
-        default: The silicone that stands in the help as the default; None for the default law.
-        several: Whether ``--material`` may be given again.
-    """
+    """Add ``--material``, perhaps several times, and an option for every parameter of every law to a click command;
+    ``default`` is the silicone in the help, None for the default law."""
     for name, (text, laws) in reversed(material_options_of().items()):
         of = "all laws" if len(laws) == len(LAWS) else ", ".join(laws)
         command = click.option(flag(name), name, help=f"{text[0].upper()}{text[1:]} ({of}).")(command)
@@ -91,12 +86,7 @@ def law_taken(values: Values) -> dict[str, object]:
 
 @dataclasses.dataclass(frozen=True)
 class CaseOptions:
-    """The options that define a case of one device.
-
-    Attributes:
-        device: Its class.
-        silicone: The silicone when none is given; None for the default law.
-    """
+    """The options that define a case of one device, and its silicone when none is given; None for the default law."""
 
     device: type[Actuator]
     silicone: str | None = None
@@ -113,11 +103,8 @@ class CaseOptions:
         return command
 
     def case(self, values: Values, kind: type[Case] = Case) -> Case:
-        """Return the case defined by a command's values, as the class given.
-
-        Raises:
-            CaseError and what else is in `softmodels.case.entries.INPUT_ERRORS`: Invalid values.
-        """
+        """Return the case defined by a command's values, as the class given; an error of
+        `softmodels.case.entries.INPUT_ERRORS` for invalid ones."""
         law, named = law_taken(values), values.pop("material")
         assert named is None or isinstance(named, str)
         read = {name: entry.take(values) for name, entry in entries().items()}
@@ -146,16 +133,8 @@ PER_NODE = 3.2
 
 
 def ranks_for(case: Case, wanted: int | None, quiet: bool = False) -> int:
-    """Return the number of ranks for a case, unless a launcher has decided it.
-
-    Args:
-        case: What is to be solved.
-        wanted: Number requested by the user; None for as many as pay: those of the cores that have `EACH` unknowns or more.
-        quiet: Do not report what takes its time.
-
-    Raises:
-        StartError: A launcher has started another number of ranks than is wanted, or there is none to start them.
-    """
+    """Return the number of ranks for a case, unless a launcher has decided it: as wanted, or as many of the cores as have
+    `EACH` unknowns or more. `StartError` if a launcher has started another number, or there is none to start them."""
     if (size := launched()) is not None:
         if wanted and size and wanted != size:
             raise StartError(f"--ranks {wanted} differs from the {size} ranks that mpirun has started; leave it out")
@@ -273,14 +252,8 @@ def device_command(
     examples: tuple[str, ...],
     pressures: str = "",
 ) -> click.Command:
-    """Return the click command of one actuator.
-
-    Args:
-        device: Its class; the default material is its `Actuator.silicone`.
-        module: How it is started, such as ``softmodels.disk``.
-        examples: Options of further examples in the help.
-        pressures: The pressures shown in the help; the device's own if empty.
-    """
+    """Return the click command of one actuator; ``module`` is how it is started, such as ``softmodels.disk``, and examples and
+    pressures are those of the help."""
     given = CaseOptions(device, device.silicone)
 
     @options(RunOptions)
@@ -312,13 +285,7 @@ def case_of_file(file: Path, material: str | None, band: str | None = None, solv
 
 
 def execute(case: Callable[[], Case], how: RunOptions, inputs: Sequence[Path] = ()) -> None:
-    """Build a case, run it and exit with its status; see `softmodels.cli.run.run`.
-
-    Args:
-        case: Makes it.
-        how: The options of the command.
-        inputs: Files that the user has given: they are never written.
-    """
+    """Build a case, run it and exit with its status; see `softmodels.cli.run.run`."""
     ready = case()
     _check_words(how.petsc)
     if how.branch:
@@ -393,13 +360,7 @@ def unwritable(what: str | Path, does: str = "cannot be written") -> Iterator[No
 
 
 def write_into(folder: ResultFolder, write: Callable[[Path], None], what: str) -> None:
-    """Write all results into a folder at once; exit with a sentence if that fails.
-
-    Args:
-        folder: The folder.
-        write: Writes them into the folder that it is given.
-        what: What they are, such as "the tables".
-    """
+    """Write all results (``what``, such as "the tables") into a folder at once; exit with a sentence if that fails."""
     with unwritable(what, f"cannot be written into {folder.path}"), folder.writing() as place:
         write(place)
 
@@ -454,13 +415,8 @@ FOREIGN = (".step", ".stp", ".msh", ".inp", ".stl")
 
 
 class LazyGroup(CommandGroup):
-    """A group that imports the module of a command when it is called.
-
-    Args:
-        places: First sentence of each command's help, by its module and its name.
-        speaks: Whether this process may print, where it is stopped while a command is imported.
-        given: What click's own group takes.
-    """
+    """A group that imports the module of a command when it is called; ``places`` has the first sentence of each command's help
+    by module and name. ``speaks`` says whether this process may print, where it is stopped during an import."""
 
     def __init__(self, *, places: Mapping[str, Mapping[str, str]], speaks: Callable[[], bool], **given: Any):
         super().__init__(**given)
@@ -506,14 +462,7 @@ DEVICE = "--device"
 
 
 def device_named(name: str) -> type[Actuator]:
-    """Return a registered device by name.
-
-    Args:
-        name: Of its class, in small or large letters.
-
-    Raises:
-        click.UsageError: There is no such device.
-    """
+    """Return a registered device by name, in small or large letters; `click.UsageError` if there is none."""
     name = next((known for known in ACTUATORS if known.lower() == name.lower()), name)
     if name not in ACTUATORS:
         raise click.UsageError(

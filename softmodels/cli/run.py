@@ -37,16 +37,8 @@ from softmodels.runs.store import Results
 
 
 def start_drawing(case: Case, module: str, *words: str) -> subprocess.Popen[str]:
-    """Start a drawing module in a separate process, without MPI's environment variables.
-
-    Args:
-        case: What is drawn; its own modules are imported there too.
-        module: Its name.
-        words: What it is given.
-
-    Raises:
-        OSError: No process can be started.
-    """
+    """Start a drawing module with words in a separate process, without MPI's environment variables, importing the case's own
+    modules there too; `OSError` if no process can be started."""
     inherited = environment_alone()
     inherited[VARIABLE] = own_modules(case, *OUTPUTS.values())
     pipe = subprocess.PIPE
@@ -105,10 +97,6 @@ class DrawingProcess:
 
     Loading what draws takes seconds, which the process spends while the path is being solved, if a core is free for that, and
     draws the device at rest there. All else has one camera and one colour scale for all states, and so waits for the last.
-
-    Args:
-        case: What is run.
-        wanted: What is drawn of it.
     """
 
     def __init__(self, case: Case, wanted: DrawingOptions = ALL_PICTURES):
@@ -200,21 +188,16 @@ def run(
     inputs: Sequence[Path] = (),
     interrupts: Callable[[], contextlib.AbstractContextManager[Callable[[], bool]]] = unstopped,
 ) -> int:
-    """Run a case and return the exit status; all messages go to standard error, the summary to standard output.
-
-    May be called in any thread.
+    """Run a case and return the exit status; all messages go to standard error, the summary to standard output. May be called
+    in any thread. `StartError` if PETSc cannot take the words.
 
     Args:
-        case: What to run.
         folder: Where the results go; None for the first of ``results/NAME``, ``results/NAME-2`` ... that is free or holds
             a run of this very case.
         how: Its options, without ``output`` and ``ranks``.
         inputs: Files that the user has given: they are never written.
         interrupts: Entered while states are solved; gives whether to stop, asked between them. No signal is handled unless
             here, as a command does by `asked_to_stop`.
-
-    Raises:
-        StartError: PETSc cannot take the words.
     """
     comm = start(how.petsc)
     abort_on_error(comm)
@@ -237,11 +220,8 @@ def run(
 
 
 class Teller(Observer):
-    """Prints how a run goes on, and has its results drawn at the end; on rank 0.
-
-    Attributes:
-        status: The exit status, once the run has ended.
-    """
+    """Prints how a run goes on, and has its results drawn at the end; on rank 0. ``status`` is the exit status, once it has
+    ended."""
 
     def __init__(self, case: Case, progress: Progress, drawing: DrawingProcess | None, ranks: int, how: RunOptions):
         self.case, self.progress, self.drawing, self.ranks = case, progress, drawing, ranks

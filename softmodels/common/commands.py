@@ -46,12 +46,9 @@ def bounded(sentence: str) -> str:
 
 @contextlib.contextmanager
 def unswept() -> Iterator[None]:
-    """Keep the collector of reference cycles away from all there is by the end of this: for imports, which stay, and for a
-    process that only draws.
-
-    Looking through them again and again, the most at the end of the process, takes a fifth of a short command's time. A
-    process that goes on after the command has `gc.unfreeze` for it.
-    """
+    """Keep the collector of reference cycles away from all there is by the end of this, for imports and for a process that
+    only draws: looking through them again and again takes a fifth of a short command's time. A process that goes on afterwards
+    has `gc.unfreeze`."""
     if not gc.isenabled():
         yield
         return
@@ -70,13 +67,8 @@ def unswept() -> Iterator[None]:
 
 
 def option(*flags: str, argument: bool = False, **how: Any) -> Any:
-    """Return a field of a dataclass of options; its option is ``--`` and the field's name unless flags are given.
-
-    Args:
-        flags: Such as ``"-o", "--output"``.
-        argument: Whether it is an argument, without a name.
-        how: What `click.option` takes.
-    """
+    """Return a field of a dataclass of options (or an argument, without a name); its option is ``--`` and the field's name
+    unless flags such as ``"-o", "--output"`` are given. The rest is what `click.option` takes."""
     empty = False if how.get("is_flag") else () if how.get("multiple") or argument else None
     return dataclasses.field(default=how.get("default", empty), metadata={"option": (flags, argument, how)})
 
@@ -179,13 +171,8 @@ def _pictures(*choices: str) -> Any:
 
 @dataclasses.dataclass(frozen=True)
 class DrawingOptions:
-    """What is drawn of a run.
-
-    Attributes:
-        pictures: How much: all, few (only the curves, the stress and the report) or none.
-        film: The film too.
-        colormap: Colour map of fields, by matplotlib's name.
-    """
+    """What is drawn of a run: all pictures, few (only the curves, the stress and the report) or none, the film, and the colour
+    map of fields, by matplotlib's name."""
 
     pictures: str = _pictures("all", "few")
     film: bool = flag_option("Also the film: film.gif and film.webp.")
@@ -206,7 +193,6 @@ class SolvingOptions:
         quiet: Print only errors.
         branch: Also follow the branch at the first bifurcation, into the folder ``branch``.
         ranks: Number of processes; None to choose by the model's size.
-        no_pictures: Draw nothing.
         petsc: Words for PETSc's option database.
     """
 
@@ -241,14 +227,8 @@ ALL_PICTURES, USUAL = DrawingOptions(), RunOptions()
 
 @contextlib.contextmanager
 def stoppable(name: str, speaks: Callable[[], bool] = lambda: True) -> Iterator[None]:
-    """End the process at once on Ctrl-C in here, with a sentence: for imports, which an exception leaves half done.
-
-    They are `unswept`.
-
-    Args:
-        name: The program's, in front of the sentence.
-        speaks: Whether this process may print.
-    """
+    """End the process at once on Ctrl-C in here, with a sentence that the program's name begins, if it may print: for imports,
+    which an exception leaves half done. They are `unswept`."""
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread may set handlers, and only it is interrupted
         return
@@ -289,13 +269,8 @@ def asked_to_stop() -> Iterator[Callable[[], bool]]:
 
 @contextlib.contextmanager
 def written(tell: Callable[[str], Any]) -> Iterator[None]:
-    """Exit with `FAILED` and a sentence where something cannot be written in here, standard output among it.
-
-    A reader that has gone (a pipe to ``head``) wanted no more, and gets no sentence.
-
-    Args:
-        tell: Takes the sentence.
-    """
+    """Exit with `FAILED`, and a sentence to ``tell``, where something cannot be written in here, standard output among it;
+    without one where a reader has gone (a pipe to ``head``)."""
     try:
         try:
             yield
@@ -335,12 +310,8 @@ class CommandGroup(click.Group):
 
 
 def run_command(command: click.Command, name: str) -> None:
-    """Run a click command and exit: usage errors have status 2, Ctrl-C `STOPPED`, output that has nowhere to go 1.
-
-    Args:
-        command: The command.
-        name: How it is started, for its help.
-    """
+    """Run a click command of this name and exit: usage errors have status 2, Ctrl-C `STOPPED`, output that has nowhere to go
+    1."""
 
     def tell(sentence: str) -> None:
         say(f"Error: {bounded(sentence)}", err=True)
@@ -380,15 +351,9 @@ def open_folder(
 def open_place(output: Path | None, default: Path, kind: str, names: Iterable[str]) -> Path:
     """Return a folder for what several commands write one after the other, locked until the running command ends.
 
-    Args:
-        output: Where the user wants it; None for the first of ``default``, ``default-2`` ... that is free or of this kind.
-        default: Its name where nothing is in the way.
-        kind: What it holds.
-        names: All that is written there; folders with a slash at the end.
-
-    Raises:
-        OwnFolderError: The folder is not this program's, is in use, or holds somebody else's files of these names.
-        OSError: It cannot be written.
+    Without ``output`` it is the first of ``default``, ``default-2`` ... that is free or of this kind. ``names`` are all that
+    is written there; folders with a slash at the end. `OwnFolderError` if it is not this program's, is in use, or holds
+    somebody else's files of these names.
     """
     try:
         own = take_default(default, kind, {}) if output is None else OwnFolder(output, kind)

@@ -30,12 +30,8 @@ _MORE = re.compile(rf"(=\S+) or ({_VALUE})(?![\w-])")
 
 
 def call(option: str, argument: str) -> None:
-    """Register the Python name of an option.
-
-    Args:
-        option: Without the dashes in front; with a value behind it (``"supply syringe"``) only where that follows.
-        argument: Such as ``"pressures"`` or ``"resume=True"``.
-    """
+    """Register the Python name of an option, such as ``"pressures"`` or ``"resume=True"``; the option is without dashes, and
+    with a value behind it (``"supply syringe"``) only where that follows."""
     _arguments[option] = argument
 
 
@@ -88,13 +84,8 @@ def meant(name: object, known: Iterable[str]) -> str:
 
 
 def known_are(name: object, known: Iterable[str], more: str = "") -> str:
-    """Return the end of a sentence: what there is, and what may have been meant.
-
-    Args:
-        name: What was given.
-        known: What there is.
-        more: What there is beside that, begun with a comma.
-    """
+    """Return the end of a sentence: what there is, and what may have been meant; ``more``, begun with a comma, is what there
+    is beside."""
     names = list(dict.fromkeys(known))
     return f"known are {', '.join(names)}{more}{meant(name, names)}" if names else "there are none"
 
@@ -111,11 +102,7 @@ class MissingPackageError(Spoken, ImportError):
 
 
 def required(package: str, extra: str) -> ModuleType:
-    """Import a package that comes with an extra of this project.
-
-    Raises:
-        MissingPackageError: It is not installed.
-    """
+    """Import a package that comes with an extra of this project; `MissingPackageError` if it is not installed."""
     try:
         return importlib.import_module(package)
     except ImportError:

@@ -45,15 +45,8 @@ class UserFileError(OSError):
 
 
 def check_file(path: Path | str, largest: int = GEOMETRY) -> None:
-    """Check a file before a library opens it by its name.
-
-    Args:
-        path: The file; links are followed.
-        largest: Its bytes at most.
-
-    Raises:
-        OSError: It cannot be opened, is not a regular file, or is larger.
-    """
+    """Raise `OSError` before a library opens a file by its name: it cannot be opened, is not a regular one (links are
+    followed), or has more bytes."""
     os.close(_opened(path, largest))
 
 
@@ -72,12 +65,8 @@ def read_file(path: Path | str, largest: int = TEXT) -> bytes:
 
 
 def read_text(path: Path | str, largest: int = TEXT) -> str:
-    """Read a text in UTF-8, a byte order mark left out.
-
-    Raises:
-        OSError: As of `check_file`.
-        UnicodeDecodeError: It is no such text.
-    """
+    """Read a text in UTF-8, a byte order mark left out; `OSError` as `check_file`, `UnicodeDecodeError` if it is no such
+    text."""
     return read_file(path, largest).decode("utf-8-sig")
 
 
@@ -135,12 +124,8 @@ def version() -> str:
 
 @contextlib.contextmanager
 def replaced_whole(path: Path, aside: Path | None = None) -> Iterator[Path]:
-    """Provide a file beside another to write to, which takes the other's place at the end of the block; if that fails it goes.
-
-    Args:
-        path: The file to replace.
-        aside: The one beside it; a hidden name of this process with the same ending unless given.
-    """
+    """Provide a file beside another (a hidden one unless given) to write to, which takes the other's place at the end of the
+    block; if that fails it goes."""
     aside = path.with_name(f".{os.getpid()}-{path.name}") if aside is None else aside
     try:
         aside.unlink(missing_ok=True)  # a link there, in a folder from elsewhere, would be written through
@@ -248,13 +233,8 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 
 def render(template: str, package: str = "measurement", **values: object) -> str:
-    """Return a page from a template.
-
-    Args:
-        template: Its name in the package's folder ``templates``; it may build upon those here, such as ``base.html``.
-        package: Whose template it is.
-        values: What the template names.
-    """
+    """Return a page from a template in the package's folder ``templates``, which may build upon those here, such as
+    ``base.html``."""
     return _environment(package).get_template(template).render(**values)
 
 
@@ -276,12 +256,7 @@ def _environment(package: str) -> Environment:
 
 
 def data_uri(data: bytes, kind: str) -> str:
-    """Return the bytes as an address that a page carries in itself.
-
-    Args:
-        data: Such as a PNG.
-        kind: Their media type, such as ``"image/png"``.
-    """
+    """Return the bytes, of a media type such as ``"image/png"``, as an address that a page carries in itself."""
     return f"data:{kind};base64,{base64.b64encode(data).decode('ascii')}"
 
 

@@ -129,9 +129,8 @@ class Record:
     """Record of a folder's files.
 
     Attributes:
-        kind: What the folder holds.
+        kind, about: What the folder holds, and what was recorded of the results beside their files.
         files: Names that are the program's own: relative, folders with a slash at the end.
-        about: What was recorded of the results beside their files.
         inside: Files that are the program's own inside those folders.
         incoming: New files, and those inside new folders, that are on their way into the folder; None where none are.
         incoming_about: What is to be recorded of them.
@@ -204,13 +203,8 @@ class OwnFolderError(Spoken, RuntimeError):
 
 
 class OwnFolder:
-    """A folder of results, and the record of what was written there.
-
-    Args:
-        path: The folder; it need not be there.
-        kind: What it holds, such as ``"run"``; other kinds are not replaced.
-        part: Distinguishes records that one folder may have beside each other; each has a lock of its own.
-    """
+    """A folder of results, which need not be there, and the record of what was written there; those of another kind are not
+    replaced. Records of several parts, each with a lock of its own, may be beside each other."""
 
     def __init__(self, path: Path, kind: str, part: str = ""):
         self.path, self.kind = Path(path), kind
@@ -281,12 +275,8 @@ class OwnFolder:
                 raise OwnFolderError(f"{text}; use another folder (--output), or read a copy of it")
 
     def take(self, wait: float = 0.0) -> None:
-        """Make the folder if need be, lock it, and mend what a killed process has left.
-
-        Raises:
-            OwnFolderError: It is not this program's.
-            InUseError: Another program writes there, and still does after ``wait`` seconds.
-        """
+        """Make the folder if need be, lock it, and mend what a killed process has left; `OwnFolderError` if it is not this
+        program's, `InUseError` if another one still writes there after ``wait`` seconds."""
         if self.lock.held:
             return
         self.check()
@@ -437,18 +427,11 @@ NO_INPUT = ("output", "quiet", "no_pictures", "jobs")
 
 
 class ResultFolder:
-    """A command's folder of results, locked from its beginning to its end.
+    """A command's folder of results, locked from its beginning to its end; `OwnFolderError` if it is not this program's, is in
+    use, or cannot be written.
 
-    Args:
-        output: Where the user wants it; None for the first of ``default``, ``default-2`` ... that is free or holds results of
-            the very same inputs.
-        default: Its name where nothing is in the way.
-        kind: What it holds.
-        options: The command's options, by name.
-        files: Files that are read, or folders of CSV files. They are never replaced.
-
-    Raises:
-        OwnFolderError: The folder is not this program's, is in use, or cannot be written; the message is a sentence.
+    Without ``output`` it is the first of ``default``, ``default-2`` ... that is free or holds results of the very same inputs:
+    the command's options by name, and the files that are read, or folders of CSV files, which are never replaced.
     """
 
     def __init__(
@@ -481,12 +464,8 @@ class ResultFolder:
 
     @contextlib.contextmanager
     def writing(self) -> Iterator[Path]:
-        """Provide a folder to write all results into, which take the place of the earlier ones at the end of the block.
-
-        Raises:
-            OwnFolderError: Somebody else's file has the name of a result.
-            OSError: There is no room; the earlier results stay.
-        """
+        """Provide a folder to write all results into, which take the place of the earlier ones at the end of the block;
+        `OwnFolderError` if somebody else's file has the name of a result. Without room the earlier results stay."""
         yield self._own.prepare()
         self._own.bring_in({"inputs": self._inputs, "made": Provenance.now().table()})
 
@@ -517,18 +496,8 @@ MARK = "softmodels"
 def check_output_file(
     path: Path, inputs: Iterable[Path], is_own: Callable[[Path], bool], what: str, option: str
 ) -> None:
-    """Reject to write a file in the place of an input, or of a file that is not an earlier one of its kind.
-
-    Args:
-        path: Where it is to go.
-        inputs: Files that are read.
-        is_own: Whether a file is one of its kind.
-        what: Its kind in words, such as ``"a setup"``.
-        option: The option that names it.
-
-    Raises:
-        OwnFolderError: It would replace something else, with what to do.
-    """
+    """Raise `OwnFolderError`, which names the option, if a file would take the place of an input, or of one that is not an
+    earlier one of its kind, ``what`` in words."""
     for file in inputs:
         if is_same(path, file):
             raise OwnFolderError(f"{path} is an input and would be overwritten by {what}; give another name ({option})")

@@ -39,13 +39,10 @@ class ImplausibleWarning(UserWarning):
 
 
 def checked[T](thing: T) -> T:
-    """Make a function or constructor reject unknown arguments with a message; a decorator.
+    """Make a function or constructor reject unknown, missing or too many arguments by an `ArgumentError`; a decorator.
 
     A class may have a property ``doubt``, a sentence on numbers that are implausible: it is warned of where a user's own code
     calls, and not where the library does.
-
-    Raises:
-        ArgumentError: From the decorated: an unknown argument, a missing one, or too many.
     """
     if isinstance(thing, type):
         if "__init__" in vars(thing):
@@ -127,23 +124,13 @@ def _refusal(name: str, signature: inspect.Signature, args: Sequence[object], kw
 
 
 def wrong(name: str, value: object, wanted: str) -> ArgumentError:
-    """Return what is raised for a value of another kind than an argument takes.
-
-    Args:
-        name: The argument.
-        value: What was given.
-        wanted: What it has to be, such as ``"a device, such as sm.HollowDisk()"``.
-    """
+    """Return what is raised for an argument of another kind than is wanted, such as ``"a device, such as sm.HollowDisk()"``."""
     hint = f"; write {value.__name__}(...), with its arguments" if isinstance(value, type) else ""
     return ArgumentError(f"{name} is {brief(value)}; it must be {wanted}{hint}")
 
 
 def one_of(name: str, value: object, kinds: type | tuple[type, ...], wanted: str) -> Any:
-    """Return a value that has to be of some classes.
-
-    Raises:
-        ArgumentError: It is of another one.
-    """
+    """Return a value that has to be of some classes; else `ArgumentError`."""
     if not isinstance(value, kinds):
         raise wrong(name, value, wanted)
     return value
@@ -169,11 +156,7 @@ def callback(name: str, value: object, or_flag: bool = False) -> None:
 
 
 def several(name: str, value: object, kinds: type | tuple[type, ...], wanted: str) -> tuple[Any, ...]:
-    """Return a tuple of values of some classes, from one of them or from any number.
-
-    Raises:
-        ArgumentError: One is of another class.
-    """
+    """Return a tuple of values of some classes, from one of them or from any number; else `ArgumentError`."""
     if isinstance(value, kinds):
         return (value,)
     if isinstance(value, str | bytes | dict) or not isinstance(value, Iterable):
@@ -182,11 +165,7 @@ def several(name: str, value: object, kinds: type | tuple[type, ...], wanted: st
 
 
 def span(name: str, value: object) -> tuple[float, float] | None:
-    """Return two pure numbers, the first below the second; None for None.
-
-    Raises:
-        ArgumentError: It is something else.
-    """
+    """Return two pure numbers, the first below the second, or None for None; else `ArgumentError`."""
     if value is None:
         return None
     wanted = "two numbers, from and to, such as (1.0, 2.5)"
@@ -222,12 +201,8 @@ def read_only[Kind: np.generic](array: npt.NDArray[Kind]) -> npt.NDArray[Kind]:
 
 
 def keep_arrays(value: object, *, copy: bool = False) -> None:
-    """Make every array that an object holds read-only, at the end of its making.
-
-    Args:
-        value: The object, of a frozen dataclass too.
-        copy: Copy them first: they are the caller's, who may change them later.
-    """
+    """Make every array that an object holds, of a frozen dataclass too, read-only at the end of its making; copies where the
+    caller may change them."""
     import numpy as np
 
     for name, array in list(vars(value).items()):
@@ -244,14 +219,8 @@ def keep_arrays(value: object, *, copy: bool = False) -> None:
 
 
 class Registry[T](MutableMapping[str, T]):
-    """Entries of one kind by name.
-
-    Args:
-        what: What they are, in a word, for messages.
-        name: An entry's name in the registry.
-        places: Modules of the library's own by name; a module is imported, and registers its class, when it is looked up.
-        made_known: Called with each entry that is registered.
-    """
+    """Entries of one kind (``what``, for messages) by the name that ``name`` gives. ``places`` are the library's own modules
+    by name, imported when an entry is looked up; ``made_known`` is called with each that is registered."""
 
     def __init__(
         self,
@@ -264,11 +233,8 @@ class Registry[T](MutableMapping[str, T]):
         self.loaded: dict[str, T] = {}
 
     def register[C](self, entry: C) -> C:
-        """Let case files, command lines and runs find an entry by its name; a decorator of a class.
-
-        Raises:
-            ValueError: Another one has this name.
-        """
+        """Let case files, command lines and runs find an entry by its name, which nothing else may have; a decorator of a
+        class."""
         name = self._name(entry)  # type: ignore[arg-type]
         place = _place_of(entry, name)
         known = (
@@ -322,11 +288,8 @@ def lazy_module(name: str) -> ModuleType:
 
 
 def lazy_names(package: str) -> tuple[list[str], Callable[[str], object], Callable[[], list[str]]]:
-    """Return a package's ``__all__``, ``__getattr__`` and ``__dir__`` (PEP 562): the names that it imports for type checkers.
-
-    Args:
-        package: The package's ``__name__``.
-    """
+    """Return a package's ``__all__``, ``__getattr__`` and ``__dir__`` (PEP 562): the names that it imports for type
+    checkers."""
     source = inspect.getsource(sys.modules[package])
     module_of = {
         alias.name: str(line.module)

@@ -67,15 +67,8 @@ def _libraries() -> dict[str, str]:
 
 @dataclasses.dataclass(frozen=True)
 class Provenance:
-    """Where results come from; empty texts where that is unknown.
-
-    Attributes:
-        date: When they were made, UTC.
-        version, commit: Of softmodels.
-        libraries: Versions of DOLFINx and PETSc, if they were used.
-        seconds: How long it took; None if unknown.
-        command: The command that made them.
-    """
+    """Where results come from; empty texts where that is unknown: date (UTC), version and commit of softmodels, versions of
+    DOLFINx and PETSc if they were used, how many seconds it took, and the command that made them."""
 
     date: str = ""
     version: str = ""
@@ -133,13 +126,7 @@ class Provenance:
 
 @dataclasses.dataclass(frozen=True)
 class Fact:
-    """A figure of the answer.
-
-    Attributes:
-        label, value: What it is, and the value with its unit.
-        note: What to hold it against.
-        alarm: Whether it is a warning.
-    """
+    """A figure of the answer with its unit, what to hold it against, and whether it is a warning."""
 
     label: str
     value: str
@@ -152,7 +139,6 @@ class Cell:
     """A cell of a table.
 
     Attributes:
-        text: What is shown.
         title: The exact value.
         pascal: The pressure in Pa that is shown in the unit which its table's row or column names; None for all else.
         unit: The unit of pressure that its text, a heading, has in brackets; empty for none.
@@ -169,11 +155,9 @@ class Table:
     """A table, which scrolls by itself where the screen is narrower.
 
     Attributes:
-        rows: Rows of cells, or of their texts; the first cell of a row names it.
-        head: Names of the columns; empty for none.
+        rows, head: Cells, or their texts, the first one of a row naming it; names of the columns, empty for none.
         numbers: Whether the cells are numbers, which stand at the right.
         marks: What the rows are: ``"refused"``, ``"weak"`` or ``""``; empty if none is anything.
-        caption: What it shows.
     """
 
     kind: ClassVar[str] = "table"
@@ -205,11 +189,8 @@ class Bullets:
 
 @dataclasses.dataclass(frozen=True)
 class Picture:
-    """A picture: its source as `softmodels.common.files.data_uri` makes it, and its caption.
-
-    Attributes:
-        still: For a film its last frame, which is printed.
-    """
+    """A picture: its source as `softmodels.common.files.data_uri` makes it, its caption, and for a film its last frame, which
+    is printed."""
 
     kind: ClassVar[str] = "picture"
     source: str
@@ -219,11 +200,8 @@ class Picture:
 
 @dataclasses.dataclass(frozen=True)
 class Charts:
-    """Drawings beside each other, or below on a narrow screen: name of the file to download, and SVG marked as HTML.
-
-    Attributes:
-        caption: What they show.
-    """
+    """Captioned drawings beside each other, or below on a narrow screen: name of the file to download, and SVG marked as
+    HTML."""
 
     kind: ClassVar[str] = "charts"
     drawings: Sequence[tuple[str, str]]
@@ -281,12 +259,8 @@ class Page:
     """A report.
 
     Attributes:
-        title: Its name.
-        answer: The answer in a sentence or two.
-        facts: Its figures.
+        answer, facts: The answer in a sentence or two, and its figures.
         warnings: What a reader must know before using them.
-        sections: What follows.
-        provenance: Where the numbers come from.
         sources: Publications of the laws and data used.
         downloads: Tables to download from the page: text by the name of the file.
         pascal_per_cm: Pa in one cm of the column of water.

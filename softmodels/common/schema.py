@@ -61,23 +61,15 @@ def _given(value: object) -> str:
 
 
 class Kind(abc.ABC):
-    """A kind of value.
-
-    Attributes:
-        unit: Of its numbers in Pint's spelling; ``""`` for pure numbers and for what is no number.
-        several: Whether it is a tuple of values.
-    """
+    """A kind of value, or of tuples of ``several``; the unit in Pint's spelling, ``""`` for pure numbers and for what is no
+    number."""
 
     unit: str = ""
     several: ClassVar[bool] = False
 
     @abc.abstractmethod
     def settled(self, name: str, value: object) -> object:
-        """Return a value that code gives, as a plain float, int, str, bool or tuple.
-
-        Raises:
-            FieldError: It is not of this kind.
-        """
+        """Return a value that code gives, as a plain float, int, str, bool or tuple; `FieldError` if it is not of this kind."""
 
     def read(self, name: str, value: object) -> object:
         """Return a value from a settings file or from the text of an option; see `settled`."""
@@ -271,11 +263,9 @@ class About:
     """Metadata of a field.
 
     Attributes:
-        kind: Of its values.
         help: What it is, a clause.
         unless: Name and value of another field with which it means nothing.
-        key: Its name in settings files; the field's if empty.
-        option: Its name on command lines; the key if empty.
+        key, option: Its name in settings files, the field's if empty, and on command lines, the key if empty.
         per_option: Value in the file's unit of an option's 1, where the two are counted in different units.
         instead: Name of a list that takes its place once it has entries.
         shape: Whether it decides a device's shape, so that a design may vary it; cell sizes and the like do not.
@@ -365,16 +355,10 @@ def angles_field(text: str) -> Any:
 
 
 def settle(thing: Any, error: type[ValueError] = GeometryError) -> None:
-    """Turn every field of a frozen dataclass into a plain float, int, str or tuple of them and check what needs no other field.
+    """Turn every field of a frozen dataclass into a plain float, int, str or tuple of them and check what needs no other
+    field; raise ``error`` for a wrong type, or what is not finite, not one of the choices, or a length that none can have.
 
     Plain types make equal devices compare, print and hash equally whether a caller wrote 45, 45.0 or a NumPy scalar.
-
-    Args:
-        thing: The value.
-        error: What is raised.
-
-    Raises:
-        ValueError: Of the class ``error``: wrong type, not finite, not one of the choices, or a length that none can have.
     """
     for name, field in about(thing).items():
         try:
@@ -388,33 +372,22 @@ def settle(thing: Any, error: type[ValueError] = GeometryError) -> None:
 
 
 def to_table(thing: Any, text: Text = exact_text) -> dict[str, Any]:
-    """Return the fields of a value for a TOML table.
+    """Return the fields of a value for a TOML table: lengths and the like as texts with a unit ("20 mm"), pure numbers,
+    choices, texts and lists as they are. What is left open is left out.
 
-    Args:
-        thing: A value of a dataclass whose fields are made here.
-        text: How quantities are written: `softmodels.common.units.exact_text`, so that `from_table` gives back the same
-        numbers to
-            the last bit, unless another is given, such as `readable` for people.
-
-    Returns:
-        Lengths and the like as texts with a unit ("20 mm"); pure numbers, choices, texts and lists as they are. What is left
-        open is left out.
+    Quantities are written as exact texts, so that `from_table` gives back the same numbers to the last bit, unless ``text`` is
+    another function, such as `readable` for people.
     """
     written = {field.key or name: field.kind.write(getattr(thing, name), text) for name, field in about(thing).items()}
     return {name: value for name, value in written.items() if value is not None}
 
 
 def from_table(kind: type, table: Mapping[str, Any], where: str, what: str = "") -> dict[str, Any]:
-    """Return the values of a table by the names of a dataclass's fields; what is None is left out.
+    """Return the values of a table, by the names that `to_table` writes or by those of the options, by the names of a
+    dataclass's fields; what is None is left out. `FieldError` for an unknown entry or a value of another kind.
 
-    Args:
-        kind: The dataclass.
-        table: Values by the names that `to_table` writes, or by those of the options.
-        where: What the table is called, such as ``"[sheet]"``.
-        what: What is put before the name of an entry in messages, such as ``"sheet "``.
-
-    Raises:
-        FieldError: An unknown entry, or a value that is not of its field's kind.
+    ``where`` is what the table is called, such as ``"[sheet]"``, and ``what`` what is put before the name of an entry in
+    messages.
     """
     fields = about(kind)
     names = {field.key or name: (name, 1.0) for name, field in fields.items()}
@@ -432,12 +405,8 @@ def from_table(kind: type, table: Mapping[str, Any], where: str, what: str = "")
 
 
 def from_options(kind: type, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values of options, which are numbers in their units already, by the names of a dataclass's fields.
-
-    Args:
-        kind: The dataclass.
-        values: By the names of the options; what is None is left out.
-    """
+    """Return the values of options, which are numbers in their units already, by the names of a dataclass's fields; what is
+    None is left out."""
     fields = {field.option or name: (name, field.per_option) for name, field in about(kind).items()}
     given = {option: value for option, value in values.items() if value is not None}
     return {

@@ -37,11 +37,8 @@ class TomlError(ValueError):
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Read a TOML file; a byte order mark is left out.
-
-    Raises:
-        TomlError: It cannot be read, is no text, no TOML or larger than any file of ours.
-    """
+    """Read a TOML file; a byte order mark is left out. `TomlError` if it is no text or TOML, cannot be read, or is larger than
+    any file of ours."""
     try:
         text = read_text(path, LARGEST)
     except UnicodeDecodeError:
@@ -52,11 +49,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """Parse TOML; whole numbers must fit into 64 bits, as TOML has it.
-
-    Raises:
-        TomlError: See `read_toml`.
-    """
+    """Parse TOML; whole numbers must fit into 64 bits, as TOML has it. `TomlError` as `read_toml`."""
     for place, line in enumerate(text.splitlines(), 1):
         if len(line) > LONGEST_LINE:
             raise TomlError(
@@ -103,12 +96,8 @@ def _plain(value: Any) -> Any:
 
 
 def numbers(value: Any) -> npt.NDArray[np.float64]:
-    """Return a list of numbers, or of lists of them, as an array.
-
-    Raises:
-        UnitError: An entry is no number, but a text or true.
-        ValueError: Its lists are of unlike lengths.
-    """
+    """Return a list of numbers, or of lists of them, as an array; `UnitError` for an entry that is none, such as a text or
+    true, `ValueError` for lists of unlike lengths."""
     if not isinstance(value, list):
         raise ValueError(f"{brief(value)} is not a list of numbers")
     if value and all(isinstance(part, list) for part in value):
@@ -142,23 +131,14 @@ ERRORS = ("#DIV/0!", "#N/A", "#NAME?", "#NULL!", "#NUM!", "#REF!", "#VALUE!")
 
 
 class Worksheet:
-    """One reading of a table: a sheet of a workbook, or a whole text by one separator.
-
-    Attributes:
-        name: Of the sheet in its workbook; empty for a text.
-        separator: Between the cells of a text; empty for a sheet.
-    """
+    """One reading of a table: a named sheet of a workbook, or a whole text by one separator, either empty for the other."""
 
     def __init__(self, name: str, separator: str, rows: Callable[[], Iterator[Line]]):
         self.name, self.separator, self._read = name, separator, rows
 
     @functools.cached_property
     def rows(self) -> list[Line]:
-        """Non-empty rows without comments.
-
-        Raises:
-            csv.Error: The text is no table with this separator.
-        """
+        """Non-empty rows without comments; `csv.Error` if the text is no table with this separator."""
         return [(number, cells) for number, cells in self._read() if any(cell.strip() for cell in cells)]
 
     def place(self, number: int) -> str:
@@ -171,14 +151,11 @@ def _is_comment(cell: str) -> bool:
 
 
 def read_sheets(path: Path) -> list[Worksheet]:
-    """Return the sheets of a workbook, hidden ones left out, or a text's readings by each separator; distinguished by their
-    content.
+    """Return the sheets of a workbook, hidden ones left out, or a text's readings by each separator; `OSError` with its reason
+    if this is no table.
 
     Text is UTF-8, UTF-16 with its mark, or else Latin-1, which older test machines write. Cells come as spreadsheets show
     them: a number in a cell of percents is ``"12.5 %"``. A formula that was never evaluated comes as ``"=A1*2"``.
-
-    Raises:
-        OSError: See `softmodels.common.files.read_file`; or this is no table. ``strerror`` is the reason.
     """
     data = read_file(path)
     if data.startswith(ZIP):
@@ -194,11 +171,8 @@ def read_sheets(path: Path) -> list[Worksheet]:
 def pick[Found](
     path: Path, sheets: Sequence[Worksheet], table: Callable[[Worksheet], Found | None]
 ) -> tuple[Worksheet, Found] | None:
-    """Return the sheet that has a table, and what ``table`` makes of it; None if there is none.
-
-    Raises:
-        UserFileError: Several sheets have one, or the text is no table with any separator.
-    """
+    """Return the sheet that has a table, and what ``table`` makes of it; None if there is none. `UserFileError` if several
+    have one, or the text is no table with any separator."""
     found: list[tuple[Worksheet, Found]] = []
     trouble: csv.Error | None = None
     for sheet in sheets:
@@ -316,12 +290,8 @@ type Cells = dict[int, dict[int, str]]
 
 
 def _read_workbook(data: bytes, values: bool) -> dict[str, tuple[Cells, list[tuple[int, int]]]]:
-    """By a visible sheet's name its cells by row and column, and the places of those with nothing in them but a style.
-
-    Args:
-        data: The workbook.
-        values: Values of formulas, as the program that wrote them saw them; else the formulas.
-    """
+    """By a visible sheet's name its cells by row and column, and the places of those with nothing in them but a style;
+    formulas, or their values as the program that wrote them saw them."""
     import warnings
 
     import openpyxl

@@ -100,11 +100,8 @@ def brief(value: object) -> str:
 
 
 def number(value: Any) -> float:
-    """Return a finite number from its text, or from a number; nothing else is one.
-
-    Raises:
-        UnitError: A comma, spaces between digits, words, a list; too large; not finite.
-    """
+    """Return a finite number from its text, or from a number; `UnitError` for all else, such as a comma, spaces between
+    digits, or a list."""
     if isinstance(value, str):
         read, unit = _split(value, "a number")
         if unit:
@@ -122,11 +119,8 @@ def number(value: Any) -> float:
 
 
 def numbers(parts: Iterable[Any]) -> list[float]:
-    """Return the numbers or their texts as finite floats.
-
-    Raises:
-        UnitError: One is none. True is none either, though Python would take it for 1.
-    """
+    """Return the numbers or their texts as finite floats; `UnitError` if one is none. True is none either, though Python would
+    take it for 1."""
     return [number(part) for part in parts]
 
 
@@ -135,20 +129,14 @@ FORMULA = "is a formula, not a number; save the workbook in a spreadsheet progra
 
 
 def number_and_unit(text: str) -> tuple[float, str]:
-    """Return a quantity's number and the text of its unit, which may be empty and is not looked up.
-
-    Raises:
-        UnitError: See `quantity`.
-    """
+    """Return a quantity's number and the text of its unit, which may be empty and is not looked up; `UnitError` as
+    `quantity`."""
     return _split(text, "a number with a unit")
 
 
 def quantity(text: str | float, unit: str) -> float:
-    """Read a quantity such as ``"20 mm"`` and return its value in ``unit``.
-
-    Args:
-        text: One number and one unit. A bare number is taken only where ``unit`` is empty (a ratio) or where it is 0.
-        unit: Unit of the result in Pint's spelling, for example ``"m"`` or ``"Pa"``; ``""`` for a pure number.
+    """Read a quantity such as ``"20 mm"`` and return its value in ``unit``, in Pint's spelling, ``""`` for a pure number. A
+    bare number is taken only as one, or where it is 0.
 
     Raises:
         UnitError: No number, a decimal comma, several numbers, no unit where one is needed, an unknown unit or one of
@@ -178,11 +166,7 @@ def example(unit: str) -> str:
 
 
 def _converted(read: float, written: str, unit: str, shown: str, hint: str) -> float:
-    """Return a number in one unit as one in another, by Pint.
-
-    Raises:
-        UnitError: The unit is unknown, or of another kind.
-    """
+    """Return a number in one unit as one in another, by Pint; `UnitError` if the unit is unknown, or of another kind."""
     import pint
 
     known = _unit(written)
@@ -250,12 +234,8 @@ _FRIENDLY = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "degree": ("deg", 1.0), "m^3
 
 
 def readable(value: float, unit: str) -> str:
-    """Return a value for people: "0.9 mm", "14 kPa", six digits at most; for files that machines read back it is `exact_text`.
-
-    Args:
-        value: Value in ``unit``.
-        unit: As in `quantity`; lengths of a metre and more stay in metres.
-    """
+    """Return a value in ``unit`` for people: "0.9 mm", "14 kPa", six digits at most (lengths of a metre and more stay in
+    metres); for files that machines read back it is `exact_text`."""
     name, factor = _FRIENDLY.get(unit, (unit, 1.0))
     if unit == "m" and abs(value) >= 1.0:
         name, factor = unit, 1.0
@@ -268,12 +248,7 @@ def _plain(value: float) -> str:
 
 
 def exact_text(value: float, unit: str) -> str:
-    """Return the shortest friendly text ("20 mm", "30 kPa") that `quantity` reads back as exactly this value.
-
-    Args:
-        value: Value in ``unit``.
-        unit: As in `quantity`; pure numbers have ``""``.
-    """
+    """Return the shortest friendly text ("20 mm", "30 kPa") that `quantity` reads back as exactly this value."""
     name, factor = _FRIENDLY.get(unit, (unit, 1.0))
     for digits in range(1, 18):
         rounded = float(f"{value * factor:.{digits}g}")  # "2e+01" becomes 20.0, which prints as a person writes it

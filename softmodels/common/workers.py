@@ -32,13 +32,9 @@ class DiedError(Exception):
 
 
 class Worker:
-    """A process that calls functions of one module, one call at a time; started at the first call, and after it died.
-
-    It is started as a program, not as a copy of this one: neither scripts without a guard nor notebooks are run again.
-
-    Args:
-        module: Module whose functions are called; this process does not import it.
-    """
+    """A process that calls functions of one module, which this one need not import, one call at a time; started at the first
+    call, and after it died. It is a program of its own, no copy of this one: neither scripts without a guard nor notebooks are
+    run again."""
 
     def __init__(self, module: str):
         self.module = module
@@ -60,11 +56,7 @@ class Worker:
         self._line = Connection(here.detach())
 
     def call(self, function: str, *args: object) -> Answer:
-        """Return the answer of a function of the module.
-
-        Raises:
-            DiedError: The process ended meanwhile.
-        """
+        """Return the answer of a function of the module; `DiedError` if the process ended meanwhile."""
         try:
             order = pickle.dumps((function, args))
         except (pickle.PicklingError, AttributeError, TypeError) as error:
@@ -93,15 +85,8 @@ class Worker:
 
 
 def answers(module: str, function: str, tasks: Mapping[int, object], count: int) -> Iterator[tuple[int, Answer]]:
-    """Yield each task's number and answer, see `Worker.call`, as soon as it is known; several processes share the tasks.
-
-    A task whose process dies is given to a new one once more.
-
-    Args:
-        module, function: What answers.
-        tasks: Its argument by number.
-        count: How many processes.
-    """
+    """Yield the number of each task (its argument) and its answer, see `Worker.call`, as soon as it is known; several
+    processes share the tasks, and one whose process dies is given to a new one once more."""
     workers = [Worker(module) for _ in range(min(count, len(tasks)))]
     free: queue.SimpleQueue[Worker] = queue.SimpleQueue()
     for worker in workers:
