@@ -254,14 +254,7 @@ ZOOM = 0.1
 
 @dataclasses.dataclass(frozen=True)
 class Exif:
-    """EXIF data of a photograph's camera.
-
-    Attributes:
-        maker: Maker of the camera, maybe empty.
-        camera: Model of the camera.
-        lens: Name of the lens, maybe empty.
-        focal_mm: Focal length in mm, None where unknown.
-    """
+    """A photograph's camera by its EXIF data; texts may be empty, the focal length in mm None."""
 
     maker: str
     camera: str
@@ -270,11 +263,7 @@ class Exif:
 
 
 def read_exif(path: Path | str) -> Exif:
-    """Read camera, lens and focal length from a photograph.
-
-    Raises:
-        CameraError: The file is no picture, or it does not name its camera.
-    """
+    """Read camera, lens and focal length; `CameraError` if the file is no picture or does not name its camera."""
     try:
         with opened(Path(path)) as image:
             head = image.getexif()
@@ -301,18 +290,11 @@ def lens_profile(
     focal_mm: float | None = None,
     database: Path | str | None = None,
 ) -> Camera:
-    """Return the camera that lensfun's database describes.
+    """Return the camera that lensfun's database, or an XML file in its format, describes for photographs of a width and
+    height in px.
 
-    Args:
-        names: A photograph whose EXIF names camera and lens, or these names.
-        width: Pixels in a row of the photographs.
-        height: Rows.
-        lens: Name of the lens, over the one in ``names``.
-        focal_mm: Focal length in mm, over the one in ``names``.
-        database: An XML file in lensfun's format; the database that comes with lensfunpy unless given.
-
-    Raises:
-        CameraError: Names or focal length are missing, unknown, or the profile has no usable distortion.
+    ``names`` is a photograph whose EXIF names camera, lens and focal length in mm, or these names; ``lens`` and ``focal_mm``
+    count over it. Raises `CameraError` where one is missing or unknown, or the profile has no usable distortion.
     """
     known = names if isinstance(names, Exif) else read_exif(names)
     wanted, focal = lens or known.lens, focal_mm or known.focal_mm

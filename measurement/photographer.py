@@ -323,14 +323,8 @@ class Scene:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Truth:
-    """True contents of a photograph.
-
-    Attributes:
-        scene: The scene.
-        matrix: The camera's matrix (3, 3) in px.
-        distortion: k1, k2, p1, p2, k3.
-        homography: Matrix (3, 3) from ideal px to the screen in m.
-    """
+    """True contents of a photograph: the scene, the camera's matrix (3, 3) in px, k1, k2, p1, p2, k3 of its lens, and the
+    homography (3, 3) from ideal px to the screen in m."""
 
     scene: Scene
     matrix: Array
@@ -398,20 +392,10 @@ def _light_of(scene: Scene) -> tuple[Rays, Image]:
 def photograph(
     scene: Scene, outline: ArrayLike | None = None, seed: int = 0, things: Sequence[ArrayLike] = (), fault: Fault | None = None
 ) -> tuple[NDArray[np.uint8], Truth]:  # fmt: skip
-    """Return the photograph the shadow of an outline.
+    """Return the photograph (h, w, 3) of a shadow, and the truth about it. The inside of the outline, a polygon (k, 2) in m,
+    and of ``things`` in the lamp's light is dark; ``fault`` changes the light on its way to the sensor.
 
-    Args:
-        scene: Camera, screen, lamp and sensor.
-        outline: Polygon (k, 2) in m whose inside is in shadow, its last point joined to the first; None for no shadow.
-        seed: Seed of noise and dust.
-        things: Other polygons (k, 2) in m in the lamp's light, such as those of `faults`.
-        fault: What else changes the light on its way to the sensor; None for nothing.
-
-    Returns:
-        Picture (h, w, 3), red, green, blue, and the truth about it.
-
-    Raises:
-        SceneError: The screen's horizon is in the picture, or the outline is no polygon.
+    Raises `SceneError` where the screen's horizon is in the picture, or an outline is no polygon.
     """
     truth = truth_of(scene)
     rng = np.random.default_rng(seed)
@@ -486,16 +470,8 @@ def dome(
     height: float, radius: float = 0.015, centre: float = 0.0, floor: float = 0.0, half_width: float = 0.2,
     base: float = -0.2,
 ) -> Array:  # fmt: skip
-    """Return the polygon (k, 2) in m of an inflated disk seen from the side, with the solid body below its surface.
-
-    Args:
-        height: Height of the bump's top above the flat surface.
-        radius: Where the bump goes over into the flat surface.
-        centre: X of the top.
-        floor: Z of the flat surface.
-        half_width: Half width of the body; beyond the picture unless given.
-        base: Z of the body's underside; below the picture unless given.
-    """
+    """Return the polygon (k, 2) in m of an inflated disk seen from the side: a bump above the floor, as wide as twice
+    ``radius``, on a solid body down to ``base``, which reaches beyond the picture unless given."""
     inner = np.linspace(-radius, radius, 1001)
     surface = np.column_stack([centre + inner, floor + dome_height(inner, height, radius)])
     sides = [
@@ -515,14 +491,7 @@ def dome_height(x: ArrayLike, height: float, radius: float = 0.015) -> Array:
 
 
 def save(path: Path | str, image: NDArray[np.uint8], exif: dict[str, object] | None = None, quality: int = 95) -> Path:
-    """Write a photograph (h, w, 3); the ending names the format.
-
-    Args:
-        path: File to write.
-        image: Red, green, blue.
-        exif: Any of ``maker``, ``camera``, ``lens``, ``focal_mm``.
-        quality: Quality of a JPEG file.
-    """
+    """Write a photograph (h, w, 3) in the format of the path's ending; ``exif`` has any of maker, camera, lens, focal_mm."""
     tags = Files.Exif()
     body = tags.get_ifd(ExifTags.IFD.Exif)
     places = {

@@ -66,11 +66,8 @@ _STILLS = frozenset(b"heic heix heim heis hevc hevx mif1 msf1 miaf avif avis jp2
 
 
 def foreign_kind(path: Path) -> str | None:
-    """Return why a file is no photograph that can be read, as far as its first bytes and its ending tell; None if they do not.
-
-    Raises:
-        OSError: The file cannot be opened.
-    """
+    """Return why a file is no photograph that can be read, as far as its first bytes and its ending tell; None if they do
+    not."""
     with path.open("rb") as file:
         head = file.read(512)
     if not head:
@@ -143,11 +140,8 @@ class Unmeasurable(ValueError):
 
 @contextlib.contextmanager
 def opened(path: Path) -> Iterator[Image.Image]:
-    """Provide a picture file, opened but not decoded; no size is too large here, `read_pixels` looks at the memory.
-
-    Raises:
-        Unmeasurable: No file, no picture, or one of a kind that cannot be read.
-    """
+    """Provide a picture file, opened but not decoded; no size is too large here, `read_pixels` looks at the memory. Raises
+    `Unmeasurable` for no file, no picture, or one of a kind that cannot be read."""
     try:
         check_file(path)
         foreign = foreign_kind(path)
@@ -173,21 +167,14 @@ def opened(path: Path) -> Iterator[Image.Image]:
 
 
 def read_pixels(path: Path, size: tuple[int, int] | None = None) -> Pixels:
-    """Return a photograph as it left the sensor, unturned: the lens and the screen were measured in its own pixels.
+    """Return a photograph (h, w, 3) as it left the sensor, unturned: the lens and the screen were measured in its own pixels.
+    A grey picture has three equal channels.
 
     More than 8 bits are brought to 8: counted from the greatest number that the depth allows, which is the least of 8, 10,
     12, 14 and 16 bits that holds the picture's greatest value. Rounding to 1/255 of the light moves an edge by some
     hundredths of a pixel at most.
 
-    Args:
-        path: The file.
-        size: Width and height it must have, None if any will do.
-
-    Returns:
-        Red, green and blue, shape (height, width, 3); a grey picture has three equal channels.
-
-    Raises:
-        Unmeasurable: No pixels, another size, or too large for this machine's memory.
+    Raises `Unmeasurable` for no pixels, another size (width, height) than given, or too large for this machine's memory.
     """
     path = Path(path)
     try:
@@ -329,16 +316,7 @@ TONES: dict[str, npt.NDArray[np.float32]] = {"srgb": LIGHT, "linear": _STORED.as
 
 
 def sample_light(image: Pixels, points: Array, light: npt.NDArray[np.float32] = LIGHT) -> Array:
-    """Return the light between pixels, bilinear.
-
-    Args:
-        image: Stored numbers, shape (h, w, 3).
-        points: Places (x, y) in px, shape (..., 2); outside the frame the value is NaN.
-        light: Light of every stored number, shape (256,).
-
-    Returns:
-        Light of the channels, shape (..., 3).
-    """
+    """Return the light (..., 3) of stored numbers (h, w, 3) between pixels (..., 2), bilinear; NaN outside of the frame."""
     height, width = image.shape[:2]
     flat = points.reshape(-1, 2)
     x, y = flat[:, 0], flat[:, 1]

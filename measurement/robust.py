@@ -28,14 +28,8 @@ def deviations(rest: npt.NDArray[np.floating], axis: int | tuple[int, ...] | Non
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class RobustFit:
-    """A linear fit to n values by m terms.
-
-    Attributes:
-        coefficients: Shape (m,).
-        value: The fit at the values' places, shape (n,).
-        rest: Distances of the values from it, shape (n,).
-        scatter: Their robust standard deviation.
-    """
+    """A linear fit to n values by m terms: coefficients (m,), the fit at the values' places and their distances from it
+    (n,), and the robust standard deviation of these."""
 
     coefficients: Array
     value: Array

@@ -123,16 +123,7 @@ def per_metre(text: str) -> float:
 
 @contextlib.contextmanager
 def bar(words: str, total: int, quiet: bool) -> Iterator[Callable[[], None]]:
-    """Show a bar with the time taken and left, on a terminal only; gone at the end of the block.
-
-    Args:
-        words: What is done.
-        total: Number of its steps.
-        quiet: Show nothing.
-
-    Yields:
-        A function to call at each step.
-    """
+    """Show a bar with the time taken and left, on a terminal only; yields a function to call at each of the steps."""
     from rich.console import Console
     from rich.progress import (
         BarColumn,

@@ -107,18 +107,8 @@ def _report_camera(made: Calibration, output: Path) -> None:
 
 
 def lens_camera(photograph: Path, size: tuple[int, int], lens: str, body: str | None, focal: str | None) -> Camera:
-    """Return the camera of a photograph.
-
-    Args:
-        photograph: Whose EXIF names camera and lens.
-        size: Its width and height in px.
-        lens: ``auto``, ``none``, a lens' name, a camera file or a profile.
-        body: Name of the camera; None for what EXIF names.
-        focal: Focal length with its unit; None for what EXIF tells.
-
-    Raises:
-        CameraError, UnitError: There is no such camera.
-    """
+    """Return the camera of a photograph of a size (width, height) in px by the texts of ``--lens``, ``--camera`` and
+    ``--focal``; `CameraError` or `UnitError` if there is none such."""
     length = None if focal is None else texts.length(focal) * 1e3
     if lens == "none":
         return Camera.ideal(*size)
@@ -174,11 +164,7 @@ def _pitch(text: str) -> tuple[float, float]:
 
 
 def _plane(given: dict[str, Any], picture: NDArray[np.uint8], camera: Camera, pitch: float) -> Plane:
-    """Return the plane in a photograph (h, w, 3) that the options ask for.
-
-    Raises:
-        GridError, PlaneError, SetupError, UnitError: It is not to be found, or not asked for as it can be.
-    """
+    """Return the plane in a photograph (h, w, 3) that the options ask for; errors of grids, planes, setups and units."""
     place = None if given["origin"] is None else texts.numbers(given["origin"], 2, "--origin")
     origin = (place[0], place[1]) if place else None
     if given["scale"] is not None:
@@ -272,11 +258,8 @@ def setup(photograph: Path, output: Path, overlay: Path | None, **given: Any) ->
 
 
 def _setup(given: dict[str, Any], camera: Camera, plane: Plane, grid_pitch: float | None) -> Setup:
-    """Return the setup with what the options say of light, regions and the undeformed surface; the pitch is in m.
-
-    Raises:
-        SetupError, UnitError: A text that is not what it should be.
-    """
+    """Return the setup with what the options say of light, regions and the undeformed surface; the pitch is in m. Raises
+    `SetupError` or `UnitError` for a text that is not what it should be."""
     size = texts.magnification(given["lamp_distance"], given["screen_distance"])
     roi = None if given["roi"] is None else texts.numbers(given["roi"], 4, "--roi")
     masks = tuple(texts.numbers(mask, 4, "--mask") for mask in given["masks"])
@@ -288,11 +271,7 @@ def _setup(given: dict[str, Any], camera: Camera, plane: Plane, grid_pitch: floa
 
 
 def _check_given(given: dict[str, Any]) -> None:
-    """Reject options that something else given makes meaningless.
-
-    Raises:
-        SetupError: The first of them.
-    """
+    """Raise `SetupError` for the first option that something else given makes meaningless."""
     source = click.get_current_context().get_parameter_source
     told = {name for name in given if source(name) is click.core.ParameterSource.COMMANDLINE}
     board = ("pattern", "dictionary", "marker_share")
@@ -313,11 +292,8 @@ def _check_given(given: dict[str, Any]) -> None:
 
 
 def _places(photograph: Path, output: Path, overlay: Path | None, lens: str) -> Path:
-    """Return where the overlay goes: beside the setup, under another name where that is the photograph's or somebody else's.
-
-    Raises:
-        OwnFolderError: The setup or the overlay would replace what is not the program's.
-    """
+    """Return where the overlay goes: beside the setup, under another name where that is the photograph's or somebody
+    else's. Raises `OwnFolderError` where either would replace what is not the program's."""
     inputs = (photograph, Path(lens))
     check_output_file(output, inputs, has_table("plane"), "the setup", "-o")
     if overlay is None:

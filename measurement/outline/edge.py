@@ -62,16 +62,9 @@ DRAWN_ERROR = 0.35
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Edge:
-    """An edge in pixels.
-
-    Attributes:
-        px: Points of the edge (x, y), in order along it, shape (n, 2).
-        normal: Unit vectors across it, from shadow to light, shape (n, 2).
-        error: Standard error of each point along its normal in px, shape (n,).
-        width: Standard deviation of the penumbra and blur in px, shape (n,).
-        contrast: Share of the local light that the shadow takes away, shape (n,).
-        shape: What the profiles across it have in common.
-    """
+    """An edge in pixels: points in order along it and unit vectors across it from shadow to light, shape (n, 2); by point,
+    shape (n,), the standard error along the normal and the standard deviation of penumbra and blur in px, and the share of
+    the local light that the shadow takes away. ``shape`` is what the profiles across it have in common."""
 
     px: Array
     normal: Array
@@ -86,16 +79,11 @@ class Edge:
 
 
 def coarse_contour(mask: Mask, share: Array, factor: float, origin: tuple[int, int]) -> Array:
-    """Return the longest contour at half light of a shadow in a small photograph, in px of the large one.
+    """Return the longest contour (n, 2) at half light of the one shadow in a small photograph, in px of the large one; open
+    where the shadow leaves the picture.
 
-    Args:
-        mask: The one shadow, shape (h, w).
-        share: 0 in the shadow to 1 on the screen, shape (h, w).
-        factor: Pixels of the photograph per pixel of the mask.
-        origin: Pixel of the photograph at which the mask begins.
-
-    Returns:
-        Points (n, 2); open where the shadow leaves the picture.
+    ``share``, shape (h, w), goes from 0 in the shadow to 1 on the screen; a pixel of the mask spans ``factor`` pixels of the
+    photograph from ``origin`` on.
     """
     near = np.where(mask, np.minimum(share, 0.49), np.maximum(share, 0.51))
     contours = find_contours(np.clip(near, 0.0, 1.0), 0.5)
@@ -106,16 +94,10 @@ def coarse_contour(mask: Mask, share: Array, factor: float, origin: tuple[int, i
 
 
 def refine_edge(shading: Shading, contour: Array, factor: float, camera: EdgeShape | None = None) -> Edge:
-    """Find the edge near a coarse contour.
+    """Find the edge near a coarse contour (n, 2) in px, good to about ``factor`` px.
 
-    Args:
-        shading: The photograph as light.
-        contour: Points along the edge (n, 2) in px, good to about ``factor``.
-        factor: Error of the contour in px.
-        camera: Shape of a raised body's edge by the same camera, if this may be the edge of a level surface.
-
-    Raises:
-        Unmeasurable: The edge fades over more than the profiles can reach, or is nowhere clear.
+    ``camera`` is the shape of a raised body's edge by the same camera, if this may be the edge of a level surface. Raises
+    `Unmeasurable` for an edge that fades over more than the profiles can reach, or is nowhere clear.
     """
     length = float(np.linalg.norm(np.diff(contour, axis=0), axis=1).sum())
     place, normal = stations(contour, 2.0 * factor)
@@ -138,13 +120,8 @@ def refine_edge(shading: Shading, contour: Array, factor: float, camera: EdgeSha
 
 
 def _edge_in(profiles: Profiles, shading: Shading | None = None, camera: EdgeShape | None = None) -> Edge:
-    """Return the edge that profiles show, without the stations where it is not clear or something lies on it.
-
-    Args:
-        profiles: Light across the edge.
-        shading: The photograph, for the shape of its edge and for what ink draws; None for only an error function.
-        camera: As of `refine_edge`.
-    """
+    """Return the edge that profiles show, without the stations where it is not clear or something lies on it. The
+    photograph gives the shape of its edge and what ink draws; without it each profile is an error function."""
     shape, value = gaussian(), profiles.value
     fit, drawn = fit_profiles(profiles.offsets, value, profiles.weight), np.zeros(len(value))
     if shading is not None and shading.drawn is not None:
@@ -229,13 +206,8 @@ ITERATIONS = 5
 
 @dataclasses.dataclass(frozen=True)
 class Smoothed:
-    """A smoothed curve.
-
-    Attributes:
-        value: Fitted value at each place, shape (n,).
-        error: Standard error of each fitted value from the scatter about the curve, shape (n,).
-        scatter: Residual standard error of the points about the curve near each place, shape (n,).
-    """
+    """A smoothed curve: fitted values, their standard errors from the scatter about it, and the residual standard error of
+    the points near each place, shape (n,)."""
 
     value: Array
     error: Array
@@ -243,19 +215,11 @@ class Smoothed:
 
 
 def robust_loess(place: Array, value: Array, span: int = SPAN) -> Smoothed:
-    """Return the smooth values along a line by robust local quadratics.
+    """Return values (n,) at rising places (n,), at least 4 different ones in every span of so many points, smoothed by robust
+    local quadratics; `ValueError` for too few points.
 
-    Args:
-        place: Rising places, shape (n,); at least 4 different ones in every span.
-        value: Measured values, shape (n,).
-        span: Number of points in one local fit, at least 5; fewer points than that are one span.
-
-    Returns:
-        Fitted values with their standard errors. Each piece of the curve is fitted together with a whole span of its
-        neighbours on both sides, so the pieces' ends are no ends.
-
-    Raises:
-        ValueError: Too few points, or arrays that do not fit.
+    Each piece of the curve is fitted together with a whole span of its neighbours on both sides, so the pieces' ends are no
+    ends.
     """
     place, value = np.asarray(place, dtype=np.float64), np.asarray(value, dtype=np.float64)
     if place.ndim != 1 or place.shape != value.shape:
@@ -332,14 +296,8 @@ SHARPEST, BENT_ERROR = 0.08, 0.3
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class BridgedLine:
-    """A smoothed edge.
-
-    Attributes:
-        px: Its points in order along it, shape (n, 2).
-        normal: Unit vectors across it, from shadow to light, shape (n, 2).
-        error: Standard error of each point across the edge in px, shape (n,).
-        bridged: Which points lie in a gap, where nothing was measured, shape (n,).
-    """
+    """A smoothed edge: points in order along it and unit vectors from shadow to light, shape (n, 2), standard errors
+    across it, all in px, and which points lie in a gap, where nothing was measured, shape (n,)."""
 
     px: Array
     normal: Array
@@ -348,12 +306,7 @@ class BridgedLine:
 
 
 def smoothed(edge: Edge, longest: float) -> BridgedLine:
-    """Return the edge as robust loess sees it, gaps bridged.
-
-    Args:
-        edge: The edge as it was found.
-        longest: Length in px of the longest gap that is bridged; a longer one stays open.
-    """
+    """Return the edge as robust loess sees it, gaps bridged up to a longest one in px."""
     step = np.linalg.norm(np.diff(edge.px, axis=0), axis=1)
     usual = float(np.median(step))
     parts = _stretches(step, usual)
@@ -522,16 +475,11 @@ LONGEST_BRIDGE = 10e-3
 
 @dataclasses.dataclass(eq=False)
 class Traced:
-    """A photograph, and the edge of its shadow on the screen; each step is computed when it is first asked for.
+    """A photograph (h, w, 3), and the edge of its shadow on the screen; each step is computed when it is first asked for.
 
-    Attributes:
-        image: The photograph, shape (h, w, 3).
-        setup: Camera and screen.
-        tone: How the file stores light, one of `pictures.TONES`.
-        tone_error: Distance in m by which the edge may be off because another tone fits as well.
-        doubts: What speaks against trusting it, one sentence each.
-        camera: Shape of a raised body's edge by the same camera, if this may be the edge of a level surface.
-        anyway: Whether it shall be used in spite of doubts.
+    ``tone`` is how the file stores light, one of `pictures.TONES`, ``tone_error`` the distance in m by which the edge may be
+    off because another tone fits as well. ``camera`` is as of `refine_edge`; ``doubts`` are sentences, and ``anyway`` uses it
+    in spite of them.
     """
 
     image: Pixels

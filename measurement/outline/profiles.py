@@ -56,13 +56,8 @@ def chi_square_limit() -> float:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ShadowColour:
-    """Colours of the shadow and of the lit screen in light from 0 to 1.
-
-    Attributes:
-        shadow: Mean light of the shadow, shape (3,).
-        lit: Mean light of the lit screen, shape (3,).
-        covariance: Robust covariance of the shadow's pixels, shape (3, 3).
-    """
+    """Mean light from 0 to 1 of the shadow and the lit screen, shape (3,), and the robust covariance of the shadow's
+    pixels, shape (3, 3)."""
 
     shadow: Array
     lit: Array
@@ -91,11 +86,8 @@ class ShadowColour:
 
 
 def learn_colour(shadow: Array, lit: Array) -> ShadowColour:
-    """Return the colours from samples of the shadow and of the lit screen in light, shapes (n, 3) and (m, 3).
-
-    Raises:
-        Unmeasurable: The lit screen's colour lies within the shadow's scatter.
-    """
+    """Return the colours from samples of the shadow and of the lit screen in light, shapes (n, 3) and (m, 3);
+    `Unmeasurable` if the lit screen's colour lies within the shadow's scatter."""
     centre, covariance = robust_covariance(_thinned(shadow))
     # Channels share most of their noise; a direction in which they happen not to scatter would rule the weights.
     covariance = covariance + np.eye(3) * max(LIGHT_FLOOR**2, 0.1 * float(np.trace(covariance)) / 3.0)
@@ -136,15 +128,9 @@ def robust_covariance(samples: Array, kept: float = 0.75) -> tuple[Array, Array]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class CoarseShadow:
-    """The shadow in a small version of the photograph.
-
-    Attributes:
-        colour: Colours of shadow and screen.
-        mask: Pixels of the one shadow, shape (h, w).
-        dark: All shadow-coloured pixels, specks and other shadows too, shape (h, w).
-        share: `ShadowColour.share` without grid lines, shape (h, w).
-        even: Light of the lit screen relative to its median, smooth, shape (h, w).
-    """
+    """The shadow in a small version of the photograph: by pixel, shape (h, w), the mask of the one shadow, all that is
+    ``dark`` (specks and other shadows too), `ShadowColour.share` without grid lines, and the smooth light of the lit
+    screen over its median."""
 
     colour: ShadowColour
     mask: Mask
@@ -156,16 +142,12 @@ class CoarseShadow:
 def find_shadow(
     light: npt.NDArray[np.float32], line_px: float = 0.0, known: Array | None = None, masked: Mask | None = None
 ) -> CoarseShadow:
-    """Find the shadow in a small photograph.
+    """Find the shadow in the light (h, w, 3) of a photograph at most about a thousand pixels wide; `Unmeasurable` for no
+    contrast, no shadow, or several.
 
-    Args:
-        light: Light of the photograph, shape (h, w, 3), at most about a thousand pixels wide.
-        line_px: Greatest width of a grid line in these pixels; thinner dark things are closed over.
-        known: Light of a sample of the shadow, shape (3,); None to find the shadow's colour.
-        masked: Where something else covers the screen, shape (h, w): dark things that lie mostly there are no shadows.
-
-    Raises:
-        Unmeasurable: No contrast, no shadow, or several.
+    Dark things thinner than ``line_px``, the greatest width of a grid line, are closed over. ``known`` is the light (3,) of a
+    sample of the shadow; ``masked`` (h, w) is where something else covers the screen: dark things that lie mostly there are
+    no shadows.
     """
     plain = _close_lines(light, line_px)
     brightness = plain.mean(axis=2).astype(np.float64)
@@ -269,15 +251,9 @@ SQUARE = np.ones((3, 3), np.uint8)
 def touched_by_thread(
     light: npt.NDArray[np.float32], coarse: CoarseShadow, ink: npt.NDArray[np.float64], line_px: float, scale: float
 ) -> bool:
-    """Return whether something thin and dark stands out of the shadow.
-
-    Args:
-        light: Light of the small version, shape (h, w, 3).
-        coarse: The shadow found in it.
-        ink: Share of light that the grid's ink lets through there, shape (h, w).
-        line_px: Greatest width of a grid line in these pixels, as `find_shadow` had it.
-        scale: Length in m of one of these pixels.
-    """
+    """Return whether something thin and dark stands out of the shadow found in the light (h, w, 3) of a small version, of
+    which a pixel is ``scale`` m long and a grid line at most ``line_px`` wide; ``ink`` (h, w) is the share of light that
+    the grid lets through."""
     plain = cv2.medianBlur(light, 3) / np.maximum(ink, 0.1)[..., None] / coarse.even[..., None]
     dark = (coarse.colour.share(plain.astype(np.float64)) < 0.5) & (ink > DARK_INK)
     # Along the frame the closing shaves the shadow's own wedge off; what stays thick beyond the frame is no thread.
@@ -314,13 +290,8 @@ Drawn = Callable[[Array, Array, Array], Array]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Ink:
-    """The ink at pixels of a photograph.
-
-    Attributes:
-        look: What the photograph shows of the grid.
-        roi: Region x0, y0, x1, y1 in px that was looked at.
-        table: Places on the screen in m at the nodes of a lattice over the region, shape (65, 65, 2).
-    """
+    """The ink at pixels of a region x0, y0, x1, y1 of a photograph, by the places on the screen in m at the nodes of a
+    lattice over it, shape (65, 65, 2)."""
 
     look: GridLook
     roi: tuple[int, int, int, int]
@@ -348,16 +319,8 @@ class Ink:
         )
 
     def drawn(self, points: Array, z: Array, width: Array) -> Array:
-        """Return what the ink leaves in profiles across an edge after the light was divided by what it lets through.
-
-        Args:
-            points: Pixels (n, k, 2) of n profiles, from shadow to light.
-            z: Their distance (n, k) from the edge in its widths.
-            width: Standard deviation (n,) of penumbra and blur in px.
-
-        Returns:
-            The rest (n, k) as a share of the edge's rise.
-        """
+        """Return the rest (n, k), as a share of the edge's rise, that the ink leaves in n profiles across an edge after
+        the light was divided by what it lets through; arguments are as of `Drawn`."""
         places, rest = self.places(points), np.zeros(z.shape)
         length = np.linalg.norm(points[:, -1] - points[:, 0], axis=1)
         along = (points[:, -1] - points[:, 0]) / length[:, None]
@@ -402,15 +365,8 @@ INK_TRUST = 0.05
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Shading:
-    """Visible share of the lamp at each place of a photograph, corrected for the grid's ink.
-
-    Attributes:
-        image: The photograph, shape (h, w, 3).
-        colour: Colours of the shadow and the screen.
-        through: What the grid's ink lets through; None where there is no grid.
-        drawn: What the ink leaves in the profiles because it is blurred together with the edge; None leaves that out.
-        light: Light of every stored number.
-    """
+    """Visible share of the lamp at each place of a photograph (h, w, 3), corrected for what the grid's ink lets through
+    and for what it draws because it is blurred together with the edge; None leaves either out."""
 
     image: Pixels
     colour: ShadowColour
@@ -433,7 +389,7 @@ class Profiles:
         normal: Unit vectors from shadow to light, along which the samples lie, shape (n, 2).
         offsets: Distances of the samples from the stations in px, shape (k,).
         value: Light, averaged along the edge, shape (n, k).
-        weight: Weights of the samples, 1 where all of them are clear of ink and inside of the picture, shape (n, k).
+        weight: 1 where all samples are clear of ink and inside of the picture, shape (n, k).
         points: Pixels that stand for the station's length, shape (n, m, k, 2).
     """
 
@@ -476,11 +432,8 @@ class Profiles:
 
 
 def stations(path: Array, spacing: float) -> tuple[Array, Array]:
-    """Return the places (n, 2) at equal distances along a path, and its unit normals (n, 2): to the left of the way along it.
-
-    Raises:
-        Unmeasurable: The path is too short.
-    """
+    """Return the places (n, 2) at equal distances along a path, and its unit normals (n, 2): to the left of the way along
+    it. Raises `Unmeasurable` for a path that is too short."""
     step = np.linalg.norm(np.diff(path, axis=0), axis=1)
     keep = np.r_[True, step > 1e-9]
     path, arc = path[keep], np.r_[0.0, np.cumsum(step[step > 1e-9])]
@@ -616,14 +569,8 @@ def gaussian(shift_error: float = 0.0) -> EdgeShape:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class StoredLight:
-    """Relation of light to stored numbers at an edge.
-
-    Attributes:
-        light: Light of every stored number by the assumed tone curve, shape (256,).
-        low: Light in the shadow.
-        high: Light of the lit screen.
-        width: Width of the edge in px.
-    """
+    """Light (256,) of every stored number by the assumed tone curve, and at an edge that of the shadow, of the lit screen,
+    and the edge's width in px."""
 
     light: Array
     low: float
@@ -651,15 +598,9 @@ def _numbers(count: int) -> Array:
 def common_shape(
     z: Array, residual: Array, clean: Mask, stored: StoredLight, camera: EdgeShape | None = None
 ) -> EdgeShape:
-    """Return the shape that profiles have in common, from what error functions leave of them.
-
-    Args:
-        z: Distance of the samples from the middle of each profile's error function in its widths, shape (n, k).
-        residual: What that leaves of the profile over its rise, shape (n, k).
-        clean: Samples that are clear of ink, shape (n, k).
-        stored: How light became numbers.
-        camera: Shape of a raised body's edge by the same camera, for that of a level surface; None for any other edge.
-    """
+    """Return the shape that n profiles have in common, from what error functions leave of them over their rise:
+    ``residual`` at the distances ``z`` from their middles in widths, where it is clean of ink, shapes (n, k). ``camera``
+    is as of `refine_edge`."""
     sides = (np.abs(z + 1.5) < 1.0, np.abs(z - 1.5) < 1.0)
     # An edge that runs along a grid line, or just beside it, has hardly a sample off the ink on one side.
     on_ink = any(clean[side].mean() < 0.5 for side in sides if side.any())
@@ -806,14 +747,10 @@ ROUNDS, REWEIGHTED = 14, (5, 9)
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ProfileFit:
-    """Curves low + (rise + slope u) S((u - centre) / width) over the offset u, one for each of n profiles of k samples.
+    """Curves low + (rise + slope u) S((u - centre) / width) over the offset u in px, one for each of n profiles of k samples.
 
     Attributes:
-        low: Light in the shadow, shape (n,).
-        rise: Light that the lit screen has more at u = 0, shape (n,).
-        slope: How that grows with u, per px, shape (n,).
-        centre: Middle of the edge in px, shape (n,).
-        width: Standard deviation of penumbra and blur in px, shape (n,).
+        low, rise, slope, centre, width: The parameters, shape (n,).
         z: Distance of the samples from the middle in widths, shape (n, k).
         top: Rise at each sample, shape (n, k).
         residual: What the curves leave of the profiles, shape (n, k).
@@ -851,14 +788,8 @@ class ProfileFit:
 
 
 def fit_profiles(offsets: Array, profile: Array, weight: Array, shape: EdgeShape | None = None) -> ProfileFit:
-    """Fit a step to each profile, by Gauss-Newton steps.
-
-    Args:
-        offsets: Places of the samples in px, rising and symmetric about 0, shape (k,).
-        profile: Light there, shape (n, k).
-        weight: Weights of the samples, shape (n, k).
-        shape: The step's shape; None for an error function.
-    """
+    """Fit a step, an error function unless given, to each profile (n, k) with weights at offsets (k,) in px, rising and
+    symmetric about 0, by Gauss-Newton steps."""
     shape = gaussian() if shape is None else shape
     u, reach = offsets[None, :], offsets[-1]
     parameters = _first_guess(offsets, profile)

@@ -42,14 +42,8 @@ CORRELATED_SIDE_POINTS = 5.0
 
 @dataclasses.dataclass(frozen=True)
 class Sides:
-    """Both sides of a body as straight lines x = place + lean (z - depth).
-
-    Attributes:
-        depth: z in m at which the width is taken; negative.
-        width: Distance of the sides there in m.
-        lean: How the width grows with z.
-        error: Standard error of the width in m.
-    """
+    """Both sides of a body as straight lines x = place + lean (z - depth): their distance in m at the depth z, negative,
+    how it grows with z, and its standard error."""
 
     depth: float
     width: float
@@ -62,13 +56,9 @@ class Sides:
 
 
 def sides_of(placed: Array, upwards: Array, error: Array) -> Sides | None:
-    """Return the body's sides in one photograph; None where it does not show both.
-
-    Args:
-        placed: Measured edge as x along the surface and z above it in m, shape (n, 2).
-        upwards: Cosine of the angle between the way to the light and the surface's normal, shape (n,).
-        error: Standard errors in m, shape (n,).
-    """
+    """Return the body's sides in a photograph; None where it does not show both. The edge (n, 2) is x along the surface
+    and z above it in m, with the cosines of the angles between the way to the light and the surface's normal, and its
+    errors in m, shape (n,)."""
     steep = (np.abs(upwards) < SIDE_NORMAL_COSINE) & (placed[:, 1] < -DEPTH)
     if steep.sum() < 2 * MIN_SIDE_POINTS:
         return None
@@ -127,23 +117,21 @@ CORRELATED_SURFACE_POINTS = 10.0
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ZeroLine:
-    """The undeformed surface on the screen.
+    """The undeformed surface on the screen, in m.
 
     Attributes:
-        origin: Foot of the screen's origin on it in m, shape (2,).
+        origin: Foot of the screen's origin on it, shape (2,).
         direction: Unit vector along it, to the right, shape (2,).
-        centre: x at which it is known best, in m.
-        error: Standard error of its height at ``centre`` in m.
-        slope_error: Standard error of its slope in rad.
-        extent: Least and greatest x at which it was seen, in m.
-        model_error: Standard error in m by the model of the edge's shape, shared with the outlines above; see `tracing.Traced`.
-        tone: How the photograph that shows it stores light, one of `pixels.TONES`; empty without a photograph.
+        centre: x at which it is known best.
+        error, slope_error: Standard errors of its height at ``centre``, and of its slope in rad.
+        extent: Least and greatest x at which it was seen.
+        model_error: Standard error by the model of the edge's shape, shared with the outlines above; see `edge.Traced`.
+        tone: How the photograph that shows it stores light, one of `pictures.TONES`; empty without a photograph.
         doubts: What speaks against trusting it, one sentence each.
         sides: The body's sides below it; None where the photograph does not show both.
-        level_error: Standard error in m of all heights above it by a lamp or a body that is not level (see `Bow`), or by a
-            depth of the body that its penumbra does not show.
-        lift: Distance in m above it at which an edge on it is found, because the body is deep along the light; see
-            `outline.profiles`.
+        level_error: Standard error of all heights above it by a lamp or a body that is not level (see `Bow`), or by a depth
+            of the body that its penumbra does not show.
+        lift: Distance above it at which an edge on it is found, because the body is deep along the light; see `profiles`.
     """
 
     origin: Array
@@ -177,15 +165,10 @@ class ZeroLine:
 
     @classmethod
     def fit(cls, points: Array, normals: Array, errors: Array) -> ZeroLine:
-        """Return the straight upper edge of a shadow.
+        """Return the straight upper edge of a shadow by its points (X, Z) in m and unit vectors from shadow to light, shape
+        (n, 2), of which only the upper side counts, and errors in m (n,).
 
-        Args:
-            points: Edge in m (X, Z), shape (n, 2).
-            normals: Unit vectors from shadow to light on the screen, shape (n, 2); only the upper side counts.
-            errors: Standard errors in m, shape (n,).
-
-        Raises:
-            Unmeasurable: No upper side, or one that is not straight: the actuator is inflated or is not lying flat.
+        Raises `Unmeasurable` for no upper side, or one that is not straight: the actuator is inflated or is not lying flat.
         """
         level = normals[:, 1] > np.cos(np.radians(STEEPEST))
         upper = _surface(points, normals, level)
@@ -239,17 +222,13 @@ class ZeroLine:
 
 @dataclasses.dataclass(frozen=True)
 class Bow:
-    """How far the undeformed surface's edge bows up towards its middle.
+    """How far the undeformed surface's edge bows up towards its middle, with its error, the body's radius or how much of it
+    is visible, and the standard error of all heights that it leaves, in m. The rise is NaN where the surface reaches beyond
+    what seem to be the body's sides.
 
     Light that does not run along the surface of a round body throws the shadow of its rim: the half of an ellipse, whose
-    height is the body's radius times the angle between the two. The bulge in the middle is then measured from the rim in place
-    of the surface, and seems lower by that height. A body that leans and a lamp above or below the surface do the same.
-
-    Attributes:
-        rise: Its height in m; NaN where the surface reaches beyond what seem to be the body's sides.
-        error: Its standard error in m.
-        radius: The body's in m, or how much of it is visible.
-        level_error: Standard error in m of all heights that it leaves.
+    height is the body's radius times the angle between the two. The bulge in the middle is then measured from the rim in
+    place of the surface, and seems lower by that height. A body that leans and a lamp above or below the surface do the same.
     """
 
     rise: float
@@ -259,13 +238,8 @@ class Bow:
 
     @classmethod
     def of(cls, line: ZeroLine, placed: Array, upwards: Array) -> Bow | None:
-        """Return that of an undeformed surface; None where too little of it is visible.
-
-        Args:
-            line: The undeformed surface, with the body's sides.
-            placed: Measured edge as x along the surface and z above it in m, shape (n, 2).
-            upwards: Cosine of the angle between the way to the light and the surface's normal, shape (n,).
-        """
+        """Return that of an undeformed surface with its sides by an edge as of `sides_of`; None where too little of it is
+        visible."""
         mine = (np.abs(placed[:, 1]) < SURFACE_BAND) & (upwards > np.cos(np.radians(STEEPEST)))
         mine &= (placed[:, 0] >= line.extent[0]) & (placed[:, 0] <= line.extent[1])
         x, z = placed[mine].T
@@ -294,15 +268,11 @@ class Bow:
 
 
 def _surface(points: Array, normals: Array, level: Mask) -> Mask:
-    """Return which level points (n,) are the body's surface and not what it stands on.
+    """Return which level points (n,) of an edge (n, 2) in m, in order along it, are the body's surface and not what it stands
+    on.
 
     A body on a table has the table's edge on both sides of it, lower, with the body's sides between. So the edge is cut where
     it runs down a side, and the highest piece of some length is the surface, with those that lie on its line.
-
-    Args:
-        points: Edge in m, in order along it, shape (n, 2).
-        normals: As of `ZeroLine.fit`.
-        level: Which points lie on a level edge, shape (n,).
     """
     steep = normals[:, 1] < SIDE_COSINE
     piece = np.cumsum(np.r_[False, steep[1:] != steep[:-1]])
@@ -349,16 +319,9 @@ CONTRADICTS = 4.0
 
 
 def with_known_body(setup: Setup, zero: ZeroLine, width: float, error: float = 0.0) -> Setup:
-    """Return the setup with the magnification that gives the body at zero pressure its known width.
+    """Return the setup with the magnification that gives the body at zero pressure its known width and error in m.
 
-    Args:
-        setup: Camera and screen.
-        zero: The undeformed surface and the body's sides below it, as this setup has them.
-        width: True width of the body in m.
-        error: Its standard error in m.
-
-    Raises:
-        SetupError: The sides are not in the picture, or the width is another body's.
+    Raises `SetupError` where the sides are not in the picture, or the width is another body's.
     """
     if zero.sides is None:
         raise SetupError(
@@ -420,17 +383,16 @@ FEWEST_STATIONS = 6
 
 @dataclasses.dataclass(frozen=True)
 class Displacement:
-    """How far the surface beside the bulge lies from the zero plane.
+    """How far the surface beside the bulge lies from the zero plane, in m.
 
     A soft body that bulges takes the rubber beside the bulge inwards, so that its surface may sink there by a share of the
     height. That much is no mistake as long as the other photographs of the run agree.
 
     Attributes:
-        off: Distance in m by which it lies off where no soft body does, negative below.
-        tolerance: Distance in m up to which that is the edge's own error.
-        aslant: Half of what one end lies lower than the other in m; 0 where that cannot be told from none.
-        sunk: How far in m it has sunk where a soft body may, negative if it has risen, 0 if that is within the measurement's
-            own error.
+        off: By which it lies off where no soft body does, negative below.
+        tolerance: Up to which that is the edge's own error.
+        aslant: Half of what one end lies lower than the other; 0 where that cannot be told from none.
+        sunk: How far it has sunk where a soft body may, negative if it has risen, 0 within the measurement's own error.
     """
 
     off: float
@@ -440,14 +402,8 @@ class Displacement:
 
     @classmethod
     def of(cls, placed: Array, upwards: Array, error: Array, zero: ZeroLine) -> Displacement | None:
-        """Return that of an edge; None where it lies beside the surface of the zero photograph.
-
-        Args:
-            placed: Edge as x along the surface and z above it in m, in order along the edge, shape (n, 2).
-            upwards: Cosine of the angle between the way to the light and the surface's normal, shape (n,).
-            error: Standard errors in m, shape (n,).
-            zero: The zero plane.
-        """
+        """Return that of an edge as of `sides_of`, in order along it; None where it lies beside the surface of the zero
+        photograph."""
         seen = (placed[:, 0] >= zero.extent[0]) & (placed[:, 0] <= zero.extent[1])
         if not seen.any():
             return None
@@ -482,16 +438,11 @@ class Displacement:
 
 
 def aslant(placed: Array, upwards: Array, error: Array, zero: ZeroLine) -> float:
-    """Return half of what one end of the surface lies lower than the other in m; 0 where that cannot be told from none.
+    """Return half of what one end of the surface lies lower than the other in m; 0 where that cannot be told from none. The
+    edge is as of `sides_of`, as far as the zero was seen; without the body's sides its middle is unknown.
 
     A body sinks alike at both of its sides, and by any depth, so that only their difference shows one that was tilted. About
     which of its points is not known, and so by how much its middle was lifted: by no more than its ends.
-
-    Args:
-        placed: Edge as in `Displacement.of`, as far as the zero was seen.
-        upwards: As in `Displacement.of`.
-        error: Standard errors in m, shape (n,).
-        zero: The zero plane; without the body's sides it is unknown where its middle is.
     """
     if zero.sides is None:
         return 0.0

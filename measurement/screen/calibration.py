@@ -49,14 +49,9 @@ SETTLED = 1e-3
 
 
 def straightened_corners(gray: NDArray[np.uint8], corners: Points, camera: Camera, reach: int) -> Points:
-    """Return the corners (n, 2) in px of the photograph, measured along edges that the lens does not bend.
-
-    Args:
-        gray: Photograph (h, w).
-        corners: The corners (n, 2) in px, right to a pixel.
-        camera: The camera, known well enough to straighten a window.
-        reach: Half width of the window around a corner in px.
-    """
+    """Return the corners (n, 2) in px of a photograph (h, w), given right to a pixel, measured along edges that the lens
+    does not bend; ``reach`` is half the width of the window around each, which the camera is known well enough to
+    straighten."""
     # Only the part of the picture that the windows can come to.
     first = np.clip(np.floor(corners.min(axis=0)).astype(int) - 2 * reach - 2, 0, None)
     last = np.ceil(corners.max(axis=0)).astype(int) + 2 * reach + 3
@@ -88,15 +83,10 @@ def straightened_corners(gray: NDArray[np.uint8], corners: Points, camera: Camer
 def _step(
     slopes: list[Points], middle: NDArray[np.int64], seen: Points, start: Points, lens: Points, reach: int
 ) -> Points:
-    """From a corner to the point that the edges of its window run through, in ideal pixels, shape (2,).
+    """Return the way (2,) in ideal px from a corner to the point that the edges of its window run through.
 
-    Args:
-        slopes: Slopes of the light along x and y (h, w).
-        middle: The pixel in the middle of the window.
-        seen: The corner in px of the photograph.
-        start: The same in ideal pixels.
-        lens: Coefficients ((DEGREE + 1)^2, 2) of the ideal place over that in the window.
-        reach: Half width of the window in px.
+    The light's slopes (h, w) are along x and y; the corner is ``seen`` in the photograph at ``start`` in ideal px, near the
+    pixel in the middle of the window; ``lens`` are the coefficients ((DEGREE + 1)^2, 2) of the ideal place over that in it.
     """
     span = [
         np.arange(max(at - reach, 1), min(at + reach, size - 2) + 1)
@@ -149,18 +139,11 @@ ENOUGH = 4
 
 
 def find_chessboard(image: ArrayLike, pattern: tuple[int, int] = (9, 6), camera: Camera | None = None) -> GridPoints:
-    """Find the inner corners of a chessboard.
+    """Find the inner corners, a pattern of so many in a row and in a column, in a photograph (h, w) or (h, w, 3): in rows
+    from the board's first corner; the second index counts down the board.
 
-    Args:
-        image: Photograph (h, w) or (h, w, 3).
-        pattern: Inner corners in a row and in a column.
-        camera: The camera, whose lens is taken out before the residual is judged; without it the residual is not.
-
-    Returns:
-        Corners in rows from the board's first corner; the second index counts down the board.
-
-    Raises:
-        GridError: No such board in the picture.
+    The camera's lens is taken out before the residual is judged; without it the residual is not. Raises `GridError` for no
+    such board.
     """
     columns, rows = pattern
     gray = gray_bytes(image)
@@ -205,18 +188,8 @@ def find_charuco(
     image: ArrayLike, squares: tuple[int, int], marker_share: float = 0.75, dictionary: str = "DICT_4X4_50",
     camera: Camera | None = None,
 ) -> GridPoints:  # fmt: skip
-    """Find the inner corners of a ChArUco board, of which a part may be covered.
-
-    Args:
-        image: Photograph (h, w) or (h, w, 3).
-        squares: Squares in a row and in a column.
-        marker_share: Side of a marker as a share of a square's side.
-        dictionary: Name of OpenCV's predefined dictionary.
-        camera: As in `find_chessboard`.
-
-    Raises:
-        GridError: Unknown dictionary, or too few corners of this board in the picture.
-    """
+    """Find the inner corners of a ChArUco board of so many squares in a row and in a column, of which a part may be
+    covered; its markers are of OpenCV's predefined dictionary. The rest is as in `find_chessboard`."""
     try:
         markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
         board = cv2.aruco.CharucoBoard(squares, 1.0, marker_share, markers)
@@ -253,13 +226,7 @@ def _points(px: NDArray[np.float64], indices: NDArray[np.int64], camera: Camera 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class BoardView:
-    """A photograph of a board.
-
-    Attributes:
-        path: Its file.
-        gray: Its gray values, shape (h, w).
-        corners: The board's inner corners in px, shape (n, 2).
-    """
+    """A photograph of a board: its gray values (h, w), and the board's inner corners (n, 2) in px."""
 
     path: str
     gray: NDArray[np.uint8]
@@ -274,13 +241,8 @@ class BoardView:
 def seen_boards(
     paths: Iterable[str], pattern: tuple[int, int], each: Callable[[], object] = lambda: None
 ) -> tuple[list[BoardView], dict[str, str]]:
-    """Return the photographs that show the board, all of one size, and why the others do not count, by path.
-
-    Args:
-        paths: The photographs.
-        pattern: Inner corners of the board in a row and in a column.
-        each: Called after each photograph.
-    """
+    """Return the photographs that show the board, all of one size, and why the others do not count, by path; ``each`` is
+    called after each photograph."""
     views: list[BoardView] = []
     refused: dict[str, str] = {}
     first: dict[bytes, str] = {}
@@ -344,8 +306,8 @@ class Calibration:
     """A calibrated camera and what it rests on.
 
     Attributes:
-        camera: The camera; its errors come from the covariance of the fit or from leaving out one photograph at a time,
-            whichever are larger.
+        camera: Its errors come from the covariance of the fit or from leaving out one photograph at a time, whichever are
+            larger.
         residual_px: Root mean square distance in px of the corners from where the camera sees them.
         per_image: The same for each used photograph, by path.
         coverage: How far the boards' corners reach from the frame's middle towards its corners, from 0 to 1.
@@ -410,13 +372,8 @@ def _straightened(camera: Camera, view: BoardView, corners: Points) -> Points:
 
 
 def calibrated_from(views: list[Points], board: Points, size: tuple[int, int]) -> Camera:
-    """Return the camera and its errors from a board's corners.
-
-    Args:
-        views: The corners (n, 2) in px of each photograph, three photographs or more.
-        board: The same corners (n, 3) on the board in m, the last coordinate 0.
-        size: Width and height of the photographs in px.
-    """
+    """Return the camera and its errors from a board's corners: (n, 2) in px of each of three photographs or more of one
+    size (width, height), and (n, 3) on the board in m, the last coordinate 0."""
     solution = _solve(views, board, size)
     covariance = _covariance(solution, views, board)
     use_k3 = bool(abs(solution.distortion[4]) > EVIDENCE * np.sqrt(covariance[-1, -1]))
@@ -499,8 +456,8 @@ def _errors(
     """Return the standard error in px of an undistorted point per axis, (RINGS,) at equal steps from the frame's middle to a
     corner.
 
-    The covariance does not know that corners in one photograph share their board's bends and blur; leaving out one
-    photograph at a time (the jackknife) does, but is itself uncertain with few of them. The larger one counts.
+    The covariance does not know that corners in one photograph share their board's bends and blur; leaving out one photograph
+    at a time (the jackknife) does, but is itself uncertain with few of them. The larger one counts.
     """
     size = (camera.width, camera.height)
     values = np.concatenate([[camera.matrix[0, 0], *camera.matrix[:2, 2]], camera.distortion])
@@ -522,11 +479,8 @@ def _errors(
 
 
 def _moved(camera: Camera, other: Camera, coverage: float) -> Points:
-    """Return how far another camera puts points on rings about the middle (RINGS, k) in px, all axes and places laid end to
-    end.
-
-    A homography, which the screen's grid determines anyway, has taken its share where boards were seen.
-    """
+    """Return how far another camera puts points on rings about the middle (RINGS, k) in px, all axes and places laid end
+    to end. A homography, which the screen's grid determines anyway, has taken its share where boards were seen."""
     middle = (np.array([camera.width, camera.height]) - 1.0) / 2.0
     # Along the diagonals every distance up to the corners lies in the frame, and so it does halfway to the sides.
     arms = np.array([[x, y] for x in (-1.0, 1.0) for y in (-1.0, 1.0)]) * middle
@@ -555,11 +509,7 @@ LINE, POINT = (220, 40, 40), (20, 90, 230)
 
 
 def read_picture(path: Path | str) -> NDArray[np.uint8]:
-    """Return a photograph (h, w, 3), red, green, blue, in the sensor's own orientation.
-
-    Raises:
-        CameraError: The file is not there or no picture.
-    """
+    """Return a photograph (h, w, 3) in the sensor's own orientation; `CameraError` if it is not there or no picture."""
     try:
         return read_pixels(Path(path))
     except Unmeasurable as error:
@@ -567,14 +517,7 @@ def read_picture(path: Path | str) -> NDArray[np.uint8]:
 
 
 def draw_points(path: Path, picture: NDArray[np.uint8], camera: Camera, plane: Plane) -> None:
-    """Write the photograph with the known points and the lines of the plane through them.
-
-    Args:
-        path: Picture to write.
-        picture: Photograph (h, w, 3).
-        camera: Its camera.
-        plane: The screen.
-    """
+    """Write the photograph (h, w, 3) with the plane's known points and its lines through them."""
     scale = min(1.0, LONGEST / max(picture.shape[:2]))
     canvas = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     thick = max(1, round(max(canvas.shape) / 1000))

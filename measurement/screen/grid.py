@@ -54,15 +54,9 @@ SPREAD = 12
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Line:
-    """A straight line in ideal px.
-
-    Attributes:
-        normal: Unit normal (2,).
-        offset: Where ``normal`` . (x, y) is on the line.
-        middle: Middle (2,) of the line's seen part.
-        support: Number of valley points on it, about its length in reduced px.
-        strength: Sum of their depths in the logarithm of light.
-    """
+    """A straight line in ideal px, normal . (x, y) = offset, by its unit normal and the middle of its seen part, shape
+    (2,); the number of valley points on it, about its length in reduced px, and the sum of their depths in the logarithm
+    of light."""
 
     normal: Points
     offset: float
@@ -72,15 +66,8 @@ class Line:
 
 
 def find_lines(gray: NDArray[np.uint8], camera: Camera) -> list[Line]:
-    """Long dark lines, the longest first.
-
-    Args:
-        gray: Photograph (h, w).
-        camera: The camera, whose lens is taken out so that lines are straight.
-
-    Raises:
-        GridError: Nothing that looks like a line.
-    """
+    """Return the long dark lines of a photograph (h, w), the longest first, straight once the camera's lens is taken out;
+    `GridError` for nothing that looks like one."""
     factor = max(1, round(max(gray.shape) / LONGER_SIDE))
     # A shadow multiplies light: in the logarithm lines are as deep in it as beside it.
     light = np.log(reduced(gray, factor) + 4.0)
@@ -204,14 +191,8 @@ def _refined(
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Arms:
-    """The two arms of a crossing along one axis of the lattice, in ideal px.
-
-    Attributes:
-        centre: The crossing, shape (2,).
-        unit: Direction along the line, shape (2,).
-        normal: Direction across it, shape (2,).
-        cells: Lengths of the cells before and behind the crossing: in perspective one is longer.
-    """
+    """The two arms of a crossing, its centre in ideal px, along one axis of the lattice: unit vectors along and across the
+    line, shape (2,), and the lengths of the cells before and behind it: in perspective one is longer."""
 
     centre: Points
     unit: Points
@@ -234,13 +215,7 @@ class Arms:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class LineLight:
-    """A photograph as the logarithm of light.
-
-    Attributes:
-        value: Shape (h, w), made smaller.
-        factor: Pixels of the photograph per pixel of it.
-        camera: The camera.
-    """
+    """A photograph as the logarithm of light, shape (h, w), so many times smaller, and its camera."""
 
     value: NDArray[np.float32]
     factor: int
@@ -262,16 +237,11 @@ class LineLight:
 
 
 def fit_line(shown: Points, across: Points, along: Points, depth: float) -> tuple[float, float, float] | None:
-    """Return the straight line through the darkest places of cuts across it.
+    """Return offset in px, slope, and the offset's standard error of the straight line through the darkest places of cuts (n,
+    k) across it; None where too few cuts show one.
 
-    Args:
-        shown: The cuts, shape (n, k).
-        across: Places of their samples across the line in px, shape (k,).
-        along: Places of the cuts along it in px, shape (n,).
-        depth: Depth of a line of this grid in the logarithm of light.
-
-    Returns:
-        Offset in px and slope of the line, and the offset's standard error; None where too few cuts show one.
+    Samples lie at ``across`` (k,), cuts at ``along`` (n,), both in px; ``depth`` is that of this grid's lines in the
+    logarithm of light.
     """
     edge = max(1, len(across) // 6)
     left, right = shown[:, :edge].mean(axis=1), shown[:, -edge:].mean(axis=1)
@@ -338,18 +308,10 @@ ENOUGH = 400
 def measure_crossings(
     gray: NDArray[np.uint8], camera: Camera, lattice: Plane
 ) -> tuple[Points, NDArray[np.int64], Points]:
-    """Measure every crossing of the lattice that lies in the picture.
+    """Measure every crossing in a photograph (h, w) of a rough lattice, whose metres are whole numbers of lines: places (n,
+    2) in raw px, whole numbers (n, 2) and standard errors (n,) in px.
 
-    Args:
-        gray: Photograph (h, w).
-        camera: The camera.
-        lattice: Rough plane whose metres are whole numbers of lines.
-
-    Returns:
-        Crossings (n, 2) in raw px, their whole numbers (n, 2) and standard errors (n,) in px.
-
-    Raises:
-        GridError: Too few crossings, or lines too faint or too blurred.
+    Raises `GridError` for too few crossings, or lines too faint or too blurred.
     """
     half, depth = _line_width(gray, camera, lattice)
     plane = lattice
@@ -518,11 +480,8 @@ OFF_BEAT = 0.15
 
 
 def count_lines(lines: list[Line], camera: Camera) -> Plane:
-    """Return the lattice that the lines form, as a plane whose metres are whole numbers of lines.
-
-    Raises:
-        GridError: No two pencils of lines that cross, or lines that are not equally spaced.
-    """
+    """Return the lattice that the lines form, as a plane whose metres are whole numbers of lines; `GridError` for no two
+    pencils of lines that cross, or lines that are not equally spaced."""
     centre = np.array([camera.width - 1, camera.height - 1]) / 2
     scale = float(np.hypot(*centre))
     rows = np.array([[*line.normal, (line.normal @ centre - line.offset) / scale] for line in lines])
@@ -674,12 +633,8 @@ class GridPoints:
     pitch: float | None = None
 
     def plane(self, camera: Camera, pitch: float | None = None) -> Plane:
-        """Return the screen's plane through these points, its error taken from what the fit leaves.
-
-        Args:
-            camera: The camera that saw the points.
-            pitch: Distance of the lines in m, if the points do not know it.
-        """
+        """Return the screen's plane through these points, its error taken from what the fit leaves; the pitch is in m, if
+        the points do not know it."""
         size = pitch if pitch is not None else self.pitch
         if size is None or not size > 0.0:
             raise GridError("the pitch of the grid must be a positive length")
@@ -689,13 +644,8 @@ class GridPoints:
 
 
 def weighted_plane(ideal: Points, targets: Points, sigma: Points) -> Plane:
-    """Fit a plane in which sharp crossings weigh more than faint ones and the errors are those that the fit shows.
-
-    Args:
-        ideal: Crossings (n, 2) in ideal px.
-        targets: The same (n, 2) on the screen.
-        sigma: Their own standard errors (n,) in px, right up to a common factor and a floor.
-    """
+    """Fit a plane in which sharp crossings weigh more than faint ones and the errors are those that the fit shows: points
+    (n, 2) in ideal px and on the screen, their own errors (n,) in px right up to a common factor and a floor."""
     # What all crossings share (the print, the lens, the sensor) keeps one of them from ruling the fit.
     relative = np.hypot(sigma, max(float(np.median(sigma)), FLOOR))
     trial = Plane.fit(ideal, targets, relative)
@@ -707,16 +657,10 @@ def weighted_plane(ideal: Points, targets: Points, sigma: Points) -> Plane:
 def find_grid(
     image: ArrayLike, camera: Camera | None = None, pitch: float = 0.009, origin: tuple[float, float] | None = None
 ) -> GridPoints:
-    """Find a regular grid of dark lines on a lighter screen.
+    """Find a regular grid of dark lines on a lighter screen in a photograph (h, w) or (h, w, 3); the pitch is in m, and the
+    crossing near the pixel ``origin``, the middle of the picture unless given, becomes the origin.
 
-    Args:
-        image: Photograph (h, w) or (h, w, 3).
-        camera: The camera; one without distortion unless given.
-        pitch: Distance of the lines in m.
-        origin: Pixel (x, y) near the crossing that becomes the origin; the middle of the picture unless given.
-
-    Raises:
-        GridError: No grid, too few crossings, a residual too large, or more than one way to read the lines.
+    Raises `GridError` for no grid, too few crossings, a residual too large, or more than one way to read the lines.
     """
     if not pitch > 0.0:
         raise GridError("the pitch of the grid must be a positive length")
@@ -749,11 +693,7 @@ def counted_from(
 
 
 def gray_bytes(image: ArrayLike) -> NDArray[np.uint8]:
-    """Return a photograph (h, w) or (h, w, 3) as 8-bit gray values (h, w).
-
-    Raises:
-        GridError: It is no picture.
-    """
+    """Return a photograph (h, w) or (h, w, 3) as 8-bit gray values (h, w); `GridError` if it is no picture."""
     picture = np.asarray(image)
     if picture.ndim == 3 and picture.shape[2] == 3 and picture.dtype == np.uint8:
         return cv2.cvtColor(np.ascontiguousarray(picture), cv2.COLOR_RGB2GRAY)
@@ -768,17 +708,10 @@ def gray_bytes(image: ArrayLike) -> NDArray[np.uint8]:
 
 
 def checked(px: Points, indices: NDArray[np.int64], sigma: Points, plane: Plane) -> GridPoints:
-    """Return the points turned so that the first index counts to the right and the second upwards, once their fit is good
-    enough.
+    """Return points (n, 2) in raw px with errors (n,), whole numbers (n, 2) in any orientation and the plane fitted to both,
+    turned so that the first index counts to the right and the second upwards.
 
-    Args:
-        px: Points (n, 2) in raw px.
-        indices: Their whole numbers (n, 2) in any orientation.
-        sigma: Standard error (n,) in px.
-        plane: The plane fitted to the ideal pixels and the indices.
-
-    Raises:
-        GridError: Too few points, a residual too large, or a grid turned by about 45 degrees.
+    Raises `GridError` for too few points, a residual too large, or a grid turned by about 45 degrees.
     """
     _check_count(indices)
     missed = plane.to_pixels(indices.astype(float)) - plane.points

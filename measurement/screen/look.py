@@ -53,13 +53,8 @@ NODES = np.polynomial.legendre.leggauss(8)
 
 @dataclasses.dataclass(frozen=True)
 class LineShape:
-    """A straight line of the grid.
-
-    Attributes:
-        width: Its width in m on the screen.
-        depth: Share of the light that it takes where it is sharp.
-        blur: Standard deviation in m of the picture's blur on the screen.
-    """
+    """A straight line of the grid: its width, and the standard deviation of the picture's blur, in m on the screen, and
+    the share of light that it takes where it is sharp."""
 
     width: float
     depth: float
@@ -67,12 +62,9 @@ class LineShape:
 
     @classmethod
     def fitted(cls, distance: Array, inks: Array) -> tuple[LineShape | None, LineShape | None]:
-        """Return the lines of both directions, of one ink and one blur; None where there is no line to be seen.
-
-        Args:
-            distance: Distances (k,) in m from a line's middle, from 0 to the profiles' end.
-            inks: Share of light (2, k) that the lines let through there, relative to that at the profiles' end.
-        """
+        """Return the lines of both directions, of one ink and one blur, by the share of light (2, k) that they let through
+        at distances (k,) in m from their middle to the profiles' end, relative to that there; None where there is no line
+        to be seen."""
         seen = [axis for axis in (0, 1) if 1.0 - inks[axis].min() > LEAST_DEPTH]
         if not seen:
             return None, None
@@ -111,13 +103,9 @@ class LineShape:
         return np.asarray(1.0 - self.depth * (ndtr(upper) - ndtr(lower)))
 
     def covariance(self, off: Array, z: Array, correlation: Array) -> Array:
-        """Return the difference between the blurred product and blurred shadow times blurred line, per unit of the edge's rise.
-
-        Args:
-            off: Signed distances (...) in m from the line's middle.
-            z: Places (...) across the edge in its widths.
-            correlation: Correlation (...) of the edge's and the line's blur, its sign that of d off / d z.
-        """
+        """Return the difference between the blurred product and blurred shadow times blurred line, per unit of the edge's
+        rise, at signed distances in m from the line's middle and places ``z`` across the edge in its widths; the
+        correlation of both blurs has the sign of d off / d z."""
         upper, lower = (off + 0.5 * self.width) / self.blur, (off - 0.5 * self.width) / self.blur
         r = np.clip(correlation, -STRONGEST, STRONGEST)
         # r = sin(t) takes the integrand's steepness near r = 1 away.
@@ -142,14 +130,7 @@ VIEW_NODES = 33
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class View:
-    """Evaluated region of a photograph.
-
-    Attributes:
-        image: The photograph, shape (h, w, 3).
-        setup: Camera and screen.
-        roi: Region x0, y0, x1, y1 in px.
-        light: Light of every stored number.
-    """
+    """Evaluated region x0, y0, x1, y1 in px of a photograph (h, w, 3), with the light of every stored number."""
 
     image: Pixels
     setup: Setup
@@ -271,14 +252,8 @@ class GridLook:
 
 
 def look_at_grid(view: View, pitch: float, is_lit: npt.NDArray[np.bool_], reach: float = REACH) -> GridLook:
-    """Return the look at the grid lines where they should be: at whole multiples of the pitch on the screen.
-
-    Args:
-        view: The photograph.
-        pitch: Distance of the lines in m.
-        is_lit: Where lines are looked for, on the region made smaller.
-        reach: Half length of a profile across a line, in pitches.
-    """
+    """Return the look at the grid lines where they should be, at whole multiples of the pitch in m on the screen, within
+    ``is_lit``, on the region made smaller; ``reach`` is half the length of a profile across a line in pitches."""
     across = np.linspace(-reach * pitch, reach * pitch, SAMPLES)
     half, expected = SAMPLES // 2, 0
     places, shifts, inks, offsets = [], [], [], []
@@ -441,14 +416,9 @@ def _medians(look: GridLook, axis: int, shift: Array) -> tuple[Array, Array, Arr
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Flatness:
-    """What the screen's own shape does to an edge.
-
-    Attributes:
-        error: Standard errors of the edge's points in m, shape (n,).
-        off: Distance in m of each piece of line beside the edge from where it should be, beyond noise; shape (k,).
-        noise: Standard errors of these in m, shape (k,).
-        away: Distances in m of these pieces from the edge, shape (k,).
-    """
+    """What the screen's own shape does to an edge: standard errors (n,) of its points, and of each piece of line beside
+    the edge, shape (k,), the distance from where it should be beyond noise, the standard error of that, and the distance
+    from the edge; all in m."""
 
     error: Array
     off: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
@@ -496,12 +466,8 @@ FEWEST = 24
 
 
 def movement(look: GridLook) -> tuple[float, float]:
-    """Return how far the picture of the screen has moved since the setup, and what of the shifts that leaves, both in m.
-
-    Returns:
-        Root mean square of the affine movement that fits the shifts best, over the places where lines were seen, and
-        the root mean square of the rest; infinite where too few lines were seen.
-    """
+    """Return the root mean square in m of the affine movement that fits the lines' shifts since the setup best, over the
+    places where lines were seen, and of what it leaves; infinite where too few were seen."""
     moved2, rest2 = 0.0, 0.0
     for axis in (0, 1):
         mine = look.axis == axis

@@ -47,8 +47,7 @@ class Plane:
         homography: Matrix (3, 3) that takes (x, y, 1) in px to (X, Z, 1) times a factor; its Frobenius norm is 1.
         covariance: Covariance (9, 9) of the homography's entries, row by row.
         residual: Root mean square distance in m of the known points from their images on the plane.
-        points: The known points (n, 2) in ideal px.
-        targets: The same points (n, 2) in m.
+        points, targets: The known points (n, 2) in ideal px and in m.
     """
 
     homography: Points
@@ -59,16 +58,11 @@ class Plane:
 
     @classmethod
     def fit(cls, px: ArrayLike, metres: ArrayLike, sigma_px: float | ArrayLike | None = None) -> Plane:
-        """Fit the plane to known points.
+        """Fit the plane to four or more known points (n, 2) in ideal px and on the screen in m; `PlaneError` for too few, or
+        points on a line.
 
-        Args:
-            px: Points (n, 2) in ideal pixels, n at least 4.
-            metres: The same points (n, 2) on the screen in m.
-            sigma_px: Standard error of ``px`` per axis in px, one for all or one per point (n,). Without it all points
-                weigh the same and the error is taken from what the fit leaves, which needs a fifth point.
-
-        Raises:
-            PlaneError: Too few points, or points on a line.
+        ``sigma_px`` is the standard error per axis in px, one for all or one per point (n,). Without it all points weigh the
+        same and the error is taken from what the fit leaves, which needs a fifth point.
         """
         seen, known = as_points(px), as_points(metres)
         if len(seen) != len(known):
@@ -208,16 +202,8 @@ FLATTEST = 0.03
 
 
 def plane_of_points(camera: Camera, px: Points, metres: Points) -> Plane:
-    """Fit the plane to four or more known points, none of them on a line with all but one of the others.
-
-    Args:
-        camera: The camera that saw the points.
-        px: Points (n, 2) in px of the photograph.
-        metres: The same (n, 2) on the screen in m, X to the right and Z up.
-
-    Raises:
-        PlaneError: Too few points, points given twice, on one line, mirrored, or exchanged with each other.
-    """
+    """Fit the plane to four or more known points (n, 2) in px of the photograph and on the screen in m, X to the right and
+    Z up. Raises `PlaneError` for too few, or points given twice, on one line, mirrored, or exchanged with each other."""
     seen, known = as_points(px), as_points(metres)
     if len(seen) < 4:
         raise PlaneError(
@@ -259,17 +245,8 @@ def plane_of_points(camera: Camera, px: Points, metres: Points) -> Plane:
 def plane_of_scale(
     camera: Camera, scale: float, error: float = 0.0, origin: tuple[float, float] | None = None
 ) -> Plane:
-    """Return the plane of a camera that looks straight at it.
-
-    Args:
-        camera: The camera.
-        scale: Pixels per metre.
-        error: Its standard error.
-        origin: Pixel (x, y) of X = Z = 0; the middle of the picture unless given.
-
-    Raises:
-        PlaneError: No positive scale.
-    """
+    """Return the plane of a camera that looks straight at it, at a scale with its error in pixels per metre; the pixel
+    ``origin``, the middle of the picture unless given, is X = Z = 0. Raises `PlaneError` for no positive scale."""
     if not (0.0 < scale < np.inf and 0.0 <= error < scale):
         raise PlaneError("the scale must be a positive number of pixels per metre, larger than its error")
     width, height = camera.width, camera.height
@@ -566,14 +543,8 @@ def _plane(table: Mapping[str, Any]) -> Plane:
 def magnification(
     lamp: float, screen: float, lamp_error: float = 0.0, screen_error: float = 0.0
 ) -> tuple[float, float]:
-    """Return the magnification of a shadow and its standard error from the lamp's and the screen's distances.
-
-    Args:
-        lamp: Distance in m from the lamp to the object.
-        screen: Distance in m from the object to the screen.
-        lamp_error: Standard error of ``lamp`` in m.
-        screen_error: Standard error of ``screen`` in m.
-    """
+    """Return the magnification of a shadow and its standard error, from the distances in m, with errors, from the lamp to
+    the object and from the object to the screen."""
     if not (lamp > 0.0 and screen >= 0.0 and lamp_error >= 0.0 and screen_error >= 0.0):
         raise SetupError("the lamp's distance must be positive, the screen's and all errors must not be negative")
     return (lamp + screen) / lamp, math.hypot(screen_error / lamp, screen * lamp_error / lamp**2)

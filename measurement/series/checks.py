@@ -220,11 +220,8 @@ def answers(stage: str, evidence: Evidence) -> Iterator[Doubt]:
 
 
 def doubts(stage: str, evidence: Evidence) -> tuple[str, ...]:
-    """Return what the checks of a stage have against a photograph, one sentence each.
-
-    Raises:
-        Unmeasurable: One of them rejects it, although it is not to be used anyway, or leaves nothing to measure.
-    """
+    """Return what the checks of a stage have against a photograph, one sentence each; `Unmeasurable` if one of them
+    rejects it, although it is not to be used anyway, or leaves nothing to measure."""
     found = []
     for doubt in answers(stage, evidence):
         if doubt.lasting or (doubt.rejects and not evidence.traced.anyway):

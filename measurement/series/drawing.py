@@ -41,16 +41,8 @@ EDGE_COLOUR, BRIDGE_COLOUR, REFUSED = "#ff2e63", "#ffd60a", "#c0392b"
 def draw_edge(
     path: Path, image: Pixels, setup: Setup, traced: Traced | None, outcome: Outline | Refusal, pressure: float
 ) -> None:
-    """Write a photograph with its edge, and with the reason if it was rejected.
-
-    Args:
-        path: PNG file to write.
-        image: The photograph, shape (h, w, 3).
-        setup: Camera and screen, for the region of interest.
-        traced: Its edge; None if it has none.
-        outcome: What became of it.
-        pressure: Pressure in Pa, for the headline.
-    """
+    """Write a photograph (h, w, 3) with its edge, None if it has none, and with the reason if it was rejected; the
+    pressure in Pa is for the headline."""
     from matplotlib.figure import Figure
 
     small, factor = _reduced(image)
@@ -248,13 +240,8 @@ def animate(path: Path, pictures: Sequence[Path]) -> None:
 
 
 def write_overview(path: Path, results: Sequence[Result], folder: Path) -> None:
-    """Write one page with the table, the pictures of the run and of every photograph, all inside of it.
-
-    Args:
-        path: HTML file to write.
-        results: What became of every photograph.
-        folder: Where the run's pictures lie.
-    """
+    """Write one HTML page with the table, the pictures of the run, which lie in the folder, and of every photograph, all
+    inside of it."""
     good = sum(isinstance(result.outcome, Outline) for result in results)
     weak = sum(isinstance(result.outcome, Outline) and not result.outcome.trusted for result in results)
     parts = [f"{good} of {len(results)} photographs measured"]

@@ -56,21 +56,13 @@ def trace(file: Path, setup: Setup, tone: str = AUTO, likely: str = "", anyway: 
 
 
 def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "", anyway: bool = False) -> Traced:
-    """Find the edge of the shadow in a photograph.
+    """Find the edge of the shadow in a photograph (h, w, 3); `Unmeasurable` if it must not be measured.
 
-    A penumbra is symmetric in light, and no longer so in numbers of another scale: half of the light lies elsewhere then,
-    by up to half of the penumbra's width. A shape with a free departure from the tone curve follows even a wrong one to some
-    extent, so all tones are tried, and the one with the least chi-square is taken if it is decisively less.
-
-    Args:
-        image: The photograph, shape (h, w, 3).
-        setup: Camera and screen.
-        tone: How the file stores light, one of `pictures.TONES`, or ``"auto"``.
-        likely: The tone of other photographs of the run, for an edge that lies on the grid's ink and does not tell its own.
-        anyway: Whether it shall be used in spite of doubts.
-
-    Raises:
-        Unmeasurable: The photograph must not be measured; the message is the reason.
+    A penumbra is symmetric in light, and no longer so in numbers of another scale: half of the light lies elsewhere then, by
+    up to half of the penumbra's width. A shape with a free departure from the tone curve follows even a wrong one to some
+    extent, so with the tone ``"auto"`` all are tried, and the one with the least chi-square is taken if it is decisively
+    less. ``likely`` is that of the run's other photographs, for an edge that lies on the grid's ink and does not tell its
+    own.
     """
     if tone != AUTO:
         return _traced(image, setup, tone, anyway)
@@ -116,15 +108,8 @@ def find_zero(
 
 
 def zero_of(traced: Traced, raised: Traced | None = None) -> ZeroLine:
-    """Return the undeformed surface from the photograph at zero pressure.
-
-    Args:
-        traced: Its edge.
-        raised: A photograph of the raised body without doubts, which shows what the camera does to an edge.
-
-    Raises:
-        Unmeasurable: It shows no straight surface.
-    """
+    """Return the undeformed surface from the photograph at zero pressure; one of the raised body without doubts shows what
+    the camera does to an edge. Raises `Unmeasurable` where it shows no straight surface."""
     hidden = 0.0
     if raised is not None:
         again = traced.of_level(raised)
@@ -152,11 +137,7 @@ def zero_of(traced: Traced, raised: Traced | None = None) -> ZeroLine:
 
 
 def outline_of(traced: Traced, zero: ZeroLine, pressure: float, pressure_error: float, source: str) -> Outline:
-    """Return the outline above the surface.
-
-    Raises:
-        Unmeasurable: The visible outline is not that of an actuator on this surface.
-    """
+    """Return the outline above the surface; `Unmeasurable` if it is not that of an actuator on this surface."""
     e = Evidence(traced, zero)
     reasons = (*traced.doubts, *doubts(OUTLINE, e))
     assert e.displaced is not None  # a check rejects that
@@ -197,10 +178,7 @@ class NoZero(ValueError):
 
 def zero_line(photographs: Sequence[Photograph], setup: Setup, tone: str = AUTO) -> ZeroLine:
     """Return the undeformed surface: the setup's two points, or else the photograph whose pressure is nearest to zero.
-
-    Raises:
-        NoZero: Neither the setup nor the photographs have one, with the reason.
-    """
+    Raises `NoZero`, with the reason, where neither has one."""
     if setup.zero is not None:
         return ZeroLine.through(setup.zero)
     candidates = sorted((photo for photo in photographs if photo.is_zero), key=lambda photo: abs(photo.pressure))
@@ -249,20 +227,8 @@ def measure_all(
     pictures: Path | None = None,
     done: Callable[[Result], None] = lambda result: None,
 ) -> list[Result]:
-    """Measure every photograph.
-
-    Args:
-        photographs: The list.
-        setup: Camera and screen.
-        zero: The undeformed surface.
-        tone: How the files store light.
-        jobs: Processes at a time.
-        pictures: Folder for a picture of each photograph with its edge; None for none.
-        done: Called after each photograph.
-
-    Returns:
-        One result per photograph, in the list's order.
-    """
+    """Return a result per photograph, in the list's order, measured in so many processes at a time. The folder
+    ``pictures`` gets one of each with its edge; ``done`` is called after each."""
     names, listed = _names(photographs), Run(rows=photographs)
     results: dict[str, Result] = {}
     work = []

@@ -336,21 +336,16 @@ def _photograph(folder: Path, row: dict[str, str], column: Column) -> Photograph
 
 
 class _Clock:
-    """The history of the pressure, row by row in the order in which the photographs were taken.
-
-    A row of the same pressure as the one before belongs to the same hold.
-    """
+    """The history of the pressure, row by row in the order in which the photographs were taken. A row of the same pressure
+    as the one before belongs to the same hold."""
 
     def __init__(self) -> None:
         self.corners: list[tuple[float, float]] = [(0.0, 0.0)]
         self.reached, self.hold = 0.0, 0.0
 
     def moved(self, photo: Photograph, hold: str, rise: str) -> History:
-        """Return the history up to the photograph of the next row; one at zero pressure before any rise is at rest.
-
-        Raises:
-            PhotoListError: A time is missing, negative, or not after that of the row before.
-        """
+        """Return the history up to the photograph of the next row; one at zero pressure before any rise is at rest. Raises
+        `PhotoListError` for a time that is missing, negative, or not after that of the row before."""
         (time, before), pressure = self.corners[-1], photo.pressure
         if len(self.corners) == 1 and photo.is_zero:
             return tuple(self.corners)
@@ -437,12 +432,8 @@ NEAR = 60e-6
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Sample:
-    """Data of a photograph by which copies are recognised.
-
-    Attributes:
-        fine: What is left without the smooth part, without its outliers, shape (n,).
-        smooth: The smooth part over its largest value, shape (patches, side, side).
-    """
+    """Data of a photograph by which copies are recognised: what is left without the smooth part and without outliers,
+    shape (n,), and the smooth part over its largest value, shape (patches, side, side)."""
 
     fine: Float32Array
     smooth: Float32Array
@@ -469,13 +460,8 @@ def prepared(patches: Pixels) -> Sample:
 
 
 def likeness(first: Sample, second: Sample, others: Sequence[Sample]) -> float:
-    """Return the correlation of what two photographs do not share with others; NaN where it is unknown.
-
-    Args:
-        first: One of the two.
-        second: The other.
-        others: Different photographs of the same run; with fewer than two the bar is another, see `is_copy`.
-    """
+    """Return the correlation of what two photographs do not share with other, different ones of the run; NaN where it is
+    unknown. With fewer than two others the bar is another, see `is_copy`."""
     if not others or any(other.fine.shape != first.fine.shape for other in (second, *others)):
         return np.nan
     still = _still([first, second, *others])
@@ -517,16 +503,9 @@ def is_copy(first: Sample, second: Sample, others: Sequence[Sample]) -> bool:
 
 
 def copies(outlines: Mapping[int, Outline], samples: Mapping[int, Pixels]) -> dict[int, str]:
-    """Return which photographs of a run are copies of each other, by their noise.
-
-    Args:
-        outlines: Their outlines by their numbers in the list.
-        samples: Their patches from `cut_out`, by the same numbers.
-
-    Returns:
-        A sentence for each number of a photograph that must not be used: both of two copies at different pressures, of
-        which one at least is wrong, and the later one of two at the same pressure, which would count twice.
-    """
+    """Return a sentence for each photograph that is a copy by its noise and must not be used, by the numbers of the
+    outlines and of the patches from `cut_out`: both of two at different pressures, of which one at least is wrong, and the
+    later one of two at the same pressure, which would count twice."""
     usable = [k for k in outlines if k in samples]
     kept = functools.cache(lambda k: prepared(samples[k]))
     near = {(i, j) for i in usable for j in usable if i != j and _same_outline(outlines[i], outlines[j])}
@@ -584,11 +563,8 @@ def _correlation(one: npt.NDArray[np.float64], two: npt.NDArray[np.float64]) -> 
 
 
 def same_pictures(photographs: Sequence[Photograph]) -> dict[Path, str]:
-    """Return why files of the same bytes must not be measured: at two pressures one is wrong, at one pressure they count once.
-
-    Returns:
-        A sentence for each file whose bytes another file of the list repeats; at the same pressure for all but the first.
-    """
+    """Return a sentence for each file whose bytes another file of the list repeats: at two pressures one is wrong, at one
+    pressure they count once, so that all but the first are told."""
     alike: dict[str, list[Photograph]] = {}
     for photo in photographs:
         try:

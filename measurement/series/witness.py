@@ -62,13 +62,8 @@ TIMES = (2, 3)
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Course:
-    """The course through some points.
-
-    Attributes:
-        heights: Their heights in m, shape (n,).
-        pressures: Their pressures in Pa, shape (n,).
-        errors: Standard errors of the pressures in Pa, those of the heights taken along, shape (n,).
-    """
+    """The course through points of heights in m and pressures in Pa, with the standard errors of the pressures, those of
+    the heights taken along, shape (n,)."""
 
     heights: Array
     pressures: Array
@@ -87,12 +82,8 @@ class Course:
         return max(float(np.ptp(self.heights)), 1e-9), max(float(np.abs(self.pressures).max()), 1e-9)
 
     def left_out(self) -> tuple[Array, Array, Array]:
-        """Return what all the others expect of each point.
-
-        Returns:
-            Expected pressure in Pa, its standard error (the course's, the scatter's and the reading's own), and the
-            probability that a good point is as far off; shapes (n,).
-        """
+        """Return what all the others expect of each point: pressure in Pa, its standard error (the course's, the scatter's
+        and the reading's own), and the probability that a good point is as far off, shapes (n,)."""
         u, q, noise = self._scaled()
         root, evidence, _ = _models(u, q, noise)
         precision = np.einsum("mji,mji->mi", root, root)
@@ -107,11 +98,8 @@ class Course:
         return expected * pressure, spread * pressure, tail
 
     def at(self, heights: Array, errors: Array | float = 0.0) -> tuple[Array, Array, Array]:
-        """Return the expected pressure of further points, as `left_out` for theirs; ``errors`` are their readings' in Pa.
-
-        Returns:
-            Expected pressure and its standard error in Pa, shapes (k,), and the tails' table for `tail`.
-        """
+        """Return the expected pressure of further points and its standard error in Pa, as `left_out` for theirs, shapes
+        (k,), and the tails' table for `tail`; ``errors`` are their readings' in Pa."""
         u, q, noise = self._scaled()
         length, pressure = self.scale
         v = (np.asarray(heights) - self.heights.min()) / length
@@ -160,10 +148,8 @@ class Course:
 
 
 def _models(u: Array, q: Array, noise: Array) -> tuple[Array, Array, Array]:
-    """Return the inverse roots L^-1 of the covariances L L^T (m, n, n), logarithms of the evidence (m,), and scatters (m,).
-
-    Roots, because the line's wide prior leaves inverses of the covariances themselves with few digits.
-    """
+    """Return the inverse roots L^-1 of the covariances L L^T (m, n, n), logarithms of the evidence (m,), and scatters
+    (m,). Roots, because the line's wide prior leaves inverses of the covariances themselves with few digits."""
     prior = _prior(u, u)
     scatter = np.tile(SCATTER, len(prior) // len(SCATTER))
     matrix = prior + (scatter[:, None] ** 2 + noise**2)[:, :, None] * np.eye(len(u))
@@ -259,15 +245,9 @@ class Result:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Run:
-    """The photographs of a run in the list's order, and what each shows of the others.
-
-    Attributes:
-        outlines: Outlines above one zero plane by their numbers in the list.
-        samples: Patches of the pictures (`copies.cut_out`) by the same numbers, as far as there are any.
-        rows: The list.
-        heights, height_errors: Heights of the outlines and their standard errors in m, shapes (n,).
-        pressures, pressure_errors: Pressures of the outlines and their standard errors in Pa, shapes (n,).
-    """
+    """The photographs of a run in the list's order, and what each shows of the others. Outlines above one zero plane and
+    patches of the pictures, as far as there are any, are by their numbers in the list; heights in m and pressures in Pa,
+    with errors, have the shape (n,) of the outlines."""
 
     outlines: Mapping[int, Outline] = MappingProxyType({})
     samples: Mapping[int, Pixels] = MappingProxyType({})
@@ -524,15 +504,8 @@ MIN_HEIGHT_RATIO = 5.0
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Common:
-    """A value of each outline of a run, and its common course over the height.
-
-    Attributes:
-        numbers: Numbers of the outlines.
-        heights: In m, shape (n,).
-        values: The values, shape (n,).
-        known: Which outlines are raised and have one, shape (n,).
-        usual: How far a value may lie off the course before it counts less.
-    """
+    """A value of each outline of a run, shape (n,), and its common course over the heights in m. ``known`` are the raised
+    outlines that have one, ``usual`` is how far a value may lie off the course before it counts less."""
 
     numbers: list[int]
     heights: Array
