@@ -60,15 +60,8 @@ SAME = 1e-3
 
 @dataclasses.dataclass(frozen=True)
 class Ranked:
-    """A fit with its criteria relative to the best one's, which are 0.
-
-    Attributes:
-        fit: The fit.
-        aicc: Akaike's corrected criterion.
-        bic: Schwarz's.
-        ratio: Root mean square misfit over that of the closest law.
-        near: Whether the law follows the data nearly as closely as the closest does.
-    """
+    """A fit with Akaike's corrected criterion and Schwarz's relative to the best one's, which are 0, and its root mean
+    square misfit over that of the closest law; ``near`` if it follows the data nearly as closely."""
 
     fit: LeastSquaresFit
     aicc: float
@@ -79,14 +72,9 @@ class Ranked:
 
 @dataclasses.dataclass(frozen=True)
 class Comparison:
-    """Fits of the same data, best first, with a conclusion.
-
-    Attributes:
-        ranked: Best first.
-        preferred: The fit to take: the best, or the simplest of those that the data do not distinguish from it; of equally
-            simple ones the first in the order of `softmodels.fitting.problem.all_laws`.
-        sentence: Why.
-    """
+    """Fits of the same data, best first, with the one to take and a sentence why: the best, or the simplest of those that
+    the data do not distinguish from it; of equally simple ones the first in the order of
+    `softmodels.fitting.problem.all_laws`."""
 
     ranked: tuple[Ranked, ...]
     preferred: LeastSquaresFit
@@ -94,15 +82,16 @@ class Comparison:
 
 
 def compare(fits: Sequence[LeastSquaresFit], judged: Sequence[LeastSquaresFit] | None = None) -> Comparison:
-    """Rank fits of the same measurements by the quasi-likelihood form of Akaike's corrected criterion.
+    """Rank fits of the same sources with the same loss by the quasi-likelihood form of Akaike's corrected criterion;
+    ``judged`` are the same laws in the same order, fitted to curves on the common yardstick.
 
     QAICc divides the misfit by the variance that remains in the closest fit (Burnham & Anderson 2002, Model Selection and
     Multimodel Inference, section 2.5). What the misfit is counted in decides, so measured curves are judged on one yardstick,
-    whatever errors they are fitted with: `on_yardstick` fits each law again at the same stretches for every
-    sampling, with what a test can tell, a share of the stress, as its error. Each curve counts as `CURVE_VALUES` values,
-    however densely it is sampled. A further parameter then pays where it takes a tenth off the mean square misfit, or off
-    what a test can tell where the misfit is below that. A simpler law is preferred only where its misfit on that yardstick is
-    less than `EQUAL` times the closest law's.
+    whatever errors they are fitted with: `on_yardstick` fits each law again at the same stretches for every sampling, with
+    what a test can tell, a share of the stress, as its error. Each curve counts as `CURVE_VALUES` values, however densely it
+    is sampled. A further parameter then pays where it takes a tenth off the mean square misfit, or off what a test can tell
+    where the misfit is below that. A simpler law is preferred only where its misfit on that yardstick is less than `EQUAL`
+    times the closest law's.
 
     Which of two indistinguishable laws is ahead may change with the noise of a few readings. So it does not count: the one
     with fewer parameters is preferred, and of two with the same number the one that comes first in a fixed order.
@@ -110,13 +99,6 @@ def compare(fits: Sequence[LeastSquaresFit], judged: Sequence[LeastSquaresFit] |
     Other fits count as many values as they have independent residuals, their runs of like sign taken together.
 
     A law whose root mean square misfit is `MOST_RATIO` times another's is never preferred. The BIC is formed likewise.
-
-    Args:
-        fits: At least one, all of the same sources with the same loss.
-        judged: The same laws, fitted to curves on the common yardstick, in the same order.
-
-    Raises:
-        ValueError: They are not of the same measurements.
     """
     _check(fits)
     even = [True] * len(fits)
@@ -222,13 +204,7 @@ def _judgement(ranked: tuple[Ranked, ...]) -> tuple[LeastSquaresFit, str]:
 
 @dataclasses.dataclass(frozen=True)
 class DeviceMisfit:
-    """Misfit of a fit to the outlines and readings of one device.
-
-    Attributes:
-        device: Its name.
-        chi2: Sum of its squared residuals in standard errors.
-        count: How many they are.
-    """
+    """Sum of squared residuals in standard errors, and their number, of the outlines and readings of one device."""
 
     device: str
     chi2: float
@@ -240,8 +216,6 @@ class FittedLaw(Shown):
     """A law with its fit and its warnings.
 
     Attributes:
-        choice: The law.
-        fit: Its fit.
         material: With the fitted values.
         verdict: Its stability within the fitted range.
         profiles: By parameter; empty if none were asked for.
@@ -288,11 +262,8 @@ class FittedLaw(Shown):
 
     @property
     def errors(self) -> MaterialErrors:
-        """Errors of the material: for ``sm.score(..., errors=...)`` and the band of a run.
-
-        Raises:
-            MaterialError: No parameter of the material was free, or the data do not determine it.
-        """
+        """Errors of the material: for ``sm.score(..., errors=...)`` and the band of a run. Raises `MaterialError` where no
+        parameter of it was free, or the data do not determine it."""
         from softmodels.case.materials import MaterialErrors
         from softmodels.mechanics.sensitivity import known_parameters
 
@@ -360,8 +331,7 @@ class CurveContradiction:
     """Two curves of the same test that differ by more than tests of one material.
 
     Attributes:
-        softer: Place of the softer curve in the list of curves.
-        stiffer: Place of the stiffer.
+        softer, stiffer: Places in the list of curves.
         names: Their names, the softer first.
         ratio: Stress of the stiffer over that of the softer: the factor that brings them closest.
         difference: Root mean square difference as a share of their mean stress.
@@ -388,13 +358,10 @@ class CurveContradiction:
 
 
 def contradictions(curves: Sequence[TensileCurve], gauge_error: float = 0.0) -> list[CurveContradiction]:
-    """Return all pairs of curves of the same test that contradict each other, by their stresses at the same stretches.
+    """Return all pairs of curves of the same test that contradict each other, by their stresses at the same stretches;
+    ``gauge_error`` is the standard error of a factor on each test, a share.
 
     No law is needed for that, so a law that follows neither cannot hide it, nor one that follows both poorly feign it.
-
-    Args:
-        curves: Measured curves.
-        gauge_error: Standard error of a factor on each test, a share, as the fit takes it.
     """
     found = []
     allowed = BEYOND * math.sqrt(2) * max(TEST_ERROR, gauge_error)
@@ -423,13 +390,7 @@ def contradictions(curves: Sequence[TensileCurve], gauge_error: float = 0.0) -> 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SeparateFits:
-    """Curves that contradict each other, with separate fits.
-
-    Attributes:
-        pairs: What contradicts what.
-        curves: The measured curves.
-        own: The chosen law fitted to each of them separately.
-    """
+    """Curves that contradict each other, and the chosen law fitted to each of the measured curves separately."""
 
     pairs: tuple[CurveContradiction, ...]
     curves: tuple[TensileCurve, ...]
@@ -484,11 +445,9 @@ class FitReport(Shown):
     """All fitted laws, best first, with curves and options.
 
     Attributes:
-        laws: Fitted laws, by the comparison's order.
-        comparison: Result of the criterion.
         curves: Measured curves within the fit's range.
         how: The weighting in words.
-        apart: Curves that contradict each other, with a separate fit of each; None if there are none.
+        separate: Curves that contradict each other, with a separate fit of each; None if there are none.
         devices: Each device in words; empty for only curves.
         notes: What was left out, and why.
         photographs: By law: each photograph with its fitted state; empty but for outlines.
@@ -581,14 +540,8 @@ FACTORS = (
 
 @dataclasses.dataclass(frozen=True)
 class Expected:
-    """Published moduli of a silicone.
-
-    Attributes:
-        label: Whose modulus it is, in words.
-        curves: Laws that have been published for it, or the one that the case has.
-        room: Factors below and above.
-        known: Whether the silicone is named.
-    """
+    """Published moduli of a silicone, named in words: the laws published for it, or the one that the case has, with
+    factors of room below and above; ``known`` if the silicone is named."""
 
     label: str
     curves: tuple[Material, ...]
@@ -604,15 +557,8 @@ class Expected:
 
 
 def expected(silicone: str | None, material: Material | None = None) -> Expected:
-    """Return the expected moduli of a named silicone, or else of a case's own material.
-
-    Args:
-        silicone: Name of a silicone, or `ANY`; None to go by the material.
-        material: The case's; None if there is no case.
-
-    Raises:
-        FitError: No silicone of this name is known.
-    """
+    """Return the expected moduli of a silicone by its name, or `ANY`, or else of a case's own material; `FitError` for an
+    unknown name."""
     name = silicone or (named(material) if material is not None else None)
     if name == ANY or (name is None and material is None):
         return Expected("casting silicones", (), (1.0, 1.0), silicone == ANY)
@@ -632,13 +578,7 @@ def published(name: str) -> tuple[Material, ...]:
 
 
 def objection(material: Material, largest: float, known: Expected) -> str:
-    """Return a sentence if a fitted law is implausible for its silicone; else "".
-
-    Args:
-        material: The fitted law.
-        largest: Largest stretch that it was fitted to.
-        known: What its silicone leads to.
-    """
+    """Return a sentence if a law fitted up to a largest stretch is implausible for its silicone; else ""."""
     stretch = min(STRETCH, max(largest, 1.05))
     modulus, (low, high) = secant_modulus(material, stretch), known.range(stretch)
     if low <= modulus <= high:
@@ -838,15 +778,10 @@ SOUND, UNSOUND, EARLIER = "fitted", "unsound", "earlier-"
 
 
 def write_materials(report: FitReport, folder: Path, more: Mapping[str, str] = MappingProxyType({})) -> None:
-    """Write each law's material file, as ``fitted.toml`` only if the chosen law is accepted.
+    """Write each law's material file, as ``fitted.toml`` only if the chosen law is accepted, and the texts of further files.
 
     An earlier fit's ``fitted*.toml`` that this one does not replace is renamed to ``earlier-fitted*.toml``: nobody shall take
     it for this one's. An earlier ``unsound*.toml`` is removed.
-
-    Args:
-        report: The fit.
-        folder: Where to.
-        more: Texts of further files by their names.
     """
     texts = {name_of(report.chosen): material_toml(report.chosen, report)}
     if len(report.laws) > 1:

@@ -34,14 +34,11 @@ REACH = (0.2, 1.2)
 
 
 class LeakResiduals:
-    """Residuals of the pressures of a leaking device; see `softmodels.fitting.problem.Residuals`.
+    """Residuals of the gauge pressures of a leaking device in Pa, with standard errors, at rising times in s, shape (n,); see
+    `softmodels.fitting.problem.Residuals`.
 
-    Args:
-        times: In s, rising, shape (n,).
-        pressures: Gauge pressures in Pa, shape (n,).
-        errors: Their standard errors in Pa, shape (n,).
-        supply: Tubes, fittings, gas and kind of leak; its size does not matter.
-        cavity: Pairs of a pressure in Pa and the cavity's volume in m3, rising; one for a constant volume.
+    The supply has tubes, fittings, gas and kind of leak, whose size does not matter; the cavity is pairs of a pressure in Pa
+    and its volume in m3, rising, or one for a constant volume.
     """
 
     label, unit, parameters = "pressures", "Pa", (SIZE, START)

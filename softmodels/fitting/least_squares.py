@@ -60,15 +60,12 @@ class LeastSquaresFit:
     sign, and a hundred points of one run are worth about one.
 
     Attributes:
-        label: What was fitted.
-        parameters: All parameters, the fixed ones too.
-        values: Their values by name.
+        parameters, values: All parameters, the fixed ones too, and their values by name.
         residuals: Standardised residuals, the priors' last, shape (n,).
         jacobian: Their derivatives by the free parameters, shape (n, m).
         rows: What the residuals are.
         deviance: Sum of the loss over the squared residuals: chi squared, for a linear loss.
-        loss: See `softmodels.fitting.least_squares.fit_parameters`.
-        errors: See `softmodels.fitting.least_squares.fit_parameters`.
+        loss, errors: See `softmodels.fitting.least_squares.fit_parameters`.
         evaluations: Evaluations of the sources so far.
         starts: Where each start ended.
         problem: What `softmodels.fitting.least_squares.profile` solves again.
@@ -162,10 +159,8 @@ class LeastSquaresFit:
 
     @functools.cached_property
     def covariance(self) -> Array:
-        """Covariance of the free parameters in their units, shape (m, m).
-
-        Infinite where the data see nothing, and nan for parameters at a bound, whose neighbours' are as if it were fixed.
-        """
+        """Covariance of the free parameters in their units, shape (m, m). Infinite where the data see nothing, and nan for
+        parameters at a bound, whose neighbours' are as if it were fixed."""
         inside = self.inside
         full = np.full((len(self.free), len(self.free)), np.nan)
         if inside:
@@ -330,22 +325,18 @@ def fit_parameters(
     label: str = "",
     evaluations: int = 300,
 ) -> LeastSquaresFit:
-    """Find the parameters that best fit all sources jointly.
+    """Find the parameters that best fit all sources jointly; `FitError` if the task is impossible, or no start could be
+    evaluated.
 
     Args:
-        sources: What was measured.
         parameters: Every parameter the sources name.
-        loss: ``"linear"`` (least squares) or ``"soft_l1"``, in which residuals far above 1 count by their size and not by
-            its square.
+        loss: ``"linear"`` (least squares) or ``"soft_l1"``, in which residuals far above 1 count by their size and not by its
+            square.
         starts: How many starting points: the parameters' own, then quasi-random ones around it (always the same). Or the
             starting values themselves; what they leave out, or have outside the bounds, starts at its parameter's own start.
-        errors: ``"stated"``: the sources' errors are believed unless the scatter is larger. ``"unknown"``: only their
-            ratios are; their size follows from the scatter.
-        label: What is fitted, for reports.
+        errors: ``"stated"``: the sources' errors are believed unless the scatter is larger. ``"unknown"``: only their ratios
+            are; their size follows from the scatter.
         evaluations: Per start at most.
-
-    Raises:
-        FitError: The task is impossible, or no start could be evaluated.
     """
     _check(sources, parameters, loss, errors)
     problem = Problem(sources, parameters, loss)
@@ -432,10 +423,8 @@ def _disagreement(runs: list[StartResult], result: LeastSquaresFit) -> list[str]
 
 
 def _apart(run: StartResult, result: LeastSquaresFit) -> bool:
-    """Return whether a start ended further from the result than the result's own intervals reach.
-
-    Terms that have changed places (Ogden's) are the same result.
-    """
+    """Return whether a start ended further from the result than the result's own intervals reach. Terms that have changed
+    places (Ogden's) are the same result."""
     here, there = (sorted(values[p.name] for p in result.free) for values in (result.values, run.values))
     if np.allclose(here, there, rtol=1e-3):
         return False
@@ -495,13 +484,8 @@ NORMAL = 1.96
 
 @dataclasses.dataclass(frozen=True)
 class Judgement:
-    """Objections to a fit from the device, the bench and the silicone.
-
-    Attributes:
-        objections: Sentences that forbid its use.
-        warnings: Sentences that do not.
-        notes: What was corrected.
-    """
+    """Sentences on a fit from the device, the bench and the silicone: those that forbid its use, warnings that do not, and
+    notes on what was corrected."""
 
     objections: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -512,12 +496,8 @@ NOTHING = Judgement()
 
 
 def objections(fit: LeastSquaresFit, modulus: Callable[[Mapping[str, float]], float]) -> tuple[str, ...]:
-    """Return the objections to a fit, as sentences; empty if accepted.
-
-    Args:
-        fit: The fit.
-        modulus: The law's small-strain shear modulus in Pa at parameter values.
-    """
+    """Return the objections to a fit, as sentences; empty if accepted. ``modulus`` gives the law's small-strain shear
+    modulus in Pa at parameter values."""
     found = [
         f"{p.words} ended at its bound {f'{bound:.4g} {p.unit}'.rstrip()}, so its value and interval are meaningless"
         for p in fit.free
@@ -648,11 +628,9 @@ RESTART_TOLERANCE = 1e-9
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Profile:
-    """A profile likelihood.
+    """A profile likelihood of a parameter.
 
     Attributes:
-        name: The parameter.
-        unit: Its unit.
         values: Where it was held, rising, in its unit.
         rises: Rise of the deviance over the best one there, divided by what one independent residual is worth.
         limit: The rise at the ends of the 95 % interval.
@@ -673,16 +651,12 @@ class Profile:
 
 
 def profile(result: LeastSquaresFit, name: str, n: int = 15) -> Profile:
-    """Fix a parameter at values on both sides of its best one and refit the others.
+    """Fix a free parameter at about ``n`` values on both sides of its best one, more where the interval's end is far, and
+    refit the others.
 
     The interval is where the deviance rises by less than the square of Student's (or the normal) quantile times the
-    residuals' dispersion and run: it bends with the model where the covariance's interval cannot (Venzon & Moolgavkar
-    1988, doi 10.2307/2347496).
-
-    Args:
-        result: The fit.
-        name: A free parameter.
-        n: Values to hold it at, about; more where the interval's end is far.
+    residuals' dispersion and run: it bends with the model where the covariance's interval cannot (Venzon & Moolgavkar 1988,
+    doi 10.2307/2347496).
     """
     p = next(q for q in result.free if q.name == name)
     worth = _worth(result, name)

@@ -41,12 +41,8 @@ class Rows:
 
 @dataclasses.dataclass(frozen=True)
 class GroupSummary:
-    """Residuals of one group, in ``unit``: root mean square, mean and largest (with its sign).
-
-    Attributes:
-        count: How many.
-        run: Their correlation length in points; 1 for independent scatter.
-    """
+    """Residuals of one group, in ``unit``: their number, root mean square, mean and largest (with its sign), and their
+    correlation length in points, 1 for independent scatter."""
 
     unit: str
     count: int
@@ -57,13 +53,8 @@ class GroupSummary:
 
 
 def autocorrelation_time(r: Array) -> float:
-    """Return the sum of the autocorrelation over all lags, at least 1: the number of neighbours per independent value.
-
-    The sum ends at the first lag whose correlation could be chance (2 / sqrt(n)).
-
-    Args:
-        r: Values in their order, shape (n,).
-    """
+    """Return the sum of the autocorrelation over all lags of values (n,) in their order, at least 1: the number of
+    neighbours per independent value. It ends at the first lag whose correlation could be chance (2 / sqrt(n))."""
     n = len(r)
     power = float(np.sum(r**2))
     if n < SHORTEST or power == 0.0:
@@ -116,16 +107,11 @@ class Change(TypedDict, total=False):
 
 @dataclasses.dataclass(frozen=True)
 class Parameter:
-    """A parameter of a fit.
-
-    Where the bounds keep the sign and span two decades, the fit works on the logarithm.
+    """A parameter of a fit. Where the bounds keep the sign and span two decades, the fit works on the logarithm.
 
     Attributes:
         name: How the sources call it.
         unit: Unit of its values, ``""`` for a pure number.
-        start: First guess.
-        lower: Lower bound, perhaps ``-inf``.
-        upper: Upper bound, perhaps ``inf``.
         prior: What is known in advance.
         fixed: Keep it at ``start``.
         hidden: No one asks for its value: reports leave it out.
@@ -214,11 +200,8 @@ Changes = Mapping[str, Change]
 
 
 class Residuals(Protocol):
-    """A source of residuals.
-
-    A source may also carry ``unit`` (str) and ``errors`` (scalar or one per residual, in that unit): what a residual of 1
-    stands for. A fit then reports its residuals in that unit.
-    """
+    """A source of residuals. It may also carry ``unit`` (str) and ``errors`` (scalar or one per residual, in that unit):
+    what a residual of 1 stands for. A fit then reports its residuals in that unit."""
 
     @property
     def label(self) -> str:
@@ -231,33 +214,20 @@ class Residuals(Protocol):
         ...
 
     def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, Labels]:
-        """Return the standardised residuals at parameter values.
+        """Return the standardised residuals (n,) at parameter values, at least `parameters`, if asked for their exact
+        derivatives (n, len(parameters)), else None, and the label of each residual's group (a photograph, a test). Raises
+        `CannotEvaluate` if there is no answer.
 
         Residuals of one group stand in their order along the curve: their correlation is judged along it. The fit asks
         without derivatives first and then, if it keeps the values, with them; a costly source remembers its last answer.
-
-        Args:
-            values: Parameters by name, at least `parameters`.
-            derivatives: Whether the Jacobian is wanted.
-
-        Returns:
-            Residuals (n,), their exact derivatives (n, len(parameters)) or None, and the label of each residual's group
-            (a photograph, a test).
-
-        Raises:
-            CannotEvaluate: There is no answer at these values.
         """
         ...
 
 
 @dataclasses.dataclass(frozen=True)
 class Extra:
-    """Additional data of a fit, such as tensile curves with outlines.
-
-    Attributes:
-        sources: They depend on the law's parameters by the same names.
-        parameters: Of theirs only.
-    """
+    """Additional data of a fit, such as tensile curves with outlines: sources that depend on the law's parameters by the
+    same names, and parameters of theirs only."""
 
     sources: Sequence[Residuals] = ()
     parameters: Sequence[Parameter] = ()
@@ -474,14 +444,8 @@ STARTS = 6
 
 @dataclasses.dataclass(frozen=True)
 class LawChoice:
-    """A law with its number of terms and Poisson's ratio.
-
-    Attributes:
-        name: As asked for, such as ``"ogden2"``.
-        law: Its class.
-        terms: Terms of a law that is a sum of them; 0 for the others.
-        poisson: Poisson's ratio of the fitted material.
-    """
+    """A law by the name asked for, such as ``"ogden2"``, with its number of terms, 0 for a law that is no sum, and
+    Poisson's ratio of the fitted material."""
 
     name: str
     law: type[Material]
@@ -490,11 +454,7 @@ class LawChoice:
 
     @classmethod
     def from_text(cls, text: str, poisson: float = 0.5) -> LawChoice:
-        """Read ``"yeoh"`` or ``"ogden2"``.
-
-        Raises:
-            FitError: No such law, or too many terms.
-        """
+        """Read ``"yeoh"`` or ``"ogden2"``; `FitError` for no such law, or too many terms."""
         if text in LAWS:
             return cls.from_law(LAWS[text], poisson)
         found = re.fullmatch(r"(.*\D)([1-9])", text)
@@ -530,11 +490,8 @@ class LawChoice:
         return self.law.parameter_unit(name)
 
     def material(self, values: Mapping[str, float], stretches: tuple[float, float] | None = None) -> Material:
-        """Return the material with these parameters, fitted over a range of stretch.
-
-        Raises:
-            MaterialError: The law cannot take them.
-        """
+        """Return the material with these parameters, fitted over a range of stretch; `MaterialError` if the law cannot
+        take them."""
         made = self.law.from_parameters(values, self.terms, self.poisson)
         return made if stretches is None else dataclasses.replace(made, fitted_stretch=stretches)
 
@@ -555,11 +512,7 @@ Laws = str | type[Material] | Sequence[str | type[Material]]
 
 
 def law_choices(laws: Laws, poisson: float = 0.5) -> list[LawChoice]:
-    """Read ``"yeoh,ogden2"``, ``"all"``, or classes of laws.
-
-    Raises:
-        FitError: No such law, or one is named twice.
-    """
+    """Read ``"yeoh,ogden2"``, ``"all"``, or classes of laws; `FitError` for no such law, or one named twice."""
     if not -1.0 < poisson <= 0.5:
         raise FitError(f"poisson = {poisson:g} is outside -1 to 0.5")
     if isinstance(laws, str):
@@ -605,19 +558,9 @@ def all_parameters() -> dict[str, str]:
 def closed_starts(
     choice: LawChoice, design: Design, target: Array, modulus: float, most: float
 ) -> list[dict[str, float]]:
-    """Return the starts by linear least squares, over a grid of the nonlinear
-    parameters.
-
-    Args:
-        choice: The law.
-        design: Gives the slopes of all standardised stresses.
-        target: Standardised measured stresses, shape (n,).
-        modulus: Small-strain shear modulus in Pa of the data.
-        most: Largest I1 - 3 of the data.
-
-    Returns:
-        Best first.
-    """
+    """Return the starts, best first, by linear least squares over a grid of the nonlinear parameters: from the slopes that
+    ``design`` gives of all standardised stresses, these (n,), and the small-strain shear modulus in Pa and largest I1 - 3
+    of the data."""
     plain = choice.from_modulus(modulus, most)
     if choice.terms:
         return [*_term_starts(choice, design, target, modulus), plain]

@@ -114,11 +114,8 @@ class Score(Shown):
 def _explained(residuals: Array, slopes: Array, free: Array, errors: MaterialErrors) -> float:
     """Return the largest drop of chi squared as a material varies within the 95 % region of its errors, to first order.
 
-    Args:
-        residuals: In standard errors, at the least squares of what is free beside the material, shape (n,).
-        slopes: Their derivatives by the parameters of the errors, shape (n, p).
-        free: Their derivatives by what is free, which moves along, shape (n, m).
-        errors: The material's.
+    Residuals (n,) in standard errors are at the least squares of what is free beside the material; ``slopes`` (n, p) are
+    their derivatives by the parameters of the errors, ``free`` (n, m) by what is free, which moves along.
     """
     moves = slopes @ errors.roots
     if free.shape[1]:
@@ -142,18 +139,8 @@ def _explained(residuals: Array, slopes: Array, free: Array, errors: MaterialErr
 def score_curve(
     name: str, material: Material, curve: TensileCurve, error: StressError, errors: MaterialErrors | None = None
 ) -> Score:
-    """Score a material against a measured curve.
-
-    Args:
-        name: The material's name.
-        material: The law.
-        curve: The measured ramp; or the whole test with its times, through which a material with a memory is followed.
-        error: Standard error of the stress.
-        errors: Those of the material's numbers, if they are known.
-
-    Raises:
-        TensileError: The law has no stress somewhere on the curve.
-    """
+    """Score a material, whose errors may be known, against a measured ramp, or the whole test with its times, through
+    which a material with a memory is followed. Raises `TensileError` where the law has no stress on the curve."""
     stress = predicted(material, curve)
     if not np.isfinite(stress).all():
         first = float(curve.stretch[~np.isfinite(stress)][0])
@@ -186,19 +173,8 @@ def score_outlines(
     comm: MPI.Comm,
     errors: MaterialErrors | None = None,
 ) -> Score:
-    """Score a material against outlines of a device: with fixed law, while the bench corrections are fitted.
-
-    Args:
-        name: The material's name.
-        material: The law.
-        case: The device, alone or of a case.
-        outlines: Its measured outlines.
-        comm: Processes that solve together.
-        errors: Those of the material's numbers, if they are known.
-
-    Raises:
-        FitError: The device has no such states under this law, or cannot be the one in the photographs.
-    """
+    """Score a material, whose errors may be known, against outlines of a device: with fixed law, while the bench
+    corrections are fitted. Raises `FitError` where the device has no such states, or cannot be the one in the photographs."""
     from softmodels.fitting.outlines.device import MeasuredDevice
     from softmodels.fitting.outlines.fit import fit_law_to_outlines
     from softmodels.fitting.outlines.residuals import READINGS, OutlineResiduals
@@ -333,11 +309,7 @@ def score(
 
 
 def error_of(text: str) -> StressError:
-    """Return the standard error of stresses; a score needs its absolute size.
-
-    Raises:
-        TensileError: No size, or not a size.
-    """
+    """Return the standard error of stresses; `TensileError` for none, since a score needs its absolute size."""
     if text == "auto":
         return StressError(RELATIVE, None, True)
     if text == "constant":
@@ -353,10 +325,7 @@ def against_outlines(
     errors: Mapping[str, MaterialErrors] = MappingProxyType({}),
 ) -> list[Score]:
     """Return the scores of materials against outlines of a device, with their errors by name; see `score_outlines`.
-
-    Raises:
-        FitError: The device has no such states under a material, which is named.
-    """
+    `FitError` names the material."""
     scores = []
     for name, material in materials.items():
         try:
@@ -379,11 +348,7 @@ def _errors(
 
 
 def _named(materials: Materials) -> dict[str, Material]:
-    """Return the materials by their names in the scores.
-
-    Raises:
-        FitError: None, or one twice.
-    """
+    """Return the materials by their names in the scores; `FitError` for none, or one twice."""
     if isinstance(materials, Mapping):
         found = {str(name): material_of(f"material {name}", one) for name, one in materials.items()}
     else:

@@ -69,14 +69,8 @@ class TensileError(Spoken, ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class CurveColumn:
-    """One column of a table.
-
-    Attributes:
-        kind: One of `KINDS`.
-        unit: As written, ``""`` where none is.
-        place: Counted from 0.
-        header: What stands above it.
-    """
+    """One column of a table: its kind, one of `KINDS`, its unit as written, ``""`` where none is, its place from 0, and
+    what stands above it."""
 
     kind: str
     unit: str
@@ -86,15 +80,8 @@ class CurveColumn:
 
 @dataclasses.dataclass(frozen=True)
 class CurveTable:
-    """A file's numbers.
-
-    Attributes:
-        deformation, load: The two columns.
-        x, y: Their raw numbers, shape (n,).
-        lines: The line of each row.
-        time: Times in s since the first row, shape (n,); None without such a column, or where it cannot be used.
-        untimed: Why it cannot be used, a clause.
-    """
+    """A file's two columns with their raw numbers x and y, shape (n,), and the line of each row; times in s since the
+    first row, shape (n,), or None and a clause why they cannot be used."""
 
     deformation: CurveColumn
     load: CurveColumn
@@ -154,14 +141,12 @@ def told_columns(text: str) -> dict[str, tuple[str, str | None]]:
 
 
 def read_table(path: Path, told: Mapping[str, tuple[str, str | None]]) -> CurveTable:
-    """Find the header, also below other lines, and the numbers of the two columns of a curve, and its times.
+    """Find the header, also below other lines, and the numbers of the two columns of a curve, and its times, in a text or a
+    workbook (see `softmodels.common.tables.read_sheets`); a row of units may stand below the header. ``told`` is of
+    `told_columns`, empty to go by the headers.
 
-    Args:
-        path: A text or a workbook, see `softmodels.common.tables.read_sheets`. A row of units may stand below the header.
-        told: See `told_columns`; empty to go by the headers.
-
-    Raises:
-        TensileError: It cannot be read, no header or several say what the columns are, or there are no numbers below it.
+    Raises `TensileError` for a file that cannot be read, no header or several that say what the columns are, or no numbers
+    below it.
     """
 
     def found(sheet: Worksheet) -> _Header | None:
@@ -343,11 +328,8 @@ def _size(unit: str, column: CurveColumn) -> float | None:
 def _with_units(
     columns: Sequence[CurveColumn], units: Sequence[str], sure: Collection[str], where: str
 ) -> tuple[CurveColumn, ...]:
-    """Return the columns with the units below their headers, except the kinds in ``sure``.
-
-    Raises:
-        TensileError: A header has another unit.
-    """
+    """Return the columns with the units below their headers, except the kinds in ``sure``; `TensileError` if a header has
+    another unit."""
     made = []
     for column, unit in zip(columns, units, strict=True):
         if column.kind in sure or not unit:
@@ -384,11 +366,7 @@ def _is_number(text: str) -> bool:
 
 
 def in_si(values: Array, column: CurveColumn) -> Array:
-    """Return a column's numbers in the unit of its kind.
-
-    Raises:
-        TensileError: The unit is missing or of another kind.
-    """
+    """Return a column's numbers in the unit of its kind; `TensileError` for a unit that is missing or of another kind."""
     wanted = KINDS[column.kind]
     if not column.unit and not wanted:
         return values
@@ -428,14 +406,8 @@ PERCENT = 30.0
 @checked
 @dataclasses.dataclass(frozen=True)
 class Specimen:
-    """Specimen data not in the file.
-
-    Attributes:
-        cross_section: Undeformed cross-section in m2, for forces.
-        gauge_length: Undeformed length in m, for extensions.
-        radius: Undeformed radius in m of a balloon.
-        thickness: Its undeformed thickness in m.
-    """
+    """Undeformed specimen data not in the file: cross-section in m2 for forces, gauge length in m for extensions, radius
+    and thickness in m of a balloon."""
 
     cross_section: float | None = None
     gauge_length: float | None = None
@@ -498,11 +470,7 @@ class TensileCurve:
         keep_arrays(self)
 
     def _column(self, name: str, values: object, kind: Quantity) -> Array:
-        """Return a copy of a column, protected from changes.
-
-        Raises:
-            TensileError: It holds something else than finite numbers.
-        """
+        """Return a copy of a column, protected from changes; `TensileError` for something else than finite numbers."""
         try:
             if isinstance(values, np.ndarray) and values.dtype.kind in "iuf" and values.ndim == 1:
                 found = np.array(values, dtype=np.float64)
@@ -599,19 +567,15 @@ def read_curve(
     history: bool = False,
     rate: float | None = None,
 ) -> TensileCurve:
-    """Read a curve.
+    """Read a curve from a text or Excel workbook with one row per reading, under a header that names the columns with their
+    units; or the units stand in a row below it. `TensileError`, which names the file, if it cannot be used.
 
     Args:
-        path: Text or Excel workbook with one row per reading, under a header that names the columns with their units; or
-            the units stand in a row below it.
         test: One of `TESTS`, or a synonym.
         columns: Which columns to take, see `told_columns`; empty to go by the headers.
         specimen: Its sizes, where the file has forces, extensions or pressures.
         history: Return the whole test with its times; else the loading ramp.
         rate: Of the stretch in 1/s, instead of a column of times; `EQUILIBRIUM` for none.
-
-    Raises:
-        TensileError: The curve cannot be used; the message names the file.
     """
     if not isinstance(test, str) or test.lower() not in SYNONYMS:
         raise TensileError(f"test {brief(test)} is not one of {', '.join(TESTS)}{meant(test, SYNONYMS)}")
@@ -684,10 +648,7 @@ def _stretch(x: Array, column: CurveColumn, specimen: Specimen) -> Array:
 
 
 def _check_start(x: Array, y: Array, column: CurveColumn, specimen: Specimen) -> None:
-    """Reject a column that does not start near the undeformed state, as its header requires.
-
-    Columns given with --columns are not checked.
-    """
+    """Reject a column that does not start near the undeformed state, as its header requires; one given with --columns may."""
     values = in_si(x, column)
     place, name = column.place + 1, column.header
     if column.kind in ("strain", "true-strain") and ELONGATED <= values.min() < PERCENT:
@@ -790,9 +751,7 @@ MOST_CORNERS = 400
 
 def corners(time: Array, stretch: Array) -> list[int]:
     """Return the places between which the stretch is straight in time (Douglas & Peucker 1973), first and last included.
-
-    Noise beyond `CORNER` of the range widens the tolerance, so that it makes no corners.
-    """
+    Noise beyond `CORNER` of the range widens the tolerance, so that it makes no corners."""
     tolerance = CORNER * float(np.ptp(stretch))
     while True:
         found, open_ends = {0, len(time) - 1}, [(0, len(time) - 1)]

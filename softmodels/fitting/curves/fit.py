@@ -157,17 +157,12 @@ def fit_law_to_curves(
     """Fit a law, with the memory of the sources if they have one, to curves from starts in closed form.
 
     Args:
-        choice: The law.
         sources: From `residuals_of`, for this law.
         extra: Parameters beside the law's, such as the curves' own factors, and further sources.
-        changes: Fields of parameters to replace.
-        loss: See `softmodels.fitting.least_squares.fit_parameters`.
-        errors: See `softmodels.fitting.least_squares.fit_parameters`.
-        scale: Size of the errors, in those of the sources, that a robust loss needs where they are unknown: one for all
-            laws that are to be compared. None takes `spread` of a first fit without it.
-
-    Raises:
-        FitError: See `softmodels.fitting.least_squares.fit_parameters`; or a change names no parameter.
+        changes: Fields of parameters to replace; `FitError` if one names no parameter.
+        loss, errors: See `softmodels.fitting.least_squares.fit_parameters`, also for its errors.
+        scale: Size of the errors, in those of the sources, that a robust loss needs where they are unknown: one for all laws
+            that are to be compared. None takes `spread` of a first fit without it.
     """
     spectrum, further = (sources[0].spectrum, sources[0].further) if sources else (None, ())
     known = [*choice.names, *(spectrum.names if spectrum else ()), *further, *(p.name for p in extra.parameters)]
@@ -222,16 +217,11 @@ LARGEST_RATIO = 100.0
 
 
 def prepared(curves: Curves, stretch: tuple[float, float] | None = None, history: bool = False) -> list[TensileCurve]:
-    """Return the curves of one material, checked, within a range of stretch; dense ones averaged (see `thinned`), averaged ones
-    kept.
+    """Return the curves of one material, or files with uniaxial ones (see `read_curve` for other tests), checked, within a
+    range of stretch; dense ones averaged (see `thinned`), averaged ones kept. With ``history`` curves with times are whole
+    tests, else their loading ramps.
 
-    Args:
-        curves: Measured curves, or files with uniaxial ones (see `read_curve` for other tests).
-        stretch: The range; None for the whole curves.
-        history: Keep the whole tests of curves with times; else their loading ramps.
-
-    Raises:
-        TensileError: One cannot be used, they cannot be one material's, or too few points are left.
+    Raises `TensileError` where one cannot be used, they cannot be one material's, or too few points are left.
     """
     given = [curves] if isinstance(curves, TensileCurve | Path | str) else curves
     read = [one if isinstance(one, TensileCurve) else read_curve(Path(one), history=history) for one in given]

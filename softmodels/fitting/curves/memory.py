@@ -41,13 +41,8 @@ AMPLITUDES = 1.2
 
 @dataclasses.dataclass(frozen=True)
 class Spectrum:
-    """Relaxation times of a fit.
-
-    Attributes:
-        times: In s, rising.
-        sees: From which to which time in s the data see relaxation.
-        why: What limits them, two clauses.
-    """
+    """Relaxation times of a fit in s, rising, from which to which time in s the data see relaxation, and two clauses on
+    what limits them."""
 
     times: tuple[float, ...]
     sees: tuple[float, float]
@@ -74,17 +69,11 @@ class Spectrum:
 
 
 def spectrum(curves: Sequence[TensileCurve], holds: Sequence[float] = ()) -> Spectrum:
-    """Return the relaxation times that the data can show, one per decade.
+    """Return the relaxation times that the data can show, one per decade; `TensileError` if no curve has times, and there are
+    not two hold times.
 
     Of curves: from the sampling interval to about the duration, as far as the stresses show them. Of a device's photographs:
-    between two hold times one, which relaxes most between them.
-
-    Args:
-        curves: Curves, those without times at equilibrium.
-        holds: Hold times in s of photographs.
-
-    Raises:
-        TensileError: No curve has times, and there are not two hold times.
+    between two hold times in s one, which relaxes most between them.
     """
     timed = [curve for curve in curves if curve.time is not None and np.ptp(curve.time) > 0.0]
     found = [_spectrum_of_curves(timed)] if timed else []

@@ -35,13 +35,8 @@ DENSE = 30
 
 @dataclasses.dataclass(frozen=True)
 class StressError:
-    """Standard error of a measured stress.
-
-    Attributes:
-        relative: Share of the stress.
-        absolute: In Pa; None to estimate it from the curve's own noise.
-        stated: Whether its size is known; else only the ratios count and the size follows from the scatter.
-    """
+    """Standard error of a measured stress: a share of it and a part in Pa, None to estimate that from the curve's own
+    noise. Unless ``stated`` only the ratios count and the size follows from the scatter."""
 
     relative: float
     absolute: float | None
@@ -102,7 +97,6 @@ class TensileResiduals:
 
     Attributes:
         curve: The measured ramp, within the fit's range; the whole history with a spectrum.
-        choice: The law.
         errors: Standard errors in Pa, shape (n,).
         gauge: Name of the test's own factor on the stress (cross-section, load cell), or empty.
         spectrum: Relaxing branches of the law; None without a memory.

@@ -55,14 +55,9 @@ CLEARLY = 2.0
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class HeightRow:
-    """One photograph in the series.
+    """One photograph in the series: height of the top in m and reading in Pa, with standard errors.
 
     Attributes:
-        source: Its name.
-        height: Height of the top in m.
-        pressure: Reading in Pa.
-        pressure_error: Its standard error in Pa.
-        height_error: Standard error of the height in m.
         unit: Simulated pressure in Pa at this height for a shear modulus of 1 Pa, that of dead loads left out.
         borne: Pressure in Pa that the dead loads take at this height.
         silent: Whether that share is so large that the reading is uninformative about the silicone.
@@ -251,18 +246,10 @@ def series_of(
     pressure_errors: Array,
     errors: Array,
 ) -> tuple[list[HeightRow], list[QuadraticCurve]]:
-    """Return the series with the device's pressure at each height, and its curve there.
+    """Return the series of photographs with the pressure of the device, under any law, at each height, and its curve there.
+    Heights are in m and readings in Pa, with standard errors, shape (n,).
 
-    Args:
-        model: The device and any law.
-        sources: Names of the photographs.
-        heights: Heights of the top in m, shape (n,).
-        pressures: Readings in Pa, shape (n,).
-        pressure_errors: Their standard errors in Pa, shape (n,).
-        errors: Standard errors of the heights in m, shape (n,).
-
-    Raises:
-        OutlineFitError: The device cannot rise as high as was measured.
+    Raises `OutlineFitError` where the device cannot rise as high as was measured.
     """
     plain = plain_path(model, heights, pressures)
     model.set_parameters(plain.values)
@@ -272,11 +259,7 @@ def series_of(
 
 
 def series_of_shapes(model: DeviceModel, shapes: Sequence[Shape]) -> list[HeightRow]:
-    """Return the series of outlines, whose shapes must be the device's.
-
-    Raises:
-        UnsoundError: They are of another device.
-    """
+    """Return the series of outlines; `UnsoundError` if their shapes are another device's."""
     columns = [(shape.height, shape.pressure, shape.pressure_error, float(np.median(shape.error))) for shape in shapes]
     rows, curves = series_of(model, [shape.source for shape in shapes], *np.array(columns).T)
     _check_widths(shapes, curves, type(model.system.body.actuator).__name__)
@@ -409,13 +392,8 @@ DECISIVE = 10.0
 
 @dataclasses.dataclass(frozen=True)
 class WrongRows:
-    """Photographs that contradict the others.
-
-    Attributes:
-        names: Their names; empty if none can be named.
-        sentence: What is wrong with them.
-        gross: Whether one of their pressures is off by more than any law or bench explains.
-    """
+    """Photographs that contradict the others, by name unless none can be named, and a sentence on what is wrong with them;
+    ``gross`` if a pressure is off by more than any law or bench explains."""
 
     names: tuple[str, ...]
     sentence: str
@@ -456,13 +434,11 @@ def _gross(one: WrongReading) -> bool:
 def by_fit(
     fit: LeastSquaresFit, names: Sequence[str], rows: Sequence[HeightRow], good: Callable[[Sequence[str]], bool]
 ) -> WrongRows | None:
-    """Return the photographs without which the fit matches its errors, by excluding them in turn.
+    """Return the photographs without which the fit matches its errors, by excluding them in turn; ``good`` says whether a fit
+    without photographs of these names is within chance.
 
-    Args:
-        fit: The fit to all of them.
-        names: Name of the photograph of each measured residual, shape (count,); other sources have names of their own.
-        rows: The series, by rising pressure.
-        good: Whether a fit without photographs of these names is within chance.
+    ``names`` has the photograph of each measured residual, shape (count,), other sources names of their own; the series is by
+    rising pressure.
     """
     if len(rows) < FEWEST:
         return None
@@ -549,14 +525,8 @@ def judge_outlines(
     rows: Sequence[Sequence[HeightRow]],
     good: Callable[[Sequence[str]], bool],
 ) -> Judgement:
-    """Check a fit to outlines against chance, and for a plausible device and bench.
-
-    Args:
-        sources: The outlines of each device.
-        fit: Their fit.
-        rows: Of each device the series of its pressures over its heights.
-        good: Whether a fit without photographs of these names is within chance.
-    """
+    """Check a fit to the outlines of each device, with the series of its pressures over its heights, against chance, and
+    for a plausible device and bench; ``good`` is as of `by_fit`."""
     bad: list[int] = []
     warnings: list[str] = []
     for k, (source, residuals) in enumerate(zip(sources, residuals_by_source(sources, fit.residuals), strict=True)):

@@ -73,23 +73,16 @@ class Leg:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Timetable:
-    """The tests of a device, each from rest on, and what is hidden of their pressures.
-
-    Attributes:
-        tests: Legs of each.
-        levels: By name of the hidden parameter: the number of the first photograph of that level.
-    """
+    """The legs of each test of a device, each from rest on, and by name of each hidden parameter of their pressures the
+    number of the first photograph of that level."""
 
     tests: tuple[tuple[Leg, ...], ...]
     levels: Mapping[str, int]
 
     @classmethod
     def of(cls, histories: Sequence[History]) -> Timetable:
-        """Return the timetable of photographs; one whose history is the beginning of another's is of the same test.
-
-        Raises:
-            OutlineFitError: A pressure is not above zero.
-        """
+        """Return the timetable of photographs; one whose history is the beginning of another's is of the same test. Raises
+        `OutlineFitError` for a pressure that is not above zero."""
         order = sorted(range(len(histories)), key=lambda i: (-len(histories[i]), histories[i]))
         tests: list[tuple[History, dict[int, list[int]]]] = []
         for i in order:
@@ -136,12 +129,7 @@ class _Walk:
 
 
 class Creep:
-    """States of a device through its tests.
-
-    Args:
-        model: The device, its law and branches.
-        timetable: Its tests.
-    """
+    """States of a device with its law and branches through its tests."""
 
     def __init__(self, model: DeviceModel, timetable: Timetable):
         self.model, self.timetable = model, timetable
@@ -153,15 +141,8 @@ class Creep:
     def photographs(
         self, values: Mapping[str, float], names: Sequence[str]
     ) -> dict[int, tuple[State, dict[str, Rate]]]:
-        """Return the state of each photograph, and its derivatives.
-
-        Args:
-            values: Parameters of the model, and the levels.
-            names: Of the model's parameters, those to differentiate by.
-
-        Raises:
-            CannotEvaluate: There is no such state.
-        """
+        """Return the state of each photograph, and its derivatives by the named parameters of the model, of whose values
+        and levels it is; `CannotEvaluate` if there is none."""
         assert self.model.spectrum is not None
         weightless = dict.fromkeys(self.model.spectrum.names, 0.0)
         self.model.set_parameters({**values, **weightless})
@@ -273,11 +254,8 @@ class Creep:
 
 
 class CreepingResiduals(OutlineResiduals):
-    """Residuals of a device that creeps against outlines that carry times; the hidden parameters are the levels' pressures.
-
-    Raises:
-        OutlineFitError: An outline without times.
-    """
+    """Residuals of a device that creeps against outlines that carry times, `OutlineFitError` for one without; the hidden
+    parameters are the levels' pressures."""
 
     def __init__(self, model: DeviceModel, shapes: Sequence[Shape], label: str = "outlines", device: str = ""):
         if without := [shape.source for shape in shapes if not shape.history]:

@@ -59,15 +59,8 @@ LARGEST_CORRECTION = 0.5
 
 
 def near(solver: Solver, base: State, line: Control, w: Array, P: float) -> State | None:
-    """Return the state on a line next to a guess; None if it does not converge directly, or is elsewhere.
-
-    Args:
-        solver: The device.
-        base: The state that the guess was made from, of other parameters.
-        line: What is asked for.
-        w: Guess of the dofs, shape as `State.w`.
-        P: Guess of the pressure, dimensionless.
-    """
+    """Return the state on a line next to a guess of the dofs, shape as `State.w`, and of the dimensionless pressure, made
+    from a state of other parameters; None if it does not converge directly, or is elsewhere."""
     try:
         if solver.stale:
             solver.factorise(base)
@@ -105,16 +98,10 @@ class _Hung:
 
 
 class Hanging:
-    """A device at zero pressure.
+    """A device at zero pressure, by its silhouette and sensitivity. ``height_datum`` is one of
+    `softmodels.fitting.problem.HEIGHTS_FROM`, or empty for the shadow, or for the apex where the undeformed top is not flat.
 
-    Args:
-        silhouette: Its outer curve.
-        sensitivity: Its derivatives.
-        height_datum: One of `softmodels.fitting.problem.HEIGHTS_FROM`; empty for the shadow, or for the apex where the
-            undeformed top is not flat.
-
-    Raises:
-        OutlineFitError: ``height_datum`` for a device without loads whose top is flat: it makes no difference.
+    Raises `OutlineFitError` for one of a device without loads whose top is flat: it makes no difference.
 
     Attributes:
         loaded: Whether it has dead loads; without any it is undeformed, and all heights count from there.
@@ -141,11 +128,8 @@ class Hanging:
             self.system.coupling = Coupling.proportional(self.system.body.actuator.ratios, dead.amounts / dead.units)
 
     def state(self, values: Mapping[str, float]) -> State:
-        """Return the state at zero pressure; the system has these parameters.
-
-        Raises:
-            CannotEvaluate: No equilibrium under the dead loads.
-        """
+        """Return the state at zero pressure of these parameters, which the system has; `CannotEvaluate` for no equilibrium
+        under the dead loads."""
         return self._found(values).state
 
     def level(self, values: Mapping[str, float]) -> float:
@@ -157,11 +141,7 @@ class Hanging:
         return float(weights @ curve.nodes[piece, :, 1])
 
     def level_rates(self, values: Mapping[str, float], names: Sequence[str]) -> dict[str, float]:
-        """Return the derivatives of the level by parameters; see `state`.
-
-        Raises:
-            CannotEvaluate: The linear solver failed.
-        """
+        """Return the derivatives of the level by parameters; see `state`."""
         if not self.loaded:
             return dict.fromkeys(names, 0.0)
         rates, hung = self.rates(values, names), self._found(values)
@@ -173,11 +153,7 @@ class Hanging:
         return {name: float(weights @ rate[piece, :, 1]) for name, rate in moved.items()}
 
     def rates(self, values: Mapping[str, float], names: Sequence[str]) -> dict[str, Rate]:
-        """Return the derivatives of the state by parameters, at least these; see `state`.
-
-        Raises:
-            CannotEvaluate: The linear solver failed.
-        """
+        """Return the derivatives of the state by parameters, at least these; see `state`."""
         hung = self._found(values)
         if left := [name for name in names if name not in hung.rates]:
             try:
@@ -187,12 +163,8 @@ class Hanging:
         return hung.rates
 
     def check(self, values: Mapping[str, float]) -> None:
-        """Reject heights from a shadow that is not straight at zero pressure, because the zero plane is then undefined.
-
-        Raises:
-            OutlineFitError: It is not.
-            CannotEvaluate: See `state`.
-        """
+        """Raise `OutlineFitError` for heights from a shadow that is not straight at zero pressure: the zero plane is then
+        undefined."""
         if not self.loaded or self.height_datum != "shadow":
             return
         places, edge = edge_heights(self._found(values).curve)
@@ -282,14 +254,8 @@ class _Solved:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ModelSlopes:
-    """Derivatives of one state's pressure (Pa) and of its curve's nodes (m), by parameter name and by what is requested.
-
-    Attributes:
-        pressure: By name.
-        nodes: By name, shape (n, 3, 2).
-        along_pressure: Of the pressure by the added volume (per m3); 1 if pressures are requested.
-        along_nodes: Of the nodes by the added volume, or by the pressure.
-    """
+    """Derivatives of one state's pressure (Pa) and of its curve's nodes (m, shape (n, 3, 2)), by parameter name and by
+    what is requested: the added volume in m3, or the pressure, whose own is 1."""
 
     pressure: dict[str, float]
     nodes: dict[str, Array]
@@ -298,11 +264,9 @@ class ModelSlopes:
 
 
 class DeviceModel:
-    """Paths of one device under one law.
+    """Paths of one device, whose material's values do not matter, under one law.
 
     Args:
-        solver: The device; its material's values do not matter.
-        choice: The law.
         height_datum: What heights count from, see `Hanging`.
         modulus: Shear modulus in Pa near to that of the device; matters only under dead loads.
         spectrum: Relaxing branches of the silicone, whose weights are parameters; paths without times leave them relaxed.
@@ -362,11 +326,7 @@ class DeviceModel:
         return self.hanging.loaded
 
     def set_parameters(self, values: Mapping[str, float]) -> None:
-        """Set the device's material and lengths.
-
-        Raises:
-            CannotEvaluate: There is no such material or device.
-        """
+        """Set the device's material and lengths; `CannotEvaluate` if there are no such."""
         try:
             material = self.material(values)
         except MaterialError as error:
@@ -390,11 +350,7 @@ class DeviceModel:
 
     def hang(self, names: Sequence[str]) -> tuple[State, dict[str, Rate], dict[str, float]]:
         """Return where the device of the present parameters hangs, with the derivatives of state and zero of heights by
-        parameters of its law; its branches have to be without weight.
-
-        Raises:
-            CannotEvaluate: The linear solver failed.
-        """
+        parameters of its law; its branches have to be without weight."""
         names = [name for name in names if self.spectrum is None or name not in self.spectrum.names]
         hanging, levels = self.hanging, self.hanging.level_rates(self._present, names)
         if not self.loaded:
@@ -402,11 +358,7 @@ class DeviceModel:
         return hanging.state(self._present), hanging.rates(self._present, names), levels
 
     def path(self, quantity: str) -> Continuation:
-        """Return the path of the current parameters from the preloaded state, not started yet.
-
-        Raises:
-            CannotEvaluate: No equilibrium under the dead loads.
-        """
+        """Return the path of the current parameters from the preloaded state, not started yet."""
         start = self.hanging.state(self._present) if self.loaded else None
         self.paths += 1
         return Continuation(self.solver, DIRECT[quantity], start=start)
@@ -423,11 +375,8 @@ class DeviceModel:
     def states(
         self, values: Mapping[str, float], requested: Sequence[float] | Array, quantity: str = "volume"
     ) -> list[State]:
-        """Return the states with added volumes in m3, or at pressures in Pa, in any order, on one path.
-
-        Raises:
-            CannotEvaluate: One of them is not on the path.
-        """
+        """Return the states with added volumes in m3, or at pressures in Pa, in any order, on one path; `CannotEvaluate`
+        if one of them is not on it."""
         eq = self.system
         self.set_parameters(values)
         unit = eq.volume_unit if quantity == "volume" else eq.stress_unit
@@ -465,10 +414,8 @@ class DeviceModel:
     def _nearby(
         self, values: Mapping[str, float], goals: Sequence[float], quantity: str, place: npt.NDArray[np.int64]
     ) -> list[State]:
-        """Solve the states one by one from the last ones with all derivatives; empty if one fails.
-
-        A fit's steps are small: Newton's method from the linear guess needs no path. Only states that it finds at once count.
-        """
+        """Solve the states one by one from the last ones with all derivatives; empty if one fails. A fit's steps are
+        small: Newton's method from the linear guess needs no path. Only states that it finds at once count."""
         asked = self._asked
         if asked is not None and len(asked.answers) == len({id(state) for state in asked.states}):
             self._base = asked
@@ -502,12 +449,8 @@ class DeviceModel:
         return state.P * self.system.stress_unit
 
     def slopes(self, state: State, names: Sequence[str], quantity: str = "volume") -> ModelSlopes:
-        """Return the derivatives of a state of the present values (see `set_parameters`), at fixed added volume or at fixed
-        pressure.
-
-        Raises:
-            CannotEvaluate: The linear solver failed.
-        """
+        """Return the derivatives of a state of the present values (see `set_parameters`), at fixed added volume or
+        pressure; `CannotEvaluate` if the linear solver failed."""
         eq = self.system
         levels = self.hanging.level_rates(self._present, names)
         control: Control = volume_control(state.V) if quantity == "volume" else pressure_control(state.P)
@@ -530,16 +473,8 @@ class DeviceModel:
 def measured_parts(
     components: Sequence[Component], actuator: Actuator, material: Material | None
 ) -> tuple[Component, ...]:
-    """Return a case's parts for a fit, with the density of the case's silicone for any fitted law.
-
-    Args:
-        components: Of the case.
-        actuator: The device being fitted.
-        material: The case's; None if nothing is known of it.
-
-    Raises:
-        FitError: A load that tilts the outline, or one without a given size.
-    """
+    """Return a case's parts for a fit, with the density of the case's silicone, if that is known, for any fitted law;
+    `FitError` for a load that tilts the outline, or one without a given size."""
     for load in (part for part in components if isinstance(part, LoadPart)):
         _check(load, actuator)
     return tuple(components) if material is None else weighed(components, material)
@@ -576,14 +511,11 @@ class MeasuredDevice:
     """A measured device.
 
     Attributes:
-        actuator: Its geometry.
         name: What reports call it.
         material: What it is known to be made of, whose modulus a fit is held against; None if that is not known.
-        formulation: See `softmodels.case.case.Case`.
+        formulation, solver: See `softmodels.case.case.Case`.
         components: What else is added to it.
-        solver: See `softmodels.case.case.Case`.
-        height_datum: What heights count from where it hangs under loads or its top is not flat, see
-            `Hanging`.
+        height_datum: What heights count from where it hangs under loads or its top is not flat, see `Hanging`.
     """
 
     actuator: Actuator
@@ -596,11 +528,8 @@ class MeasuredDevice:
 
     @classmethod
     def of(cls, device: Actuator | Case | MeasuredDevice) -> MeasuredDevice:
-        """Return a device, or that of a case; an axisymmetric one as its section.
-
-        Raises:
-            FitError: A case with loads that a fit does not take.
-        """
+        """Return a device, or that of a case; an axisymmetric one as its section. Raises `FitError` for loads that a fit
+        does not take."""
         if isinstance(device, MeasuredDevice):
             section = as_section(device.actuator)
             components = measured_parts(device.components, section, device.material)
@@ -623,11 +552,8 @@ class MeasuredDevice:
         return dataclasses.replace(self, height_datum=height_datum or self.height_datum)
 
     def model(self, choice: LawChoice, comm: MPI.Comm, spectrum: Spectrum | None = None) -> DeviceModel:
-        """Return the device under a law, perhaps with relaxing branches, meshed and compiled.
-
-        Raises:
-            FitError: It cannot be meshed or compiled; or ``height_datum`` makes no difference to it.
-        """
+        """Return the device under a law, perhaps with relaxing branches, meshed and compiled; `FitError` if it cannot be,
+        or ``height_datum`` makes no difference to it."""
         from softmodels.mechanics.body import Body, BodyError
         from softmodels.mechanics.compiling import CompilingError, compiling
         from softmodels.mechanics.solver import Solver

@@ -98,10 +98,9 @@ def fit_law_to_outlines(
     loss: str = "linear",
     doubted: Collection[str] = (),
 ) -> LeastSquaresFit:
-    """Fit a law to outlines from starts in closed form.
+    """Fit a law to devices of one material, each with its outlines, from starts in closed form.
 
     Args:
-        sources: Devices of one material, each with its outlines.
         free: What is free beside the law, see `nuisances`.
         extra: Further sources that depend on the law's parameters, such as tensile curves.
         changes: Fields of parameters to replace; what every device has is so for all, or by its full name for one.
@@ -159,14 +158,8 @@ def _held(change: Change) -> bool:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class LawTrial[Source: (OutlineResiduals, HeightResiduals)]:
-    """A law's fit.
-
-    Attributes:
-        sources: What it was fitted to, one for each device.
-        fit: The fit.
-        judgement: What speaks against it.
-        rows: Of each device the series of pressures over heights, of outlines.
-    """
+    """A law's fit to sources, one for each device, what speaks against it, and, of outlines, the series of pressures over
+    heights."""
 
     sources: tuple[Source, ...]
     fit: LeastSquaresFit
@@ -182,15 +175,8 @@ def try_outlines(
     loss: str = "linear",
     rows: Sequence[Sequence[HeightRow]] = (),
 ) -> LawTrial[OutlineResiduals]:
-    """Fit a law to all outlines, and search for contradicting ones if the fit is beyond chance.
-
-    Args:
-        sources: The devices under the law, each with its outlines.
-        free: What is free beside the law.
-        extra: Further sources, such as tensile curves, and their parameters.
-        changes: See `fit_law_to_outlines`.
-        loss: See `fit_law_to_outlines`.
-        rows: The series, if another law's trial has them already: all laws are then fitted to the same photographs.
+    """Fit a law to all outlines as `fit_law_to_outlines`, and search for contradicting ones if the fit is beyond chance. With
+    the series of another law's trial, all laws are fitted to the same photographs.
 
     Raises:
         UnsoundError: The outlines are of another device; or the fit fails, and a photograph contradicts the others.
@@ -306,11 +292,7 @@ def fit(
 
 
 def _pairs(device: object, outlines: Outlines) -> list[tuple[Device, Outlines]]:
-    """Return the devices, each with its outlines.
-
-    Raises:
-        FitError: Pairs that are none, or outlines beside them.
-    """
+    """Return the devices, each with its outlines; `FitError` for pairs that are none, or outlines beside them."""
     if not isinstance(device, Sequence) or isinstance(device, str):
         return [(device, outlines)]  # type: ignore[list-item]
     if not device or not all(
@@ -348,11 +330,8 @@ def device_names(names: Sequence[str]) -> list[str]:
 
 
 def _without_by_device(exclude: Sequence[str], names: Sequence[str]) -> list[list[str]]:
-    """Return the names of photographs to exclude, by device.
-
-    Raises:
-        OutlineFitError: A name that does not begin with that of a device.
-    """
+    """Return the names of photographs to exclude, by device; `OutlineFitError` for one that does not begin with a
+    device's."""
     for text in exclude:
         if not any(text.startswith(f"{name}/") for name in names):
             raise OutlineFitError(

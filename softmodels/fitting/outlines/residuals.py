@@ -44,16 +44,11 @@ READINGS = "pressures"
 
 
 class OutlineResiduals:
-    """Residuals of a device against outlines; see `softmodels.fitting.problem.Residuals`.
+    """Residuals of a device under a law against outlines that are prepared; see `softmodels.fitting.problem.Residuals`.
+    ``device`` comes before the names of what is this device's own in a fit of several (`named`); empty for a single one.
 
-    Args:
-        model: The device and its law.
-        shapes: Measured outlines, prepared.
-        label: What it is.
-        device: What comes before the names of what is this device's own in a fit of several (`named`); empty for a single one.
-
-    Raises:
-        OutlineFitError: The device's top is not flat when undeformed, and nothing states that heights count from its apex.
+    Raises `OutlineFitError` where the device's top is not flat when undeformed, and nothing states that heights count from
+    its apex.
 
     Attributes:
         fixed: Parameters whose derivatives nobody needs: their columns stay zero.
@@ -113,11 +108,7 @@ class OutlineResiduals:
     def evaluate(
         self, values: Mapping[str, float], derivatives: bool
     ) -> tuple[Array, Array | None, npt.NDArray[np.str_]]:
-        """See `softmodels.fitting.problem.Residuals`.
-
-        Raises:
-            CannotEvaluate: There is no state at one of the volumes.
-        """
+        """See `softmodels.fitting.problem.Residuals`."""
         matches = self.matches(values)
         residuals = np.concatenate([*(f.residuals for f in matches), [matches[i].reading for i in self.read]])
         if not np.isfinite(residuals).all():
@@ -187,12 +178,8 @@ def _check_flat(model: DeviceModel) -> None:
 
 
 class MatchedPhotograph:
-    """A photograph compared with a state.
-
-    Attributes:
-        residuals: Of the outline, one per bin: model minus measured, across the outline.
-        reading: Residual of the pressure.
-    """
+    """A photograph compared with a state: residuals of the outline, one per bin, model minus measured, and of the
+    pressure."""
 
     def __init__(
         self,
@@ -287,13 +274,8 @@ def nuisances(source: OutlineResiduals, free: Sequence[str]) -> list[Parameter]:
     """Return the parameters of bench and device with their default priors; the centre, which outlines show by themselves, has
     none. Those that are not free are fixed.
 
-    Args:
-        source: The device with its outlines.
-        free: Names among ``pressure_offset``, ``pressure_scale``, ``leak``, ``scale``, ``zero``, ``centre``, ``poisson`` and
-            the device's own variable lengths, such as ``membrane``.
-
-    Raises:
-        OutlineFitError: A name that is none of them.
+    Free may be ``pressure_offset``, ``pressure_scale``, ``leak``, ``scale``, ``zero``, ``centre``, ``poisson`` and the
+    device's own variable lengths, such as ``membrane``; `OutlineFitError` for another name.
     """
     model, shapes = source.model, source.shapes
     known = (*BENCH, "poisson", *model.lengths)
@@ -329,10 +311,7 @@ def nuisances(source: OutlineResiduals, free: Sequence[str]) -> list[Parameter]:
 
 def all_nuisances(sources: Sequence[OutlineResiduals], free: Sequence[str]) -> list[Parameter]:
     """Return the parameters of all devices of a fit; a free one is free for every device, or by its full name for one.
-
-    Raises:
-        OutlineFitError: A name that no device has.
-    """
+    Raises `OutlineFitError` for a name that no device has."""
     found: dict[str, Parameter] = {}
     known = [(*BENCH, "poisson", *source.model.lengths) for source in sources]
     for name in free:
@@ -387,8 +366,7 @@ class Plain:
         volumes: Added volumes in m3, shape (n,).
         hangs: Added volume in m3 at zero pressure; 0 without loads.
         states: The states there.
-        borne: Pressures in Pa that the dead loads take, whatever the modulus, shape (n,).
-        elastic: Pressures in Pa that the silicone takes, shape (n,).
+        borne, elastic: Pressures in Pa that the dead loads take, whatever the modulus, and the silicone, shape (n,).
     """
 
     values: dict[str, float]
@@ -405,16 +383,8 @@ class Plain:
 
 
 def plain_path(model: DeviceModel, heights: Array, pressures: Array) -> Plain:
-    """Follow the device to the measured heights.
-
-    Args:
-        model: The device and its law.
-        heights: Heights of the top in m.
-        pressures: Readings in Pa, by which the modulus of a loaded device settles.
-
-    Raises:
-        OutlineFitError: The device cannot reach the measured height, or no stiffness fits its loads.
-    """
+    """Follow the device to the measured heights in m; by the readings in Pa the modulus of a loaded device settles. Raises
+    `OutlineFitError` where it cannot reach them, or no stiffness fits its loads."""
     why = ""
     for _ in range(ROUNDS):
         try:
@@ -460,17 +430,10 @@ def starts(
     errors: Array,
     held: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[list[dict[str, float]], Plain]:
-    """Return the starting values of the law, best first, and the path that they come from.
+    """Return the starting values of the law, best first, without the numbers that are held, and the path that they come from:
+    heights in m, readings and their standard errors in Pa, or anything in proportion to these.
 
-    Args:
-        model: The device and its law.
-        heights: Heights of the top in m.
-        pressures: Readings in Pa.
-        errors: Their standard errors in Pa, or anything in proportion.
-        held: Numbers of the law that are given.
-
-    Raises:
-        OutlineFitError: See `plain_path`; or its shadow at zero pressure is not straight, see `Hanging.check`.
+    Raises `OutlineFitError` as `plain_path`, or where its shadow at zero pressure is not straight, see `Hanging.check`.
     """
     found = plain_path(model, heights, pressures)
     plain = found.values
@@ -495,13 +458,8 @@ def starts(
 
 
 def volumes_of(model: DeviceModel, values: dict[str, float], heights: Array) -> tuple[Array, float]:
-    """Return the added volumes in m3 at which the device has the measured heights (m), and that of the preloaded
-    state.
-
-    Raises:
-        CannotEvaluate: No equilibrium under the dead loads.
-        OutlineFitError: It does not rise so high.
-    """
+    """Return the added volumes in m3 at which the device has the measured heights in m, and that of the preloaded state.
+    Raises `CannotEvaluate` for no equilibrium under the dead loads, `OutlineFitError` if it does not rise so high."""
     from scipy.interpolate import PchipInterpolator
 
     eq, rest = model.system, model.rest_volume
@@ -558,15 +516,9 @@ class Height:
 
 
 def read_heights(path: Path, untrusted: bool = False, exclude: Sequence[str] = ()) -> list[Height]:
-    """Read the ``heights.csv`` that ``python -m measurement photos`` writes; rejected photographs are left out.
+    """Read the ``heights.csv`` that ``python -m measurement photos`` writes; rejected and excluded photographs are left out.
 
-    Args:
-        path: The table.
-        untrusted: Take heights that the measurement does not trust.
-        exclude: Names of photographs to leave out.
-
-    Raises:
-        OutlineFitError: No such table; a number that is none; a height that is not trusted, unless ``untrusted``.
+    Raises `OutlineFitError` for no such table, a number that is none, or a height that is not trusted, unless ``untrusted``.
     """
     try:
         chosen = pick(path, read_sheets(path), lambda sheet: sheet.rows if _has_heights(sheet.rows) else None)
@@ -606,11 +558,8 @@ def _has_heights(rows: Sequence[Line]) -> bool:
 
 
 def check_heights(heights: Sequence[Height], width: float) -> list[Height]:
-    """Return the usable heights, without those at rest.
-
-    Raises:
-        OutlineFitError: None is left, two have one pressure, or the unit is mistaken.
-    """
+    """Return the usable heights, without those at rest; `OutlineFitError` if none is left, two have one pressure, or the
+    unit is mistaken."""
     for one in heights:
         if one.pressure < 0.0 and one.height > FLOOR:
             raise OutlineFitError(
@@ -635,12 +584,7 @@ def check_heights(heights: Sequence[Height], width: float) -> list[Height]:
 
 
 class HeightResiduals:
-    """Residuals of heights in mm; see `softmodels.fitting.problem.Residuals`.
-
-    Args:
-        model: The device and its law.
-        heights: Measured heights, checked.
-    """
+    """Residuals in mm of heights, checked; see `softmodels.fitting.problem.Residuals`."""
 
     unit, errors, device = "mm", 1.0, ""
 
@@ -667,11 +611,7 @@ class HeightResiduals:
         return self.model.states(values, self.pressures, "pressure")[-1]
 
     def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
-        """See `softmodels.fitting.problem.Residuals`.
-
-        Raises:
-            CannotEvaluate: One of the pressures has no state on the first branch.
-        """
+        """See `softmodels.fitting.problem.Residuals`."""
         states = self.model.states(values, self.pressures, "pressure")
         self.model.set_parameters(values)
         tops = np.array([self.model.curve(state).nodes[0, 0, 1] for state in states])
@@ -709,12 +649,9 @@ class HeightResiduals:
 def least_squares_of_heights(
     source: HeightResiduals, *, changes: Changes = MappingProxyType({}), loss: str = "linear"
 ) -> LeastSquaresFit:
-    """Fit a law to heights; the size of their errors follows from their scatter, and the bench's own errors are considered.
-
-    Raises:
-        FitError: See `softmodels.fitting.least_squares.fit_parameters`.
-        OutlineFitError: The device does not rise so high.
-    """
+    """Fit a law to heights; the size of their errors follows from their scatter, and the bench's own errors are
+    considered. Errors as of `softmodels.fitting.least_squares.fit_parameters`; `OutlineFitError` where the device does not
+    rise so high."""
     model = source.model
     choice = model.choice
     begins, _ = starts(model, source.measured, source.pressures, np.ones(len(source.measured)))

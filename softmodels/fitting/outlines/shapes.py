@@ -32,15 +32,10 @@ class OutlineFitError(FitError):
 
 
 def read_outlines(files: Sequence[Path], untrusted: bool = False, exclude: Sequence[str] = ()) -> list[Outline]:
-    """Read outlines' files; folders stand for all outlines in them.
+    """Read outlines' files, or all in a folder, but for photographs or files excluded by name.
 
-    Args:
-        files: Files and folders.
-        untrusted: Take outlines that the measurement does not trust.
-        exclude: Names of photographs or files to leave out.
-
-    Raises:
-        OutlineFitError: No file, one that is no outline, or one that is not trusted, unless ``untrusted`` allows it.
+    Raises `OutlineFitError` for no file, one that is no outline, or one that the measurement does not trust, unless
+    ``untrusted``.
     """
     names: list[Path] = []
     for file in files:
@@ -70,11 +65,8 @@ def read_outlines(files: Sequence[Path], untrusted: bool = False, exclude: Seque
 
 
 def kept(rows: Sequence[tuple[str, Path | None]], exclude: Sequence[str]) -> list[int]:
-    """Return which rows, photographs with their files, are not excluded by name.
-
-    Raises:
-        OutlineFitError: A name that is none of them, or nothing is left.
-    """
+    """Return which rows, photographs with their files, are not excluded by name; `OutlineFitError` for a name that is none
+    of them, or if nothing is left."""
     left = {}
     for name in exclude:
         found = [
@@ -133,13 +125,11 @@ class Shape:
     """An outline prepared for the fit.
 
     Attributes:
-        source: Its name.
         points: Measured points, shape (k, 2), m.
         error: Standard error of each across the outline, shape (k,), m.
         bins: Bin of each point, rising from 0, shape (k,).
         weight: What the mean of a bin's standardised distances is multiplied with to have variance 1, shape (bins,).
-        pressure: Reading in Pa.
-        pressure_error: Its standard error in Pa.
+        pressure, pressure_error: Reading and its standard error in Pa.
         height: Height of the top in m.
         centre: Where along x the middle of its area is, in m.
         scale_error: Standard error of all lengths together, as a share of them; 0 where none is stated.
@@ -185,19 +175,9 @@ class Shape:
 
 
 def prepare(outlines: Sequence[Outline], actuator: Actuator, width: float) -> tuple[list[Shape], list[str]]:
-    """Check outlines against each other and the device, and cut and bin them.
-
-    Args:
-        outlines: Measured outlines.
-        actuator: The device they are meant to show.
-        width: Distance of its surface's edge from its axis in m.
-
-    Returns:
-        Shapes by rising pressure, and a sentence on each outline that was left out.
-
-    Raises:
-        OutlineFitError: What cannot be fitted.
-    """
+    """Check outlines against each other and the device, whose surface's edge is ``width`` m from its axis, and cut and bin
+    them. Return shapes by rising pressure, and a sentence on each outline that was left out; `OutlineFitError` for what
+    cannot be fitted."""
     # A bridge over a gap is not measured.
     chosen = sorted((outline.measured() for outline in outlines), key=lambda outline: outline.pressure)
     _check_pressures(chosen)

@@ -42,16 +42,11 @@ STRAIGHT = np.array([[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]])
 
 
 class Silhouette:
-    """The outer curve of a device in the plane of x (distance from its axis) and z (height above its undeformed apex).
+    """The outer curve of a device in the plane of x (distance from its axis) and z (height above its undeformed apex);
+    `BodyError` if the mesh has none.
 
     The curve runs from the axis outwards and down the side wall; the solid is on its right. Of a half slab it is the edge of
     its top in the mirror plane, from the clamped base to the tip.
-
-    Args:
-        system: The device.
-
-    Raises:
-        BodyError: The mesh has no such curve.
 
     Attributes:
         points: Undeformed nodes in device coordinates, m, shape (n, 3, 3), where the mesh was when `follow` was called last.
@@ -110,13 +105,9 @@ class Silhouette:
         return QuadraticCurve(self._in_plane(self.points - self.top + self._displacement(state.w)))
 
     def moved(self, w: Array, X: Array | None = None) -> Array:
-        """Return the derivative of the curve's nodes in m, shape (n, 3, 2).
-
-        Args:
-            w: Derivative of the state's dof values, with ghosts.
-            X: That of the mesh's dimensionless nodes, shape (nodes of `MeshMotion.space`, d), with ghosts; None where they
-                stay. Heights count from the undeformed apex, which moves.
-        """
+        """Return the derivative of the curve's nodes in m, shape (n, 3, 2), from that of the state's dof values and of the
+        mesh's dimensionless nodes, shape (nodes of `MeshMotion.space`, d), with ghosts; None where they stay. Heights
+        count from the undeformed apex, which moves."""
         moved = self._displacement(w)
         if X is not None:
             rest = self._arranged(self._everywhere(np.einsum("sk,mkd->msd", self._mix, X[self._blocks])))
@@ -241,23 +232,16 @@ DEEPEST = 1e-7
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Shadow:
-    """The visible edge as pieces of a curve.
-
-    Attributes:
-        curve: The edge, as a curve of its own.
-        source: Piece of the whole curve that each of its pieces is a part of, or hangs on, shape (m,).
-        weights: Shape functions of that piece at the new piece's three nodes, shape (m, 3, 3).
-    """
+    """The visible edge as a curve of its own: the piece of the whole curve that each of its pieces is a part of, or hangs
+    on, shape (m,), and that piece's shape functions at the new piece's three nodes, shape (m, 3, 3)."""
 
     curve: QuadraticCurve
     source: npt.NDArray[np.int64]
     weights: Array
 
     def rate(self, rate: Array) -> Array:
-        """Return the derivative of the edge's nodes from that of the whole curve's, shape (n, 3, 2) to (m, 3, 2).
-
-        Where pieces were cut they slide along the curve, and level parts along themselves: neither moves the edge.
-        """
+        """Return the derivative of the edge's nodes from that of the whole curve's, shape (n, 3, 2) to (m, 3, 2). Where
+        pieces were cut they slide along the curve, and level parts along themselves: neither moves the edge."""
         return np.einsum("mab,mbi->mai", self.weights, rate[self.source])
 
 
