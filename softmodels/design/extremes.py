@@ -64,18 +64,9 @@ WORTH_A_NOTE = 0.02
 
 
 class PeakMeasure(FormMeasure):
-    """The peak of a field over the body; see `softmodels.runs.state_values`.
-
-    The value q from which on the field counts is taken from the values at the integration points. There the peak is least as a
-    function of q, so its derivatives are those at fixed q.
-
-    Args:
-        design: The meshed device.
-        fields: The field in each of the device's materials, differentiable where it counts.
-        values_of: Its values at the integration points, from the principal stretches there.
-        counted_in_stress: Whether the field is in shear moduli.
-        rest: Its value at rest.
-    """
+    """The peak of a field over the body, by its value at rest and its values at the integration points from the principal
+    stretches there; see `softmodels.runs.state_values`. The value q from which on the field counts is taken from the latter.
+    There the peak is least as a function of q, so its derivatives are those at fixed q."""
 
     def __init__(
         self, design: DesignedBody, fields: Sequence[FieldPart], values_of: ValuesOf, counted_in_stress: bool,
@@ -146,13 +137,8 @@ class FieldPart:
 
 @dataclasses.dataclass(frozen=True)
 class CellChoice:
-    """Some of a device's cells, chosen where its mesh is made; they move with the design.
-
-    Attributes:
-        region: Name of a region; empty for all.
-        above: Least height in m of their middles along the lift; 0 for any.
-        within: Largest distance in m of their middles from the axis along the lift; 0 for any.
-    """
+    """Some of a device's cells, of a region, ``above`` a height and ``within`` a distance from the axis in m along the lift
+    (empty or 0 for any), chosen where its mesh is made; they move with the design."""
 
     region: str = ""
     above: float = 0.0
@@ -275,13 +261,8 @@ QUANTITIES.update({"max_stretch": PeakStretch, "von_mises": PeakVonMises})
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class OfRegion(DesignQuantity):
-    """A quantity of the stress or stretch over a region.
-
-    Attributes:
-        region: Name of the region; the whole device if empty.
-        above: Least height of its cells along the lift, in m or a text with a unit; 0 for any.
-        within: Largest distance of its cells from the axis along the lift, likewise: of the membrane over a cavity its radius.
-    """
+    """A quantity of the stress or stretch over a region (the whole device if empty), in cells above a least height along the
+    lift and within a largest distance from the axis along it, in m or texts with a unit; 0 for any."""
 
     region: str = ""
     above: float = 0.0
@@ -336,15 +317,7 @@ class StressUnevenness(StressDeviation):
 
 
 class PowerMeasure(FormMeasure):
-    """Power mean of a field over the body, (mean of field^p)^(1/p), counted from its value at rest.
-
-    Args:
-        design: The meshed device.
-        fields: The field.
-        exponent: p.
-        rest: Value of the field at rest.
-        counted_in_stress: Whether the field is in shear moduli.
-    """
+    """Power mean of a field over the body, (mean of field^p)^(1/p), counted from its value at rest."""
 
     def __init__(
         self, design: DesignedBody, fields: Sequence[FieldPart], exponent: float, rest: float, counted_in_stress: bool
@@ -374,11 +347,7 @@ class PowerMeasure(FormMeasure):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PowerMean(OfRegion):
-    """A power mean, between the mean (1) and the largest value (infinity).
-
-    Attributes:
-        exponent: p, from 2 to 40.
-    """
+    """A power mean of an exponent from 2 to 40, between the mean (1) and the largest value (infinity)."""
 
     exponent: float = 8.0
 
@@ -431,11 +400,7 @@ SHARPNESS = 50.0
 
 
 class NodesMeasure(Measure):
-    """A function of the deformed places of all nodes.
-
-    Args:
-        design: The device, its mesh as it was made.
-    """
+    """A function of the deformed places of all nodes."""
 
     def __init__(self, design: DesignedBody):
         self.design, self.system = design, design.system
@@ -447,11 +412,8 @@ class NodesMeasure(Measure):
 
     @abc.abstractmethod
     def _smooth(self, shift: Array | None) -> tuple[float, str, Array | None]:
-        """Return the value in SI units, a note, and the derivative by the places of the grid's nodes; on rank 0.
-
-        Args:
-            shift: From where the nodes are on the undeformed mesh as it was made, m, shape (n, 3).
-        """
+        """Return the value in SI units, a note, and the derivative by the places of the grid's nodes, on rank 0, with these
+        shifted from the undeformed mesh as it was made by a shift in m, shape (n, 3)."""
 
     def slopes(self, state: State | None) -> Slopes:
         system, grid, motion = self.system, self._grid, self.design.motion
@@ -482,11 +444,7 @@ class NodesMeasure(Measure):
 
 
 class GapMeasure(NodesMeasure):
-    """The smooth least gap of a meshed design.
-
-    Args:
-        design: The device, its mesh as it was made.
-    """
+    """The smooth least gap of a meshed design."""
 
     def __init__(self, design: DesignedBody):
         super().__init__(design)

@@ -95,16 +95,8 @@ class UnstableState(DesignFailure):
 
 
 class MeshedDesign:
-    """A mesh, its equations and states, and the quantities prepared on it.
-
-    Args:
-        design: The meshed device, undeformed.
-        question: What is asked of it.
-        case: The device with all around it.
-
-    Attributes:
-        case: What mesh and equations show now.
-    """
+    """A mesh of a device, its equations and states, and the quantities prepared on it. ``case`` is what mesh and equations
+    show now."""
 
     def __init__(self, design: DesignedBody, question: EvaluationRequest, case: Case):
         self.design, self.solver, self.question, self.case = design, design.solver, question, case
@@ -126,18 +118,9 @@ class MeshedDesign:
         comm: MPI.Comm,
         before: MeshedDesign | None = None,
     ) -> MeshedDesign:
-        """Return a fresh mesh of a device, with its states.
-
-        Args:
-            case: The device with all around it.
-            question: What is asked of it.
-            comm: MPI communicator.
-            before: Another mesh that shows this device now, whose states are interpolated; without it, or where Newton's method
-                does not find them so, they are found along the whole path.
-
-        Raises:
-            DesignFailure: It cannot be meshed, or a load is not met.
-        """
+        """Return a fresh mesh of a device, with its states. Those of another mesh ``before`` that shows this device now are
+        interpolated; without it, or where Newton's method does not find them so, they are found along the whole path.
+        DesignFailure where it cannot be meshed, or a load is not met."""
         from softmodels.mechanics.body import Body
         from softmodels.mechanics.compiling import compiling
         from softmodels.mechanics.solver import Solver
@@ -181,11 +164,7 @@ class MeshedDesign:
         self.design.release()
 
     def show(self, case: Case) -> None:
-        """Move the mesh and the numbers of the equations to a case.
-
-        Raises:
-            GeometryError: The mesh cannot follow.
-        """
+        """Move the mesh and the numbers of the equations to a case; GeometryError where the mesh cannot follow."""
         if case.actuator != self.design.motion.device:
             self.design.motion.move(case.actuator)
         material, components = relaxed(case.material, case.components)
@@ -196,12 +175,8 @@ class MeshedDesign:
         """Move the mesh and its states to a case, in smaller steps if Newton's method fails.
 
         From the second step on the states are expected on the straight line through the last two. Where that does not help
-        either, they are found along the whole path.
-
-        Raises:
-            GeometryError: The mesh cannot follow.
-            PoorMesh: The cells would be too poor.
-            DesignFailure: A load is not met. After any of these, mesh and states are those of before.
+        either, they are found along the whole path. Mesh and states are those of before after a GeometryError (the mesh
+        cannot follow), PoorMesh or DesignFailure (a load is not met).
         """
         states = self.states
         start, first = self.case, states.known
@@ -248,11 +223,8 @@ class MeshedDesign:
     def judge(self, gradients: bool = True) -> tuple[dict[str, Judged], list[str]]:
         """Return the values and gradients of the question's parts by key, and warnings.
 
-        States that were carried from another design may lie on a branch that is unstable here. Then they are found again along
-        the whole path.
-
-        Raises:
-            DesignFailure: A state is unstable, or a load is not met. Mesh and states are those of the last judged design then.
+        States that were carried from another design may lie on a branch that is unstable here. Then they are found again
+        along the whole path. After a DesignFailure mesh and states are those of the last judged design.
         """
         try:
             try:
@@ -270,11 +242,7 @@ class MeshedDesign:
         return found
 
     def _judged(self, gradients: bool) -> tuple[dict[str, Judged], list[str]]:
-        """Return the same for the current states.
-
-        Raises:
-            UnstableState: One of them is unstable.
-        """
+        """Return the same for the current states; UnstableState if one of them is."""
         motion, question = self.design.motion, self.question
         velocities = motion.boundary_velocities(question.shape) if gradients else {}
         found: dict[str, Judged] = {}
@@ -310,11 +278,7 @@ class MeshedDesign:
         return found, notes
 
     def _settled(self, load: JudgedLoad) -> State:
-        """Return the state at a load, its tangent factorised.
-
-        Raises:
-            UnstableState: The device leaves it by itself.
-        """
+        """Return the state at a load, its tangent factorised; UnstableState where the device leaves it by itself."""
         state = self.states.states[load]
         self.adjoint.prepare(state)
         if load.kind == PRESSURE:
@@ -388,20 +352,11 @@ FARTHEST = 3.0
 
 
 class DesignModel:
-    """Evaluates designs of one device, each from the states of the previous one.
+    """Evaluates designs of one device, each from the states of the previous one, on all ranks.
 
-    Args:
-        case: The device as it starts, its silicone, sheet, obstacle and formulation.
-        names: The parameters that are free, of `softmodels.case.varied.variable_names`.
-        quantities: What is asked of each design.
-        comm: MPI communicator; every call is made by all ranks.
-        highest: Pressure in Pa up to which a limit point is looked for where a quantity is of it; by default `FARTHEST` times
-            the highest working pressure.
-        materials: Numbers of the material by which derivatives are wanted.
-        report: Takes sentences on what is going on.
-
-    Raises:
-        GeometryError: A parameter that the device's mesh cannot follow.
+    A limit point is looked for up to a ``highest`` pressure in Pa where a quantity is of it; by default `FARTHEST` times the
+    highest working pressure. ``materials`` are the numbers of the material by which derivatives are wanted. GeometryError for
+    a parameter that the device's mesh cannot follow.
     """
 
     def __init__(
@@ -431,22 +386,15 @@ class DesignModel:
         return np.array([value_of(self.case, name) for name in self.names])
 
     def at(self, theta: Array) -> Case:
-        """Return the case with these parameters.
-
-        Raises:
-            DesignFailure: They make no device.
-        """
+        """Return the case with these parameters; DesignFailure if they make no device."""
         try:
             return varied(self.case, dict(zip(self.names, map(float, theta), strict=True)))
         except INPUT_ERRORS as error:
             raise DesignFailure(str(error)) from error
 
     def evaluate(self, theta: Array) -> Evaluation:
-        """Return the values and gradients of all quantities at these parameters.
-
-        Raises:
-            DesignFailure: They make no device, or it has no stable state at one of the loads.
-        """
+        """Return the values and gradients of all quantities at these parameters; DesignFailure if they make no device, or it
+        has no stable state at one of the loads."""
         case = self.at(theta)
         remeshed = self._ready(case)
         meshed = self.meshed
@@ -462,15 +410,8 @@ class DesignModel:
         )  # fmt: skip
 
     def confirm(self, theta: Array, finer: float = 1.0) -> Evaluation:
-        """Return only the values, on a fresh mesh and along the whole path.
-
-        Args:
-            theta: The parameters.
-            finer: How many times smaller the cells are than the case's.
-
-        Raises:
-            DesignFailure: As for `evaluate`.
-        """
+        """Return only the values, on a fresh mesh whose cells are a number of times finer than the case's, along the whole
+        path."""
         case = self.at(theta)
         if finer != 1.0:
             case = dataclasses.replace(case, actuator=_finer(case.actuator, finer))
@@ -574,11 +515,7 @@ def _finer(device: Actuator, times: float) -> Actuator:
 
 
 def evaluator(problem: DesignProblem, comm: MPI.Comm, how: SearchOptions) -> Judge:
-    """Return an evaluator with the interface of `DesignModel`.
-
-    Raises:
-        GeometryError: A parameter that the device's mesh cannot follow.
-    """
+    """Return an evaluator with the interface of `DesignModel`."""
     if (make := how.get("model")) is not None:
         return make(problem, comm)
     errors = problem.errors
@@ -607,21 +544,10 @@ class EnoughError(Exception):
 
 
 class Evaluating:
-    """Evaluates the designs of one optimisation.
+    """Evaluates the designs of one optimisation and keeps its trials, on rank 0 in a folder if there is one.
 
-    Args:
-        problem: What is optimised.
-        model: What evaluates.
-        folder: Where trials are kept, on rank 0; None for nowhere.
-        comm: MPI communicator.
-        how: Options of the call.
-
-    Attributes:
-        trials: All trials.
-        form: The problem in scaled numbers; None until a design could be judged.
-        start: The start under way.
-        mesh: The mesh under way, counted from 1: `fresh_mesh` begins another.
-        visited: Numbers of the trials of this search.
+    ``form`` is the problem in scaled numbers, None until a design could be judged. The start and the mesh under way are
+    counted from 1; `fresh_mesh` begins another. ``visited`` are the numbers of the trials of this search.
     """
 
     def __init__(
@@ -637,12 +563,8 @@ class Evaluating:
             self.trials.add(trial)
 
     def trial(self, theta: Array) -> Trial:
-        """Return a design's values, stored or evaluated.
-
-        Raises:
-            DesignStopped: The user asked to stop.
-            EnoughError: This search has used up its evaluations.
-        """
+        """Return a design's values, stored or evaluated; DesignStopped if the user asked to stop, EnoughError if this search
+        has used up its evaluations."""
         theta = on_root(self.comm, lambda: theta)
         found = self.trials.find(theta, self.mesh)
         new = found is None
@@ -748,20 +670,9 @@ def identity(problem: DesignProblem) -> dict[str, str]:
 
 
 class DesignFolder:
-    """The folder of one optimisation, locked; only rank 0 has one.
-
-    Args:
-        problem: What is optimised.
-        output: The folder; None for ``results/NAME``, or the next number where that holds something else.
-        resume: Take up the trials that an earlier run left.
-        inputs: Files that are read: they are never written.
-
-    Attributes:
-        trials: The earlier trials.
-
-    Raises:
-        DesignError: The folder cannot be used, in a sentence.
-    """
+    """The folder of one optimisation, locked; only rank 0 has one. By default it is ``results/NAME``, or the next number
+    where that holds something else. To resume is to take up the ``trials`` that an earlier run left. Inputs are never
+    written. DesignError where the folder cannot be used."""
 
     def __init__(self, problem: DesignProblem, output: Path | None, resume: bool, inputs: Sequence[Path] = ()):
         self.problem, self.identity = problem, identity(problem)
@@ -814,11 +725,8 @@ class DesignFolder:
     # -- writing --------------------------------------------------------------------------------------------------------
 
     def add(self, trials: Sequence[Trial], form: Formulation | None) -> None:
-        """Write the last of some trials, the table of all, and the best design so far.
-
-        Raises:
-            OwnFolderError, OSError: It cannot be written.
-        """
+        """Write the last of some trials, the table of all, and the best design so far; OwnFolderError or OSError if that
+        fails."""
         if self._new:
             self.own.remove(self.own.files)
             self.own.claim([TABLE, DESIGN, START, f"{ITERATES}/"], {"inputs": self.identity})

@@ -115,11 +115,7 @@ def _how(
     functions: Mapping[str, object],
     inputs: Sequence[Path],
 ) -> SearchOptions:
-    """Return the options of a call, checked, without those that are None.
-
-    Raises:
-        ArgumentError: One of them is something else.
-    """
+    """Return the options of a call without those that are None; ArgumentError if one is something else."""
     for name, function in functions.items():
         callback(name, function)
     given = {name: function for name, function in functions.items() if function is not None}
@@ -140,17 +136,7 @@ def _finer(value: object) -> float:
 
 
 def open_folder(problem: DesignProblem, output: Path | None, comm: MPI.Comm, how: SearchOptions) -> DesignFolder | None:
-    """Return the folder of an optimisation, on rank 0; None elsewhere.
-
-    Args:
-        problem: The problem.
-        output: The folder; None for the default.
-        comm: MPI communicator.
-        how: Whether to go on, and files that are read.
-
-    Raises:
-        DesignError: It cannot be used; on all ranks.
-    """
+    """Return the folder of an optimisation on rank 0, None elsewhere; DesignError, on all ranks, if it cannot be used."""
     taken: list[DesignFolder] = []
 
     def take() -> None:
@@ -198,11 +184,8 @@ def _run(under_way: Evaluating) -> DesignResult:
 
 
 def _starts(under_way: Evaluating) -> Iterator[Array]:
-    """Yield the starting points of searches, each on its own mesh; after the first, those that have a state.
-
-    Raises:
-        RunError: The device as given has no state where it is asked.
-    """
+    """Yield the starting points of searches, each on its own mesh; after the first, those that have a state. RunError if the
+    device as given has none where it is asked."""
     problem = under_way.problem
     theta = np.array([value_of(problem.case, name) for name in problem.names])
     trial = under_way.trial(theta)
@@ -266,13 +249,8 @@ GOOD, POOR = 0.6, 0.1
 
 
 def approached(evaluate: Callable[[Array], Scaled | None], start: Array, price: float) -> tuple[Array, float]:
-    """Return the last design of the linear steps, and the move limits there.
-
-    Args:
-        evaluate: A design in scaled numbers by its scaled parameters; None if it fails.
-        start: A design that does not fail, each value from 0 to 1.
-        price: Of the largest violation.
-    """
+    """Return the last design of the linear steps from a start that does not fail, scaled from 0 to 1, and the move limits
+    there. Designs are evaluated in scaled numbers, None for failures; the price is of the largest violation."""
     x, reach = start, FIRST_REACH
     here = evaluate(x)
     assert here is not None
@@ -325,12 +303,8 @@ MOST_STEPS = 60
 
 
 def search(evaluate: Evaluate, start: Array) -> Array:
-    """Return the end of the search, in scaled parameters.
-
-    Args:
-        evaluate: A design in scaled numbers; every c at most zero is wanted. May raise to end the search.
-        start: A design that does not fail, each value from 0 to 1.
-    """
+    """Return the end of the search, in scaled parameters, from a start that does not fail. Every c at most zero is wanted; to
+    evaluate a design may raise to end the search."""
     x, reach = approached(evaluate, start, PRICES[0])
     for price in PRICES:
         x = _pass(evaluate, x, price, reach)
@@ -466,13 +440,8 @@ def can_follow(form: Formulation, trial: Trial) -> bool:
 
 
 def followed(judged: Callable[[Array], Trial], form: Formulation, start: Array) -> Array:
-    """Return the end of the search in scaled parameters.
-
-    Args:
-        judged: A trial by its scaled parameters; may raise to end the search.
-        form: The problem in scaled numbers.
-        start: Where to begin; a design that does not fail.
-    """
+    """Return the end of the search in scaled parameters, from a start that does not fail; to judge a trial may raise to end
+    it."""
     x, known = start, dict[bytes, Trial]()
 
     def trial(point: Array) -> Trial:
@@ -534,12 +503,7 @@ WASTED = 0.02
 
 
 def follow(under_way: Evaluating, theta: Array) -> StartEnd:
-    """Search from a design, and confirm the result.
-
-    Args:
-        under_way: What evaluates designs; a design was judged before.
-        theta: Where to begin, values of the problem's `names`.
-    """
+    """Search from a design, values of the problem's `names`, and confirm the result; a design was judged before."""
     form = under_way.form
     assert form is not None
     seen: list[Trial] = []
@@ -589,14 +553,7 @@ def _differs(end: StartEnd, rounds: int) -> bool:
 
 
 def _searched(under_way: Evaluating, form: Formulation, theta: Array, seen: list[Trial]) -> str:
-    """Search repeatedly until the standard deviations converge; return why it ended early.
-
-    Args:
-        under_way: What evaluates designs.
-        form: The problem in scaled numbers.
-        theta: Where to begin.
-        seen: Gets every trial.
-    """
+    """Search repeatedly until the standard deviations converge; return why it ended early. ``seen`` gets every trial."""
     start = form.x(theta)
 
     def judged(point: Array) -> Trial:
@@ -641,12 +598,7 @@ DRAWN = 64
 
 
 def further_starts(problem: DesignProblem, seed: int) -> Iterator[Array]:
-    """Yield the scaled parameters of devices spread over the bounds: a Latin hypercube (McKay, Beckman and Conover 1979).
-
-    Args:
-        problem: The problem.
-        seed: The same seed gives the same points.
-    """
+    """Yield the scaled parameters of devices spread over the bounds: a Latin hypercube (McKay, Beckman and Conover 1979)."""
     for x in qmc.LatinHypercube(len(problem.free), rng=np.random.default_rng(seed)).random(DRAWN):
         if _is_device(problem, x):
             yield x
@@ -671,14 +623,8 @@ VARIANTS = "variants.csv"
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Variant:
-    """One choice of the whole numbers.
-
-    Attributes:
-        words: Their values, as in ``chambers 4``.
-        problem: The problem with these values, of which only continuous parameters are free.
-        result: What was found; None where the device has no state.
-        trouble: Why there is none.
-    """
+    """One choice of the whole numbers, in words as in ``chambers 4``: the problem in which only continuous parameters are
+    free, and its result, or the trouble why there is none."""
 
     words: str
     problem: DesignProblem
@@ -707,17 +653,8 @@ class Variant:
 def run_variants(
     problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Comm, **how: Unpack[SearchOptions]
 ) -> DesignResult:
-    """Optimise for each choice of the whole numbers; return the result of the best, with all in its `DesignResult.variants`.
-
-    Args:
-        problem: The problem.
-        folder: Of all; each choice has a folder of its own in it.
-        comm: MPI communicator.
-        how: Options of the call.
-
-    Raises:
-        RunError: None of them has a state where it is asked.
-    """
+    """Optimise for each choice of the whole numbers, each in a folder of its own; return the result of the best, with all in
+    its `DesignResult.variants`. RunError if none of them has a state where it is asked."""
     tell, found = how.get("progress"), list[Variant]()
     on_root(comm, lambda: _begin(problem, folder, how))
     for words, one in problem.variants():

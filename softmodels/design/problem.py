@@ -119,29 +119,14 @@ def label(asked: DesignQuantity, cm: float) -> str:
 
 
 class Reader:
-    """Reads quantities of a problem.
-
-    Args:
-        case: The case, for its column of water and its device.
-        registry: Classes of quantities by name.
-        bare: Whether numbers are taken for SI units.
-        folder: From which a quantity's own file is counted.
-    """
+    """Reads quantities of a problem: their classes by name, numbers for SI units if ``bare``, their files from a folder."""
 
     def __init__(self, case: Case, registry: Mapping[str, type[DesignQuantity]], bare: bool, folder: Path | None):
         self.case, self.registry, self.bare, self.folder = case, registry, bare, folder
 
     def quantities(self, entry: object, where: str, more: Sequence[str] = ()) -> list[DesignQuantity]:
-        """Return the quantities of a table, one for each pressure; a quantity given as a value is kept.
-
-        Args:
-            entry: The table or the quantity.
-            where: What the table is called.
-            more: Entries that it may have beside those of the quantity.
-
-        Raises:
-            DesignError: An unknown quantity or entry, or one that is missing.
-        """
+        """Return the quantities of a table that may have ``more`` entries, one for each pressure; a quantity given as a value
+        is kept. DesignError for an unknown quantity or entry, or one that is missing."""
         if not isinstance(entry, Mapping):
             if not isinstance(entry, DesignQuantity):
                 raise DesignError(f"{where} is {brief(entry)}; it must be a quantity")
@@ -255,11 +240,7 @@ def _is_volume(value: str) -> bool:
 
 
 def check_limits(keep: Keep, where: str) -> None:
-    """Reject invalid limits.
-
-    Raises:
-        DesignError: None given, one above the other, or a margin below 1.
-    """
+    """Reject limits of which none is given or one is above the other, and margins below 1."""
     asked, low, high = keep.quantity, keep.at_least, keep.at_most
     if low is None and high is None:
         raise DesignError(f"{where}: {asked.title} has no limit; give at_least, at_most or both")
@@ -290,14 +271,8 @@ MOST_CORNERS = 6
 
 @dataclasses.dataclass(frozen=True)
 class Free:
-    """A free parameter of the design.
-
-    Attributes:
-        name: Such as ``"membrane"`` or ``"profile[2]"``.
-        low, high: Bounds, SI units (angles in degrees).
-        start: Its value in the device as given.
-        unit: SI unit in Pint's spelling; empty for pure numbers.
-    """
+    """A free parameter of the design, such as ``"membrane"`` or ``"profile[2]"``: its bounds and its start in the device as
+    given, in an SI unit in Pint's spelling (angles in degrees), empty for pure numbers."""
 
     name: str
     low: float
@@ -314,11 +289,8 @@ class Free:
 
 
 def expanded(case: Case, name: str) -> list[str]:
-    """Return the names of the continuous parameters for a name: itself, or all entries of a list.
-
-    Raises:
-        DesignError: The case has none of this name.
-    """
+    """Return the names of the continuous parameters for a name: itself, or all entries of a list; DesignError if there are
+    none."""
     device, every = case.actuator, variable_names(case)
     known = [own for own in every if "." not in own]
     if name in every:
@@ -342,16 +314,8 @@ def expanded(case: Case, name: str) -> list[str]:
 
 
 def free_parameters(case: Case, table: Mapping[str, object], bare: bool = True) -> tuple[Free, ...]:
-    """Return the free parameters of a case.
-
-    Args:
-        case: As given.
-        table: By name the two bounds: a pair, or a table with ``from`` and ``to``.
-        bare: Whether numbers are taken for SI units.
-
-    Raises:
-        DesignError: Invalid names or bounds.
-    """
+    """Return the free parameters of a case from their two bounds by name: a pair, or a table with ``from`` and ``to``.
+    Numbers are taken for SI units if ``bare``. DesignError for invalid names or bounds."""
     if not table:
         example = '[parameters] membrane = { from = "1 mm", to = "3 mm" }'
         raise DesignError(f"no parameter is free; add some with bounds, such as {example}")
@@ -408,11 +372,7 @@ def _counted(device: Actuator, name: str) -> bool:
 
 
 def _count(case: Case, name: str, bounds: object) -> tuple[int, int]:
-    """Return the bounds of a whole number.
-
-    Raises:
-        DesignError: They are none, or one of its devices cannot be made.
-    """
+    """Return the bounds of a whole number; DesignError if they are none, or one of its devices cannot be made."""
     low, high = _bounds(name, bounds)
     if any(isinstance(end, bool) or not isinstance(end, int) for end in (low, high)):
         raise DesignError(f"the bounds of {name} are {brief(low)} and {brief(high)}; they must be whole numbers")
@@ -505,11 +465,7 @@ SURE = 1.645
 
 
 def tolerances_of(case: Case, table: Mapping[str, object], bare: bool) -> dict[str, float]:
-    """Return the standard deviations in SI units by parameter.
-
-    Raises:
-        DesignError: An unknown parameter, or no deviation.
-    """
+    """Return the standard deviations in SI units by parameter; DesignError for an unknown one, or no deviation."""
     found: dict[str, float] = {}
     device, units = case.actuator, variable_names(case)
     for name, value in dotted(table):
@@ -525,13 +481,8 @@ def tolerances_of(case: Case, table: Mapping[str, object], bare: bool) -> dict[s
 
 
 class ToleranceSpread:
-    """Standard deviations of the quantities of a design.
-
-    Args:
-        names: The parameters that gradients are by.
-        tolerances: Standard deviations by parameter, SI units.
-        errors: Of the material; None where they are not given.
-    """
+    """Standard deviations of the quantities of a design, from those of parameters in SI units and errors of the material, if
+    given; gradients are by ``names``."""
 
     def __init__(self, names: Sequence[str], tolerances: Mapping[str, float], errors: MaterialErrors | None):
         self.errors = errors
@@ -861,17 +812,11 @@ class Judge(Protocol):
 class SearchOptions(TypedDict, total=False):
     """Options of an optimisation; none changes a design's values.
 
-    Attributes:
-        starts: How many; the first is the device as given, the others are spread over the bounds.
-        evaluations: Most of one start.
-        seed: Of the further starts.
-        resume: Go on from the trials in the folder.
-        progress: Gets a line for each design.
-        stopped: Whether to stop, asked between evaluations.
-        confirm: Solve the best design's whole path on a fresh mesh at the end, which is the default.
-        finer: How much finer that mesh is.
-        inputs: Files that are read: they are never written.
-        model: Makes what evaluates designs from a problem and a communicator; `DesignModel` unless given.
+    The first start is the device as given, the others are spread over the bounds by a seed; each has a most of evaluations.
+    ``resume`` goes on from the trials in the folder, ``progress`` gets a line for each design, ``stopped`` is asked between
+    evaluations, ``confirm`` (the default) solves the best design's whole path on a fresh mesh, ``finer`` by a factor. Files
+    of ``inputs`` are never written. ``model`` makes what evaluates designs from a problem and a communicator; `DesignModel`
+    unless given.
     """
 
     starts: int
@@ -900,16 +845,8 @@ INSIDE = 2e-4
 
 @dataclasses.dataclass(frozen=True)
 class ConstraintRow:
-    """One limit on one value.
-
-    Attributes:
-        keep: The limit.
-        key: Key of the value.
-        sign: 1 for at most, -1 for at least.
-        limit: SI unit.
-        scale: What a violation is counted in, SI unit.
-        words: What is limited, with its pressure.
-    """
+    """One limit on the value of a key, in its SI unit, as is the scale that a violation is counted in. The sign is 1 for at
+    most, -1 for at least; ``words`` say what is limited, with its pressure."""
 
     keep: Keep
     key: str
@@ -924,14 +861,9 @@ class ConstraintRow:
         return f"{self.words} {'at most' if self.sign > 0 else 'at least'} {in_words(self.keep.quantity, self.limit)}"
 
     def compared(self, value: float, violation: float) -> str:
-        """Return a value compared with the limit, such as ``limit margin 1.249 < 1.25``, with enough digits to distinguish
-        them.
-
-        Args:
-            value: SI unit.
-            violation: How far the limit is passed, in its scale; below zero where it is kept. It is judged with an allowance
-                for tolerances and for other meshes, which is added where only the value would not show it.
-        """
+        """Return a value in SI units compared with the limit, such as ``limit margin 1.249 < 1.25``, with enough digits to
+        distinguish them. The violation, in the limit's scale and below zero where it is kept, is judged with an allowance for
+        tolerances and for other meshes, which is added where only the value would not show it."""
         asked = self.keep.quantity
         judged = self.limit + self.sign * violation * self.scale
         for digits in range(4, 10):
@@ -959,12 +891,7 @@ class Scaled:
 
 
 class Formulation:
-    """A problem, scaled.
-
-    Args:
-        problem: The problem.
-        first: A trial that could be judged; its objective is the scale of all objectives.
-    """
+    """A problem, scaled by a first trial that could be judged: its objective is the scale of all objectives."""
 
     def __init__(self, problem: DesignProblem, first: Trial):
         self.problem, self.first = problem, first
@@ -1039,15 +966,10 @@ class Formulation:
         )
 
     def corrected(self, trial: Trial, confirmed: Mapping[str, float], safety: Array) -> Formulation:
-        """Return the same with limits corrected to a fresh mesh, by the ratio known for
-        one design.
+        """Return the same with limits corrected to a fresh mesh, by the ratio known for one trial, whose values there are
+        confirmed, and by a further share for safety, shape (rows,).
 
         Where the limit is 0, such as on a gap, they differ by the same amount, since a factor would leave it where it is.
-
-        Args:
-            trial: The design in the search.
-            confirmed: Its values on the fresh mesh.
-            safety: Further share by which each limit is to be kept, shape (rows,).
         """
         made = Formulation(self.problem, self.first)
         made.safety = safety
@@ -1100,13 +1022,8 @@ class Formulation:
 
 @dataclasses.dataclass(frozen=True)
 class Judged:
-    """A quantity of a design.
-
-    Attributes:
-        value: In its SI unit.
-        gradient: By the parameters, shape (n,); empty if none was asked for.
-        by_material: By the material's numbers.
-    """
+    """A quantity of a design in its SI unit, its gradient by the parameters, shape (n,), empty if none was asked for, and its
+    derivatives by the material's numbers."""
 
     value: float
     gradient: Array
@@ -1122,16 +1039,9 @@ class Judged:
 
 @dataclasses.dataclass(frozen=True)
 class EvaluationRequest:
-    """Quantities requested of a design.
-
-    Attributes:
-        names: The parameters that are free.
-        parts: The quantities, each of one state at most.
-        loads: Those of the states.
-        highest: Pressure in Pa up to which a limit point is looked for; 0 for none.
-        materials: Numbers of the material by which derivatives are wanted.
-        shape: Those of ``names`` that decide the shape.
-    """
+    """Quantities (each of one state at most) requested of a design, by the names of the free parameters, those of them that
+    decide the shape, and numbers of the material. A limit point is looked for up to a ``highest`` pressure in Pa; 0 for
+    none."""
 
     names: tuple[str, ...]
     parts: tuple[DesignQuantity, ...]

@@ -51,15 +51,9 @@ else:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Slopes:
-    """A quantity at a state, and its partial derivatives.
-
-    Attributes:
-        value: In SI units.
-        w: By the owned unknowns of the state, shape (n,); None if it does not depend on them.
-        P: By the dimensionless pressure.
-        X: By the dimensionless places of the mesh's nodes at fixed unknowns, flat over `MeshMotion.space`; None for none.
-        note: A sentence on how far the value can be trusted; empty for none.
-    """
+    """A quantity at a state in SI units, and its partial derivatives: w by the owned unknowns of the state, shape (n,), or
+    None; P by the dimensionless pressure; X by the dimensionless places of the mesh's nodes at fixed unknowns, flat over
+    `MeshMotion.space`, or None. The note says how far the value can be trusted."""
 
     value: float
     w: Array | None = None
@@ -81,12 +75,8 @@ class Measure(abc.ABC):
 
 
 class TargetMeasure(Measure):
-    """Distances from a target.
-
-    Attributes:
-        run: Correlation length of the target's errors, in points.
-        sigma: Standard error of one in SI units; 0 where it is not known.
-    """
+    """Distances from a target, whose errors have a correlation length in points (``run``) and a standard error in SI units
+    (``sigma``, 0 where it is not known)."""
 
     run: float = 1.0
     sigma: float = 0.0
@@ -97,13 +87,8 @@ class TargetMeasure(Measure):
 
     @abc.abstractmethod
     def moved(self, state: State, w: Array, X: Array) -> Array:
-        """Return the derivative of the distances, shape (k,).
-
-        Args:
-            state: The state that is loaded.
-            w: Derivative of its dof values, with ghosts.
-            X: That of the mesh's dimensionless nodes, shape (nodes of `MeshMotion.space`, d), with ghosts.
-        """
+        """Return the derivative of the distances, shape (k,), at the loaded state from those of its dof values and of the
+        mesh's dimensionless nodes, shape (nodes of `MeshMotion.space`, d), both with ghosts."""
 
 
 PROBE = "probe or figure"
@@ -112,11 +97,7 @@ PROBE = "probe or figure"
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DesignQuantity(abc.ABC):
-    """A quantity of a design.
-
-    Attributes:
-        at: The state at which it is taken, a `Load` or a pressure in Pa.
-    """
+    """A quantity of a design, at the state of a `Load` or a pressure in Pa."""
 
     name: ClassVar[str]
     unit: ClassVar[str]
@@ -156,11 +137,7 @@ class DesignQuantity(abc.ABC):
 
 
 def length(what: str, value: float | str) -> float:
-    """Return a length in m that is not negative, from a number or a text with a unit.
-
-    Raises:
-        ValueError: It is something else.
-    """
+    """Return a length in m from a number or a text with a unit; ValueError unless it is one that is not negative."""
     found = read_quantity(value, "m") if isinstance(value, str) else float(value)
     if not (np.isfinite(found) and found >= 0.0):
         raise ValueError(f"{what} is {value!r}; it must be a length above zero, or 0 for none")
@@ -176,15 +153,9 @@ Combine = Callable[[Array], tuple[float, Array]]
 
 
 class FormMeasure(Measure):
-    """A function of integrals.
-
-    Args:
-        design: The meshed device.
-        forms: UFL forms without arguments; those of the state are functions of `System.w`.
-        combine: The function, and its slopes.
-        counted_in_stress: Whether the function is in shear moduli.
-        by_pressure: Derivatives of the last forms' sum by the pressures of the cavities, dimensionless.
-    """
+    """A function of integrals, in shear moduli if ``counted_in_stress``: of UFL forms without arguments, those of the state
+    functions of `System.w`. ``combine`` gives the function and its slopes; ``by_pressure`` are dimensionless derivatives of
+    the last forms' sum by the pressures of the cavities."""
 
     def __init__(
         self, design: DesignedBody, forms: Sequence[ufl.Form], combine: Combine, *,
@@ -240,13 +211,7 @@ def scaled(factor: float) -> Combine:
 
 
 class WithContact(Measure):
-    """A measure of forms plus the energy of contact that is no form.
-
-    Args:
-        design: The meshed device.
-        forms: The measure of the forms.
-        unit: Of the energies, SI units over shear moduli.
-    """
+    """A measure of forms plus the energy of contact that is no form; the unit of energies is SI units over shear moduli."""
 
     def __init__(self, design: DesignedBody, forms: FormMeasure, unit: float):
         self.design, self.forms, self.unit = design, forms, unit
@@ -410,13 +375,7 @@ STEP = 1e-5
 
 
 class PlacesMeasure(Measure):
-    """A function of probe positions.
-
-    Args:
-        design: The meshed device.
-        function: Of the probes' places and displacements by name, device coordinates in m, each shape (3,).
-        names: The probes it depends on.
-    """
+    """A function of places and displacements of the named probes, device coordinates in m, each shape (3,)."""
 
     def __init__(
         self, design: DesignedBody, names: tuple[str, ...],
@@ -468,11 +427,7 @@ def _probe(design: DesignedBody, name: str) -> str:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class OfProbe(DesignQuantity):
-    """A coordinate of a probe, or of its displacement.
-
-    Attributes:
-        of: The probe; the device's first one if empty.
-    """
+    """A coordinate of a probe (the device's first one if empty), or of its displacement."""
 
     unit: ClassVar = "m"
     from_rest: ClassVar = False
@@ -517,11 +472,7 @@ class Height(OfProbe):
 @register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Place(OfProbe):
-    """Coordinate of a probe.
-
-    Attributes:
-        axis: "x", "y" or "z" of the device.
-    """
+    """Coordinate of a probe along an axis, "x", "y" or "z" of the device."""
 
     name: ClassVar = "place"
 
@@ -543,11 +494,8 @@ class Place(OfProbe):
 @register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DeviceFigure(DesignQuantity):
-    """A figure of this kind of device derived from its probes, such as a slab's lift angle.
-
-    Attributes:
-        of: Its column, such as ``lift_angle_deg``; the unit is the column's.
-    """
+    """A figure of this kind of device derived from its probes, such as a slab's lift angle, by its column with its unit, such
+    as ``lift_angle_deg``."""
 
     name: ClassVar = "figure"
     unit: ClassVar = "1"
@@ -742,13 +690,8 @@ class LimitMargin(OfLimit):
 
 
 class PressedMeasure(Measure):
-    """Force of the device on a shape whose contact is a sum over samples.
-
-    Args:
-        design: The meshed device.
-        term: The contact.
-        along: Weights of the force's components in the mesh's coordinates, SI units over dimensionless ones and shear moduli.
-    """
+    """Force of the device on a shape whose contact is a sum over samples, by weights of its components along the mesh's
+    coordinates, SI units over dimensionless ones and shear moduli."""
 
     def __init__(self, design: DesignedBody, term: AssembledTerm, along: Array):
         self.design, self.term, self.along = design, term, along
@@ -770,12 +713,8 @@ class PressedMeasure(Measure):
 @register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ForceOn(DesignQuantity):
-    """Force of the whole device on a rigid shape or plane.
-
-    Attributes:
-        of: Name of the shape, as in ``[contact.ball]``; "contact" for the plane of ``[contact]``.
-        along: Direction in device coordinates, such as "z" or "0.6, 0, 0.8"; the device's lift if empty.
-    """
+    """Force of the whole device on a rigid shape, as in ``[contact.ball]``, or "contact", the plane of ``[contact]``, along a
+    direction in device coordinates, such as "z" or "0.6, 0, 0.8"; the device's lift if empty."""
 
     name: ClassVar = "force_on"
     unit: ClassVar = "N"
@@ -844,12 +783,7 @@ class InflationWork(DesignQuantity):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class OfFace(DesignQuantity):
-    """A quantity of a face.
-
-    Attributes:
-        of: The face, such as "tip".
-        axis: Direction in device coordinates, such as "z" or "0.6, 0, 0.8".
-    """
+    """A quantity of a face, such as "tip", along an axis in device coordinates, such as "z" or "0.6, 0, 0.8"."""
 
     of: str = ""
     axis: str = "z"
@@ -968,16 +902,8 @@ def _direction(text: str, where: str) -> Array:
 
 
 class DesignedBody:
-    """A meshed device whose mesh follows its design.
-
-    Args:
-        solver: The device, its mesh as it was read.
-
-    Attributes:
-        motion: Moves the mesh.
-        probes: The device's named points.
-        rest_volume: UFL form of what `System.volume` is of the undeformed device.
-    """
+    """A meshed device, its mesh as it was read at first, which the motion moves as its design, with its probes and the UFL
+    form of what `System.volume` is of the undeformed device."""
 
     def __init__(self, solver: Solver):
         self.solver, self.system = solver, solver.system
@@ -1052,11 +978,7 @@ class DesignedBody:
 
 
 class Probes:
-    """The device's named points, which are vertices of every design's mesh.
-
-    Args:
-        design: The device, its mesh as it was made.
-    """
+    """The device's named points, which are vertices of every design's mesh."""
 
     def __init__(self, design: DesignedBody):
         self.design, self.system = design, design.system

@@ -59,15 +59,8 @@ SHOWN = 0.1
 
 @dataclasses.dataclass(frozen=True)
 class Interval:
-    """A parameter determined by a target, SI units.
-
-    Attributes:
-        parameter: The free parameter.
-        value: Its value.
-        error: Standard error; inf where the target does not tell it, 0 at a bound.
-        low, high: Ends of the 95 % interval.
-        at_bound: Whether it is at a bound.
-    """
+    """A parameter determined by a target, SI units: its value, its standard error (inf where the target does not tell it, 0
+    at a bound), and the ends of the 95 % interval."""
 
     parameter: Free
     value: float
@@ -92,14 +85,9 @@ class Interval:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Told:
-    """Device parameters determined by a target.
-
-    Attributes:
-        intervals: One for each free parameter.
-        covariance: Of those that are not at a bound, SI units.
-        weakest: The least determined combination, a sentence; empty with fewer than two parameters.
-        source: Where the residuals' standard error comes from, a clause.
-    """
+    """Device parameters determined by a target: the interval of each, the covariance of those that are not at a bound in SI
+    units, the weakest combination (a sentence, empty with fewer than two parameters), and a clause on the source of the
+    residuals' standard error."""
 
     intervals: tuple[Interval, ...]
     covariance: Array
@@ -222,15 +210,8 @@ BALANCED = 0.2
 
 @dataclasses.dataclass(frozen=True)
 class Holder:
-    """An active limit or bound.
-
-    Attributes:
-        words: Which, in words.
-        multiplier: Gain in scaled objectives per scaled limit; of a request that cannot be met, its share in what excludes
-            each other.
-        sentence: What it costs.
-        row: The limit; None for a bound of a parameter.
-    """
+    """An active limit (``row``) or bound in words, and in a sentence what it costs. The multiplier is the gain in scaled
+    objectives per scaled limit; of a request that cannot be met, its share in what excludes each other."""
 
     words: str
     multiplier: float
@@ -240,12 +221,8 @@ class Holder:
 
 @dataclasses.dataclass(frozen=True)
 class Holding:
-    """Active limits and bounds of a design.
-
-    Attributes:
-        holders: With the largest multiplier first.
-        balanced: Whether the multipliers explain the objective's slope, so that the design is an optimum.
-    """
+    """Active limits and bounds of a design, the largest multiplier first. Where they are balanced, they explain the
+    objective's slope, and the design is an optimum."""
 
     holders: tuple[Holder, ...]
     balanced: bool
@@ -358,11 +335,7 @@ KEPT = ("material", "load")
 
 
 def case_of(problem: DesignProblem, trial: Trial) -> Case:
-    """Return the case of a trial's device.
-
-    Raises:
-        GeometryError, CaseError: It is none.
-    """
+    """Return the case of a trial's device; GeometryError or CaseError if it is none."""
     values = dict(zip((one.name for one in problem.free), trial.theta, strict=False))
     return dataclasses.replace(varied(problem.case, values), name=problem.name)
 
@@ -393,16 +366,9 @@ FRESH = 0.02
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class StartEnd:
-    """The result of one start.
-
-    Attributes:
-        start: Its number.
-        best: Its best trial; None if none could be judged.
-        form: The problem in scaled numbers, with what is known of the difference to a fresh mesh.
-        confirmed: Values of the best trial on a fresh mesh; empty where there are none.
-        trouble: Why it could not be confirmed; empty for none.
-        why: Why it ended before an optimum; empty for none.
-    """
+    """The result of one start: its best trial, if one could be judged; the problem in scaled numbers, with what is known of
+    the difference to a fresh mesh; the values confirmed on it, or the trouble why there are none; and why it ended before an
+    optimum, if it did."""
 
     STOPPED: ClassVar[str] = "because the user stopped it"
 
@@ -454,19 +420,8 @@ def _overlaps(row: ConstraintRow, values: Mapping[str, float]) -> bool:
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class DesignResult(Shown):
-    """The outcome of an optimisation.
-
-    Attributes:
-        problem: What was asked.
-        end: The best end of all starts.
-        trials: All designs that were evaluated.
-        ends: Where each start ended.
-        holding: What holds the best design back.
-        finer: How much finer the fresh mesh was.
-        stopped: Whether the user stopped it.
-        folder: Where it is kept; None for nowhere.
-        variants: What was found with each choice of the whole numbers, a sentence each; empty where none is free.
-    """
+    """The outcome of an optimisation: the best end of all starts and what holds it back, all trials, where each start ended,
+    how much finer the fresh mesh was, the folder if there is one, and with each choice of whole numbers a sentence."""
 
     problem: DesignProblem
     end: StartEnd

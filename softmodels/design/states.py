@@ -53,17 +53,8 @@ OUTSIDE = 0.1
 
 
 class Places:
-    """Points in the cells of a mesh of order two.
-
-    Args:
-        nodes: Places of its nodes, shape (n, d).
-        cells: Node numbers in VTK's order, shape (c, 6 or 10).
-        points: Shape (m, d).
-
-    Attributes:
-        cell: The cell of each point, shape (m,).
-        share: Its barycentric coordinates there, shape (m, d + 1).
-    """
+    """Points, shape (m, d), in the cells (node numbers in VTK's order, shape (c, 6 or 10)) of a mesh of order two: the cell
+    of each, shape (m,), and its barycentric coordinates there, shape (m, d + 1)."""
 
     def __init__(self, nodes: Array, cells: Numbers, points: Array):
         self.cells, d = cells, nodes.shape[1]
@@ -133,15 +124,8 @@ class Places:
 
 
 class Transfer:
-    """Interpolates unknowns between two meshes of the same device.
-
-    Args:
-        old: Where unknowns are known.
-        new: Where they are wanted.
-
-    Attributes:
-        rest: Dimensionless volume of the undeformed cavity on the new mesh.
-    """
+    """Interpolates unknowns between an old and a new mesh of the same device, with the dimensionless volume ``rest`` of the
+    undeformed cavity on the new one."""
 
     def __init__(self, old: DesignedBody, new: DesignedBody):
         self.old, self.new = old.system, new.system
@@ -192,14 +176,8 @@ class Transfer:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Known:
-    """States of one design, as guesses for the next: values, never modified.
-
-    Attributes:
-        rest: Volume of its undeformed cavity.
-        states: By load.
-        limit: Its limit point, if there is one; no guess, because a bulge may grow elsewhere on the next design.
-        bifurcation: Its first bifurcation, if there is one.
-    """
+    """States of one design by load, as guesses for the next: values, never modified. Its limit point is no guess, because a
+    bulge may grow elsewhere on the next design."""
 
     rest: float
     states: dict[JudgedLoad, State]
@@ -245,21 +223,9 @@ def _in_order(loads: Iterable[JudgedLoad], kind: str) -> list[JudgedLoad]:
 
 
 class WorkingStates:
-    """States of a device at given loads, and its limit point if requested.
-
-    Args:
-        design: The meshed device.
-        loads: Where it is judged.
-        highest: Pressure in Pa up to which a limit point or a bifurcation is looked for; 0 for none.
-        bifurcations: Finds the first bifurcation, if that is wanted.
-
-    Attributes:
-        states: By load, of the device that the mesh shows.
-        limit: The limit point; None if there is none up to ``highest``, or none is looked for.
-        bifurcation: The first bifurcation, likewise.
-        newton: Newton iterations since it was last set to zero.
-        carried: Whether the states follow from those of another design, and not along the path from the undeformed state.
-    """
+    """States of a device at given loads, and if wanted its limit point and first bifurcation up to a ``highest`` pressure in
+    Pa, of the device that the mesh shows. ``newton`` counts iterations since it was last set to zero; states are ``carried``
+    where they follow from those of another design, and not along the path from the undeformed state."""
 
     def __init__(
         self,
@@ -281,11 +247,7 @@ class WorkingStates:
     # -- along the path -------------------------------------------------------------------------------------------------
 
     def trace(self) -> None:
-        """Solve all states along paths from the undeformed state.
-
-        Raises:
-            DesignFailure: A load is not met.
-        """
+        """Solve all states along paths from the undeformed state; DesignFailure if a load is not met."""
         self.states, self.limit, self.bifurcation = {}, None, None
         start = self._preloaded()
         self._rest_volume, self.carried = self.design.volume_at_rest(), False
@@ -337,16 +299,9 @@ class WorkingStates:
     def _climb(
         self, goals: Sequence[float], start: State | None = None, carried: bool = False
     ) -> tuple[list[State], Point | None, Point | None, PathEnd | None]:
-        """Follow the path through pressures, up to its first limit point, and from rest up to its first bifurcation if wanted.
-
-        Args:
-            goals: Dimensionless.
-            start: Where it begins; at rest if None.
-            carried: Whether that is a state of the path, and not its beginning.
-
-        Returns:
-            The states met, the limit point, the bifurcation, and what ended the path before the last goal.
-        """
+        """Follow the path through dimensionless pressures, up to its first limit point, and from rest up to its first
+        bifurcation if wanted; ``start`` may be a state ``carried`` along the path. Return the states met, the limit point,
+        the bifurcation, and what ended the path before the last goal."""
         met: list[State] = []
         limit = forked = end = None
         # A step of the pressure up to a limit point may end behind it, on the other branch; one of the volume does not.
@@ -391,14 +346,8 @@ class WorkingStates:
         self.limit, self.bifurcation = known.limit, known.bifurcation
 
     def carry(self, guess: Known | None = None) -> None:
-        """Solve all states for the device of the current mesh.
-
-        Args:
-            guess: Where to begin; those of the last design if None.
-
-        Raises:
-            NoConvergence: One of them was not found from there, or may lie behind a limit point. Nothing has changed then.
-        """
+        """Solve all states for the device of the current mesh, from those of the last design or a guess. NoConvergence, with
+        nothing changed, if one was not found from there, or may lie behind a limit point."""
         guess, rest = guess or self.known, self.design.volume_at_rest()
         found = {load: self._solve(load, state, rest) for load, state in guess.states.items()}
         for load, state in found.items():
@@ -450,11 +399,7 @@ _NONE: Mapping[str, float] = {}
 
 
 class Adjoint:
-    """Total derivatives of quantities on a meshed device.
-
-    Args:
-        design: The device.
-    """
+    """Total derivatives of quantities on a meshed device."""
 
     def __init__(self, design: DesignedBody):
         self.design, self.system, self.solver = design, design.system, design.solver
@@ -520,18 +465,10 @@ class Adjoint:
     def gradient(
         self, slopes: Slopes, kind: str, velocities: Mapping[str, Array], materials: Mapping[str, float] = _NONE
     ) -> tuple[dict[str, float], dict[str, float]]:
-        """Return the whole derivatives of a quantity at the prepared state.
-
-        Args:
-            slopes: Its partial ones.
-            kind: Of the load that is kept: "pressure" (in Pa) or "volume" (added).
-            velocities: Motion of the boundary with each length, of `MeshMotion.boundary_velocities`.
-            materials: Parameters that are no lengths, see `Sensitivity.force`, with the partial derivatives by them at fixed
-                unknowns; of `by_material`.
-
-        Returns:
-            By the lengths and by the other parameters, per their SI units.
-        """
+        """Return the whole derivatives of a quantity at the prepared state by the lengths and by the other parameters, per
+        their SI units. Kept is the load's "pressure" (in Pa) or "volume" (added). ``velocities`` are the boundary's with each
+        length, of `MeshMotion.boundary_velocities`; ``materials`` partial derivatives at fixed unknowns, of `by_material`, by
+        parameters that are no lengths, see `Sensitivity.force`."""
         motion = self.design.motion
         by_X = np.zeros(motion.entries) if slopes.X is None else slopes.X.copy()
         lam, eta = self.multipliers(slopes, kind)
@@ -549,15 +486,8 @@ class Adjoint:
 
     def rates(self, kind: str, along: Array | str) -> tuple[Array, Array]:
         """Return the derivative of the prepared state by a parameter: its unknowns, with ghosts, and the mesh's nodes, shape
-        (nodes, d).
-
-        One back-substitution, for quantities with more values than there are parameters.
-
-        Args:
-            kind: Of the load that is kept.
-            along: Motion of the boundary with the parameter, of `MeshMotion.boundary_velocities`; or the name of one that is no
-                length.
-        """
+        (nodes, d). ``along`` is the boundary's motion with it, of `MeshMotion.boundary_velocities`, or the name of one that
+        is no length. One back-substitution, for quantities with more values than there are parameters."""
         comm, q, motion = self.system.comm, self._tangent_load, self.design.motion
         if isinstance(along, str):
             nodes, own = (
@@ -605,13 +535,8 @@ class Adjoint:
     def limit_gradient(
         self, state: State, tangent: Tangent, velocities: Mapping[str, Array], materials: Sequence[str] = ()
     ) -> tuple[dict[str, float], dict[str, float]]:
-        """Return the derivatives in Pa of the pressure at a limit point, whose null vector is the path's own direction there.
-
-        Args:
-            state: The limit point.
-            tangent: Direction of the path.
-            velocities, materials: As for `gradient`.
-        """
+        """Return the derivatives in Pa of the pressure at a limit point, whose null vector is the path's own direction
+        there."""
         system = self.system
         system.load(state)
         v = system.unknowns.nearest(tangent.w) / tangent.V  # v . q = 1
@@ -646,14 +571,8 @@ MOST_TRIES = 6
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Bifurcation:
-    """A bifurcation, by the states around it.
-
-    Attributes:
-        V: Its dimensionless volume, ``P`` its pressure.
-        states: On both sides, in order of their volumes.
-        modes: Their modes, each of length 1 in the norm of `Stability.mass`; local dofs.
-        eigenvalues: Theirs.
-    """
+    """A bifurcation at a dimensionless volume V and pressure P, by the states around it in order of their volumes, their
+    eigenvalues and modes: local dofs, each of length 1 in the norm of `Stability.mass`."""
 
     V: float
     P: float
@@ -668,12 +587,7 @@ class Bifurcation:
 
 
 class Bifurcations:
-    """Finds a device's bifurcation near an expected volume.
-
-    Args:
-        design: The meshed device.
-        adjoint: Of the same.
-    """
+    """Finds a device's bifurcation near an expected volume."""
 
     def __init__(self, design: DesignedBody, adjoint: Adjoint):
         self.design, self.adjoint, self.solver = design, adjoint, design.solver
@@ -686,17 +600,9 @@ class Bifurcations:
         )
 
     def near(self, state: State, V: float, mode: Array, rest: float) -> Bifurcation:
-        """Return the bifurcation near a volume.
-
-        Args:
-            state: A state near it, the first guess.
-            V: Where it is expected.
-            mode: Its mode, local dofs.
-            rest: Volume of the undeformed cavity.
-
-        Raises:
-            NoConvergence: A state around it was not found, or the eigenvalue has no zero near.
-        """
+        """Return the bifurcation near an expected volume V and a state, the first guess, with a mode in local dofs and a
+        volume of the undeformed cavity. NoConvergence if a state around it was not found, or the eigenvalue has no zero
+        near."""
         for _ in range(MOST_TRIES):
             added = V - rest
             states, modes, values = [], [], []
@@ -747,11 +653,7 @@ class Bifurcations:
 
 
 class Cubic:
-    """Polynomials through values at given places.
-
-    Args:
-        places: Where, four of them.
-    """
+    """Polynomials through values at four places."""
 
     def __init__(self, places: Sequence[float]):
         self._middle, self._reach = float(np.mean(places)), float(np.ptp(places)) / 2
@@ -767,11 +669,8 @@ class Cubic:
         return powers @ self._inverse, slopes @ self._inverse / self._reach
 
     def root(self, values: Array, near: float) -> float:
-        """Return the zero nearest to a place, not farther from the middle than twice the reach.
-
-        Raises:
-            NoConvergence: There is none.
-        """
+        """Return the zero nearest to a place, not farther from the middle than twice the reach; NoConvergence if there is
+        none."""
         roots = np.roots(self._inverse @ values)
         real = roots[np.abs(roots.imag) < 1e-9].real
         real = real[np.abs(real) < 2.0]

@@ -68,15 +68,8 @@ class StudyError(Spoken, ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class Input:
-    """A field that varies.
-
-    Attributes:
-        key: Its place in the case file, such as ``"geometry.membrane"``.
-        values: What it takes, one by one; empty for a distribution.
-        low, high: Ends of a uniform distribution; of a normal one two standard deviations from its mean.
-        normal: Whether it is a normal distribution.
-        unit: Of the numbers, as in the study file; empty for texts and plain numbers.
-    """
+    """A field that varies, such as ``"geometry.membrane"``, in the unit of the study file: over values one by one, or from
+    ``low`` to ``high``, of a normal distribution two standard deviations from its mean."""
 
     key: str
     values: tuple[float | str, ...] = ()
@@ -87,11 +80,8 @@ class Input:
 
     @classmethod
     def parse(cls, key: str, given: object) -> Input:
-        """Read ``"1.8:2.2 mm"`` (uniform), ``"1.8:2.2:0.1 mm"`` (steps), ``"2 mm +- 0.2 mm"`` (normal, 95 %) or a list.
-
-        Raises:
-            StudyError: None of these.
-        """
+        """Read ``"1.8:2.2 mm"`` (uniform), ``"1.8:2.2:0.1 mm"`` (steps), ``"2 mm +- 0.2 mm"`` (normal, 95 %) or a list;
+        StudyError if it is none of these."""
         how = (
             f'[vary] {key} = {given!r} is not like "1.8:2.2 mm", "1.8:2.2:0.1 mm", "2 mm +- 0.2 mm" or a list of values'
         )
@@ -182,17 +172,11 @@ MOST = 100_000
 
 @dataclasses.dataclass(frozen=True)
 class StudyPlan:
-    """A study file.
+    """A study file: a case, the inputs that vary in it, and one of `SAMPLINGS`. Of ``"saltelli"`` the number of samples is
+    the base, of which there are two more than inputs; a grid has all combinations.
 
-    Attributes:
-        name: Stem of its results.
-        case: What is varied.
-        inputs: The fields that vary.
-        sampling: One of `SAMPLINGS`.
-        samples: How many; of ``"saltelli"`` the base, of which there are two more than inputs; a grid has all combinations.
-        seed: Of the random numbers.
-        answer: ``"path"`` (requested states) or ``"limit"`` (as `softmodels.limit`).
-        responses: Columns that are analysed; empty for the rise of the device's gauge, or the limit pressure.
+    The answer is ``"path"`` (requested states) or ``"limit"`` (as `softmodels.limit`); the responses are columns that are
+    analysed, empty for the rise of the device's gauge, or the limit pressure.
     """
 
     name: str
@@ -206,11 +190,7 @@ class StudyPlan:
 
     @classmethod
     def from_file(cls, path: Path) -> StudyPlan:
-        """Read a study file.
-
-        Raises:
-            StudyError: It cannot be read, or makes no study.
-        """
+        """Read a study file; StudyError if it cannot be read, or makes no study."""
         try:
             table = read_toml(path)
         except TomlError as error:
@@ -274,11 +254,7 @@ class StudyPlan:
         return np.column_stack([one.ppf(column) for one, column in zip(self.inputs, shares.T, strict=True)])
 
     def case_at(self, point: Array) -> Case:
-        """Return the case of a sample.
-
-        Raises:
-            CaseError: Its fields make none.
-        """
+        """Return the case of a sample; CaseError if its fields make none."""
         plain = dataclasses.replace(self.case, band=None)
         tables = copy.deepcopy(self._tables)
         steps = {one.key: x for one, x in zip(self.inputs, point, strict=True) if one.key.startswith(f"{FIT}.")}
@@ -296,11 +272,7 @@ class StudyPlan:
 
     @functools.cached_property
     def cases(self) -> tuple[dict[int, Case], dict[int, str]]:
-        """The case of each sample, and the sentences of those that have none.
-
-        Raises:
-            StudyError: No sample has a case.
-        """
+        """The case of each sample, and the sentences of those that have none; StudyError if no sample has one."""
         cases, failures = dict[int, Case](), dict[int, str]()
         for k, point in enumerate(self.points):
             try:
@@ -318,11 +290,7 @@ class StudyPlan:
         return {**identity(self.case), **{f"study.{name}": text for name, text in told.items()}}
 
     def columns_analysed(self, known: Sequence[str]) -> tuple[str, ...]:
-        """Return the responses, of the columns that there are.
-
-        Raises:
-            StudyError: A response is not among them.
-        """
+        """Return the responses, of the columns that there are; StudyError if one is not among them."""
         gauge = f"{self.case.actuator.gauge}_mm"
         wanted = self.responses or ((gauge,) if self.answer == "path" else ("limit_Pa",))
         for name in wanted:
@@ -442,10 +410,7 @@ def solved_beside(task: tuple[Case, str]) -> Answer:
 
 def _by_cluster(scheduler: str, tasks: Mapping[int, tuple[Case, str]]) -> Iterator[tuple[int, Answer]]:
     """Yield the answers of a cluster of dask; a worker that is lost is replaced, and its samples are solved elsewhere.
-
-    Raises:
-        StudyError: The scheduler does not answer.
-    """
+    StudyError if the scheduler does not answer."""
     distributed = required("distributed", EXTRA)
     try:
         client = distributed.Client(scheduler, timeout=10, set_as_default=False)
@@ -471,17 +436,8 @@ FILES = (SAMPLES, DATASET, PAGE, "study.csv", "parallel.png")
 
 
 class StudyFolder:
-    """A study's folder, locked; without a path the answers are only kept in memory.
-
-    Args:
-        plan: The study.
-        output: The folder; None for none.
-        resume: Keep the samples that are there.
-        inputs: Files that are read: they are never written.
-
-    Raises:
-        StudyError: The folder cannot be used.
-    """
+    """A study's folder, locked; without a path the answers are only kept in memory. To resume keeps the samples that are
+    there. Inputs are never written. StudyError if the folder cannot be used."""
 
     def __init__(self, plan: StudyPlan, output: OwnFolder | None, resume: bool, inputs: Sequence[Path] = ()):
         _ = plan.cases  # raises before anything is written
@@ -526,11 +482,7 @@ class StudyFolder:
         self._file = file.open("a", encoding="utf-8")
 
     def add(self, number: int, answer: dict[str, object]) -> None:
-        """Keep the answer for a sample.
-
-        Raises:
-            OSError: It cannot be written.
-        """
+        """Keep the answer for a sample; OSError if it cannot be written."""
         self.answers[number] = answer
         if self._file is not None:
             self._file.write(_line((number, answer)))
@@ -610,11 +562,7 @@ KIND = "study"
 
 
 def open_folder(plan: StudyPlan, output: Path | None, resume: bool, inputs: Sequence[Path]) -> StudyFolder:
-    """Return the folder of a command, ``results/NAME`` unless one is given.
-
-    Raises:
-        StudyError: It cannot be used.
-    """
+    """Return the folder of a command, ``results/NAME`` unless one is given; StudyError if it cannot be used."""
     try:
         default = Path("results") / plan.name
         own = OwnFolder(output, KIND) if output else take_default(default, KIND, plan.inputs_of_results)
@@ -705,13 +653,8 @@ DEVIATIONS = 1.96
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Surrogate:
-    """A response as a smooth function of the inputs.
-
-    Attributes:
-        inputs: The inputs.
-        error: Cross-validated error (rms), in the response's unit.
-        spread: Standard deviation of the response over the samples.
-    """
+    """A response as a smooth function of the inputs, its cross-validated error (rms) and its standard deviation over the
+    samples, in the response's unit."""
 
     inputs: tuple[Input, ...]
     error: float
@@ -725,16 +668,9 @@ class Surrogate:
 
 @dataclasses.dataclass(frozen=True)
 class Indices:
-    """Sobol indices of a response: the shares of its variance.
-
-    Attributes:
-        inputs: Keys of the inputs.
-        first: By each input by itself.
-        total: By each with all its interactions.
-        first_half, total_half: Half widths of their 95 % intervals.
-        surrogate_error: Error (rms) of the surrogate that they are of, over the response's standard deviation; 0 if they are of
-            the samples themselves.
-    """
+    """Sobol indices of a response, shares of its variance by each input by itself (``first``) and with all its interactions
+    (``total``), with half widths of their 95 % intervals. The surrogate's error (rms) is over the response's standard
+    deviation; 0 if they are of the samples themselves."""
 
     inputs: tuple[str, ...]
     first: tuple[float, ...]
@@ -759,12 +695,8 @@ def features(inputs: Sequence[Input], points: Array) -> Array:
 
 
 def surrogate_of(inputs: tuple[Input, ...], points: Array, values: Array) -> Surrogate:
-    """Return a Gaussian process through the values at points, with its error in a tenfold cross-validation.
-
-    Raises:
-        StudyError: There are too few.
-        ImportError: scikit-learn is not installed.
-    """
+    """Return a Gaussian process through the values at points, with its error in a tenfold cross-validation. StudyError if
+    there are too few; ImportError if scikit-learn is not installed."""
     required("sklearn", EXTRA)
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel

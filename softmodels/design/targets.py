@@ -45,17 +45,8 @@ if TYPE_CHECKING:
 
 
 class MovedSilhouette(Silhouette):
-    """The outer curve of a device under design, with the transpose of its derivative.
-
-    Args:
-        design: The device, its mesh as it was made.
-
-    Raises:
-        BodyError: The mesh has no such curve.
-
-    Attributes:
-        round: Whether the device is a body of revolution, of which both sides are seen alike.
-    """
+    """The outer curve of a device under design, with the transpose of its derivative. It is ``round`` where the device is a
+    body of revolution, of which both sides are seen alike. BodyError if the mesh has no such curve."""
 
     def __init__(self, design: DesignedBody):
         super().__init__(design.system)
@@ -66,11 +57,8 @@ class MovedSilhouette(Silhouette):
         """From the mesh's components to those of the outline's plane, shape (2, d)."""
 
     def transposed(self, covector: Array) -> tuple[Array, Array]:
-        """Return the transpose of `moved`: from a covector on the curve's nodes, shape (n, 3, 2), the same on all ranks.
-
-        Returns:
-            By the owned unknowns, zero at held ones, and by the mesh's nodes, flat over `MeshMotion.space`.
-        """
+        """Return the transpose of `moved`: from a covector on the curve's nodes, shape (n, 3, 2), the same on all ranks, to
+        the owned unknowns, zero at held ones, and to the mesh's nodes, flat over `MeshMotion.space`."""
         system, motion = self.system, self.design.motion
         on_places = covector.copy()
         on_places[0, 0] -= covector.sum(axis=(0, 1))  # heights and distances count from the undeformed top
@@ -106,17 +94,9 @@ ONE_SIDED = 0.1
 
 
 class OutlineMeasure(TargetMeasure):
-    """Distances of points from the outline of a state.
-
-    Args:
-        design: The device, its mesh as it was made.
-        points: In the outline's plane, m, shape (k, 2): distance from the axis (or clamped base) and height above the
-            undeformed apex.
-        measured: Whether heights are measured ones, that count from a flat surface.
-
-    Raises:
-        ValueError: The device has no outline, or its top is curved and a measured outline counts from a flat one.
-    """
+    """Distances of points from the outline of a state, in its plane in m, shape (k, 2): distance from the axis (or clamped
+    base) and height above the undeformed apex, measured ones from a flat surface. ValueError if the device has no outline, or
+    its top is curved and a measured outline counts from a flat one."""
 
     def __init__(self, design: DesignedBody, points: Array, measured: bool):
         try:
@@ -172,17 +152,13 @@ class OutlineMeasure(TargetMeasure):
 @register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Outline(DesignQuantity):
-    """Root mean square distance between points and the deformed outline.
+    """Root mean square distance between points and the deformed outline: of a disk its shadow; of a half slab its top's edge
+    in the mirror plane, from the clamped base to the tip.
 
-    Of a disk the outline is its shadow; of a half slab its top's edge in the mirror plane, from the clamped base to the tip.
-
-    Attributes:
-        file: An outline that ``measurement photos`` has written; its points that rise are taken. A disk's axis is at its
-            middle, or at 0 if it begins at its top.
-        points: Or the points themselves, in m: distance from the axis (of a slab from the clamped base) and height above the
-            undeformed apex.
-        sigma: Standard error of a point across the outline in m, or a text with a unit; 0 to estimate it from what is left.
-        run: Correlation length of the points' errors, in points.
+    The points that rise are those of a file that ``measurement photos`` has written (a disk's axis is at its middle, or at 0
+    if it begins at its top), or given in m: distance from the axis (of a slab from the clamped base) and height above the
+    undeformed apex. ``sigma`` is a point's standard error across the outline in m, or a text with a unit, 0 to estimate it
+    from what is left; ``run`` the correlation length of the errors, in points.
     """
 
     name: ClassVar = "outline"
@@ -223,11 +199,8 @@ class Outline(DesignQuantity):
 
 
 def _measured(file: Path) -> tuple[Array, float]:
-    """Return the risen points of a measured outline, and the correlation length of their residuals in points.
-
-    Raises:
-        ValueError: No outline, one that is not trusted, or nothing rises.
-    """
+    """Return the risen points of a measured outline, and the correlation length of their residuals in points. ValueError if
+    there is no outline, it is not trusted, or nothing rises."""
     (outline,) = read_outlines([file])
     outline = outline.measured()
     part = rising(outline)
@@ -274,16 +247,10 @@ class CompositeQuantity(DesignQuantity):
 @register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class TipPath(CompositeQuantity):
-    """Root mean square distance of a probe from a target path.
-
-    Attributes:
-        of: The probe; the device's first one if empty.
-        target: Rows of pressure in Pa and the place's coordinates in m; nan where a coordinate is not asked for.
-        file: Or a table with columns such as ``pressure_kPa``, ``x_mm``, ``z_mm``, or a run's ``path.csv``; see
-            `softmodels.design.targets`.
-        sigma: Standard error of a coordinate in m, or a text with a unit; 0 to estimate it from what is left.
-        cm: Pa of one centimetre of the case's column, for a file whose pressures are in cm; 0 if it is not known.
-    """
+    """Root mean square distance of a probe (the device's first one if empty) from a target path: rows of pressure in Pa and
+    coordinates in m, nan where one is not asked for, or a file that `read_tip_path` reads. ``sigma`` is a coordinate's
+    standard error in m, or a text with a unit, 0 to estimate it from what is left; ``cm`` Pa of one centimetre of the case's
+    column, for pressures in cm."""
 
     name: ClassVar = "tip_path"
     unit: ClassVar = "m"
@@ -352,21 +319,13 @@ PLACE = re.compile(r"(?:(?!max_stretch)(\w+?)[_ ])?([xyz])[_ ]*[\[(]?([a-z]+)[\]
 
 
 def read_tip_path(file: Path, of: str, cm: float = 0.0) -> tuple[tuple[Row, ...], str]:
-    """Return the rows of pressure in Pa and place in m (nan for missing columns), by rising pressure, and the point's
-    name.
+    """Return the rows of pressure in Pa and place in m (nan for missing columns), by rising pressure, of a table (a text or
+    an Excel workbook), and the point's name; ``of`` is empty for the only one in it. ValueError if there is no such table.
 
     Columns are named by what they have and its unit: ``pressure_kPa``, ``x_mm`` or ``tip_x_mm``; or the units stand in a row
-    below the names. Rows at rest, and those
-    from the highest pressure on, are left out: there a pressure has more than one place. Of a run's table those at the
-    pressures that it was asked at are taken.
-
-    Args:
-        file: The table, a text or an Excel workbook.
-        of: The point; empty for the only one in the table.
-        cm: Pa of one centimetre of the case's column; 0 if it is not known.
-
-    Raises:
-        ValueError: No such table; a sentence.
+    below the names. Rows at rest, and those from the highest pressure on, are left out: there a pressure has more than one
+    place. Of a run's table those at the pressures that it was asked at are taken. ``cm`` is Pa of one centimetre of the
+    case's column; 0 if it is not known.
     """
     sheet, rows = _rows(file)
     names = list(rows[0][1])

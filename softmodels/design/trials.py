@@ -23,13 +23,8 @@ PRESSURE, VOLUME = "pressure", "volume"
 
 @dataclasses.dataclass(frozen=True, order=True)
 class JudgedLoad:
-    """A state of a device by its load.
-
-    Attributes:
-        kind: "pressure" (the first state at that pressure) or "volume" (added to the cavity of the whole device).
-        value: Pa or m3.
-        text: How the user wrote it, such as "30 kPa" or "177 cm"; empty where it was a number.
-    """
+    """A state of a device by its load: "pressure" (the first state at it, Pa) or "volume" (added to the cavity of the whole
+    device, m3), and how the user wrote it, such as "30 kPa" or "177 cm"; empty where it was a number."""
 
     kind: str
     value: float
@@ -74,17 +69,8 @@ def spelled(unit: str) -> str:
 
 
 def read(what: str, value: object, unit: str, bare: bool = True) -> float:
-    """Return a value in SI units from a text with a unit, or from a number.
-
-    Args:
-        what: What it is of, for the message.
-        value: The text or number.
-        unit: Its SI unit.
-        bare: Whether a number is taken for SI; in files a unit is needed.
-
-    Raises:
-        DesignError: Not of this kind.
-    """
+    """Return a value in SI units from a text with a unit, or from a number where these are ``bare``; in files a unit is
+    needed. DesignError names what it is of."""
     if isinstance(value, bool) or not isinstance(value, str | int | float):
         raise DesignError(f"{what} is {brief(value)}; it must be a {'text with a unit' if spelled(unit) else 'number'}")
     try:
@@ -129,14 +115,9 @@ def shown_unit(unit: str) -> str:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Squares:
-    """Residuals and their derivatives by the parameters, SI units.
-
-    Attributes:
-        count: How many residuals there are.
-        run: Correlation length of the errors, in points.
-        sigma: Standard error of one; 0 where it is not known.
-        triangle: Of [J r], shape (m + 1, m + 1).
-    """
+    """Residuals and their derivatives by the parameters, SI units: their count, the correlation length of the errors in
+    points (``run``), the standard error of one (``sigma``, 0 where it is not known), and the triangle of [J r], shape (m + 1,
+    m + 1)."""
 
     count: int
     run: float
@@ -170,11 +151,7 @@ class Squares:
 
     @classmethod
     def from_table(cls, table: dict[str, object]) -> Self:
-        """Return the residuals of `to_table`'s table.
-
-        Raises:
-            TypeError, ValueError, KeyError: It is something else.
-        """
+        """Return the residuals of `to_table`'s table; TypeError, ValueError or KeyError if it is something else."""
         return cls(
             int(str(table["count"])), float(str(table["run"])), float(str(table["sigma"])),
             np.array(table["triangle"], dtype=float),
@@ -186,11 +163,8 @@ class Squares:
 
 
 class DesignFailure(RuntimeError):
-    """A design cannot be evaluated: it is not a valid device, or has no state at a load; the message is a sentence.
-
-    Attributes:
-        limit: Pressure in Pa at which its path ends, if that is why.
-    """
+    """A design cannot be evaluated: it is not a valid device, or has no state at a load; the message is a sentence. ``limit``
+    is the pressure in Pa at which its path ends, if that is why."""
 
     def __init__(self, message: str, limit: float | None = None):
         super().__init__(message)
@@ -199,20 +173,10 @@ class DesignFailure(RuntimeError):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Evaluation:
-    """An evaluated design.
-
-    Attributes:
-        theta: Its parameters in SI units.
-        device: The device.
-        values: Of the quantities by key, in their SI units.
-        gradients: Their derivatives by the parameters, each of the shape of theta; empty if none were asked for.
-        material_gradients: Their derivatives by the material's numbers, by key and name.
-        quality: Least Jacobian of a cell over its own where the mesh was made; 1 on a fresh mesh.
-        newton: Newton iterations that all states took.
-        remeshed: Whether a fresh mesh was made.
-        notes: Sentences on how far the values can be trusted.
-        squares: Of the quantities that are distances from a target, by key.
-    """
+    """An evaluated design: its parameters, and the values of the quantities by key, in SI units; their gradients by theta,
+    empty if none were asked for, and by the material's numbers, by key and name; the squares of those that are distances from
+    a target. ``quality`` is the least Jacobian of a cell over its own where the mesh was made; notes say how far the values
+    can be trusted."""
 
     theta: Array
     device: Actuator
@@ -228,24 +192,9 @@ class Evaluation:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Trial:
-    """A design with its values.
-
-    Attributes:
-        number: Counted from 1.
-        start: Of which start, counted from 1.
-        theta: Values of the problem's `names`, SI units.
-        mesh: Of which mesh, counted from 1; the same design may be evaluated again on another one.
-        values: By the keys of the quantities; empty of a failure.
-        gradients: By key, by the problem's `names`.
-        material_gradients: By key and parameter of the law; empty where they are not known.
-        newton: Newton iterations.
-        seconds: What it took.
-        quality: Of the worst cell against the mesh as made.
-        remeshed: Whether it was meshed anew.
-        squares: Of the targets that are followed, by key.
-        notes: What has to be known of the values.
-        failure: Why it could not be judged; empty if it could.
-    """
+    """A design with its values, of a start and a mesh; numbers count from 1, and the same design may be evaluated again on
+    another mesh. Values, gradients and squares are as of `Evaluation`, by the problem's `names` in SI units. Values are empty
+    of a failure, which is a sentence, empty for none."""
 
     number: int
     start: int
@@ -273,11 +222,7 @@ class Trial:
 
     @classmethod
     def from_json(cls, text: str) -> Trial:
-        """Return the trial of `to_json`'s text.
-
-        Raises:
-            ValueError: It is something else.
-        """
+        """Return the trial of `to_json`'s text; ValueError if it is something else."""
         told = json.loads(text)
         try:
             squares = {key: Squares.from_table(table) for key, table in told.get("squares", {}).items()}
