@@ -86,14 +86,8 @@ def spread(case: str) -> str:
 
 
 class _Solved:
-    """A run that a job has stored, and its device's equations on the same mesh.
-
-    Args:
-        folder: Its folder.
-
-    Raises:
-        ValueError: Its states depend on how they were reached.
-    """
+    """A run that a job has stored, and its device's equations on the same mesh; ValueError if its states depend on how they
+    were reached."""
 
     def __init__(self, folder: str):
         self.source, comm = StoredStates(Path(folder)), start()
@@ -160,14 +154,9 @@ SPACING = 1e-4
 
 
 def outline(case: str, pressure: float, folder: str = "") -> Array:
-    """Return the outer outline of a device at a pressure in Pa: distance from the axis and height above the undeformed apex in
-    m, from the axis on, shape (k, 2).
-
-    Args:
-        case: Text of the case.
-        pressure: In Pa; it may be beyond those of the case.
-        folder: Of the stored run of this case, for a solid.
-    """
+    """Return the outer outline of a device at a pressure in Pa, which may be beyond those of the case: distance from the axis
+    and height above the undeformed apex in m, from the axis on, shape (k, 2). Of a solid the stored run of this case is
+    needed."""
     if folder:
         solved = _solved_in(folder)
         return _half_outline(solved.simulation.solver.system, solved.state(pressure))

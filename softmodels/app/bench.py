@@ -49,14 +49,8 @@ COLUMNS = ("pressure", "error", *TIMES, "use")
 
 @dataclasses.dataclass(frozen=True)
 class FileKind:
-    """Files that users bring.
-
-    Attributes:
-        what: What they are, in the plural.
-        formats: Their formats in words.
-        endings: Of their names, in small letters.
-        largest: Bytes of the largest.
-    """
+    """Files that users bring: what they are, in the plural, their formats in words, endings of their names in small letters,
+    and bytes of the largest."""
 
     what: str
     formats: str
@@ -70,14 +64,10 @@ class FileKind:
 
 
 class Project:
-    """A project's folder. What several pages show comes from here, so that all tabs show the same.
+    """A project's folder, made where there is none. What several pages show comes from here, so that all tabs show the same.
 
-    Args:
-        folder: The folder; it is made where there is none.
-
-    Attributes:
-        case: The device, its silicone and its load, as in ``case.toml``.
-        case_error: Why the file cannot be used; empty if it can. Nothing changes the file until it can.
+    ``case`` is the device, its silicone and its load, as in ``case.toml``. While ``case_error`` says why that file cannot be
+    used, nothing changes it.
     """
 
     def __init__(self, folder: Path):
@@ -118,12 +108,8 @@ class Project:
         return self._text or self.case.to_toml()
 
     def change(self, **fields: object) -> None:
-        """Change fields of the case and write it; all pages follow.
-
-        Raises:
-            CaseError, ArgumentError: The case would be invalid, or what its file holds would be lost; it stays as it was.
-            OSError: It cannot be written.
-        """
+        """Change fields of the case and write it; all pages follow. It stays as it was after a CaseError or ArgumentError: it
+        would be invalid, or what its file holds would be lost. OSError if it cannot be written."""
         self._check_file()
         if self.case_error:
             raise CaseError(
@@ -137,11 +123,7 @@ class Project:
         self._take(Case.from_toml(text, self.folder), text)
 
     def set_aside(self) -> None:
-        """Give a case file that cannot be used another name, and start anew.
-
-        Raises:
-            OSError: It cannot be renamed.
-        """
+        """Give a case file that cannot be used another name, and start anew; OSError if it cannot be renamed."""
         (self / CASE).rename(self._free(".", "case-aside", ".toml"))
         self.case = self._read_case()
         self.changed.emit(CASE)
@@ -167,18 +149,8 @@ class Project:
     # -- files that users bring ---------------------------------------------------------------------------------------
 
     def keep(self, folder: str, name: str, data: bytes, kind: FileKind) -> Path:
-        """Write a file that a user brings to a free place, and return it.
-
-        Args:
-            folder: Where to.
-            name: Of the user's file, which may be anything.
-            data: Its content.
-            kind: What it must be.
-
-        Raises:
-            FieldError: Another kind of file.
-            OSError: It cannot be written.
-        """
+        """Write a file that a user brings, under any name, to a free place in a folder, and return it; FieldError for another
+        kind of file, OSError if it cannot be written."""
         wanted = re.sub(r"[^\w.+-]+", "_", Path(name.replace("\\", "/")).name).lstrip("._") or "file"
         stem, suffix = Path(wanted).stem[:80], Path(wanted).suffix[:12]
         if suffix.lower() not in kind.endings:
@@ -209,15 +181,7 @@ PHOTOGRAPH = FileKind("photographs", "JPEG, PNG, TIFF or HEIC", PICTURES, 80 << 
 
 @dataclasses.dataclass
 class Listed:
-    """A photograph of the list.
-
-    Attributes:
-        file: Its file.
-        row: Its row of the list, by `COLUMNS`.
-        preview: As the page shows it.
-        traced: Its edge.
-        why: Why there is none.
-    """
+    """A photograph of the list, its row by `COLUMNS`, its preview, and its traced edge, or why there is none."""
 
     file: Path
     row: dict[str, str] = dataclasses.field(default_factory=lambda: dict.fromkeys(COLUMNS, ""))
@@ -242,12 +206,7 @@ class Listed:
 
 
 class Photographs:
-    """The photographs of a project, as all tabs see them.
-
-    Args:
-        project: The project.
-        tracer: The process that traces them.
-    """
+    """The photographs of a project, as all tabs see them, and the process that traces them."""
 
     def __init__(self, project: Project, tracer: Warm):
         self.project, self.tracer = project, tracer
@@ -280,11 +239,8 @@ class Photographs:
                 self.error = str(error)
 
     def take_list(self, listing: Path) -> None:
-        """Take the rows of a list of photographs, for these and those that come, in its order.
-
-        Raises:
-            PhotoListError: It cannot be read.
-        """
+        """Take the rows of a list of photographs, for these and those that come, in its order; PhotoListError if it cannot be
+        read."""
         for photo in read_photos(listing):
             row = dict(photo.row)
             row.setdefault("pressure", f"{photo.pressure / pascal_per_cm():.7g} cm")
@@ -343,11 +299,7 @@ class Photographs:
         replace_text(self.project / PHOTOS, text.getvalue())
 
     def pressure_of(self, one: Listed) -> float:
-        """Return the pressure in Pa as typed; NaN where there is none.
-
-        Raises:
-            ColumnError: It cannot be read.
-        """
+        """Return the pressure in Pa as typed; NaN where there is none. ColumnError if it cannot be read."""
         return Column().read(one.pressure)[0] if one.pressure else math.nan
 
     # -- work ---------------------------------------------------------------------------------------------------------
@@ -463,16 +415,9 @@ class Photographs:
 
 
 class Bench:
-    """What all tabs of one server share.
-
-    Args:
-        project: The project.
-        address: Under which other machines of the network connect, with the key; empty if they may not.
-
-    Attributes:
-        solver, tracer: The processes that answer about devices and about photographs.
-        slower: Another for what takes longer about devices, so that no slider waits for it.
-    """
+    """What all tabs of one server share: the project, the address (with the key) under which other machines of the network
+    connect, empty if they may not, and the processes that answer about devices and photographs. ``slower`` is for what takes
+    longer about devices, so that no slider waits for it."""
 
     def __init__(self, project: Project, address: str = ""):
         self.project, self.address = project, address

@@ -389,11 +389,8 @@ def stored_run(project: Project) -> tuple[Case | None, list[dict[str, float]]]:
 
 
 def path_rows(folder: Path) -> list[dict[str, float]]:
-    """Return the lengths and pressures of a path that is stored, row by row.
-
-    Raises:
-        OSError, ValueError, TypeError: There is none yet, or a row is half written.
-    """
+    """Return the lengths and pressures of a path that is stored, row by row; OSError, ValueError or TypeError if there is
+    none yet, or a row is half written."""
     rows = csv.DictReader(io.StringIO(read_text(folder / "path.csv")))
     return [{name: float(row[name]) for name in row if name.endswith(("_mm", "_cm"))} for row in rows]
 

@@ -66,11 +66,7 @@ def page_words(sentence: str) -> str:
 
 
 class TabPage:
-    """One tab's page.
-
-    Args:
-        bench: What all tabs share.
-    """
+    """One tab's page."""
 
     message: ui.label
     """Where the page shows what is wrong."""
@@ -91,15 +87,8 @@ class TabPage:
             self.say(f"{about}{reason(error)}")
 
     def upload_box(self, label: str, kind: FileKind, endings: str, name: str, take: Callable[..., object]) -> ui.upload:
-        """Add a place to drop files in the current place of the page, with a name for those who do not see it.
-
-        Args:
-            label: What to drop.
-            kind: Of the files; others are rejected by the browser.
-            endings: For the browser's choice of files.
-            name: For tests.
-            take: Takes the event with the files.
-        """
+        """Add a place to drop files in the current place of the page, with a name for tests and those who do not see it. The
+        browser offers the endings and rejects other kinds; ``take`` takes the event with the files."""
         made = ui.upload(
             multiple=True, auto_upload=True, max_file_size=kind.largest, on_multi_upload=take,
             on_rejected=lambda: self.say(kind.rejected),
@@ -143,15 +132,8 @@ ALLOWED = "allow-scripts allow-popups allow-downloads allow-modals"
 
 
 def job_panel(bench: Bench, output: str, title: str, command: Callable[[], Command], report: str = "") -> None:
-    """Add a button that starts a command in the current place of a page, with what it prints, and its report.
-
-    Args:
-        bench: What all tabs share.
-        output: The command's folder of results.
-        title: Of the button.
-        command: Is called when the button is pressed.
-        report: Page of its results, from the project's folder; empty for none.
-    """
+    """Add a button that starts a command in the current place of a page, with what it prints, its folder of results, and
+    their report, a page from the project's folder; empty for none. ``command`` is called when the button is pressed."""
     jobs, file = bench.jobs, bench.project / report
 
     def start() -> None:
@@ -210,15 +192,9 @@ SPAN, STEPS = 3.0, 200
 
 
 def field_controls(device: Actuator, take: Take, moved: Moved) -> None:
-    """Add controls for a device's fields in the current place of the page.
-
-    Lengths and angles that shape the device come first; the others are folded away.
-
-    Args:
-        device: The device as it is.
-        take: Is called when a slider is let go, a box left, or a choice made.
-        moved: Is called while a slider moves.
-    """
+    """Add controls for a device's fields in the current place of the page: lengths and angles that shape the device, then the
+    others, folded away. ``take`` is called when a slider is let go, a box left, or a choice made; ``moved`` while a slider
+    moves."""
     fields = {name: field for name, field in about(device).items() if not field.idle(device)}
     first = [name for name, field in fields.items()
              if isinstance(field.kind, Quantity) and field.shape and field.kind.unit]  # fmt: skip
@@ -323,15 +299,8 @@ def with_field(device: Actuator, name: str, value: object) -> Actuator:
 
 
 def section_svg(section: Section, box: Array, top: float, colours: list[str], text: str) -> str:
-    """Return a section as SVG, mirrored to the whole profile.
-
-    Args:
-        section: What is drawn.
-        box: Least and largest radius and height in mm that are shown, shape (2, 2).
-        top: Value with the last colour; 0 has the first.
-        colours: Of the scale, from 0 to ``top``.
-        text: What the picture shows, for those who do not see it.
-    """
+    """Return a section as SVG, mirrored to the whole profile, in a box of least and largest radius and height in mm, shape
+    (2, 2), and colours from 0 to ``top``. The text says what it shows to those who do not see it."""
     (_, low), (radius, high) = box
     margin = 0.06 * radius
     wide, tall = 2 * (radius + margin), high - low + 2 * margin

@@ -30,15 +30,9 @@ ENDED = {outcomes.DONE: DONE, outcomes.NO_EQUILIBRIUM: DONE, outcomes.STOPPED: S
 
 @dataclasses.dataclass
 class Job:
-    """A command of the project.
-
-    Attributes:
-        number: It counts from 1.
-        words: The command after ``python -m``, such as ``["softmodels", "run", "case.toml"]``.
-        output: Its folder of results, from the project's.
-        resumable: Whether it has ``--resume``.
-        state: One of `WAITING`, `RUNNING`, `DONE`, `STOPPED` and `FAILED`.
-    """
+    """A command of the project, numbered from 1: the words after ``python -m``, such as ``["softmodels", "run",
+    "case.toml"]``, its folder of results, from the project's, whether it has ``--resume``, and its state: one of `WAITING`,
+    `RUNNING`, `DONE`, `STOPPED` and `FAILED`."""
 
     number: int
     words: list[str]
@@ -58,11 +52,7 @@ class Job:
 
 
 class Jobs:
-    """The jobs of a project, one running at a time.
-
-    Args:
-        project: Its folder; records and logs lie in `FOLDER` there.
-    """
+    """The jobs of a project, one running at a time; records and logs lie in `FOLDER` of the project's."""
 
     def __init__(self, project: Path):
         self.project, self.folder = project, project / FOLDER
@@ -165,14 +155,9 @@ class AnswerError(Exception):
 
 
 class Warm:
-    """A process of its own that answers questions in the order in which they are asked.
-
-    A question that waits is dropped when the same is asked again, as while a slider moves. A process that dies, as when
-    memory runs out, is replaced at the next question.
-
-    Args:
-        module: Module whose functions answer; the server does not import it.
-    """
+    """A process of its own that answers questions, by functions of a module that the server does not import, in the order in
+    which they are asked. A question that waits is dropped when the same is asked again, as while a slider moves. A process
+    that dies, as when memory runs out, is replaced at the next question."""
 
     def __init__(self, module: str):
         self._worker = Worker(module)

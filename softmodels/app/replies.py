@@ -18,14 +18,8 @@ PARTS = 3
 
 @dataclasses.dataclass(frozen=True)
 class Section:
-    """An axisymmetric device in one state; lengths in mm.
-
-    Attributes:
-        corners: Corners (t, 3, 2) of small triangles, deformed.
-        values: A field's value in each of them, shape (t,).
-        edges: Its outline, deformed, shape (e, k, 2).
-        rest: Its outline at rest, shape (e, k, 2).
-    """
+    """An axisymmetric device in one state; lengths in mm: corners of small triangles, deformed, shape (t, 3, 2), a field's
+    values in them, shape (t,), and its outline, deformed and at rest, shape (e, k, 2)."""
 
     corners: Array
     values: Array
@@ -64,15 +58,9 @@ class StateAnswer:
 
 @dataclasses.dataclass(frozen=True)
 class PathAnswer:
-    """A path, as ``sm.run(case)`` finds it.
-
-    Attributes:
-        states: From rest to its end.
-        end: Why the path ends before the last requested value; empty if it does not.
-        notes: Warnings.
-        colours: Of the sections, from the lowest value up.
-        breaks_at: Stretch at which the silicone broke when it was pulled; None if unknown.
-    """
+    """A path, as ``sm.run(case)`` finds it: its states from rest to its end, and why it ends before the last requested value,
+    empty if it does not; warnings; the colours of the sections, from the lowest value up; the stretch at which the silicone
+    broke when it was pulled, None if unknown."""
 
     states: list[StateAnswer]
     end: str
@@ -83,15 +71,8 @@ class PathAnswer:
 
 @dataclasses.dataclass(frozen=True)
 class LinearAnswer:
-    """A solved state with its exact derivatives, for what is near.
-
-    Attributes:
-        case: Text of the case that was solved.
-        pressure: In Pa.
-        values: By column: the rise of each probe in mm, the added volume in ml.
-        by_pressure: Their derivatives per Pa.
-        by_length: Their derivatives per m of each length.
-    """
+    """A solved state at a pressure in Pa with its exact derivatives, for what is near: the rise of each probe in mm and the
+    added volume in ml by column, and their derivatives per Pa and per m of each length."""
 
     case: str
     pressure: float
@@ -110,13 +91,8 @@ class LinearAnswer:
 
 @dataclasses.dataclass
 class Handles:
-    """What can be dragged on a photograph, in px.
-
-    Attributes:
-        zero: Two points on the undeformed surface.
-        roi: Region of interest, as x0, y0, x1, y1.
-        masks: Regions in which no edge is looked for.
-    """
+    """What can be dragged on a photograph, in px: two points on the undeformed surface, the region of interest as x0, y0, x1,
+    y1, and masks, in which no edge is looked for."""
 
     zero: list[list[float]] | None = None
     roi: list[float] | None = None
@@ -169,16 +145,9 @@ class Plane:
 
 @dataclasses.dataclass(frozen=True)
 class Traced:
-    """An edge in a photograph.
-
-    Attributes:
-        edge: Its points in px, shape (n, 2).
-        band: Both ends of each point's standard error in px, `enlarged`, shape (2, n, 2).
-        enlarged: How many times as wide as the error the band is, for it to be seen.
-        doubts: What speaks against trusting it, one sentence each.
-        zero: The zero line in px, shape (2, 2), if the photograph or the setup shows one.
-        height, height_error: Above it in m, if the setup has one.
-    """
+    """An edge in a photograph, px, shape (n, 2); both ends of each point's standard error, shape (2, n, 2), ``enlarged`` to
+    be seen; doubts, one sentence each; the zero line, shape (2, 2), if the photograph or the setup shows one; the height
+    above it and its error in m, if the setup has one."""
 
     edge: Array
     band: Array
@@ -191,13 +160,8 @@ class Traced:
 
 @dataclasses.dataclass(frozen=True)
 class Overlay:
-    """A simulated outline over a photograph.
-
-    Attributes:
-        curve: In px of the photograph, shape (k, 2).
-        difference: Measured minus simulated height, rms in m, where the simulated outline is not below the undeformed surface;
-            its axis is where that is least.
-    """
+    """A simulated outline over a photograph in px, shape (k, 2), and measured minus simulated height, rms in m, where the
+    simulated outline is not below the undeformed surface; its axis is where that is least."""
 
     curve: Array
     difference: float

@@ -34,11 +34,7 @@ LARGEST_UPLOAD = 400 << 20
 
 
 def free_port(host: str, wanted: int | None = None) -> int:
-    """Return the wanted port, or the first free one from `FIRST_PORT`.
-
-    Raises:
-        OSError: The wanted port, or all of them, are in use.
-    """
+    """Return the wanted port, or the first free one from `FIRST_PORT`; OSError if it, or all of them, are in use."""
     ports = [wanted] if wanted else range(FIRST_PORT, FIRST_PORT + PORTS)
     for port in ports:
         with socket.socket() as tried:
@@ -73,15 +69,11 @@ async def answers(port: int) -> bool:
 
 
 class Guard:
-    """ASGI middleware that answers only requests with the key, addressed to this server, and not sent by other sites.
+    """ASGI middleware that answers only requests with the key, addressed to this server by one of its hosts (with port), and
+    not sent by other sites.
 
     The key comes once in the address, and from then on in a cookie that scripts cannot read. A site that points its own name
     at this machine (DNS rebinding) fails by the name, another site's form or socket by its origin.
-
-    Args:
-        app: The application behind it.
-        key: The key.
-        hosts: Names with port under which the server is addressed.
     """
 
     def __init__(self, app: ASGIApp, key: str, hosts: frozenset[str]):
@@ -222,17 +214,8 @@ def build_page(bench: Bench) -> None:
 
 
 def serve(folder: Path, port: int | None = None, *, browser: bool = True, lan: bool = False) -> None:
-    """Serve a project's page until Ctrl-C.
-
-    Args:
-        folder: The project.
-        port: Of the server; a free one if None.
-        browser: Whether to open the user's browser.
-        lan: Whether other machines of the network may connect, with the key.
-
-    Raises:
-        OSError: The folder or the port cannot be used.
-    """
+    """Serve a project's page until Ctrl-C, in the user's browser if wanted, on a free port if none is given; over ``lan``
+    other machines of the network may connect, with the key. OSError if the folder or the port cannot be used."""
     host = "0.0.0.0" if lan else HERE
     port = free_port(host, port)
     outside = lan_address() if lan else HERE

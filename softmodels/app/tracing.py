@@ -50,15 +50,9 @@ ENLARGED = (1, 2, 5, 10, 20, 50, 100, 200, 500)
 
 
 def trace(file: str, setup: str, pressure: float, tone: str, anyway: bool) -> Traced:
-    """Find the edge of the shadow in a photograph.
-
-    Args:
-        file: The photograph.
-        setup: Text of the setup.
-        pressure: In Pa; the photograph at 0 shows the undeformed surface, if the setup does not have it.
-        tone: How it stores light, or ``"auto"``.
-        anyway: Whether it shall be used in spite of doubts.
-    """
+    """Find the edge of the shadow in a photograph at a pressure in Pa, whose tone says how it stores light, or ``"auto"``;
+    the one at 0 shows the undeformed surface, if the text of the setup does not have it. An edge may be used ``anyway``, in
+    spite of doubts."""
     known = Setup.from_toml(setup)
     found = trace_image(read_pixels(Path(file)), known, tone, anyway=anyway)
     line, doubts, errors = None, found.doubts, found.own_error
@@ -113,16 +107,10 @@ def _zero(listing: str, setup: str, _stamp: float) -> tuple[Setup, ZeroLine]:
 
 
 def overlay(listing: str, setup: str, outline: str, curve: Array, axial: bool = True) -> Overlay:
-    """Place a simulated outline on a photograph.
-
-    Args:
-        listing: The list of photographs, of which one shows the undeformed surface if the setup does not.
-        setup: Text of the setup.
-        outline: File of the photograph's measured outline.
-        curve: Simulated distance from the axis and height above the undeformed apex in m, from the axis on, shape (k, 2).
-        axial: Whether the outline goes on beyond the axis as on this side; else the curve is the whole outline, seen from
-            either side.
-    """
+    """Place a simulated outline, distance from the axis and height above the undeformed apex in m, shape (k, 2), on a
+    photograph by its measured outline's file, the list of photographs, of which one shows the undeformed surface if the text
+    of the setup does not. An ``axial`` outline goes on beyond the axis as on this side; else the curve is the whole outline,
+    seen from either side."""
     known, line = _zero(listing, setup, Path(listing).stat().st_mtime)
     measured = Outline.from_csv(Path(outline))
     upper = curve[: int(np.argmax(curve[:, 0])) + 1]

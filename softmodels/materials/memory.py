@@ -61,14 +61,9 @@ class Branch:
 
         least + (1 - least + growth ((I1v/3)^growth_exponent - 1)) / (1 + (J2/(onset G)^2)^exponent)
 
-    Attributes:
-        share: Its spring's shear modulus over the law's at small strain, which stays that of equilibrium.
-        time: Relaxation time in s; of small stress if it depends on it.
-        onset: Stress over G from which on the viscosity falls; infinite for never.
-        exponent: How fast it falls.
-        least: Viscosity at large stress over that at small stress.
-        growth, growth_exponent: How it grows with the creep.
-        spring: Pairs of w and a, with weights w that add up to 1; none for neo-Hookean.
+    ``share`` is its spring's shear modulus over the law's at small strain, which stays that of equilibrium; ``time`` the
+    relaxation time in s, of small stress if it depends on it; ``onset`` infinite if viscosity never falls; ``spring`` pairs
+    of w and a, with weights w that add up to 1, none for neo-Hookean.
     """
 
     share: float
@@ -88,14 +83,9 @@ class Branch:
 
 @dataclasses.dataclass(frozen=True)
 class Softening:
-    """Mullins softening: below the largest energy Wm so far, stresses are 1 - erf((Wm - W)/(m + beta Wm))/r of the law's.
-
-    Attributes:
-        r: Above 1; the larger, the less softening.
-        m: Energy scale in Pa, 0 or more.
-        beta: Energy scale's growth with Wm, 0 or more.
-        recovery: Time in s in which Wm falls towards the energy of the moment; infinite for none.
-    """
+    """Mullins softening: below the largest energy Wm so far, stresses are 1 - erf((Wm - W)/(m + beta Wm))/r of the law's,
+    with r above 1, the energy scale m in Pa and its growth beta with Wm 0 or more. ``recovery`` is the time in s in which Wm
+    falls towards the energy of the moment; infinite for none."""
 
     r: float
     m: float
@@ -105,26 +95,16 @@ class Softening:
 
 @dataclasses.dataclass(frozen=True)
 class Memory:
-    """What a silicone remembers.
-
-    The softening acts on the law, not on the branches: its energy is then known at both ends of a step, whatever the step.
-
-    Attributes:
-        branches: None for a silicone that only softens.
-        softening: None for one that only relaxes.
-    """
+    """What a silicone remembers, in branches where it relaxes, and a softening where it softens. The softening acts on the
+    law, not on the branches: its energy is then known at both ends of a step, whatever the step."""
 
     branches: tuple[Branch, ...] = ()
     softening: Softening | None = None
 
     @classmethod
     def of(cls, branches: object = (), softening: object = None) -> Memory:
-        """Return the memory of numbers, or texts with units: pairs (share, time) or tables of what `Branch` has, and
-        (r, m, beta) or (r, m, beta, recovery).
-
-        Raises:
-            FieldError: They are none.
-        """
+        """Return the memory of numbers, or texts with units: pairs (share, time) or tables of what `Branch` has, and (r, m,
+        beta) or (r, m, beta, recovery); FieldError if they are none."""
         if isinstance(branches, str | Mapping) or not isinstance(branches, Sequence):
             raise FieldError(f"branches {brief(branches)} are no pairs of share and time, such as [[0.2, '1 s']]")
         found = cls(tuple(_branch(one) for one in branches), None if softening is None else _softening(softening))
@@ -371,17 +351,12 @@ def growth(C: Six, Cv: Six) -> Expression:
 
 
 def step_of(C: Six, Cv: Six, x: Expression, of: Functions, k: Expression = None) -> tuple[list[Expression], Expression]:
-    """Return H and b of a step.
+    """Return H and b of a step of a length x over tau, Cbar and Cv where it begins; `growth` is that over it, or where it
+    begins.
 
     With A' = (det A)^(1/3) Cbar/tau for Cv before it is made unimodular, (det A)^(1/3) growing at the rate k/tau that it has
-    where the step begins, and Cbar linear over the step: second order in its length. Both are divided by exp(k dt/tau),
-    which changes neither W nor Cv and keeps them finite for steps that are long against tau.
-
-    Args:
-        C, Cv: Cbar and Cv where the step begins.
-        x: Its length over tau.
-        of: Functions of the arguments' kind.
-        k: `growth` over the step; if None that where it begins.
+    where the step begins, and Cbar linear over the step: second order in its length. Both are divided by exp(k dt/tau), which
+    changes neither W nor Cv and keeps them finite for steps that are long against tau.
     """
     z = x * (growth(C, Cv) if k is None else k)
     whole, late = _shares(z, of)
@@ -392,15 +367,8 @@ def step_of(C: Six, Cv: Six, x: Expression, of: Functions, k: Expression = None)
 def corrected_step(
     C: Six, end: Six, Cv: Six, x: Expression, flow: FlowValues, of: Functions, new: Six | None = None
 ) -> tuple[list[Expression], Expression]:
-    """Return H and b of a step of which the end is known, with the means of `growth` and `fluidity` over it.
-
-    Args:
-        C, Cv, of: See `step_of`.
-        end: Cbar at the end.
-        x: Length over ``time``.
-        flow: See `fluidity`.
-        new: Cv at the end, as the rates of the beginning have it; computed if None.
-    """
+    """Return H and b of a step (see `step_of`) of a length over ``time``, of which the end Cbar is known, with the means of
+    `growth` and `fluidity` over it. ``new`` is Cv at the end, as the rates of the beginning have it; computed if None."""
     rate = fluidity(C, Cv, flow, of)
     new = crept(end, *step_of(C, Cv, x * rate, of)) if new is None else new
     mean = (growth(C, Cv) + growth(end, new)) / 2
@@ -408,14 +376,11 @@ def corrected_step(
 
 
 def step_invariant(C: Six, H: Six, b: Expression) -> Expression:
-    """Return 2 W/G minus its value at C = 0, with all digits: it has the derivative Cv^-1, and is I1e at no length of the step.
+    """Return 2 W/G minus its value at C = 0, with all digits: it has the derivative Cv^-1, and is I1e at no length of the
+    step; C at its end, H and b of `step_of`.
 
-    I1e at the end of a step of some length differs by an amount that changes little within the step, so that the energy of any
-    spring of I1e, of this plus that amount where the step begins, has the spring's stress up to the square of the step.
-
-    Args:
-        C: Cbar at the end of the step.
-        H, b: See `step_of`.
+    I1e at the end of a step of some length differs by an amount that changes little within the step, so that the energy of
+    any spring of I1e, of this plus that amount where the step begins, has the spring's stress up to the square of the step.
     """
     start = determinant(H)
     rise = contracted(cofactors(H), C) + b * contracted(H, cofactors(C)) + b**2
@@ -434,14 +399,8 @@ def spring_stiffness(I1: Expression, spring: Spring) -> Expression:
 
 
 def step_stress(C: Six, H: Six, b: Expression, spring: Spring = (), shift: Expression = 0.0) -> list[Expression]:
-    """Return dW/dCbar over G of a branch at the end of a step: half of Cv^-1, times g of a spring of I1.
-
-    Args:
-        C: Cbar at the end of the step.
-        H, b: See `step_of`.
-        spring: Terms of the spring; none for neo-Hookean.
-        shift: I1e minus `step_invariant`, where the step begins.
-    """
+    """Return dW/dCbar over G of a branch at the end C of a step, H and b of `step_of`: half of Cv^-1, times g of a spring of
+    I1. The shift is I1e minus `step_invariant`, where the step begins."""
     found = [entry / 2 for entry in cofactors(crept(C, H, b))]
     if not spring:
         return found
@@ -475,12 +434,8 @@ def _crossed(A: Six, B: Six, p: int, q: int) -> Expression:
 
 
 def isochoric(C: Six, stress: Six, stiffness: Sequence[Six]) -> tuple[list[Expression], list[list[Expression]]]:
-    """Return the first and second derivative of W(Cbar) by C, times J^(2/3) and J^(4/3): in Cbar alone.
-
-    Args:
-        C: Cbar.
-        stress, stiffness: Derivatives by Cbar, as of `step_stress` and `step_stiffness`.
-    """
+    """Return the first and second derivative of W(Cbar) by C, times J^(2/3) and J^(4/3), in Cbar alone, from those by Cbar,
+    as of `step_stress` and `step_stiffness`."""
     inverse, t = cofactors(C), contracted(stress, C)
     slope = [s - t / 3 * i for s, i in zip(stress, inverse, strict=True)]
     along = [contracted([stiffness[max(p, q)][min(p, q)] for q in range(len(PLACES))], C) for p in range(len(PLACES))]
@@ -543,14 +498,8 @@ share."""
 
 
 def softened(W: Expression, Wm: Expression, values: SofteningValues, of: Functions) -> Expression:
-    """Return the softened energy, whose derivative by W is the share of the stress that is left.
-
-    Args:
-        W: Energy of the law.
-        Wm: The largest so far.
-        values: `Softening`, or its constants by the same names.
-        of: Functions of the arguments' kind.
-    """
+    """Return the softened energy of the law's energy W and the largest so far, Wm; its derivative by W is the share of the
+    stress that is left. The values are a `Softening`, or its constants by the same names."""
     s = values.m + values.beta * Wm
     y = (Wm - W) / s
     psi = W + s / values.r * (y * of.erf(y) + (of.exp(-(y**2)) - 1) / math.sqrt(math.pi))

@@ -51,12 +51,8 @@ class Weighing(Equations, Protocol):
 
 @dataclasses.dataclass(frozen=True)
 class Inertia:
-    """What a device weighs, in densities of its main material and sizes of the device.
-
-    Attributes:
-        densities: Of each of its materials, as in `System.matter`.
-        faces: Faces with masses spread evenly over them, and these, of the slice.
-    """
+    """What a device weighs, in densities of its main material and sizes of the device: densities of its materials, as in
+    `System.matter`, and masses of the slice spread evenly over faces."""
 
     densities: tuple[float, ...]
     faces: tuple[tuple[str, float], ...] = ()
@@ -70,13 +66,8 @@ class Inertia:
 def mass_matrix(
     system: Weighing, inertia: Inertia | None = None, held: Sequence[fem.DirichletBC] | None = None
 ) -> PETSc.Mat:
-    """Return the displacement's mass matrix by all dofs.
-
-    Args:
-        system: The equations.
-        inertia: Masses; of unit density if None.
-        held: Conditions on dofs whose rows and columns are empty; all of the system's if None.
-    """
+    """Return the displacement's mass matrix by all dofs, of unit density without masses; rows and columns of held dofs (by
+    default all that the system holds) are empty."""
     import ufl
     from dolfinx import fem
 
@@ -118,20 +109,13 @@ step nor the accuracy of Newton's method should follow."""
 
 
 class Motion:
-    """Displacements, velocities and accelerations from step to step, by owned dofs; times in s.
+    """Displacements, velocities and accelerations from step to step, by owned dofs; times in s, the density in kg/m3, the
+    spectral radius at infinite frequency 0 to 1.
 
-    Args:
-        system: The equations.
-        inertia: Masses.
-        density: Of the main material in kg/m3.
-        radius: Spectral radius at infinite frequency, 0 to 1.
-
-    Attributes:
-        size: Largest rms displacement so far, in sizes of the device.
-        unit: Square of the unit of time: a density times squared sizes over the shear modulus.
-        last: Length of the last step; 0 before the first.
-        force, rounding: Size of the forces of inertia in the state that was looked at last, and not less than what is left of
-            those before; and of their rounding errors: in short steps they come from small differences of places.
+    ``size`` is the largest rms displacement so far, in sizes of the device; ``unit`` the square of the unit of time, a
+    density times squared sizes over the shear modulus; ``last`` the length of the last step, 0 before the first. ``force``
+    and ``rounding`` are the size of the forces of inertia in the state that was looked at last, and not less than what is
+    left of those before, and of their rounding errors: in short steps they come from small differences of places.
     """
 
     def __init__(self, system: Weighing, inertia: Inertia, density: float, radius: float = RADIUS):

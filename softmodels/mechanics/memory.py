@@ -59,28 +59,17 @@ def _numbers(flow: types.SimpleNamespace, branch: Branch) -> list[tuple[fem.Cons
 
 
 class History:
-    """History of one region.
+    """History of one region: of the displacement's skew components in UFL, where the step ends and begins, and ``fixed``,
+    which derivatives by the displacement take for a constant; steps in s.
 
-    Args:
-        body: Mesh and roles.
-        region: Where, and the constants of its law.
-        displacement: Skew components of the displacement, in UFL.
-        before: The same where the step begins.
-        fixed: ``displacement`` once more, which derivatives by the displacement take for a constant.
-        step: Length of the step in s.
+    ``values`` are of each integration point the branches' Cv, one after the other, and behind them Wm. ``begun`` is what the
+    energy of a step has of its beginning: of each branch H and b, and of a spring of I1 its shift, and behind them Wm;
+    ``prepared`` counts its changes. ``beginning`` is ``begun`` by the state and ``values`` where a step begins, ``ending``
+    ``values`` at its end by the states there and where it begins, in UFL.
 
-    Attributes:
-        memory: What its silicone remembers.
-        values: Of each integration point the branches' Cv, one after the other, and behind them Wm.
-        begun: What the energy of a step has of its beginning: of each branch H and b, and of a spring of I1 its shift, and
-            behind them Wm.
-        prepared: How often ``begun`` has changed.
-        beginning: ``begun`` by the state and ``values`` where a step begins, in UFL.
-        ending: ``values`` at its end by the states there and where it begins, ``begun`` and ``values``.
-        points: Integration points of a cell.
-        density: Without the change of volume, an energy whose derivative is that of the energy at the end of the step.
-        curved: One whose second derivative is too, which takes longer.
-        free: Energy stored in the state where the step begins and ends, at no length of it.
+    ``density`` is, without the change of volume, an energy whose derivative is that of the energy at the end of the step,
+    ``curved`` one whose second derivative is too, which takes longer, and ``free`` the energy stored in the state where the
+    step begins and ends, at no length of it.
     """
 
     def __init__(
@@ -164,13 +153,8 @@ class History:
         )
 
     def _branch(self, k: int, C0: Six, C: Six) -> types.SimpleNamespace:
-        """Return what the energy of a step takes of a branch's beginning, the branch's Cv at the end, the error of its stress
-        there, and what it dissipates in the step.
-
-        Args:
-            k: Number of the branch.
-            C0, C: Cbar at the beginning and at the end.
-        """
+        """Return what the energy of a step from Cbar C0 to C takes of branch k's beginning, the branch's Cv at the end, the
+        error of its stress there, and what it dissipates in the step."""
         import ufl
 
         flow = self.flows[k]
@@ -313,11 +297,8 @@ class History:
         return found
 
     def trial(self) -> tuple[float, float]:
-        """Look at the end of the step, in the state that the functions hold.
-
-        Returns:
-            Largest error of the branches' stress in the step, and largest stress, in shear moduli, on all ranks.
-        """
+        """Look at the end of the step, in the state that the functions hold; return the largest error of the branches' stress
+        in the step, and the largest stress, in shear moduli, on all ranks."""
         comm, self._next = self.body.mesh.comm, np.empty(0)
         self._next = self.at_points(self._found, self.size + 3)
         error, size = (largest(comm, float(self._next[..., i].max(initial=0.0))) for i in (-3, -2))

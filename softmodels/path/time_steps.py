@@ -47,11 +47,7 @@ GROWTH, MOST_GROWTH = 1e-3, 1.0
 
 
 class LostInTime(PathEnd):
-    """The device loses its equilibrium at a pressure that is held or raised.
-
-    Attributes:
-        time: When, in s since the stage began.
-    """
+    """The device loses its equilibrium at a pressure that is held or raised, at a time in s since the stage began."""
 
     def __init__(self, time: float, last: Point):
         why = "the silicone has crept so far that the device has no equilibrium at this pressure any more"
@@ -64,13 +60,8 @@ class SnapInTime(PathEnd):
 
 
 class Drive(Protocol):
-    """What drives a device through a stage in time.
-
-    Attributes:
-        duration: Of the stage in s, above 0.
-        fewest: Minimum number of steps.
-        recovers: Whether steps may grow again after one that failed.
-    """
+    """What drives a device through a stage of a duration in s, above 0, in a fewest number of steps; ``recovers`` says
+    whether these may grow again after one that failed."""
 
     duration: float
     fewest: int
@@ -100,13 +91,7 @@ Earlier = tuple[float, "State"]
 
 
 class Ramp:
-    """A requested quantity that changes at a constant rate, or is held.
-
-    Args:
-        rise: By how much it rises, dimensionless; 0 holds it.
-        duration: In s, above 0.
-        fewest: Minimum number of steps.
-    """
+    """A requested quantity that rises by a dimensionless amount at a constant rate, or is held (0), over a duration in s."""
 
     recovers = False
 
@@ -153,16 +138,9 @@ class Ramp:
 
 
 class Filling:
-    """Gas that comes from a source, whose pressure and valve change at constant rates, and leaks.
-
-    Args:
-        gas: The gas.
-        sources: What the source does where the stage begins, and where it ends.
-        duration: In s, above 0.
-        rest: Gas at rest, dimensionless.
-        largest: Largest gauge pressure of the source in Pa. The error of the gas counts over what brings that pressure into a
-            rigid cavity, or over what has come so far, if that is more.
-    """
+    """Gas that comes from a source, whose pressure and valve change at constant rates between the stage's beginning and end,
+    over a duration in s, and leaks; ``rest`` is gas at rest, dimensionless. The error of the gas counts over what brings the
+    largest gauge pressure of the source, in Pa, into a rigid cavity, or over what has come so far, if that is more."""
 
     recovers, fewest = True, FEWEST_STEPS
 
@@ -219,20 +197,9 @@ class Filling:
 
 
 def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Iterator[tuple[float, Point]]:
-    """Follow a device through one stage.
-
-    Args:
-        path: A path that begins where the stage does; its own control is not looked at.
-        drive: What drives it.
-        tolerance: See `TOLERANCE`.
-
-    Yields:
-        Which share of the stage is done, and the point; the first one is its beginning.
-
-    Raises:
-        LostInTime, SnapInTime: There is no equilibrium any more.
-        PathEnd: A step failed, however short.
-    """
+    """Follow a device through one stage, along a path that begins where the stage does (its own control is not looked at).
+    Yield which share of the stage is done, and the point; the first one is its beginning. LostInTime or SnapInTime if there
+    is no equilibrium any more, PathEnd if a step failed, however short; the tolerance is as `TOLERANCE`."""
     first = path.begin()
     yield 0.0, first
     potential, corrector, duration = path.solver.system.potential, path.corrector, drive.duration
@@ -273,11 +240,7 @@ def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Ite
 
 
 class _Errors:
-    """Errors of the steps of a stage.
-
-    Args:
-        path, drive, tolerance: See `march`.
-    """
+    """Errors of the steps of a stage."""
 
     def __init__(self, path: Continuation, drive: Drive, tolerance: float):
         self.potential, self.drive, self.tolerance = path.solver.system.potential, drive, tolerance

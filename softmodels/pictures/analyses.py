@@ -55,13 +55,8 @@ SHOWN = {"m": (1e3, ", mm"), "degree": (1.0, ", degrees"), "": (1.0, "")}
 
 @matplotlib.rc_context(STYLE)
 def grasp_figure(made: Grasp, found: Sequence[Held], outlines: Sequence[Sequence[Array]]) -> Figure:
-    """Draw fingers and object in their plane, the load downwards: the last state without load, and the last one.
-
-    Args:
-        made: The grasp.
-        found: Its states.
-        outlines: Corners of the fingers' facets in each, see `Grasp.outlines`.
-    """
+    """Draw fingers and object in their plane, the load downwards: the last state without load, and the last one, each with
+    the corners of the fingers' facets, see `Grasp.outlines`."""
     free = max((number for number, held in enumerate(found) if not held.load), default=0)
     shown = list(dict.fromkeys([free, len(found) - 1]))
     largest = max(float(np.hypot(*found[number].forces.T).max()) for number in shown) or 1.0
@@ -105,15 +100,9 @@ def scatter_figure(
     nominal: float,
     working: float | None,
 ) -> Figure:
-    """Plot the distribution of the limit, and the limit over each parameter.
-
-    Args:
-        limits: Parameters (SI) and limit pressure (cm of water) of each device.
-        tolerances: The parameters, in the order of their panels.
-        what: What the pressure is, such as ``"limit pressure"``; for the axes.
-        nominal: Limit of the device as drawn, in cm.
-        working: Working pressure in cm, or None.
-    """
+    """Plot the distribution of the limit, and the limit over each parameter: ``limits`` are parameters (SI) and limit
+    pressure (cm of water) of each device, ``nominal`` that of the device as drawn, in cm as the working pressure. ``what``
+    the pressure is stands at the axes, such as ``"limit pressure"``."""
     label = f"{what}, cm of water"
     pressures = np.sort([pressure for _, pressure in limits])
     figure = Figure((WIDTH, 4.8 if len(tolerances) < 3 else 4.4), dpi=DPI, layout="constrained")
@@ -151,14 +140,9 @@ DRAWN = 4
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SolidShapes:
-    """What is rendered of a slice, by surface vertices.
-
-    Attributes:
-        before: The state, m, shape (v, 3).
-        bent, normals: The state with each mode added, and its normals, shape (modes, v, 3).
-        triangles, edges: Vertices, shape (t, 3) and (e, 2).
-        up, towards: Up in the picture, and from the slice to the viewer.
-    """
+    """What is rendered of a slice, by surface vertices in m: the state before, shape (v, 3); the state with each mode added,
+    and its normals, shape (modes, v, 3); triangles and edges, shape (t, 3) and (e, 2); up in the picture, and from the slice
+    to the viewer."""
 
     before: Array
     bent: Array
@@ -189,14 +173,8 @@ def frequency_figure(pressures: Array, frequencies: Array, sealed: bool) -> Figu
 
 @matplotlib.rc_context({**STYLE, "font.size": 10, "axes.titlesize": 10})
 def section_shapes(moved: Array, shapes: Sequence[Array], cells: Cells, titles: Sequence[str]) -> Figure:
-    """Draw an axisymmetric section in its first modes, over its outline without them.
-
-    Args:
-        moved: Nodes of the state in m, shape (n, 3) with y = 0.
-        shapes: The modes, largest entry 1, shape (n, 3) each.
-        cells: Shape (c, 6).
-        titles: Of each mode.
-    """
+    """Draw an axisymmetric section of cells, shape (c, 6), in its first modes (largest entry 1, shape (n, 3) each) with their
+    titles, over its outline without them; nodes of the state in m, shape (n, 3) with y = 0."""
     flat = moved[:, ::2] * 1e3
     size = AMOUNT * np.ptp(flat[:, 0])
     bent = [flat + size * shape[:, ::2] for shape in shapes]
@@ -220,16 +198,8 @@ def section_shapes(moved: Array, shapes: Sequence[Array], cells: Cells, titles: 
 def solid_shapes(
     points: Array, cells: Cells, cell_name: str, actuator: Actuator, moved: Array, shapes: Sequence[Array]
 ) -> SolidShapes:
-    """Return what `main` renders of a slice.
-
-    Args:
-        points: Undeformed nodes in m, shape (n, 3).
-        cells: Shape (c, 10).
-        cell_name: XDMF's name of the cells.
-        actuator: The device.
-        moved: Nodes of the state in m.
-        shapes: The modes.
-    """
+    """Return what `main` renders of a slice: undeformed nodes in m, shape (n, 3), cells, shape (c, 10), with XDMF's name of
+    them, nodes of the state in m, and the modes."""
     skin, up = surface_of(points, cells, cell_name, actuator), np.asarray(actuator.lift)
     size = AMOUNT * np.ptp(points, axis=0).max()
     walls = FacingWalls(points, cells, cell_name, [plane.normal for plane in actuator.cut_planes])

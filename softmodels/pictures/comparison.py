@@ -47,17 +47,9 @@ class ComparisonError(Spoken, ValueError):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Compared:
-    """One of the results.
-
-    Attributes:
-        name: What it is called in the comparison.
-        case: What was run.
-        rows: Rows of ``path.csv``.
-        points: Undeformed nodes in device coordinates, m, shape (n, 3).
-        cells: How many there are.
-        displacement: Gives the displacement of a state's nodes in m, shape (n, 3).
-        made: Where it comes from.
-    """
+    """One of the results: its name in the comparison, its case, the rows of ``path.csv``, undeformed nodes in device
+    coordinates, m, shape (n, 3), the number of cells, the displacement of a state's nodes in m, shape (n, 3), and where it
+    comes from."""
 
     name: str
     case: Case
@@ -69,12 +61,8 @@ class Compared:
 
     @classmethod
     def from_folder(cls, folder: Path) -> Compared:
-        """Return the results of a folder.
-
-        Raises:
-            ResultsError: It holds none, or none that can be read.
-            CaseError: Its case file is wrong.
-        """
+        """Return the results of a folder; ResultsError if it holds none that can be read, CaseError if its case file is
+        wrong."""
         if not (folder / "case.toml").is_file():
             raise ResultsError(f"{folder} holds no results of a run (there is no case.toml in it)")
         states = StoredStates(folder)
@@ -115,14 +103,8 @@ class Difference:
 
 @dataclasses.dataclass(frozen=True)
 class Figures:
-    """A figure of each of the results; nan where one has none.
-
-    Attributes:
-        what: The figure.
-        unit: Its unit; ``""`` for pure numbers.
-        values: One for each.
-        pascal: Pa in one of its unit for a pressure in cm of water; 0 for all else.
-    """
+    """A figure of each of the results, nan where one has none, in a unit that is ``""`` for pure numbers. ``pascal`` is Pa in
+    one of its unit for a pressure in cm of water; 0 for all else."""
 
     what: str
     unit: str
@@ -279,14 +261,8 @@ def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def compared(results: Sequence[Compared]) -> Comparison:
-    """Compare results.
-
-    Args:
-        results: At least two; names that are the same get numbers.
-
-    Raises:
-        ComparisonError: Fewer than two, or of loads that cannot be compared.
-    """
+    """Compare results; names that are the same get numbers. ComparisonError for fewer than two, or loads that cannot be
+    compared."""
     if len(results) < 2:
         raise ComparisonError("nothing to compare; give two results or more")
     counted, seen = Counter(one.name for one in results), Counter[str]()

@@ -79,16 +79,9 @@ def rise(
     over: tuple[str, str] = PRESSURE,
     sources: SourceRows = MappingProxyType({}),
 ) -> Figure:
-    """Plot the rise of the device's gauge, such as the disk's apex, over the pressure.
-
-    Args:
-        rows: All rows of ``path.csv``.
-        gauge: The device's `Actuator.gauge`.
-        pascal_per_cm: Pa in one cm of the column.
-        branch: Rows of the branch that was followed, if one was.
-        over: What it is drawn over; see `over_of`.
-        sources: Rows under each source of the silicone, the run's own among them, where they were solved.
-    """
+    """Plot the rise of the device's `Actuator.gauge`, such as the disk's apex, over the pressure or else (see `over_of`), of
+    all rows of ``path.csv``, of the branch that was followed, if one was, and of each source of the silicone where they were
+    solved."""
     figure, axes = chart(6.4)
     column = f"{gauge}_mm"
 
@@ -118,12 +111,8 @@ def kilopascals(axes: Axes, pascal_per_cm: float) -> None:
 
 
 def drawing(figure: Figure, pascal_per_cm: float) -> str:
-    """Return a figure for a page, marked as HTML, with axes for each unit of pressure that the page can have.
-
-    Args:
-        figure: Its axes of pressure are in cm of water, as their labels say.
-        pascal_per_cm: Pa in one cm of the column.
-    """
+    """Return a figure for a page, marked as HTML, with axes for each unit of pressure that the page can have; those of the
+    figure are in cm of water, as their labels say."""
     stream = io.StringIO()
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": "softmodels"}):
         for axes in list(figure.axes):
@@ -312,12 +301,7 @@ SUPPLIED = {"source_pressure_cm": "source pressure\nin cm of water", "flow_ml_pe
 
 
 def steps(rows: Sequence[Row], words: StateLabels) -> Figure:
-    """Plot the gauge's rise, the cavities' pressures, their added volumes and the loads over the steps, in panels.
-
-    Args:
-        rows: All rows of ``path.csv``.
-        words: What its run shows.
-    """
+    """Plot the gauge's rise, the cavities' pressures, their added volumes and the loads over the steps, in panels."""
     panels = [
         ([f"{words.gauge}_mm"], f"{words.gauge} rise in mm"),
         (words.pressures(rows[0]), "pressure in\ncm of water"),
@@ -363,12 +347,8 @@ def _marked(rows: Sequence[Row]) -> str:
 
 
 def loop(rows: Sequence[Row], words: StateLabels) -> Figure:
-    """Plot the pressure over the added volume and over the gauge's rise in each cycle, with the areas of the loops.
-
-    Args:
-        rows: All rows of ``path.csv``, of a load with times.
-        words: What its run shows.
-    """
+    """Plot the pressure over the added volume and over the gauge's rise in each cycle of a load with times, with the areas of
+    the loops."""
     found = cycles(rows)
     figure = Figure((WIDTH, 5.4), dpi=DPI, layout="constrained")
     places = figure.subplots(1, 2, sharey=True)
@@ -396,16 +376,9 @@ LEGEND_LINES = 12
 
 
 def profile(points: Array, displacement: Array, actuator: Actuator) -> Array:
-    """Plot the outline from the side, from the axis or the clamped base outwards.
-
-    Args:
-        points: Undeformed nodes in device coordinates, m, shape (n, 3).
-        displacement: In m, shape (n, 3).
-        actuator: The device; determines which nodes lie on the outline.
-
-    Returns:
-        Distance from the axis and height, both deformed and in m, shape (k, 2), in order along the undeformed outline.
-    """
+    """Return the outline from the side, from the axis or the clamped base outwards: distance from the axis and height, both
+    deformed and in m, shape (k, 2), in order along the undeformed outline. Undeformed nodes in device coordinates and their
+    displacement are in m, shape (n, 3)."""
     here = actuator.on_profile(points)
     start, moved = points[here], displacement[here]
     radius = np.hypot(start[:, 0], start[:, 1])
@@ -437,15 +410,9 @@ def profile_steps(rows: Sequence[Row], words: StateLabels) -> list[float]:
 def cut_profiles(
     lines: Mapping[float, Array], rest: Array, path: tuple[Sequence[Row], StateLabels], axes_of_plane: Array, plane: str
 ) -> Figure:
-    """Plot the section of the outer surface by a plane at rest, seen along its normal.
-
-    Args:
-        lines: Pieces (k, 2, 3) in m by number of the step, as `softmodels.runs.store.cut_line` gives them.
-        rest: The undeformed ones.
-        path: All rows of ``path.csv``, and what is shown of them.
-        axes_of_plane: Unit vectors to the right and upwards, shape (2, 3).
-        plane: The plane in words.
-    """
+    """Plot the section of the outer surface by a plane at rest, seen along its normal: pieces (k, 2, 3) in m by number of the
+    step, as `softmodels.runs.store.cut_line` gives them, and the undeformed ones, along unit vectors to the right and
+    upwards, shape (2, 3)."""
     flat = np.concatenate([rest, *lines.values()]).reshape(-1, 3) @ axes_of_plane.T
     wide, tall = np.ptp(flat, axis=0)
     figure, axes = chart(min(max(0.72 * WIDTH * tall / wide + 1.4, 3.5), WIDTH))
@@ -485,15 +452,9 @@ def profiles(
     axial: bool = True,
     plate: float | None = None,
 ) -> Figure:
-    """Return the line on the outer surface that a camera sees from the side.
-
-    Args:
-        lines: Outlines from `profile` by number of the step.
-        rest: The undeformed outline.
-        path: All rows of ``path.csv``, and what is shown of them.
-        axial: The device is one of revolution, whose outline goes on beyond its axis.
-        plate: Height in m of a rigid plane that stops the device.
-    """
+    """Plot the line on the outer surface that a camera sees from the side: outlines from `profile` by number of the step, and
+    the undeformed one. Of an ``axial`` device the outline goes on beyond the axis. ``plate`` is the height in m of a rigid
+    plane that stops the device."""
     everything = np.concatenate([rest, *lines.values()]) * 1e3
     heights = everything[:, 1] if plate is None else np.append(everything[:, 1], 1e3 * plate)
     right, low, high = everything[:, 0].max(), heights.min(), heights.max()

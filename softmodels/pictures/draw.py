@@ -56,25 +56,13 @@ def draw(
     at_rest: AtRest | None = None,
     each: Callable[[Path], object] = lambda path: None,
 ) -> list[Path]:
-    """Draw the pictures and report of a results folder into it, replacing earlier ones.
+    """Draw the wanted pictures and the report of a results folder with its ``case.toml`` into it, replacing earlier ones;
+    return the files. ``say`` gets a sentence if something had to be left out, ``each`` is called with each file once it is
+    drawn; ``at_rest`` are pictures of the undeformed device, if they may have been drawn already.
 
-    Args:
-        folder: Results with their ``case.toml``.
-        name: Stem of the result files.
-        say: Gets a sentence if something had to be left out.
-        wanted: What is drawn.
-        at_rest: Pictures of the undeformed device, if they may have been drawn already.
-        each: Is called with each file once it is drawn.
-
-    Returns:
-        The files written.
-
-    Raises:
-        ResultsError: No results, or none that can be read.
-        CaseError: No case file, or a wrong one.
-        OwnFolderError: Somebody else's file has the name of a picture.
-        InUseError: Another program has been drawing them for too long.
-        OSError: The folder cannot be written.
+    ResultsError or CaseError if the folder has no results or case that can be read; OwnFolderError if somebody else's file
+    has the name of a picture; InUseError if another program has been drawing them for too long; OSError if it cannot be
+    written.
     """
     if not (folder / f"{name}.h5").exists():
         raise ResultsError(f"{folder} holds no {name}.h5, so there is nothing to draw")
@@ -211,14 +199,8 @@ def reported(folder: Path) -> Iterator[None]:
 def draw_folder(
     folder: Path, name: str | None = None, wanted: DrawingOptions = ALL_PICTURES, at_rest: AtRest | None = None
 ) -> None:
-    """Draw a folder's pictures and report for a command; print the files as they come, or the error and exit with status 2.
-
-    Args:
-        folder: Results with their ``case.toml``.
-        name: Stem of the result files; None for the case's own name.
-        wanted: What is drawn.
-        at_rest: As of `draw`.
-    """
+    """Draw a folder's pictures and report for a command, see `draw`; print the files as they come, or the error and exit with
+    status 2. Without a name the results have the case's own."""
     with reported(folder):
         if name is None:
             if not (folder / "case.toml").exists():

@@ -69,13 +69,7 @@ DEEPEST = -0.6
 
 
 def paths(before: Sequence[Row], after: Sequence[Row], gauge: str, pascal_per_cm: float) -> Figure:
-    """Plot the gauge's rise over the pressure, of the given and the optimised device.
-
-    Args:
-        before, after: Rows of ``path.csv``.
-        gauge: The device's `Actuator.gauge`.
-        pascal_per_cm: Pa in one cm of the column.
-    """
+    """Plot the gauge's rise over the pressure, of the given and the optimised device, from their rows of ``path.csv``."""
     (figure, axes), column = chart(6.2), f"{gauge}_mm"
     for rows, colour, words in ((before, BEFORE, "as given"), (after, AFTER, "design")):
         places = np.array([[row["pressure_cm"], row[column]] for row in rows])
@@ -244,15 +238,8 @@ def sections(pair: tuple[States, States]) -> Figure:
 
 
 def draw(folder: Path, colormap: str = COLORMAP) -> list[Path]:
-    """Draw the pictures and the report of a folder of ``softmodels design``, fields in the colours of a map.
-
-    Returns:
-        The files written.
-
-    Raises:
-        ResultsError, CaseError: No design, or none that can be read.
-        OSError: The folder cannot be written.
-    """
+    """Draw the pictures and the report of a folder of ``softmodels design``, fields in the colours of a map; return the
+    files. ResultsError or CaseError if it holds no design that can be read, OSError if it cannot be written."""
     try:
         told = json.loads(read_text(folder / "design.json"))
     except (OSError, ValueError):

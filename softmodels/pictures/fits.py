@@ -249,13 +249,8 @@ def figures(report: FitReport) -> dict[str, Figure]:
 
 
 def page(report: FitReport, figures: Mapping[str, Figure], tables: Mapping[str, str]) -> str:
-    """Return the report as one self-contained page.
-
-    Args:
-        report: The fit.
-        figures: Its pictures by the stem of their file's name.
-        tables: Texts of CSV files to download, by file name.
-    """
+    """Return the report as one self-contained page, with pictures by the stem of their file's name, and texts of CSV files to
+    download by file name."""
     charts = {
         name: Charts([(f"{name}.svg", drawing(figure, pascal_per_cm()))], _caption(name))
         for name, figure in figures.items()
@@ -333,14 +328,8 @@ def _law(one: FittedLaw, charts: Mapping[str, Charts]) -> list[Part | None]:
 
 @matplotlib.rc_context(SMALL)
 def draw(many: Sequence[MaterialCurves], measured: Sequence[TensileCurve], radius: float, thickness: float) -> bytes:
-    """Return three tests and the balloon, nominal stresses solid and unstable parts marked, as PNG.
-
-    Args:
-        many: The materials.
-        measured: Curves to draw beside them.
-        radius: The balloon's undeformed radius in m.
-        thickness: Its undeformed thickness in m.
-    """
+    """Return three tests and the balloon of a radius and thickness in m, with measured curves beside them, as PNG; nominal
+    stresses are solid, unstable parts marked."""
     figure = Figure((WIDTH, 8.4), dpi=DPI, layout="constrained")
     panels = figure.subplots(2, 2).ravel()
     for axes, mode in zip(panels[:3], MODE_NAMES, strict=True):

@@ -137,15 +137,8 @@ def _probe(arguments: list[str]) -> bool:
 
 @dataclasses.dataclass(frozen=True)
 class ViewCamera:
-    """A camera in parallel projection.
-
-    Attributes:
-        direction: Unit vector from the thing to the viewer.
-        up: Unit vector that points up in the picture.
-        focus: The point in the picture's middle, m.
-        scale: Half the picture's height in m.
-        size: Width and height in pixels.
-    """
+    """A camera in parallel projection: unit vectors from the thing to the viewer and up in the picture, the point in the
+    picture's middle and half the picture's height in m, and its width and height in pixels."""
 
     direction: tuple[float, float, float]
     up: tuple[float, float, float]
@@ -157,15 +150,8 @@ class ViewCamera:
     def around(
         cls, clouds: Sequence[Array], direction: Array, up: Array, width: int = PIXELS, tallest: float = 0.62
     ) -> ViewCamera:
-        """Return the camera that frames some point clouds, each (n, 3) in m.
-
-        Args:
-            clouds: What must be in the picture.
-            direction: Towards the viewer; not along ``up``.
-            up: Up in the picture.
-            width: Of the picture in pixels.
-            tallest: Largest height over width.
-        """
+        """Return the camera that frames point clouds, each (n, 3) in m, from a direction towards the viewer that is not along
+        ``up``, in a picture of a width in pixels whose height over it is at most ``tallest``."""
         direction = direction / np.linalg.norm(direction)
         right = np.cross(up, direction)
         right /= np.linalg.norm(right)
@@ -241,11 +227,7 @@ def ring(centre: Array, direction: Array, radius: float) -> PolyData:
 
 @functools.cache
 def _plotter(process: int) -> Plotter:
-    """Return a render window with lights, cached because a new one recompiles its shaders.
-
-    Args:
-        process: Whose it is; a window does not survive that its process is forked.
-    """
+    """Return a render window with lights, cached by process: a new one recompiles its shaders, and none survives a fork."""
     import pyvista
 
     plotter = pyvista.Plotter(off_screen=True, lighting="none")
@@ -302,12 +284,8 @@ def studio(camera: ViewCamera) -> Iterator[Shoot]:
 
 
 def profile(shape: RigidShape, reach: float) -> Array:
-    """Return half the outline of a shape by its axis: distance along it and radius in m, shape (n, 2).
-
-    Args:
-        shape: The shape.
-        reach: Half the length in m of which a cylinder without ends is drawn, and the radius of a plane's disk.
-    """
+    """Return half the outline of a shape by its axis: distance along it and radius in m, shape (n, 2). ``reach`` is half the
+    length in m of which a cylinder without ends is drawn, and the radius of a plane's disk."""
     if shape.shape == "plane":
         return np.array([[0.0, 0.0], [0.0, reach]])
     if shape.shape == "cylinder":
@@ -392,14 +370,8 @@ BESIDE = 0.5
 
 @dataclasses.dataclass(frozen=True)
 class Look:
-    """A device to look at.
-
-    Attributes:
-        states: Its states.
-        kept: The images of the slice that are shown; of a round device about a quarter is left out, to see inside.
-        direction: From the device to the viewer, shape (3,).
-        colours: Name of the colour map of fields.
-    """
+    """A device to look at from a direction, shape (3,): its states, the images of the slice that are shown (of a round device
+    about a quarter is left out, to see inside), and the colour map of fields."""
 
     states: States
     kept: npt.NDArray[np.intp]
@@ -607,15 +579,8 @@ def across_cut(skin: Surface, up: Array) -> Array:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class HotSpot:
-    """The largest stretch of a state.
-
-    Attributes:
-        value: The largest stretch.
-        place: Where it is in the deformed slice, m, shape (3,).
-        part: The wall it is on: `OUTSIDE` or the number of a cavity; None inside the silicone.
-        wall: The wall in words.
-        note: The load and the place at rest in words.
-    """
+    """The largest stretch of a state: its place in the deformed slice, m, shape (3,), the wall that it is on in words and as
+    part (`OUTSIDE` or the number of a cavity; None inside the silicone), and the load and the place at rest in words."""
 
     value: float
     place: Array

@@ -172,17 +172,10 @@ def solid_cells(states: States) -> tuple[Cells, Cells]:
 
 
 def packed(look: Look, steps: list[int]) -> tuple[dict[str, object], bytes]:
-    """Return the packed data of the view's program.
-
-    Args:
-        look: The device.
-        steps: Its steps that are in the view.
-
-    Returns:
-        The description (lengths in m; each cell, of as many nodes as ``split`` names, is cut as the tetrahedra in it), and the
-        packed numbers: triangles, edges and cells, then for each step places and fields of the nodes; of a half section of its
-        nodes, and of these turned to the end of the wedge that is drawn.
-    """
+    """Return the packed data of the view's program at some steps: the description (lengths in m; each cell, of as many nodes
+    as ``split`` names, is cut as the tetrahedra in it), and the packed numbers: triangles, edges and cells, then for each
+    step places and fields of the nodes; of a half section of its nodes, and of these turned to the end of the wedge that is
+    drawn."""
     states, skin, count = look.states, look.states.skin, len(look.states.points)
     flat = states.actuator.dimension == 2
     node = skin.nodes + count * skin.turned
@@ -255,13 +248,7 @@ REPORT = "report.html"
 
 
 class Report:
-    """The report of a results folder without its pictures, which may still be in progress.
-
-    Args:
-        look: The device.
-        folder: Where its pictures are going to be.
-        name: Stem of the result files.
-    """
+    """The report of a results folder without its pictures, which may still be in progress."""
 
     def __init__(self, look: Look, folder: Path, name: str):
         self.folder = folder
@@ -295,14 +282,8 @@ class Report:
         )  # fmt: skip
 
     def write(self, ready: Mapping[str, str]) -> Path:
-        """Write the report with the available pictures.
-
-        Args:
-            ready: Some of them as `shrunk` makes them, by the names of their files.
-
-        Returns:
-            The file.
-        """
+        """Write the report with the pictures that are ready, by the names of their files, as `shrunk` makes them; return its
+        file."""
         shown = [file for file in CAPTIONS if (self.folder / file).exists()]
         pictures = [
             Picture(ready.get(file) or _source(self.folder / file), CAPTIONS[file], _last_frame(self.folder / file))

@@ -89,13 +89,8 @@ def section_mesh(look: Look) -> Figure:
 
 
 def section_stress(look: Look, step: float, plate: float | None = None) -> Figure:
-    """Draw the deformed half section coloured by stress, over the undeformed outline.
-
-    Args:
-        look: The device.
-        step: The state.
-        plate: Height of a rigid plane that stops it, m.
-    """
+    """Draw the deformed half section coloured by stress, over the undeformed outline, with a rigid plane at a height in m
+    that stops it."""
     states, scale, caption = look.states, look.scales["von_mises"], look.caption(step)
     title = caption.title + ("" if plate is None else "; the rigid plane dashed")
     figure, axes = _section_axes(_section_points(states, step), FOOT, title, caption.subject)
@@ -167,13 +162,8 @@ def hot_title(hot: HotSpot) -> str:
 
 
 def section_mode(look: Look, step: int, amount: float = 0.15) -> Figure:
-    """Draw the half section at a bifurcation and the two branches.
-
-    Args:
-        look: The device.
-        step: The state at the bifurcation.
-        amount: Largest displacement of the mode as drawn, in widths of the undeformed section.
-    """
+    """Draw the half section at a bifurcation and the two branches; the mode's largest displacement is an amount of widths of
+    the undeformed section."""
     states, cells = look.states, look.states.cells
     before, after = states.points[:, ::2] * 1e3, states.moved(step)[:, ::2] * 1e3
     mode = amount * np.ptp(before[:, 0]) * states.field(step, "mode")[:, ::2]
@@ -224,14 +214,8 @@ Plane = tuple[Array, Array]
 
 
 def best_plane(skin: Surface, points: Array, up: Array, axial: bool) -> Plane:
-    """Return the plane normal to a coordinate axis that cuts the most cavities, and of these the most air.
-
-    Args:
-        skin: The surface.
-        points: Undeformed nodes in m, shape (n, 3).
-        up: The device's lift.
-        axial: Only planes along ``up``.
-    """
+    """Return the plane normal to a coordinate axis (only along ``up`` if ``axial``) that cuts the most cavities, and of these
+    the most air; undeformed nodes in m, shape (n, 3)."""
     vertices = skin.device(skin.points(points))
     count = max(skin.cavities, 1)
     cavities = [vertices[skin.device_triangles(skin.part == k)] for k in range(1, count + 1)]
@@ -273,15 +257,8 @@ def _section_area(corners: Array, normal: Array, place: Array) -> float:
 
 
 def cut_open(states: States, step: float, plane: Plane, viewer: Array, scale: Scale) -> list[Layer]:
-    """Return the layers of a state whose material before a plane of the undeformed device is taken away.
-
-    Args:
-        states: The states.
-        step: Which one.
-        plane: Of the undeformed device.
-        viewer: Direction towards the viewer, to whom the cut is turned.
-        scale: The colours.
-    """
+    """Return the layers of a state whose material before a plane of the undeformed device is taken away; the cut is turned to
+    the viewer."""
     normal, place = plane
     normal = normal if normal @ viewer > 0 else -normal
     skin = states.skin
@@ -402,13 +379,8 @@ def slice_stress(look: Look) -> Figure:
 
 
 def mode(look: Look, step: int, amount: float = 0.15) -> Figure:
-    """Draw the slice at a bifurcation with its mode added, over the edges of the slice without it.
-
-    Args:
-        look: The device.
-        step: The state at the bifurcation.
-        amount: Largest displacement of the mode as drawn, in sizes of the slice.
-    """
+    """Draw the slice at a bifurcation with its mode added, largest an amount of sizes of the slice, over the edges of the
+    slice without it."""
     states, skin = look.states, look.states.skin
     size = amount * np.ptp(states.points, axis=0).max()
     before, moved = (
@@ -429,11 +401,8 @@ def mode(look: Look, step: int, amount: float = 0.15) -> Figure:
 
 
 def stress(look: Look) -> tuple[list[tuple[float, Image]], ViewCamera]:
-    """Draw the von Mises stress on the deformed device at the shown states, with the same camera and colour scale.
-
-    Returns:
-        Steps and images, with the undeformed outline; the camera of them all.
-    """
+    """Draw the von Mises stress on the deformed device at the shown states, with the same camera and colour scale; return
+    steps and images, with the undeformed outline, and the camera."""
     steps, scale = look.states.shown(), look.scales["von_mises"]
     camera = look.camera([0, *steps])
     with studio(camera) as shoot:
@@ -652,11 +621,7 @@ def can_mp4() -> bool:
 
 
 def write_mp4(path: Path, images: list[Image]) -> None:
-    """Write frames as an H.264 film that every browser plays.
-
-    Raises:
-        RuntimeError: The encoder failed.
-    """
+    """Write frames as an H.264 film that every browser plays; RuntimeError if the encoder failed."""
     import imageio_ffmpeg
 
     height, width, _ = images[0].shape
@@ -679,11 +644,8 @@ def write_mp4(path: Path, images: list[Image]) -> None:
 
 
 def make_film(shown: Look, folder: Path) -> tuple[list[Path], str]:
-    """Render the frames and write the film in each format into a folder.
-
-    Returns:
-        The written files, and a sentence if a format was left out.
-    """
+    """Render the frames and write the film in each format into a folder; return the files, and a sentence if a format was
+    left out."""
     frames = render_frames(shown)
     encoders = {"film.gif": gif, "film.webp": webp}
     with ThreadPoolExecutor(len(encoders)) as both:  # encoders are written in C and let each other run

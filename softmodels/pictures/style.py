@@ -114,15 +114,9 @@ CLIPPED = 99.5
 
 @dataclasses.dataclass(frozen=True)
 class Caption:
-    """What stands around an image.
-
-    Attributes:
-        title: Above it.
-        subject: Below the title: the device and its silicone.
-        note: Below that, in the warning colour.
-        metres: Of one pixel; None where no length can be read off.
-        axes: Where x, y and z point in the image, to the right and upwards, shape (3, 2).
-    """
+    """What stands around an image: the title above it, below that the device and its silicone, below these a note in the
+    warning colour; metres of one pixel, None where no length can be read off; where x, y and z point in the image, to the
+    right and upwards, shape (3, 2)."""
 
     title: str
     subject: str = ""
@@ -189,18 +183,13 @@ def rulers(figure: Figure, metres: float, axes: Array) -> None:
 
 
 class Scale:
-    """The colour scale of a field, one for all pictures of a run, from its value at rest up to nearly its largest.
+    """The colour scale of a field, one of `coloured`, for all pictures of a run, from its value at rest up to nearly its
+    largest nodal value in SI units, shape (n,) or (states, n).
 
     Corners make a few nodes stand far out, and a scale up to them would leave the body one colour. The scale therefore ends
     at the next round value above which, in the state that has most, a two-hundredth of the nodes lies. The bar says so, and
-    whether its colours follow the value or a power of it. The largest value on the bar is the one of ``path.csv``, over the
-    integration points of the whole device: nodal values scatter around it.
-
-    Args:
-        values: Nodal values of the states that are shown, SI units, shape (n,) or (states, n).
-        field: Name of the field, one of `coloured`.
-        rows: Rows of ``path.csv`` of the states that are shown, for the largest value.
-        colours: Name of the colour map.
+    whether its colours follow the value or a power of it. The largest value on the bar is the one of the shown rows of
+    ``path.csv``, over the integration points of the whole device: nodal values scatter around it.
     """
 
     def __init__(self, values: Array, field: str = "von_mises", rows: Sequence[Row] = (), colours: str = COLORMAP):
@@ -276,12 +265,8 @@ COMPRESSION = 2
 class DrawnFolder:
     """A folder for pictures that records the written files; as a context manager it waits until all are on disk.
 
-    Pictures are encoded beside what draws the next one: encoders are written in C and let Python run on.
-
-    Args:
-        path: The folder.
-        shrink: Makes of a picture what a page holds of it, if there is to be a page.
-        each: Is called with each file once it is drawn.
+    Pictures are encoded beside what draws the next one: encoders are written in C and let Python run on. ``shrink`` makes of
+    a picture what a page holds of it; ``each`` is called with each file once it is drawn.
     """
 
     def __init__(
@@ -329,11 +314,8 @@ class DrawnFolder:
         self._each(path)
 
     def pages(self) -> dict[str, str]:
-        """Wait for pending files; return the data of each picture for the report, by file name.
-
-        Raises:
-            OSError: One could not be written.
-        """
+        """Wait for pending files; return the data of each picture for the report, by file name. OSError if one could not be
+        written."""
         return {name: page.result() for name, page in self._pages.items()}
 
 
