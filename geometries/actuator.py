@@ -153,14 +153,9 @@ class Pour:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Recipe:
-    """How a device is cast: in one piece, or in several that are bonded.
-
-    Attributes:
-        pours: The pieces.
-        why: Why so: sentences.
-        inlets: From where outside of the device to where in its cavity each tube runs, in m.
-        steps: What is particular of this device: sentences for the bench, before its pieces are bonded.
-    """
+    """How a device is cast, in one piece or in several that are bonded, and sentences why so; from where outside of the
+    device to where in its cavity each tube runs, in m; sentences on what is particular of it for the bench, before its pieces
+    are bonded."""
 
     pours: tuple[Pour, ...]
     why: str
@@ -185,11 +180,7 @@ class Castable:
 
     @property
     def recipe(self) -> Recipe:
-        """How it is cast.
-
-        Raises:
-            GeometryError: It names no recipe.
-        """
+        """How it is cast; GeometryError if it names no recipe."""
         raise GeometryError(
             f"a {type(self).__name__} names no casting recipe; give its class a property recipe, which returns the pieces to "
             "cast, and a method build_whole, which draws it (docs/pages/howto/extending.md)"
@@ -561,17 +552,9 @@ SAME_IMAGE = 1e-2
 
 
 def reflected(normals: ArrayLike, count: int | None = None, dimension: int = 3) -> NDArray[np.float64]:
-    """Return the first products of reflections on planes through the origin: a slice, its neighbours, their neighbours and so
-    on.
-
-    Args:
-        normals: Unit normals, shape (k, dimension).
-        count: How many at most; all if not given, which must be finitely many.
-        dimension: 3, or 2 in the plane of a section.
-
-    Returns:
-        Matrices that take the slice to its places, shape (m, dimension, dimension); the first is the identity.
-    """
+    """Return the first products of reflections on planes through the origin, whose unit normals have the shape (k,
+    dimension): matrices that take a slice to its places, its neighbours, their neighbours and so on, shape (m, dimension,
+    dimension), the identity first. All of them, which must be finitely many, if no count is given."""
     one = np.eye(dimension)
     mirrors = [one - 2 * np.outer(normal, normal) for normal in np.reshape(normals, (-1, dimension))]
     found = [one]
@@ -586,15 +569,9 @@ def reflected(normals: ArrayLike, count: int | None = None, dimension: int = 3) 
 
 
 def check_slice(normals: ArrayLike, texts: tuple[str, ...]) -> None:
-    """Check that images of a slice fill the space around it once.
-
-    Args:
-        normals: Outward unit normals of its planes, shape (k, 3).
-        texts: What was written for each, for the message.
-
-    Raises:
-        GeometryError: Two planes do not meet at 180/n degrees inside the slice, or three meet in one line.
-    """
+    """Check that images of a slice fill the space around it once, by the outward unit normals of its planes, shape (k, 3),
+    and what was written for each. GeometryError if two do not meet at 180/n degrees inside the slice, or three meet in one
+    line."""
     outward = np.reshape(normals, (-1, 3))
     for i in range(len(outward)):
         for j in range(i):
@@ -626,33 +603,16 @@ def parameter_names(device: Actuator) -> tuple[str, ...]:
 
 
 def parameter(device: Actuator, name: str) -> float:
-    """Return the value of a continuous parameter.
-
-    Args:
-        device: The device.
-        name: One of `parameter_names`.
-
-    Returns:
-        In m, degrees or as a pure number.
-
-    Raises:
-        GeometryError: The device has no such parameter.
-    """
+    """Return the value of a continuous parameter, one of `parameter_names`, in m, degrees or as a pure number; GeometryError
+    if the device has none such."""
     field, place = _place(device, name)
     value = getattr(device, field)
     return float(value if place is None else value[place])
 
 
 def changed[Device: Actuator](device: Device, values: Mapping[str, float]) -> Device:
-    """Return the device with other values of continuous parameters.
-
-    Args:
-        device: The device.
-        values: SI values by the names of `parameter_names`; what is left out stays.
-
-    Raises:
-        GeometryError: The device has no such parameter, or the values make no device.
-    """
+    """Return the device with other SI values of continuous parameters by the names of `parameter_names`; GeometryError if it
+    has none such, or the values make no device."""
     fields: dict[str, object] = {}
     for name, value in values.items():
         field, place = _place(device, name)
@@ -882,14 +842,11 @@ class Finger(MirroredHalf, HeldTip):
 
 
 def bend_angle(low: NDArray[np.float64], high: NDArray[np.float64]) -> float:
-    """Return the angle in degrees by which the tip's face has turned towards -z, right up to a whole turn and more.
+    """Return the angle in degrees by which the tip's face has turned towards -z, right up to a whole turn and more, from its
+    deformed ends in m from the clamp, shape (3,); ``high`` lay above ``low``.
 
     The face gives it except for whole turns. The line from the clamp to the tip gives those: in a circle it has turned half
     as far.
-
-    Args:
-        low: Lower end of the face, deformed, in m from the clamp, shape (3,).
-        high: Its upper end, which lay above the lower one.
     """
     face = high - low
     turned = math.degrees(math.atan2(face[0], face[2]))
@@ -905,17 +862,9 @@ Numbers = npt.NDArray[np.int64]
 
 
 def joined(pairs: Numbers, count: int) -> Numbers:
-    """Return the group of each of a number of things, of which pairs are in one group.
-
-    SciPy's `connected_components` gives the same; loading its sparse tree takes a third of a short run's time.
-
-    Args:
-        pairs: Shape (n, 2).
-        count: How many things there are.
-
-    Returns:
-        Numbers of the groups from 0, in the order of their first members, shape (count,).
-    """
+    """Return the group of each of a count of things, from 0 in the order of their first members, shape (count,): pairs, shape
+    (n, 2), are in one group. SciPy's `connected_components` gives the same; loading its sparse tree takes a third of a short
+    run's time."""
     label = np.arange(count)
     one, other = np.asarray(pairs, dtype=np.int64).reshape(-1, 2).T
     while (apart := label[one] != label[other]).any():
@@ -928,14 +877,8 @@ def joined(pairs: Numbers, count: int) -> Numbers:
 
 
 def joined_by(shared: Numbers) -> Numbers:
-    """Return the group of each row of a table, where rows with a value in common are in one group.
-
-    Args:
-        shared: Values, such as the nodes of edges, shape (n, k).
-
-    Returns:
-        Numbers of the groups from 0, in the order of their first rows, shape (n,).
-    """
+    """Return the group of each row of a table, shape (n, k), such as of the nodes of edges, as `joined` does; rows with a
+    value in common are in one group."""
     rows, width = shared.shape
     value = np.unique(shared, return_inverse=True)[1].ravel()
     row = np.repeat(np.arange(rows), width)
@@ -961,15 +904,9 @@ Ints = NDArray[np.int64]
 
 @dataclasses.dataclass(frozen=True)
 class Opening:
-    """A line (a point in a section) on which a cavity's walls end.
-
-    Attributes:
-        cavity: Role of the walls.
-        place: The middle of the line in m, device coordinates.
-        normal: Unit normal of the plane through the origin that the line lies in; None if there is none.
-        roles: Physical groups that the line's nodes belong to, beside the walls': one set for all nodes alike.
-        faces: Those among them that are faces or lines, without cut planes.
-    """
+    """A line (a point in a section) on which a cavity's walls end: its middle in m, device coordinates, and the unit normal
+    of the plane through the origin that it lies in, if there is one. ``roles`` are physical groups that the line's nodes
+    belong to, beside the walls': one set for all nodes alike; ``faces`` those that are faces or lines, without cut planes."""
 
     cavity: str
     place: Vector
@@ -995,16 +932,8 @@ def cavity_roles(actuator: Actuator) -> list[str]:
 
 
 def check_closed(actuator: Actuator, openings: Iterable[Opening], holds: Iterable[Hold]) -> None:
-    """Reject cavities that nothing closes.
-
-    Args:
-        actuator: The device.
-        openings: Those of its mesh, as `find_openings` has found them.
-        holds: What is held of it, beside its cut planes.
-
-    Raises:
-        GeometryError: The first opening that no plane closes, with its place and the names of the faces there.
-    """
+    """Reject cavities that nothing closes, from the openings of `find_openings` and what is held beside the cut planes.
+    GeometryError names the first opening that no plane closes, with its place and the faces there."""
     for opening in openings:
         if opening.closed_by(holds):
             continue

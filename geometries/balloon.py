@@ -39,15 +39,8 @@ from softmodels.common.schema import choice_field, length_field, shown
 
 
 class Rounding(NamedTuple):
-    """The arc that rounds the corner between neck and balloon.
-
-    Attributes:
-        centre: Of the arc.
-        foot: Where it leaves the neck.
-        middle: Of the arc.
-        head: Where it meets the balloon.
-        angle: Of the outer spheroid there, from the equator upwards in rad.
-    """
+    """The arc that rounds the corner between neck and balloon: its centre, where it leaves the neck, its middle, where it
+    meets the balloon, and the angle of the outer spheroid there, from the equator upwards in rad."""
 
     centre: Place
     foot: Place
@@ -64,14 +57,8 @@ WIDEST = 0.8
 
 @dataclasses.dataclass(frozen=True)
 class Meridian:
-    """Dimensions of a balloon that follow from its parameters.
-
-    Attributes:
-        inner: Half axes of the inner spheroid along radius and height, m.
-        outer: Those of the outer one.
-        height: Of the centre above z = 0, m.
-        neck: Inner and outer radius of the neck, m; zeros without one.
-    """
+    """Dimensions of a balloon that follow from its parameters, in m: half axes of the spheroids along radius and height, the
+    height of their centre above z = 0, and inner and outer radius of the neck, zeros without one."""
 
     inner: Place
     outer: Place

@@ -46,13 +46,8 @@ NEAR = 1e-9
 
 
 class Cut(NamedTuple):
-    """A cross-section of the wall.
-
-    Attributes:
-        inside: Its end at the air.
-        outside: Its end outside.
-        centre: Of the arcs that lead to it from the one before; None where lines do.
-    """
+    """A cross-section of the wall, from the air to outside, and the centre of the arcs that lead to it from the one before;
+    None where lines do."""
 
     inside: Place
     outside: Place

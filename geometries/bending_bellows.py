@@ -40,15 +40,8 @@ gmsh = lazy_module("gmsh")
 
 @dataclasses.dataclass(frozen=True)
 class Arc:
-    """Half a fold's rounding, along x, from the bottom of a valley or up to the top of a crest.
-
-    Attributes:
-        centre: Its centre: x, and the radius from the bellows' axis, in m.
-        radius: Of the arc in m.
-        crest: Whether it bulges outwards.
-        start: x of its first point in m.
-        end: x of its last point in m.
-    """
+    """Half a fold's rounding, along x, from the bottom of a valley or up to the top of a crest, which bulges outwards: its
+    centre (x, and the radius from the bellows' axis), radius, and the x of its first and last points, in m."""
 
     centre: tuple[float, float]
     radius: float

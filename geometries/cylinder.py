@@ -163,12 +163,8 @@ def build_solid(device: Cylinder) -> None:
 def _profile(
     device: Cylinder, at: Callable[[float, float], tuple[float, float, float]]
 ) -> tuple[tuple[int, int], Edges]:
-    """Add the wall's and the cap's face; return their tags, and the edges on the boundary with their roles.
-
-    Args:
-        device: The tube.
-        at: Makes a point in space of radius and height.
-    """
+    """Add the wall's and the cap's face; return their tags, and the edges on the boundary with their roles. ``at`` makes a
+    point in space of radius and height."""
     occ = gmsh.model.occ
     inner, outer, fillet = device.inner_radius, device.outer_radius, device.fillet
     straight, length, height = device.straight, device.length, device.height

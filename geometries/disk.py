@@ -169,15 +169,8 @@ def _spline(shares: tuple[float, ...]) -> PPoly:
 
 @dataclasses.dataclass(frozen=True)
 class MembraneTop:
-    """The top face of a membrane over a flat ceiling, as height over radius.
-
-    Attributes:
-        radius: Of the cavity in m, where the spline ends.
-        ceiling: Height of the membrane's lower face in m.
-        membrane: Thickness in m that the shares are of.
-        shares: Thickness at equally spaced radii from the axis to the cavity's edge, in shares of ``membrane``; two or more,
-            or one for a flat top.
-    """
+    """The top face of a membrane over a flat ceiling, as height over radius in m, up to the cavity's radius, where the spline
+    ends. The shares of the membrane's thickness are at equally spaced radii from the axis to there; one for a flat top."""
 
     radius: float
     ceiling: float
@@ -226,13 +219,9 @@ class MembraneTop:
         return 2.0 * math.pi * self.radius**2 * self.membrane * total
 
     def pieces(self) -> list[Array]:
-        """Return the same curve as cubic Bezier pieces between the given radii, from the cavity's edge to the axis.
-
-        Pieces, because the CAD kernel integrates over one polynomial exactly and over a spline of several it does not (0.1 %).
-
-        Returns:
-            Control points (radius, height) in m of each piece, shape (4, 2), whose radii are equally spaced.
-        """
+        """Return the same curve as cubic Bezier pieces between the given radii, from the cavity's edge to the axis: control
+        points (radius, height) in m of each, shape (4, 2), whose radii are equally spaced. Pieces, because the CAD kernel
+        integrates over one polynomial exactly and over a spline of several it does not (0.1 %)."""
         from scipy.interpolate import BPoly, PPoly
 
         spline = _spline(self.shares)

@@ -51,15 +51,8 @@ def cavity_role(number: int) -> str:
 
 @dataclasses.dataclass(frozen=True)
 class Reading:
-    """Contents of a file in m and m3, of the part as drawn.
-
-    Attributes:
-        normals: Outward unit normals of the cut planes.
-        gauge: The corner whose motion is reported.
-        solid_volume: Of the solid.
-        cavity_volumes: Of each cavity.
-        regions: Names of its solids, if there are several.
-    """
+    """Contents of a file in m and m3, of the part as drawn: outward unit normals of the cut planes, the corner whose motion
+    is reported, volumes of the solid and of each cavity, and names of its solids, if there are several."""
 
     normals: tuple[Vector, ...]
     gauge: Vector
@@ -139,11 +132,7 @@ class ImportedPart(Actuator):
         """Contents of the file; read once."""
 
     def digest(self) -> str:
-        """Return SHA-256 of the file's content.
-
-        Raises:
-            GeometryError: It cannot be read.
-        """
+        """Return SHA-256 of the file's content; GeometryError if it cannot be read."""
         try:
             return file_digest(self.file)
         except OSError as error:
@@ -283,13 +272,9 @@ def face_names(path: str | Path) -> dict[str, list[int]]:
 
 
 def named_surfaces(path: str | Path, name: str) -> list[int]:
-    """Return where the faces of a name stand among the surfaces that Gmsh makes of a file (0 is the first).
-
-    Needs a current Gmsh session, and leaves its model unchanged.
-
-    Raises:
-        GeometryError: Too many faces have this name, or the CAD kernel changed one beyond recognition.
-    """
+    """Return where the faces of a name stand among the surfaces that Gmsh makes of a file (0 is the first), in a current
+    session whose model stays as it is. GeometryError if too many faces have this name, or the CAD kernel changed one beyond
+    recognition."""
     wanted = face_names(path)[name]
     if len(wanted) >= SHADES**3:
         raise GeometryError(f"{len(wanted)} faces of {path} are named {name!r}; pick them by plane, box or colour")
@@ -442,16 +427,8 @@ TILT = 1e-4
 
 @dataclasses.dataclass(frozen=True)
 class Faces:
-    """A choice of faces: by plane, by box, by name or by colour; one of them is given.
-
-    Attributes:
-        text: What was written.
-        normal: Unit normal of a plane.
-        at: The plane's distance from the origin along the normal in m.
-        box: Lowest and highest corner in m.
-        name: As it stands in the file.
-        colour: Red, green and blue, 0 to 255.
-    """
+    """A choice of faces, as written in ``text``: by a plane (unit normal, and distance ``at`` from the origin in m), by a box
+    (lowest and highest corner in m), by the name in the file or by colour (red, green and blue, 0 to 255)."""
 
     text: str
     normal: Vector | None = None
@@ -462,11 +439,7 @@ class Faces:
 
 
 def faces(field: str, text: str) -> Faces:
-    """Read a choice of faces.
-
-    Raises:
-        GeometryError: Not one of this module's forms.
-    """
+    """Read a choice of faces; GeometryError if it has none of this module's forms."""
     _check_size(field, text)
     if found := re.fullmatch(r"\s*([xyz])\s*=\s*(.+)", text):
         x, y, z = (float(axis == found[1]) for axis in AXES)
@@ -494,11 +467,7 @@ def faces(field: str, text: str) -> Faces:
 
 
 def point(field: str, text: str) -> tuple[float, float, float]:
-    """Read a point, in m.
-
-    Raises:
-        GeometryError: Not of the form ``at 10, 0, 4 mm``.
-    """
+    """Read a point, in m; GeometryError if it is not of the form ``at 10, 0, 4 mm``."""
     _check_size(field, text)
     found = re.fullmatch(r"\s*at" + ",".join([NUMBER] * 3) + r"([a-z]+)\s*", text)
     if not found:
@@ -544,19 +513,10 @@ def _length(field: str, text: str) -> float:
 def chosen(
     field: str, choice: Faces, tags: list[int], near: float, file: str, pieces: Sequence[Sequence[int]] = ()
 ) -> list[int]:
-    """Return which faces of the current Gmsh model a choice picks out of ``tags``.
-
-    Args:
-        field: What the choice is for.
-        choice: The choice.
-        tags: Surfaces of the model.
-        near: What counts as the same place, m.
-        file: The STEP file that the model was made of, and of nothing else.
-        pieces: For each surface of the file, in order, the model's surfaces that were made of it; empty if they are as read.
-
-    Raises:
-        GeometryError: The file has no such name or colour; the message lists those it has.
-    """
+    """Return which of the surfaces ``tags`` of the current Gmsh model, made of a STEP file and of nothing else, a field's
+    choice picks out; ``near`` counts as the same place, m. ``pieces`` are for each surface of the file, in order, the model's
+    surfaces that were made of it; empty if they are as read. GeometryError lists the names or colours of a file that has not
+    the one chosen."""
     if choice.name is not None:
         known = face_names(file)
         if choice.name not in known:
@@ -631,15 +591,8 @@ def shells(surfaces: list[int]) -> list[list[int]]:
 
 
 class Boundary(abc.ABC):
-    """Faces of a part by number: surfaces of a drawing in the current Gmsh model, or triangles of a mesh.
-
-    Args:
-        part: The part.
-        near: What counts as the same place, m.
-
-    Attributes:
-        program: Where a user changes the part, a clause.
-    """
+    """Faces of a part by number: surfaces of a drawing in the current Gmsh model, or triangles of a mesh. ``near`` counts as
+    the same place, m; ``program`` is a clause on where a user changes the part."""
 
     program: ClassVar[str]
 
@@ -689,11 +642,8 @@ class Boundary(abc.ABC):
         """Return whether a normal of flat faces points into the solid."""
 
     def roles(self) -> dict[str, Ints]:
-        """Return the faces by role; every face has one.
-
-        Raises:
-            GeometryError: A choice that picks nothing, or something that cannot have this role.
-        """
+        """Return the faces by role; every face has one. GeometryError for a choice that picks nothing, or something that
+        cannot have this role."""
         part, left, roles = self.part, self.every, dict[str, Ints]()
 
         def take(role: str, found: Ints) -> None:
@@ -724,11 +674,8 @@ class Boundary(abc.ABC):
         return {name: faces for name, faces in {**roles, "outer": left}.items() if len(faces)}
 
     def outward(self, roles: Mapping[str, Ints]) -> tuple[Vector, ...]:
-        """Return the unit normals of the cut planes, away from the solid.
-
-        Raises:
-            GeometryError: A plane that does not bound the part, or planes between which its images do not fill the whole.
-        """
+        """Return the unit normals of the cut planes, away from the solid. GeometryError for a plane that does not bound the
+        part, or planes between which its images do not fill the whole."""
         normals = []
         for i, text in enumerate(self.part.planes):
             normal = self.fitted(roles[f"plane{i}"])
@@ -807,13 +754,8 @@ SAMPLES = 5
 
 
 def expected_triangles(faces: Ints, cell_size: float, curvature: float) -> float:
-    """Return the number of triangles on faces of the current Gmsh model, or fewer: fine edges make the faces beside them finer.
-
-    Args:
-        faces: Their tags.
-        cell_size: Longest edge in m.
-        curvature: Cells around a full circle.
-    """
+    """Return the number of triangles on faces of the current Gmsh model, of a longest edge in m and a number of cells around
+    a full circle, or fewer: fine edges make the faces beside them finer."""
     total = 0.0
     for face in faces:
         around = 2.0 * np.pi / (curvature * np.maximum(_curvatures(face), 1e-30))
@@ -843,13 +785,8 @@ NAMELESS = re.compile(r"Open CASCADE STEP translator.*|SOLID|COMPOUND|")
 
 
 class Solids(Boundary):
-    """Solids of the current Gmsh model.
-
-    Args:
-        part: The part.
-        regions: Volumes by region.
-        made: For each of the file's surfaces, in their order, those that gluing made of it; empty if nothing was glued.
-    """
+    """Solids of the current Gmsh model by region. ``made`` are for each of the file's surfaces, in their order, those that
+    gluing made of it; empty if nothing was glued."""
 
     program = "in its CAD program"
 
@@ -918,11 +855,8 @@ class Solids(Boundary):
 
 
 def glued(part: ImportedActuator) -> Solids:
-    """Return the solids of the current Gmsh model, read from a part's file, glued where they touch.
-
-    Raises:
-        GeometryError: There is none; they overlap; or one touches no other.
-    """
+    """Return the solids of the current Gmsh model, read from a part's file, glued where they touch. GeometryError if there is
+    none, they overlap, or one touches no other."""
     volumes = gmsh.model.getEntities(3)
     if len(volumes) == 1:
         return Solids(part, {MAIN: [volumes[0][1]]})
@@ -986,15 +920,8 @@ FINE = 40
 
 @functools.lru_cache(maxsize=32)
 def read_part(part: ImportedActuator, digest: str) -> Reading:
-    """Open the file, in a process of its own, and check every choice against it.
-
-    Args:
-        part: The part.
-        digest: Hash of the file's bytes: another content is another reading.
-
-    Raises:
-        GeometryError: A file or a choice that makes no device.
-    """
+    """Open the file, in a process of its own, and check every choice against it. Another digest, of another content, is
+    another reading. GeometryError for a file or a choice that makes no device."""
     try:
         return apart(_read_step, part)
     except MeshingError as error:
@@ -1148,16 +1075,8 @@ OTHER_CELLS = ("hexahedron", "wedge", "pyramid", "voxel")
 
 
 def read_mesh(file: str, unit: float, cell_size: float) -> Tetrahedra:
-    """Read a mesh, in m.
-
-    Args:
-        file: Its path.
-        unit: Metres in one of its lengths.
-        cell_size: Longest edge in m of the cells that an STL file is filled with.
-
-    Raises:
-        GeometryError: No such file, not a mesh, or none of tetrahedra.
-    """
+    """Read a mesh, in m, of which ``unit`` is metres in one of its lengths; an STL file is filled with cells of a longest
+    edge in m. GeometryError for no such file, not a mesh, or none of tetrahedra."""
     kind = Path(file).suffix.lower()
     if kind not in FORMATS:
         raise GeometryError(f"file is {file!r}; meshes are read from {', '.join(FORMATS)}, drawings from STEP")
@@ -1292,15 +1211,8 @@ def _physical(found: Any, dimension: int) -> dict[str, int]:
 
 
 def read_surfaces(file: str, unit: float) -> tuple[NDArray[np.float64], Ints]:
-    """Return the closed surfaces of an STL file: corners in m, shape (n, 3), and triangles, shape (t, 3).
-
-    Args:
-        file: Its path.
-        unit: Metres in one of its lengths.
-
-    Raises:
-        GeometryError: No such file, no STL, or a surface that is not closed.
-    """
+    """Return the closed surfaces of an STL file: corners in m, shape (n, 3), and triangles, shape (t, 3). GeometryError for
+    no such file, no STL, or a surface that is not closed."""
     if Path(file).suffix.lower() != ".stl":
         raise GeometryError(f"file is {file!r}; surfaces are read from .stl")
     return _closed(file, _by_meshio(file, "stl"), unit)
@@ -1488,11 +1400,7 @@ def put_on_planes(mesh: Tetrahedra, roles: Mapping[str, Ints], normals: Sequence
 
 
 def cavity_volumes(part: ImportedMesh, mesh: Tetrahedra, roles: Mapping[str, Ints]) -> tuple[float, ...]:
-    """Return the volume in m3 of each cavity of the part as meshed.
-
-    Raises:
-        GeometryError: A wall that encloses nothing.
-    """
+    """Return the volume in m3 of each cavity of the part as meshed; GeometryError for a wall that encloses nothing."""
     volumes = tuple(mesh.enclosed(roles[cavity_role(i)]) for i in range(part.cavity_count))
     for i, volume in enumerate(volumes):
         if not volume > 0.0:
@@ -1594,12 +1502,7 @@ class ImportedMesh(ImportedPart):
 
 @functools.lru_cache(maxsize=8)
 def _read_mesh(part: ImportedMesh, digest: str) -> tuple[Tetrahedra, Reading]:
-    """Read the file and check every choice against it.
-
-    Args:
-        part: The part.
-        digest: Hash of the file's bytes: another content is another reading.
-    """
+    """Read the file and check every choice against it. Another digest, of another content, is another reading."""
     mesh = read_mesh(part.file, UNITS[part.unit], part.cell_size)
     if not 1e-5 < mesh.extent < 10.0:
         raise GeometryError(

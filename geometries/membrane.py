@@ -44,17 +44,9 @@ from softmodels.common.schema import Length, Open, choice_field, field_of, lengt
 
 
 class Strip(NamedTuple):
-    """A piece of the membrane between two radii, one panel wide.
-
-    Attributes:
-        inner: Radius where it begins, m.
-        outer: Radius where it ends, m.
-        cells: Cells along the radius.
-        growth: Length of a cell over that of the one inside of it.
-        part: What its upper face is: ``"top"``, ``"plate"``, ``"ring1"`` ... or ``"clamp_top"``.
-        height: Thickness in m of what is bonded on it.
-        slope: By how much its upper face is lower at its outer end, m.
-    """
+    """A piece of the membrane between two radii in m, one panel wide, of cells each ``growth`` times as long as the one
+    inside of it. ``part`` is what its upper face is: ``"top"``, ``"plate"``, ``"ring1"`` ... or ``"clamp_top"``; ``height``
+    the thickness in m of what is bonded on it; ``slope`` by how much the face is lower at its outer end, m."""
 
     inner: float
     outer: float

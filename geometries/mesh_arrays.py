@@ -44,14 +44,8 @@ WEIGHTS = np.repeat([0.223381589678011, 0.109951743655322], 3)
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Tetrahedra:
-    """A mesh.
-
-    Attributes:
-        points: Nodes in m, shape (n, 3).
-        cells: Nodes of the cells in the order of VTK, shape (m, 4) or (m, 10), every one turned the right way.
-        faces: Names of the file: nodes of the triangles of each, or only of the nodes, one index array each.
-        regions: Cells by the names that the file has for them.
-    """
+    """A mesh: nodes in m, shape (n, 3); nodes of the cells in the order of VTK, shape (m, 4) or (m, 10), every one turned the
+    right way; by names of the file the nodes of the triangles of each face, or only the nodes, and cells of regions."""
 
     points: Array
     cells: Ints
@@ -60,11 +54,7 @@ class Tetrahedra:
 
     @classmethod
     def made(cls, points: Array, cells: Ints, faces: Mapping[str, Ints], regions: Mapping[str, Ints]) -> Tetrahedra:
-        """Return a mesh without the nodes that no cell has, its cells turned the right way.
-
-        Raises:
-            GeometryError: A flat cell.
-        """
+        """Return a mesh without the nodes that no cell has, its cells turned the right way; GeometryError for a flat cell."""
         used, compact = np.unique(cells, return_inverse=True)
         width = int(cells.shape[1])
         number = np.full(len(points), -1)
@@ -81,11 +71,8 @@ class Tetrahedra:
 
     @functools.cached_property
     def triangles(self) -> Ints:
-        """Nodes of the boundary's triangles, normals outward, shape (k, 3) or (k, 6).
-
-        Raises:
-            GeometryError: More than two cells meet in one triangle.
-        """
+        """Nodes of the boundary's triangles, normals outward, shape (k, 3) or (k, 6); GeometryError if more than two cells
+        meet in one."""
         sides = self.cells[:, SIDES].reshape(-1, 3)
         _, first, count = np.unique(np.sort(sides, axis=1), axis=0, return_index=True, return_counts=True)
         if count.max() > 2:
@@ -116,11 +103,7 @@ class Tetrahedra:
         return float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
     def pieces(self, among: Ints) -> list[Ints]:
-        """Return the boundary triangles that are connected by their edges.
-
-        Args:
-            among: Numbers of triangles.
-        """
+        """Return which boundary triangles among some are connected by their edges."""
         edges = np.sort(self.triangles[among][:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
         _, edge = np.unique(edges, axis=0, return_inverse=True)
         group = joined_by(edge.reshape(-1, 3))
@@ -144,12 +127,8 @@ class Tetrahedra:
         return np.asarray(np.linalg.norm(at - np.asarray(place), axis=2).min(axis=1))
 
     def enclosed(self, wall: Ints) -> float:
-        """Return the volume in m3 before a wall by the divergence theorem, -1/3 int x . n; planes through the origin add
-        nothing.
-
-        Args:
-            wall: Boundary triangles.
-        """
+        """Return the volume in m3 before a wall of boundary triangles by the divergence theorem, -1/3 int x . n; planes
+        through the origin add nothing."""
         nodes = self.triangles[wall]
         x, a, b = (np.einsum("qn,kni->kqi", table, self.points[nodes]) for table in triangle_tables(nodes.shape[1]))
         return -float(np.einsum("q,kqi,kqi->", WEIGHTS, x, np.cross(a, b)) / 6)
@@ -161,11 +140,8 @@ class Tetrahedra:
 
 
 def triangle_tables(width: int) -> tuple[Array, Array, Array]:
-    """Return the values and two slopes of a triangle's shape functions at the points of `RULE`, shape (q, width) each.
-
-    Args:
-        width: 3 nodes, or 6 with those inside the edges behind the corners.
-    """
+    """Return the values and two slopes of the shape functions of a triangle of 3 nodes, or 6 with those inside the edges
+    behind the corners, at the points of `RULE`, shape (q, width) each."""
     s, t, r = RULE[:, 1], RULE[:, 2], RULE[:, 0]
     o, one = np.zeros_like(s), np.ones_like(s)
     if width == 3:
@@ -207,15 +183,9 @@ KINDS = {4: 4, 11: 10}
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class MeshArrays:
-    """A mesh; nodes and cells count from 0.
-
-    Attributes:
-        points: Nodes in m, shape (n, 3).
-        cells: Nodes of the tetrahedra in the order of VTK and Abaqus, shape (m, 4) or (m, 10).
-        regions: Cells by region.
-        faces: Of each role on faces: the cell behind each, and which of its `SIDES` it is, shape (k, 2).
-        nodes: Nodes by role, of faces, lines and points.
-    """
+    """A mesh, whose nodes and cells count from 0: nodes in m, shape (n, 3); nodes of the tetrahedra in the order of VTK and
+    Abaqus, shape (m, 4) or (m, 10); cells by region; of each role on faces the cell behind each and which of its `SIDES` it
+    is, shape (k, 2); nodes by role, of faces, lines and points."""
 
     points: NDArray[np.float64]
     cells: Ints
@@ -231,12 +201,7 @@ class MeshArrays:
 
 
 def read_arrays(path: Path) -> MeshArrays:
-    """Read the Gmsh file that `Actuator.write` made of a solid device.
-
-    Raises:
-        FileNotFoundError: No such file.
-        MeshFileError: Not a mesh of tetrahedra as `Actuator.write` makes them.
-    """
+    """Read the Gmsh file that `Actuator.write` made of a solid device; FileNotFoundError or MeshFileError if it is none."""
     with private_model():
         load_mesh(path, 3)
         tags, places, _ = gmsh.model.mesh.getNodes()

@@ -59,18 +59,9 @@ with os.fdopen(answer, "wb") as out:
 
 
 def apart[T](task: Callable[..., T], *arguments: Any, stopped: Callable[[], bool] = bool) -> T:
-    """Carry out a task in another process and return its result.
-
-    Args:
-        task: A function of a module, which the other process imports by name.
-        arguments: What it is called with.
-        stopped: Asked several times a second; once it is true the task is killed.
-
-    Raises:
-        MeshingStopped: ``stopped`` was true.
-        MeshingError: The process died.
-        Exception: What the task raised.
-    """
+    """Carry out a task, a function that is imported by name, in another process and return its result. Once ``stopped``,
+    asked several times a second, is true the task is killed: MeshingStopped. MeshingError if the process died, else what the
+    task raised."""
     try:
         order = pickle.dumps((task, arguments))
     except (pickle.PicklingError, AttributeError, TypeError):
@@ -285,19 +276,9 @@ def is_whole(path: Path) -> bool:
 
 
 def load_mesh(path: str | Path, dimension: int | None = None) -> list[tuple[int, int, str]]:
-    """Read a mesh file into the current Gmsh model (see `private_model`).
-
-    Args:
-        path: A file made by `Actuator.write`.
-        dimension: 2 for an axisymmetric mesh, 3 for a solid one; any if not given.
-
-    Returns:
-        Dimension, tag and name of its physical groups; a region and the face of it may bear one name.
-
-    Raises:
-        FileNotFoundError: No such file.
-        MeshFileError: Not a complete mesh of that format and dimension.
-    """
+    """Read a mesh file of `Actuator.write` into the current Gmsh model (see `private_model`), of dimension 2 (axisymmetric),
+    3 (solid) or any; return dimension, tag and name of its physical groups: a region and the face of it may bear one name.
+    FileNotFoundError, or MeshFileError if it is no complete mesh of that dimension."""
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path} is not a file")
@@ -349,13 +330,9 @@ An image is turned inside out; this turns it back.
 
 @dataclasses.dataclass(frozen=True)
 class Mirror:
-    """A coordinate plane through the origin on which a mesh of half a body is mirrored into one of the whole.
-
-    Attributes:
-        role: Physical group of the facets on the plane; the whole has none such.
-        axis: 0, 1 or 2: the plane is square to x, y or z.
-        renamed: Groups whose image is another one, such as ``{"top": "bottom"}``; the image of any other joins it.
-    """
+    """A coordinate plane through the origin, square to an axis of 0 to 2, on which a mesh of half a body is mirrored into one
+    of the whole, which has no facets of the plane's role. A group whose image is another one is ``renamed``, such as
+    ``{"top": "bottom"}``; the image of any other joins it."""
 
     role: str
     axis: int
@@ -463,14 +440,9 @@ ROUNDS = 10
 
 @dataclasses.dataclass(frozen=True)
 class MeshSummary:
-    """Contents of a mesh file.
-
-    Attributes:
-        cells: Number of tetrahedra (3-D) or triangles (axisymmetric).
-        nodes: Number of nodes, those inside edges included.
-        quality: Smallest scaled Jacobian-based quality (Gmsh's SICN) of all cells: 1 is regular, 0 or less is invalid.
-        measure: Sum of the curved cells' volumes in m3 (3-D) or areas in m2 (axisymmetric).
-    """
+    """Contents of a mesh file: numbers of cells and of nodes, those inside edges included; the smallest scaled Jacobian-based
+    quality (Gmsh's SICN) of all cells, 1 regular and 0 or less invalid; the sum of the curved cells' volumes in m3 (3-D) or
+    areas in m2 (axisymmetric)."""
 
     cells: int
     nodes: int
@@ -567,16 +539,8 @@ def _make(actuator: Meshable, path: Path) -> None:
 
 
 def summarize(path: str | Path) -> MeshSummary:
-    """Count a mesh file's cells and nodes.
-
-    Args:
-        path: A file made by `Actuator.write`.
-
-    Raises:
-        FileNotFoundError: No such file.
-        MeshFileError: Not a complete mesh.
-        MeshingError: The file holds no cells.
-    """
+    """Count the cells and nodes of a file of `Actuator.write`; errors as of `load_mesh`, and MeshingError if it holds no
+    cells."""
     with private_model():
         load_mesh(path)
         cells = _cells(gmsh.model.getDimension())
@@ -709,12 +673,8 @@ def one_solid(solids: Sequence[Entity]) -> Entity:
 
 
 def bond(layers: Mapping[str, Sequence[Entity]], role_of: Callable[[int], str]) -> None:
-    """Make the faces between layers common, and name the regions and the faces on the boundary.
-
-    Args:
-        layers: Solids by the region that they are of.
-        role_of: Gives the role of a face by its tag.
-    """
+    """Make the faces between layers (solids by region) common, and name the regions and the faces on the boundary, whose
+    roles are known by their tags."""
     every = [(solid, name) for name, solids in layers.items() for solid in solids]
     _, parts = gmsh.model.occ.fragment([every[0][0]], [solid for solid, _ in every[1:]])
     gmsh.model.occ.synchronize()

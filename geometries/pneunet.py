@@ -45,12 +45,7 @@ Vector = tuple[float, float, float]
 
 @dataclasses.dataclass(frozen=True)
 class Box:
-    """A block with sides along the axes, in m.
-
-    Attributes:
-        low: Corner with the smallest coordinates.
-        high: Corner with the largest.
-    """
+    """A block with sides along the axes, in m, by its corners with the smallest and the largest coordinates."""
 
     low: Vector
     high: Vector

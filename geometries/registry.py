@@ -48,28 +48,15 @@ register_device = ACTUATORS.register
 
 
 def to_table(actuator: Actuator, text: Text = exact_text) -> dict[str, Any]:
-    """Return a device's parameters, ready for a TOML table.
-
-    Args:
-        actuator: The device.
-        text: How quantities are written; `softmodels.common.units.readable` for people.
-
-    Returns:
-        The device's name under ``"device"``, then every field: lengths and angles as text with a unit ("20 mm"), pure
-        numbers as numbers, choices, texts and lists as they are. `from_table` gives back an equal device.
-    """
+    """Return a device's parameters, ready for a TOML table: its name under ``"device"``, then every field: lengths and angles
+    as text with a unit ("20 mm"), by `softmodels.common.units.readable` for people, pure numbers as numbers, choices, texts
+    and lists as they are. `from_table` gives back an equal device."""
     return {"device": type(actuator).__name__, **schema.to_table(actuator, text)}
 
 
 def from_table(table: Mapping[str, Any]) -> Actuator:
-    """Return the device that a table describes.
-
-    Args:
-        table: ``"device"``, optionally ``"variant"``, and any fields; what is missing has the variant's value.
-
-    Raises:
-        GeometryError: An unknown device, variant or field, a value without its unit, or parameters that make no device.
-    """
+    """Return the device of ``"device"``, optionally ``"variant"``, and any fields; what is missing has the variant's value.
+    GeometryError for an unknown device, variant or field, a value without its unit, or parameters that make no device."""
     values = dict(table)
     name = values.pop("device", None)
     if not isinstance(name, str) or name not in ACTUATORS:
@@ -84,15 +71,8 @@ def from_table(table: Mapping[str, Any]) -> Actuator:
 
 
 def device_from(device: type[Actuator], values: Mapping[str, Any]) -> Actuator:
-    """Return a device from values where None means "not given".
-
-    Args:
-        device: The class, one of `geometries.ACTUATORS`.
-        values: SI values by field name, and ``"variant"`` for the set of parameters they change.
-
-    Raises:
-        GeometryError: An unknown variant or field, or parameters that make no device.
-    """
+    """Return a device of a class from SI values by field name, and ``"variant"`` for the set of parameters they change; None
+    is "not given". GeometryError for an unknown variant or field, or parameters that make no device."""
     given = {name: value for name, value in values.items() if value is not None}
     variant = given.pop("variant", "default")
     if not isinstance(variant, str) or variant not in device.variants:
@@ -180,14 +160,8 @@ def flag(name: str) -> str:
 def field_option(
     name: str, field: About, default: object = None, metavar: str | None = None
 ) -> Callable[[Command], Command]:
-    """Return the option of a field; its value is None unless given, in the unit of the field's kind.
-
-    Args:
-        name: The option's.
-        field: What is known of the field.
-        default: What stands in the help as the default; nothing if None.
-        metavar: What stands for its value in the help.
-    """
+    """Return the option of a field; its value is None unless given, in the unit of the field's kind. The default and the
+    metavar are for the help; no default stands there if None."""
     kind, text = field.kind, f"{field.help[0].upper()}{field.help[1:]}."
     if isinstance(kind, Flag):
         return click.option(flag(name), name, is_flag=True, default=None, help=text)
@@ -201,13 +175,8 @@ def field_option(
 
 
 def device_options(device: type[Actuator]) -> Callable[[Command], Command]:
-    """Return a decorator that adds ``--variant`` and one option per field to a click command.
-
-    Every option is None unless given, so that `device_from` can lay the given ones over the variant.
-
-    Args:
-        device: The class.
-    """
+    """Return a decorator that adds ``--variant`` and one option per field to a click command. Every option is None unless
+    given, so that `device_from` can lay the given ones over the variant."""
 
     def default(name: str, kind: Kind) -> object:
         return None if kind.several or isinstance(kind, Words) else getattr(device, name, None)
@@ -231,26 +200,16 @@ def given(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def device_told(device: type[Actuator], values: Mapping[str, Any]) -> Actuator:
-    """Return the device of a command's options; see `device_from`.
-
-    Raises:
-        GeometryError: As there, and for an option that has no effect with the others.
-    """
+    """Return the device of a command's options; GeometryError as of `device_from`, and for an option that has no effect with
+    the others."""
     made = device_from(device, values)
     check_meaning(made, values)
     return made
 
 
 def check_meaning(made: Actuator, values: Mapping[str, Any]) -> None:
-    """Reject options that were given although the device has no use for them.
-
-    Args:
-        made: The device.
-        values: Options by field name; None where not given.
-
-    Raises:
-        GeometryError: The first of them.
-    """
+    """Reject options, by field name and None where not given, for which the device has no use: GeometryError for the
+    first."""
     for name, field in about(made).items():
         if values.get(name) is not None and (other := field.idle(made)):
             given = f" {getattr(made, other)}" if field.unless and other == field.unless[0] else ""

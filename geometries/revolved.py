@@ -44,20 +44,12 @@ GAUSS = 24
 
 @dataclasses.dataclass(frozen=True)
 class Side:
-    """A side of a panel: a line, a piece of an ellipse of less than half its turn, or a cubic Bezier curve.
+    """A side of a panel: a line, a piece of an ellipse of less than half its turn (a centre, half axes along the radius and
+    the height), or a cubic Bezier curve (inner control points, whose radii are equally spaced).
 
     A point on it is known by how far along it is: a share of the length, of the angle on arcs, of the radius on a curve. The
-    point with the same share of the same side of another device is linear in the lengths.
-
-    Attributes:
-        start: Where it begins.
-        end: Where it ends.
-        cells: How many cells it is cut into.
-        role: What it does; empty between two panels.
-        centre: Of the ellipse; None of a line.
-        axes: Half axes of the ellipse along the radius and the height; equal ones of a circle.
-        growth: Length of a cell over that of the one before it, from start to end.
-        inner: Inner control points of a Bezier curve, whose radii are equally spaced.
+    point with the same share of the same side of another device is linear in the lengths. ``role`` is empty between two
+    panels; ``growth`` the length of a cell over that of the one before it, from start to end.
     """
 
     start: Place
@@ -151,12 +143,8 @@ def _wrapped(angles: Array) -> Array:
 
 @dataclasses.dataclass(frozen=True)
 class Panel:
-    """A patch of a half section.
-
-    Attributes:
-        region: What it is a part of, such as ``"solid"``.
-        sides: Four of them, each beginning where the one before ends; opposite ones have as many cells.
-    """
+    """A patch of a half section, of a region such as ``"solid"``: four sides, each beginning where the one before ends;
+    opposite ones have as many cells."""
 
     region: str
     sides: tuple[Side, Side, Side, Side]
@@ -167,13 +155,8 @@ class Panel:
 
 
 def rectangle(low: Place, high: Place, cells: tuple[int, int], roles: tuple[str, str, str, str]) -> Panel:
-    """Return a panel of the solid between two corners.
-
-    Args:
-        low, high: The corners nearest to and farthest from the axis at the bottom.
-        cells: Along the radius and along the height.
-        roles: Of its sides below, outside, above and inside.
-    """
+    """Return a panel of the solid between the corners nearest to and farthest from the axis at the bottom, with cells along
+    the radius and along the height, and roles of its sides below, outside, above and inside."""
     (left, down), (right, up) = low, high
     corners = (low, (right, down), high, (left, up))
     ends = (*corners[1:], corners[0])
@@ -212,16 +195,8 @@ def enclosed_volume(sides: Iterable[Side]) -> float:
 
 
 def graded(length: float, first: float, largest: float) -> list[tuple[float, int, float]]:
-    """Cut a length into cells that are small at its beginning and grow.
-
-    Args:
-        length: In m.
-        first: Length of the first cell at most, m.
-        largest: Length of any cell at most, m.
-
-    Returns:
-        One or two pieces in order: length in m, cells, and length of a cell over that of the one before it.
-    """
+    """Cut a length into cells that are small at its beginning (at most ``first``) and grow (to ``largest`` at most), in m.
+    Return one or two pieces in order: length, cells, and length of a cell over that of the one before it."""
     growing = max(0, math.ceil(math.log(largest / first) / math.log(GROWTH)))
     sums = first * (GROWTH ** np.arange(1, growing + 1) - 1.0) / (GROWTH - 1.0)
     if growing and sums[-1] >= length * (1.0 - ROUNDING):
@@ -247,12 +222,8 @@ HALF_TURN = math.pi * (1.0 - 1e-6)
 
 
 def whole_edges(sides: Iterable[Side], corners: Sequence[Place]) -> list[Side]:
-    """Return the sides put together, in order and direction: from the axis at the top outwards, and back along the axis.
-
-    Args:
-        sides: Of an outline, in any order and either way round.
-        corners: Places where edges end even if they go on: those that are points of the device's own.
-    """
+    """Return sides of an outline, in any order and either way round, put together in order and direction: from the axis at
+    the top outwards, and back along the axis. At corners edges end even if they go on: points of the device's own."""
     found, count = list(sides), math.inf
     while len(found) < count:  # a side may join two that were found apart
         count, left, found = len(found), found, []
@@ -300,18 +271,9 @@ WIDEST_PIECE = 90.0
 
 
 class Drawing:
-    """The panels of a half section in the current Gmsh model.
-
-    Args:
-        panels: The half section.
-        up: Vector of a metre of the height; the radius runs along x.
-        metre: Length of a metre of the radius, to draw circles as circles, whose turns the kernel knows; 0 for a mesh.
-
-    Attributes:
-        faces: Tags by region.
-        curves: Tags by what a side joins.
-        points: Tags by place.
-    """
+    """The panels of a half section in the current Gmsh model, the radius along x, the height along ``up``, a vector of a
+    metre of it. ``metre`` is the length of a metre of the radius, to draw circles as circles, whose turns the kernel knows; 0
+    for a mesh. Tags are of faces by region, of curves by what a side joins, of points by place."""
 
     def __init__(self, panels: Iterable[Panel], up: tuple[float, float, float], metre: float = 0.0):
         self.up, self.metre, self.circles, self.occ = up, metre or 1.0, metre > 0.0, gmsh.model.occ
@@ -459,20 +421,9 @@ FARTHEST = 0.05
 
 
 def carried_along(edges: Sequence[Side], others: Sequence[Side], points: Array, size: float) -> Array:
-    """Return where points on the boundary lie on another body of revolution; see `geometries.Actuator.carried`.
-
-    Args:
-        edges: The outline in (radius, height), in m.
-        others: The other one's, edge by edge.
-        points: Device coordinates in m, shape (n, 3).
-        size: Of the device, m.
-
-    Returns:
-        Shape (n, 3): turned by no angle around the axis.
-
-    Raises:
-        GeometryError: A point is not on the boundary.
-    """
+    """Return where points on the boundary, device coordinates in m, shape (n, 3), lie on another body of revolution (see
+    `geometries.Actuator.carried`), turned by no angle around the axis: from one outline in (radius, height), in m, to the
+    other, edge by edge. GeometryError if a point is not on the boundary."""
     points = np.array(points, dtype=float).reshape(-1, 3)
     radii = np.hypot(points[:, 0], points[:, 1])
     flat = np.column_stack([radii, points[:, 2]])
@@ -493,16 +444,8 @@ def carried_along(edges: Sequence[Side], others: Sequence[Side], points: Array, 
 
 
 def check_alike(device: Actuator, other: Actuator, choices: Iterable[str], roundings: Iterable[str]) -> None:
-    """Reject devices between which points cannot be carried.
-
-    Args:
-        device, other: The devices.
-        choices: Fields in which they must agree.
-        roundings: Radii, in whether they are 0.
-
-    Raises:
-        GeometryError: The first field in which they differ, with both values.
-    """
+    """Reject devices between which points cannot be carried: GeometryError for the first field in which they differ, of
+    choices, or of radii of roundings in whether they are 0, with both values."""
     if type(other) is not type(device):
         raise GeometryError(f"points of {type(device).__name__} cannot be carried to {type(other).__name__}")
     for name in choices:
@@ -676,14 +619,9 @@ class Revolved(Wedged):
         return np.asarray(np.take_along_axis(places, missed.argmin(axis=0)[None], axis=0)[0])
 
     def check_cells(self, *radii: str) -> None:
-        """Check what every body of revolution has; called at the end of a device's `check`.
-
-        Args:
-            radii: Lengths beside the thinnest wall that limit the cells' size; without any, nothing does.
-
-        Raises:
-            GeometryError: The first parameter found impossible, with its value and the limit.
-        """
+        """Check what every body of revolution has; called at the end of a device's `check`. The radii limit the cells' size
+        beside the thinnest wall; without any, nothing does. GeometryError for the first parameter found impossible, with its
+        value and the limit."""
         if radii:
             needle = NEEDLE * self.thinnest / max(self.through, 1.0)
             longest = min(needle, *(getattr(self, name) for name in radii if getattr(self, name)))

@@ -64,14 +64,8 @@ Place = tuple[float, float]
 
 
 class Cone(NamedTuple):
-    """A part of a channel.
-
-    Attributes:
-        start: Distance along the ray at which it begins.
-        bore: Its radius there.
-        slope: Growth of its radius per length.
-        end: Distance at which it ends.
-    """
+    """A part of a channel between two distances along the ray: its radius where it begins, and the growth of this per
+    length."""
 
     start: float
     bore: float
@@ -80,14 +74,9 @@ class Cone(NamedTuple):
 
 
 class Channel(NamedTuple):
-    """A straight channel on a ray from the base's middle: one cone or two, and a round cap that continues it without a corner.
-
-    Attributes:
-        angle: Of the ray against the x axis, in radians.
-        cones: From the manifold's centre line to the cap.
-        centre: Distance of the cap's centre.
-        cap: Radius of the cap.
-    """
+    """A straight channel on a ray from the base's middle, at an angle in radians against the x axis: one cone or two from the
+    manifold's centre line on, and a round cap, of a radius ``cap`` about a centre at a distance, that continues it without a
+    corner."""
 
     angle: float
     cones: tuple[Cone, ...]
@@ -166,14 +155,8 @@ def half_angles(slab: SeminarActuator) -> list[float]:
 
 
 def own(slab: SeminarActuator, several: str, common: str, number: int) -> tuple[float, str]:
-    """Return a channel's own value and the name it was given by: an entry of a list, or what is common to all.
-
-    Args:
-        slab: The device.
-        several: Name of the list.
-        common: Name of the parameter where the list is empty.
-        number: Of the channel, from 1 in the middle outwards.
-    """
+    """Return the value of a channel, numbered from 1 in the middle outwards, and the name it was given by: an entry of the
+    list ``several``, or the parameter ``common`` to all where that is empty."""
     values = getattr(slab, several)
     return (values[number - 1], f"{several}[{number}]") if values else (getattr(slab, common), common)
 
@@ -235,14 +218,9 @@ def _farthest(slab: SeminarActuator, angle: float, need: float) -> float:
 
 
 def _centre(reach: float, start: float, end_bore: float, growth: float) -> float:
-    """Return the distance of the centre of a cap that ends at ``reach``; 0 if there is no room for one.
-
-    Args:
-        reach: Distance at which the cap ends.
-        start: Distance at which the channel begins.
-        end_bore: Radius that the last cone would have at the centre.
-        growth: The last cone's slope times the channel's length.
-    """
+    """Return the distance of the centre of a cap that ends at a distance ``reach``, of a channel from ``start`` on; 0 if
+    there is no room for one. ``end_bore`` is the radius that the last cone would have there, ``growth`` its slope times the
+    channel's length."""
     centre = reach - end_bore
     for _ in range(40):  # the cap is a little smaller than the end's bore; the slope hardly changes
         if centre <= start:
@@ -330,11 +308,8 @@ LISTS = ("bores", "middle_bores", "end_bores", "angles", "reaches")
 
 
 def check_seminar(slab: SeminarActuator) -> None:
-    """Check a slab's parameters against each other.
-
-    Raises:
-        GeometryError: The first parameter found impossible, with its value and the limit.
-    """
+    """Check a slab's parameters against each other: GeometryError for the first found impossible, with its value and the
+    limit."""
     _check_slab(slab)
     _check_lists(slab)
     # Solid above and below every part of the network.
@@ -645,11 +620,8 @@ def measured_volume(slab: SeminarActuator) -> float:
 
 
 def cut_out(prism: Entity, air: list[Entity]) -> list[Entity]:
-    """Return a slab with the channels cut out of it, in one piece.
-
-    Raises:
-        MeshingError: The CAD kernel made something else than one solid.
-    """
+    """Return a slab with the channels cut out of it, in one piece; MeshingError if the CAD kernel made something else than
+    one solid."""
     solids, _ = gmsh.model.occ.cut([prism], air)
     if [dimension for dimension, _ in solids] != [3]:
         raise MeshingError(
@@ -856,16 +828,9 @@ LEAST = 0.02
 def arc_map(
     slab: SeminarActuator, other: SeminarActuator, lines: list[tuple[Channel, Channel]]
 ) -> Callable[[Array], Array]:
-    """Return a smooth, rising function from angles along one arc to those along another, in radians.
-
-    Args:
-        slab: The device.
-        other: Where its arc goes.
-        lines: Channels with y >= 0 from the middle outwards, on both.
-
-    Raises:
-        GeometryError: The solid between two channels shrinks to next to nothing.
-    """
+    """Return a smooth, rising function from angles along one slab's arc to those along another's, in radians, by the channels
+    with y >= 0 from the middle outwards, on both. GeometryError if the solid between two channels shrinks to next to
+    nothing."""
     angles, wide, slopes, goals = (np.array(values) for values in zip(*_knots(slab, other, lines), strict=True))
     mouths = np.minimum(wide, MOUTH * _gaps(angles).min(axis=0))
     starts, ends = angles[:-1] + mouths[:-1], angles[1:] - mouths[1:]
@@ -976,12 +941,7 @@ def tube_level(slab: SeminarActuator, points: Array) -> tuple[Array, Array]:
 
 @dataclasses.dataclass(frozen=True)
 class Junction:
-    """The manifold and the first cone of one channel.
-
-    Attributes:
-        slab: The device.
-        line: The channel.
-    """
+    """The manifold and the first cone of one channel."""
 
     slab: SeminarActuator
     line: Channel
@@ -1013,15 +973,8 @@ class Junction:
         return level, normal
 
     def rim(self, direction: Array, start: Array | None = None) -> tuple[Array, Array]:
-        """Return the centres of the ball that rolls along both walls.
-
-        Args:
-            direction: From the ray, across and up, shape (n, 2).
-            start: Distances along the ray close to the centres', shape (n,).
-
-        Returns:
-            The centres, shape (n, 3), and their distance along the ray, shape (n,).
-        """
+        """Return the centres of the ball that rolls along both walls, shape (n, 3), and their distance along the ray, shape
+        (n,), by their direction from the ray, across and up, shape (n, 2); ``start`` are distances close to theirs."""
         cone, fillet = self.line.cones[0], self.slab.fillet
         out = fillet * math.hypot(1.0, cone.slope)
         step = np.column_stack([np.ones(len(direction)), cone.slope * direction]) @ self.axes
@@ -1046,17 +999,9 @@ class Junction:
         return np.where(beyond, ball, np.sqrt(ring**2 - across**2))
 
     def _lever(self, points: Array, turn: Array, start: Array) -> tuple[Array, Array, Array]:
-        """Return how the distance to the rim falls with its polar angle.
-
-        Args:
-            points: Places, shape (n, 3).
-            turn: Polar angles of centres on the rim, shape (n,).
-            start: See `rim`.
-
-        Returns:
-            Half the derivative of the squared distance, its sign changed; the square of how far the centre moves per radian;
-            and where along the ray it is; shapes (n,).
-        """
+        """Return how the distance of points, shape (n, 3), to the rim falls with the polar angle of centres on it: half the
+        derivative of the squared distance, its sign changed; the square of how far the centre moves per radian; and where
+        along the ray it is; shapes (n,). ``start`` is as of `rim`."""
         direction = np.column_stack([np.cos(turn), np.sin(turn)])
         centre, along = self.rim(direction, start)
         cone = self.line.cones[0]
@@ -1147,14 +1092,8 @@ def smooth(share: Array) -> Array:
 
 @dataclasses.dataclass(frozen=True)
 class _Pair:
-    """One channel on both devices, and how far its junction's motion reaches.
-
-    Attributes:
-        one: On the slab that is carried.
-        two: On the other.
-        inner: Distance from the crease within which all moves with it.
-        outer: Distance from the crease from which on nothing does.
-    """
+    """One channel on the slab that is carried and on the other, and the distances from the crease within which all moves with
+    its junction, and from which on nothing does."""
 
     one: Junction
     two: Junction
@@ -1202,15 +1141,9 @@ def carry_network(slab: SeminarActuator, other: SeminarActuator, points: Array) 
 
 
 def _beside(pair: _Pair, points: Array, tube: Array, first: Array, second: Array) -> tuple[Array, Array]:
-    """Return where points nearest to one channel go, and their distance from the air.
-
-    Args:
-        pair: The channel.
-        points: Places in m, shape (n, 3).
-        tube: Where the manifold's motion takes them, shape (n, 3).
-        first: Levels of the manifold, shape (n,).
-        second: Levels of the channel, shape (n,).
-    """
+    """Return where points nearest to one channel go, and their distance from the air. ``points`` and ``tube``, where the
+    manifold's motion takes them, are in m, shape (n, 3); ``first`` and ``second`` levels of the manifold and of the channel,
+    shape (n,)."""
     slab = pair.one.slab
     one, two = np.maximum(first, 0.0) ** 2, np.maximum(second, 0.0) ** 2
     by_tube = np.where(one + two > 0.0, two / np.maximum(one + two, 1e-300), 0.5)[:, None]
