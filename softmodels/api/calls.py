@@ -58,15 +58,8 @@ if TYPE_CHECKING:
 
 
 def solve_in_memory(simulation: Simulation, branch: bool) -> Run:
-    """Solve a case and keep its states; all ranks call it.
-
-    Args:
-        simulation: The case, not prepared yet.
-        branch: Follow the branch at the first bifurcation too.
-
-    Raises:
-        RunError: No state under load was found.
-    """
+    """Solve a case that is not prepared yet, perhaps with the first branch, and keep its states; all ranks call it. `RunError`
+    if no state under load was found."""
     case, comm, ended = simulation.case, simulation.comm, Ended()
     states: InMemory | None = None
     aside: InMemory | None = None
@@ -108,12 +101,8 @@ def _branch(simulation: Simulation, states: InMemory) -> InMemory | None:
 
 
 def solve_in_folder(place: ResultsPlace, case: Case, comm: MPI.Comm, listener: Listener, branch: bool) -> Run:
-    """Solve a case into a folder, which is given; see `solved_into`.
-
-    Raises:
-        RunError: No state under load was found, or states could not be written.
-        ResultsError, OwnFolderError, InUseError, CaseError: The folder, or what is in it, cannot be used.
-    """
+    """Solve a case into a folder, which is given; see `solved_into`. `RunError` if no state under load was found or stored,
+    other errors for what is in the folder."""
     folder, loaded, ended = solved_into(place, case, comm, listener, branch=branch)
     if ended.error is not None:
         # The end of a path is no error where there are states up to it.
@@ -125,12 +114,7 @@ def solve_in_folder(place: ResultsPlace, case: Case, comm: MPI.Comm, listener: L
 
 
 def run_of(folder: Path, ended: Ended, comm: MPI.Comm | None = None) -> Run:
-    """Return the run in a folder, with the branch that leaves it.
-
-    Raises:
-        ResultsError: No results, or none that can be read.
-        CaseError: No case file, or a wrong one.
-    """
+    """Return the run in a folder, with the branch that leaves it; `ResultsError` or `CaseError` if it cannot be read."""
     source = StoredStates(folder)
     aside = source.branch_states()
     return Run(source, ended, comm, None if aside is None else Run(aside, Ended(), comm))
@@ -463,12 +447,8 @@ def export(case: Case | str | Path, file: str | Path) -> Deck:
 
 
 def _system(case: Case, mesh: Path) -> System | None:
-    """Return the equations of a device in displacements only; None if its deck needs none.
-
-    Raises:
-        ComponentError: What is added to it cannot be on this mesh.
-        BodyError, CompilingError: The equations cannot be made.
-    """
+    """Return the equations of a device in displacements only, None if its deck needs none; an error of parts, body or
+    compiling if they cannot be made."""
     if not needs_equations(case):
         return None
     from softmodels.mechanics.mpi import start

@@ -174,11 +174,7 @@ class SolvedState(Shown):
         return self._tensor("principal_stretch_directions")
 
     def _tensor(self, name: str) -> Array:
-        """Return a field that may have to be computed.
-
-        Raises:
-            RunError: It depends on the states before, and was not stored.
-        """
+        """Return a field that may have to be computed; `RunError` if it depends on the states before, and was not stored."""
         if name not in self.fields and name not in self._further:
             raise RunError(
                 f"{name} of a silicone with a memory depends on the states before and is not stored; run again with "
@@ -309,19 +305,12 @@ def write_states(source: States, results: Results) -> None:
 
 
 def solve_between(source: States, quantity: str, wanted: float, values: Array) -> SolvedState:
-    """Solve for the first state of a run's path at a value; all ranks call it.
+    """Solve for the first state of a run's path at a value; all ranks call it. `RunError` if it was not found.
 
     The two stored states beside it are what Newton's method starts from, so nothing before them is solved again. Where there
-    are no such two, as under a cycle that jumps over the value, the path is followed from rest.
-
-    Args:
-        source: The run's states.
-        quantity: ``"pressure"``, ``"volume"`` or ``"stroke"``; or a column of ``path.csv``.
-        wanted: The value in SI units, or in that column's, between the least and the largest of ``values``.
-        values: Of the stored states, likewise, shape (states,).
-
-    Raises:
-        RunError: It was not found.
+    are no such two, as under a cycle that jumps over the value, the path is followed from rest. The quantity is
+    ``"pressure"``, ``"volume"`` or ``"stroke"`` in SI units, or a column of ``path.csv`` in its own; ``values`` are those of
+    the stored states, shape (states,).
     """
     comm, ends = start(), _bracket(source, values, wanted)
     if ends is None and quantity in source.rows[0]:
@@ -421,11 +410,7 @@ class StateIndexError(Spoken, IndexError):
 
 
 def _number(value: object, what: str, more: str = "") -> float:
-    """Return a finite number, also from numpy's types.
-
-    Raises:
-        CaseError: It is none.
-    """
+    """Return a finite number, also from numpy's types; else `CaseError`."""
     try:
         return number(value.item() if isinstance(value, np.generic) else value)
     except UnitError as error:

@@ -146,15 +146,9 @@ DRAWINGS: Mapping[str, Callable[..., Drawing]] = {
 
 
 def show(states: States, field: str) -> object:
-    """Show the last of some states, coloured by a field: in a notebook, in a window, or as a picture.
-
-    Returns:
-        What a notebook shows; the picture's file where there is neither a notebook nor a display; None of a window.
-
-    Raises:
-        CaseError: No such field.
-        RunError: This machine cannot render.
-    """
+    """Show the last of some states, coloured by a field, and return what a notebook shows; the picture's file where there is
+    neither a notebook nor a display; None of a window. `CaseError` for another field, `RunError` if this machine cannot
+    render."""
     if field not in coloured():
         raise CaseError(f"field is {brief(field)}; {known_are(field, coloured())}")
     windowed = not in_notebook() and (sys.platform != "linux" or bool(os.environ.get("DISPLAY")))
@@ -221,11 +215,7 @@ def _fill(plotter: Plotter, shown: Look, step: int, field: str) -> None:
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Animation:
-    """The film of a run, which a notebook plays.
-
-    Attributes:
-        frames: Its pictures, each of shape (height, width, 3).
-    """
+    """The film of a run, which a notebook plays; frames are of shape (height, width, 3)."""
 
     frames: tuple[Image, ...]
 
@@ -262,10 +252,6 @@ class Animation:
 
 
 def animate(states: States) -> Animation:
-    """Return the film of some states.
-
-    Raises:
-        RunError: This machine cannot render.
-    """
+    """Return the film of some states; `RunError` if this machine cannot render."""
     _check_rendering()
     return Animation(tuple(solid.render_frames(look(states))))

@@ -128,17 +128,8 @@ class Limit(Shown):
 
 
 def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm, hold: float = 0.0) -> list[Limit]:
-    """Find the limits of one device in several materials, on one mesh.
-
-    Args:
-        case: The device, what is around it, and how its equations are solved; its load and material are not looked at.
-        materials: The silicones.
-        comm: MPI communicator.
-        hold: Time in s for which the pressure must be borne by silicones with a memory; 0 for ever.
-
-    Raises:
-        MeshingError, RunError, MaterialError, ComponentError, ComponentError: As for a run.
-    """
+    """Find the limits of one device in several materials, on one mesh; the case's load and material are not looked at.
+    ``hold`` is the time in s for which the pressure must be borne by silicones with a memory; 0 for ever."""
     body, known = meshed(case.actuator, comm), {}
     found = []
     try:
@@ -159,11 +150,7 @@ def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm, hold: 
 
 
 def check_hold(hold: object, materials: Sequence[Material]) -> float:
-    """Return a time in s for which pressures must be borne.
-
-    Raises:
-        CaseError: No such time, or a silicone that does not creep.
-    """
+    """Return a time in s for which pressures must be borne; `CaseError` for no such time, or a silicone that does not creep."""
     try:
         seconds = Quantity("s").settled("hold", hold)
     except FieldError as error:
@@ -278,14 +265,9 @@ def _stretched(path: Continuation, fields: Fields, before: Point, after: Point) 
 
 @dataclasses.dataclass(frozen=True)
 class Tolerance:
-    """A parameter or deviation of the device and its tolerance: ``middle`` plus or minus ``half``.
-
-    Attributes:
-        name: A field of the device, or one of its `Actuator.deviations`.
-        middle, half: In ``unit``.
-        unit: ``"m"``, ``"degree"`` or ``""``.
-        signed: Whether it may be zero or below, so that its effect is given per half width and not per percent.
-    """
+    """A parameter or deviation of the device and its tolerance: ``middle`` plus or minus ``half``, in the unit ``"m"``,
+    ``"degree"`` or ``""``. One that is ``signed`` may be zero or below, so that its effect is given per half width and not per
+    percent."""
 
     name: str
     middle: float
@@ -295,11 +277,8 @@ class Tolerance:
 
     @classmethod
     def parse(cls, text: str, device: type[Actuator]) -> Tolerance:
-        """Read ``"membrane=2mm+-0.2mm"``; also ``+/-`` and the sign itself, and ``%`` of the middle.
-
-        Raises:
-            CaseError: Not of this form, an unknown parameter, or a wrong unit.
-        """
+        """Read ``"membrane=2mm+-0.2mm"``; also ``+/-`` and the sign itself, and ``%`` of the middle. `CaseError` for another
+        form, parameter or unit."""
         match = len(text) < LONGEST_TEXT and re.fullmatch(r"\s*([\w-]+)\s*=\s*(.+?)\s*(?:\+/?-|±)\s*(.+?)\s*", text)
         if not match:
             raise CaseError(f"--vary {brief(text)} is not of the form membrane=2mm+-0.2mm")
@@ -329,17 +308,8 @@ class Tolerance:
 
 
 def samples(tolerances: Sequence[Tolerance], count: int, normal: bool = False) -> npt.NDArray[np.float64]:
-    """Return quasi-random values of the parameters: Halton's sequence, scrambled with a fixed seed for
-    repeatability.
-
-    Args:
-        tolerances: The parameters.
-        count: How many devices.
-        normal: Take the half width as two standard deviations of a normal scatter; else all values in it are as likely.
-
-    Returns:
-        Shape (count, parameters).
-    """
+    """Return quasi-random values of the parameters, shape (count, parameters): Halton's sequence, scrambled with a fixed seed
+    for repeatability. ``normal`` takes the half width as two standard deviations; else all values in it are as likely."""
     from scipy.stats import norm, qmc
 
     unit = qmc.Halton(len(tolerances), seed=2013).random(count)
@@ -350,19 +320,8 @@ def samples(tolerances: Sequence[Tolerance], count: int, normal: bool = False) -
 def scatter(
     case: Case, material: Material, tolerances: Sequence[Tolerance], values: npt.NDArray[np.float64], comm: MPI.Comm
 ) -> list[tuple[Mapping[str, float], Limit]]:
-    """Find the limit of each sampled device, with its parameters; several are solved at a time, on all cores.
-
-    Args:
-        case: See `find_limit`; the device as drawn.
-        material: The silicone.
-        tolerances: The parameters that are sampled.
-        values: See `samples`, shape (count, parameters).
-        comm: MPI communicator.
-
-    Raises:
-        CaseError: Tolerances that make no device.
-        RunError: A device cannot be meshed or solved.
-    """
+    """Find the limit of each sampled device, with its parameters of `samples`; several are solved at a time, on all cores.
+    `CaseError` for tolerances that make no device, `RunError` for one that cannot be meshed or solved."""
     from softmodels.common.workers import answers
 
     every = [{t.name: float(value) for t, value in zip(tolerances, row, strict=True)} for row in values]
@@ -391,14 +350,8 @@ def limit_of(case: Case) -> Limit:
 
 
 def with_sources(materials: Mapping[str, Material]) -> tuple[dict[str, Material], dict[str, tuple[str, ...]]]:
-    """Return the materials, with every tension source of each silicone that is given by its product name.
-
-    Args:
-        materials: By name as asked for; silicones named with their source stay single.
-
-    Returns:
-        All materials by name, and by product the names that its band is made of; empty for a product of one source.
-    """
+    """Return the materials with every tension source of each silicone that is given by its product name, and by product the
+    names that its band is made of; empty for a product of one source. Silicones named with their source stay single."""
     every: dict[str, Material] = dict(materials)
     bands: dict[str, tuple[str, ...]] = {}
     for name, material in materials.items():
@@ -445,17 +398,8 @@ def _what(found: Limit, name: str) -> str:
 
 
 def check_varied(actuator: Actuator, tolerances: Sequence[Tolerance], comm: MPI.Comm) -> None:
-    """Reject a tolerance that does not change the device, before anything is solved.
-
-    Args:
-        actuator: The device as drawn.
-        tolerances: Of its parameters and deviations.
-        comm: MPI communicator.
-
-    Raises:
-        CaseError: The first such tolerance, or one that makes no device.
-        MeshingError, OSError: The mesh is needed and cannot be made.
-    """
+    """Raise `CaseError`, before anything is solved, for the first tolerance that does not change the device as drawn, or that
+    makes no device."""
     for one in tolerances:
         try:
             devices = [actuator.made({one.name: one.middle + way * one.half}) for way in (-1, 1, 0)]
@@ -565,15 +509,8 @@ class NaturalFrequencies(Shown):
 
 
 def case_for_modes(case: Case, pressures_cm: Sequence[float] = ()) -> Case:
-    """Return a case with only its pressures or added volumes as a load; at rest, or under its dead loads, if it has none.
-
-    Args:
-        case: The case.
-        pressures_cm: Pressures in cm of the column, instead of its load.
-
-    Raises:
-        CaseError: It has another load.
-    """
+    """Return a case with only its pressures or added volumes, or the given pressures in cm, as a load; at rest, or under its
+    dead loads, if it has none. `CaseError` for another load."""
     load = {
         "pressures_cm": tuple(pressures_cm) or case.pressures_cm,
         "volumes_ml": () if pressures_cm else case.volumes_ml,
@@ -590,17 +527,8 @@ def case_for_modes(case: Case, pressures_cm: Sequence[float] = ()) -> Case:
 
 
 def find_frequencies(case: Case, count: int, sealed: bool, comm: MPI.Comm) -> NaturalFrequencies:
-    """Find the natural frequencies at every state of a case's path; all ranks call it.
-
-    Args:
-        case: The device and its pressures or added volumes; see `case_for_modes`.
-        count: Number of modes.
-        sealed: See `Model.modes`.
-        comm: MPI communicator.
-
-    Raises:
-        CaseError, MeshingError, RunError: As for a run, and as `Model.modes`.
-    """
+    """Find the natural frequencies at every state of a case's path; all ranks call it. See `case_for_modes` and
+    `Model.modes`."""
     model, ended, states = Model.of(case, meshed(case.actuator, comm)), Ended(), list[Equilibrium]()
     try:
         try:

@@ -64,10 +64,6 @@ class Solved:
     """A state of a path with all data of its row, on rank 0.
 
     Attributes:
-        case: What is run.
-        fields: The device's nodal fields and figures.
-        point: The point of the path.
-        figures: Its figures.
         nodal: Its nodal fields by name, SI units.
         number: How many rows come before.
         load_step: How many steps a program has come.
@@ -96,14 +92,8 @@ class Solved:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class PathColumn(Output):
-    """One column; the end of its name is its unit, see `UNITS`.
-
-    Attributes:
-        title: Short name.
-        text: What it is, a sentence without its stop.
-        value: Its value, in its unit; None if it is not known.
-        present: Whether a case has it.
-    """
+    """One column; the end of its name is its unit, see `UNITS`. It has a short name, a sentence without its stop, a value in
+    its unit, None if that is not known, and a condition on the case."""
 
     title: str
     text: str
@@ -119,12 +109,7 @@ class PathColumn(Output):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Columns(Output):
-    """Several columns whose names depend on the device or the case.
-
-    Attributes:
-        cells: Values by column.
-        term: What a column is; None for one that is not of these.
-    """
+    """Several columns whose names depend on the device or the case: their values, and what a column is; None for another's."""
 
     cells: Callable[[Solved], Mapping[str, Cell]]
     term: Callable[[str, Actuator | None], ColumnText | None]
@@ -146,24 +131,16 @@ def every_column() -> Iterator[PathColumn | Columns]:
 
 
 def term(column: str, device: Actuator | None = None, supply: str = "supply") -> ColumnText:
-    """Return the description of a column of ``path.csv``; an unknown column is described by its own name.
-
-    Args:
-        column: Its name.
-        device: The device, for the columns that are its own.
-        supply: What drives the air, in a word.
-    """
+    """Return the description of a column of ``path.csv``; an unknown column is described by its own name. ``supply`` is in a
+    word what drives the air."""
     found = (entry.term(column, device) for entry in (DEVICE, *every_column(), NAMED))
     known = next((one for one in found if one is not None), described(column, (split(column)[0].replace("_", " "), "")))
     return known.told_of(supply)
 
 
 def cavity_columns(row: Row, what: str, unit: str) -> list[str]:
-    """Return the columns of each cavity, such as ``pressure_1_cm`` and ``pressure_2_cm``; for a single cavity
-    ``pressure_cm``.
-
-    Numbers start at 1. ``pressure_ci95_cm`` is no cavity's: it is half the 95 % band of the pressure.
-    """
+    """Return the columns of each cavity, such as ``pressure_1_cm`` and ``pressure_2_cm``; for a single cavity ``pressure_cm``.
+    ``pressure_ci95_cm`` is no cavity's: it is half the 95 % band of the pressure."""
     numbered = (f"{what}_{k}_{unit}" for k in itertools.count(1))
     return list(itertools.takewhile(row.__contains__, numbered)) or [f"{what}_{unit}"]
 
@@ -477,8 +454,7 @@ class StateLabels:
 
     Attributes:
         gauge: The probe whose rise stands for the device's motion.
-        pressure: Whether it is pressurised.
-        volume: Whether it has a cavity.
+        pressure, volume: Whether it is pressurised, and has a cavity.
         driver: The air supply, in a word.
         along: Columns of the load and its conjugate, which locate a state on the path.
     """
@@ -556,15 +532,8 @@ SMALL = 1e-3
 
 
 class Band:
-    """Bands of a device's states.
-
-    Args:
-        fields: The device.
-        errors: Of its material.
-        pascal_per_cm: Pa in one cm of the column.
-        kept: What is requested, at the same value of which rises are reported: ``"pressure"``, ``"volume"``, or the
-            ``"force"`` of dead loads, such as shares of the weight.
-    """
+    """Bands of a device's states from its material's errors. What is requested is ``kept``, and rises are reported at the same
+    value of it: ``"pressure"``, ``"volume"``, or the ``"force"`` of dead loads, such as shares of the weight."""
 
     def __init__(self, fields: Fields, errors: MaterialErrors, pascal_per_cm: float, kept: str = Pressure.name):
         self.fields, self.errors, self.cm, self.kept = fields, errors, pascal_per_cm, kept

@@ -39,11 +39,8 @@ Words = Literal["control"]
 
 
 class Row:
-    """A row with the columns of its run; use `get` or ``in`` for columns that only some runs have.
-
-    Args:
-        cells: Values by column, in the order of the file; None for a number that is not known, which reads as NaN.
-    """
+    """A row with the columns of its run in the order of the file; use `get` or ``in`` for columns that only some runs have. A
+    number that is not known, None, reads as NaN."""
 
     __slots__ = ("_cells",)
 
@@ -199,8 +196,7 @@ class TrackedPoint:
     Attributes:
         nodes: Local nodes of the facet, ghosts too, shape (k,); empty on ranks that do not have it.
         weights: What their values count there, shape (k,), so that the sum over all ranks is the value.
-        place: Undeformed, in device coordinates, m.
-        away: Distance in m from the point that was named.
+        place, away: Undeformed, in device coordinates, m, and its distance in m from the point that was named.
     """
 
     nodes: Nodes
@@ -210,11 +206,8 @@ class TrackedPoint:
 
 
 def tracked_points(system: System, grid: Grid, gauges: Probes) -> dict[str, TrackedPoint]:
-    """Return the surface points, cavity walls included, nearest to the named points.
-
-    Raises:
-        ProbeError: One is farther from the surface than a cell is large.
-    """
+    """Return the surface points, cavity walls included, nearest to the named points; `ProbeError` if one is farther than a
+    cell is large."""
     if not gauges.points:
         return {}
     facets = _surface(system, grid)
@@ -225,14 +218,9 @@ def tracked_points(system: System, grid: Grid, gauges: Probes) -> dict[str, Trac
 
 
 class TurningFace:
-    """A face whose mean rotation is tracked: the best-fitting rotation of its motion, facets weighted by area.
-
-    Args:
-        system: The device.
-        nodes: Local nodes of the corners of the face's facets on this rank, shape (m, 3).
-        places: Their undeformed places in device coordinates, m, shape (m, 3, 3).
-        middle: Middle of the device's whole surface, from which the face's normal points away.
-    """
+    """A face whose mean rotation is tracked: the best-fitting rotation of its motion, facets weighted by area. It has the
+    local nodes of its facets' corners on this rank, shape (m, 3), and their undeformed places in device coordinates, m, shape
+    (m, 3, 3); its normal points away from ``middle``, that of the device's whole surface."""
 
     def __init__(self, system: System, nodes: Nodes, places: Array, middle: Array):
         self.nodes, self._comm = nodes, system.comm
@@ -262,11 +250,8 @@ class TurningFace:
         return float(area), there / area, both / area - np.outer(rest, there) / area**2
 
     def turned(self, moved: Array) -> Array:
-        """Return the normal turned by the mean rotation, from displacements of the corners in device coordinates, shape (m, 3,
-        3).
-
-        The rotation is that of Kabsch 1976 (doi 10.1107/S0567739476001873).
-        """
+        """Return the normal turned by the mean rotation (Kabsch 1976, doi 10.1107/S0567739476001873), from displacements of
+        the corners in device coordinates, shape (m, 3, 3)."""
         _, _, both = self._moments(self._places + moved.reshape(-1, 3))
         U, _, Vt = np.linalg.svd(both)
         U[:, 2] *= np.linalg.det(U)
@@ -275,11 +260,7 @@ class TurningFace:
 
 
 def turning_faces(system: System, grid: Grid, gauges: Probes) -> dict[str, TurningFace]:
-    """Return the faces whose mean rotation is an angle.
-
-    Raises:
-        ProbeError: The device has no such face.
-    """
+    """Return the faces whose mean rotation is an angle; `ProbeError` if the device has no such face."""
     if not gauges.faces:
         return {}
     facets = _surface(system, grid)[:, :3]
@@ -364,12 +345,8 @@ def _weights(barycentric: Array) -> Array:
 
 
 def _barycentric(places: Array, wanted: Array) -> Array:
-    """Return the barycentric coordinates (m, c) of the places in straight facets that are nearest to a point.
-
-    Args:
-        places: Nodes of the facets, corners first, shape (m, 6, 3) or (m, 3, 3).
-        wanted: The point, shape (3,).
-    """
+    """Return the barycentric coordinates (m, c) of the places in straight facets, corners first, shape (m, 6, 3) or (m, 3, 3),
+    that are nearest to a point, shape (3,)."""
     if places.shape[1] == 3:
         return _on_edge(places[:, 0], places[:, 1], wanted)
     a, b, c = (places[:, i] for i in range(3))
@@ -406,11 +383,7 @@ def _on_edge(a: Array, b: Array, wanted: Array) -> Array:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Output:
-    """A field, a column or a figure of every state, the library's own or a user's, added by `register_output`.
-
-    Attributes:
-        name: In the files.
-    """
+    """A named field, column or figure of every state, the library's own or a user's, added by `register_output`."""
 
     name: str
 
@@ -431,15 +404,9 @@ def outputs[Kind: Output](kind: type[Kind]) -> list[Kind]:
 
 @dataclasses.dataclass(frozen=True)
 class Colours:
-    """Colouring of a field in pictures.
-
-    Attributes:
-        unit: Of the colour bar.
-        factor: From SI to it.
-        rest: Value at rest in it, where the colours begin.
-        power: Colours follow this power of the value, as the bar says: stress by its square root, or all but the cavities'
-            walls would be dark.
-    """
+    """Colouring of a field in pictures: the unit of the colour bar, the factor from SI to it, the value at rest in it, where
+    the colours begin, and the power of the value that they follow: stress by its square root, or all but the cavities' walls
+    would be dark."""
 
     unit: str
     factor: float
@@ -452,9 +419,7 @@ class Extreme:
     """A column of ``path.csv`` with the least or the largest value of a field over the whole device.
 
     Attributes:
-        column: Its name, which ends in the unit.
-        title: Short name.
-        text: What it is, a sentence without its stop.
+        column, title, text: Its name, which ends in the unit, a short name, and what it is, a sentence without its stop.
         unit: SI value of the column's unit.
         least: Whether it is the least value, not the largest.
         peak: Whether it is the field's `softmodels.runs.state_values`, which no single point decides.
@@ -635,13 +600,9 @@ def _axes(vectors: Array) -> list[int]:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ForceMeasure(Output):
-    """A figure of a state that needs all ranks.
-
-    Attributes:
-        compute: Columns of ``path.csv`` and their values, on all ranks, while the state is loaded; none if not available
-            of a device.
-        texts: Short name and meaning by column; a pattern of `re` may stand for several columns, whose group ``{0}`` is then.
-    """
+    """A figure of a state that needs all ranks: columns of ``path.csv`` and their values, computed on all ranks while the
+    state is loaded, none if not available of a device; and short name and meaning by column, or by a pattern of `re` with a
+    group ``{0}``."""
 
     compute: Callable[[Sampling, State], dict[str, float]]
     texts: Mapping[str, tuple[str, str]]
@@ -727,12 +688,7 @@ for _measure in (
 
 
 class Fields:
-    """Nodal fields and key figures of an equilibrium's states.
-
-    Args:
-        solver: The device.
-        gauges: Points and angles that the user has named.
-        requested: Names of further fields that are wanted, of `requestable`.
+    """Nodal fields and key figures of an equilibrium's states: the requested ones of `requestable` beside those of every run.
 
     Attributes:
         grid: The nodes that results are written on.
@@ -786,13 +742,8 @@ class Fields:
         return whole if len(whole) == len(found) else None
 
     def state(self, nodal: Mapping[str, Array] | None, P: float, V: float) -> State:
-        """The state that `nodal` was made of; where regions meet p is the mean of theirs, and so not quite the state's.
-
-        Args:
-            nodal: At least ``displacement`` and ``p`` on rank 0; None elsewhere.
-            P: Its cavity pressure, dimensionless.
-            V: Its cavity volume, dimensionless.
-        """
+        """The state at a dimensionless cavity pressure and volume that `nodal` was made of, at least ``displacement`` and
+        ``p`` on rank 0; where regions meet p is the mean of theirs, and so not quite the state's."""
         from dolfinx import fem
 
         eq, grid, sampling = self.system, self.grid, self.sampling
@@ -907,11 +858,8 @@ class Fields:
 
 
 def together(*groups: Mapping[str, float]) -> dict[str, float]:
-    """Merge columns of ``path.csv``.
-
-    Raises:
-        ComponentError: Two of them bear one name, as a rigid part ``tip`` and a device whose tip has a column of its own.
-    """
+    """Merge columns of ``path.csv``; `ComponentError` if two bear one name, as a rigid part ``tip`` and a device whose tip has
+    a column."""
     found: dict[str, float] = {}
     for group in groups:
         if twice := sorted(found.keys() & group.keys()):

@@ -50,12 +50,7 @@ class GraspError(Spoken, ValueError):
 
 
 class HeldTerm(RubbingShapeTerm):
-    """The contact with a shape that has been moved in the plane.
-
-    Attributes:
-        moved: Its displacement in sizes in device coordinates.
-        turn: Its rotation, shape (3, 3).
-    """
+    """The contact with a shape that has been moved in the plane, in sizes in device coordinates, and turned, shape (3, 3)."""
 
     def __init__(self, shape: RigidShape, standing: StandingTerm, setting: FormContext):
         self.moved, self.turn = np.zeros(3), np.eye(3)
@@ -107,14 +102,8 @@ class HeldTerm(RubbingShapeTerm):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Pushes:
-    """Forces of a finger on the object, dimensionless.
-
-    Attributes:
-        force, moment: Of all, about the object's centre, shape (3,).
-        arms: Points of contact from the object's centre, shape (k, 3).
-        pressing: Their forces without friction, shape (k, 3).
-        sliding: Share of these at points that slide.
-    """
+    """Forces of a finger on the object, dimensionless: force and moment about the object's centre, shape (3,), its points of
+    contact from there and their forces without friction, shape (k, 3), and the share of these at points that slide."""
 
     force: Array
     moment: Array
@@ -135,14 +124,10 @@ class Held:
     """An equilibrium of the object. Vectors in the plane are along the load, and across it.
 
     Attributes:
-        pressure: Of the fingers in Pa.
-        load: On the object in N.
-        moved: Displacement of its centre in m, shape (2,).
-        turned: Rotation in rad.
-        forces: Of each finger on it in N, shape (fingers, 2).
-        moments: Of each finger about its centre in N m, shape (fingers,).
-        press: Force with which each finger presses, in N, shape (fingers,).
-        sliding: Share of it that slides, shape (fingers,).
+        pressure, load: Of the fingers in Pa, and on the object in N.
+        moved, turned: Displacement of its centre in m, shape (2,), and rotation in rad.
+        forces, moments: Of each finger on it in N, shape (fingers, 2), and about its centre in N m, shape (fingers,).
+        press, sliding: Force with which each finger presses, in N, and the share of it that slides, shape (fingers,).
         arms: Points of contact from its centre in m, shape (k, 2).
         pressing: Forces there without friction in N, shape (k, 2).
         states, grips: Of the fingers, and the histories of their friction.
@@ -215,11 +200,7 @@ def turning(axis: Array, angle: float) -> Array:
 
 
 def check_grasp(case: Case, label: str, fingers: int, direction: Array) -> RigidShape:
-    """Return the object among a case's components.
-
-    Raises:
-        GraspError: None, one that cannot be held like this, or a finger that cannot.
-    """
+    """Return the object among a case's components; `GraspError` if there is none, or it or the finger is unfit for this."""
     shapes = [part for part in case.components if isinstance(part, RigidShape) and label in ("", part.label)]
     if len(shapes) != 1:
         known = ", ".join(part.label for part in case.components if isinstance(part, RigidShape)) or "none"
@@ -248,15 +229,9 @@ def check_grasp(case: Case, label: str, fingers: int, direction: Array) -> Rigid
 
 
 class Grasp:
-    """Equal fingers around an object.
-
-    Args:
-        case: One finger with its pressures, and a rigid cylinder that it presses on.
-        label: The cylinder's name.
-        fingers: How many.
-        direction: Of the load on the object, in the plane.
-        steps: Steps to a pressure or to the load; friction depends on them to first order.
-    """
+    """Equal fingers around an object: the case of one with its pressures and the label of a rigid cylinder that it presses on,
+    the direction of the load on that in the plane, and the steps to a pressure or to the load; friction depends on these to
+    first order."""
 
     def __init__(self, case: Case, label: str, fingers: int, direction: Array, steps: int = STEPS):
         from softmodels.mechanics.mpi import start
@@ -320,11 +295,8 @@ class Grasp:
         return np.array([along + held.load, across, held.moments.sum() / self.system.length_unit])
 
     def balanced(self, P: float, load: float, before: Held) -> Held:
-        """Return the equilibrium at a pressure and a load, friction remembering it.
-
-        Raises:
-            NoConvergence: There is none near.
-        """
+        """Return the equilibrium at a pressure and a load, friction remembering ``before``; `NoConvergence` if there is none
+        near."""
         from softmodels.mechanics.newton import NoConvergence
 
         held = self.at(self._pose(before), P, load, before)
@@ -389,15 +361,8 @@ class Grasp:
 def grasp(
     case: Case, fingers: int, load: float, direction: Array, label: str = "", steps: int = STEPS
 ) -> tuple[Grasp, list[Held]]:
-    """Return the grasp, and its states: one at each requested pressure, then those on the way to the load, as far as it goes.
-
-    Args:
-        case: One finger, with an object in contact and pressures.
-        fingers: How many stand around it.
-        load: On the object in N.
-        direction: Of the load in device coordinates.
-        label: Name of the object; the only shape if empty.
-        steps: See `Grasp`.
+    """Return the grasp, and its states: one at each requested pressure, then those on the way to the load in N, as far as it
+    goes. The object is the only shape if ``label`` is empty; see `Grasp`.
 
     Raises:
         GraspError: Invalid input.

@@ -27,13 +27,8 @@ CELL_NAMES = {2: "Triangle_6", 3: "Tetrahedron_10"}
 
 
 class Grid:
-    """Nodes and cells of an equilibrium's displacement.
-
-    Attributes:
-        points: Device coordinates in m, shape (n, 3); on rank 0, elsewhere empty.
-        cells: Node numbers in VTK's order, shape (c, 6 or 10); on rank 0, elsewhere empty.
-        cell_name: XDMF's name of the cells.
-    """
+    """Nodes in device coordinates in m, shape (n, 3), and cells in VTK's order, shape (c, 6 or 10), of an equilibrium's
+    displacement, on rank 0 and elsewhere empty, with XDMF's name of the cells."""
 
     def __init__(self, system: System):
         from dolfinx import fem, plot
@@ -85,13 +80,9 @@ class Grid:
 
 
 def displacement_maps(system: System, grid: Grid) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32] | None]:
-    """Return the grid positions of a state's entries.
-
-    Returns:
-        Indices into ``State.w`` of the skew components at each local node, shape (local nodes, d); and indices of p at
-        each local node, one for each region of the body, -1 where p has no dof (mid-edge nodes, and vertices that a region
-        does not reach), shape (local nodes, regions), or None in the displacement formulation.
-    """
+    """Return the grid positions of a state's entries: indices into ``State.w`` of the skew components at each local node,
+    shape (local nodes, d); and of p, one for each region, -1 where p has no dof (mid-edge nodes, and vertices that a region
+    does not reach), shape (local nodes, regions), or None in the displacement formulation."""
     d = grid.dimension
     space = system.space
     if not system.mixed:
@@ -147,16 +138,8 @@ def outer_faces(cells: Cells, cell_name: str) -> Cells:
 
 
 def edge_curves(points: Array, faces: Cells, parts: int = 8) -> Array:
-    """Return the curves along the edges of six-node triangles, each once.
-
-    Args:
-        points: Shape (n, d).
-        faces: Shape (f, 6).
-        parts: Straight pieces per edge.
-
-    Returns:
-        Shape (edges, parts + 1, d).
-    """
+    """Return the curves along the edges of six-node triangles, each once, in straight pieces, shape (edges, parts + 1, d);
+    points have shape (n, d), faces (f, 6)."""
     edges = faces[:, EDGES].reshape(-1, 3)
     edges = edges[np.unique(edges[:, 2], return_index=True)[1]]
     return parabolas(points[edges], parts)
@@ -170,14 +153,8 @@ def parabolas(nodes: Array, parts: int) -> Array:
 
 
 def small_triangles(parts: int) -> tuple[Array, Cells]:
-    """Return the subdivision of a six-node triangle into small flat ones.
-
-    Args:
-        parts: Pieces per edge.
-
-    Returns:
-        Weights of the six nodes at the small triangles' corners, shape (m, 6), and the triangles, shape (parts^2, 3).
-    """
+    """Return the subdivision of a six-node triangle into small flat ones: weights of the six nodes at their corners, shape (m,
+    6), and the triangles, shape (parts^2, 3)."""
     places = [(i, j) for j in range(parts + 1) for i in range(parts + 1 - j)]
     number_of = {place: n for n, place in enumerate(places)}
     r, s = np.array(places).T / parts
@@ -189,16 +166,8 @@ def small_triangles(parts: int) -> tuple[Array, Cells]:
 
 
 def fine_triangles(values: Array, faces: Cells, parts: int = 4) -> tuple[Array, Cells]:
-    """Return the six-node triangles as small flat ones.
-
-    Args:
-        values: Nodal values such as points, shape (n, k).
-        faces: Shape (f, 6).
-        parts: Pieces per edge.
-
-    Returns:
-        Values at the corners of the small triangles, shape (m, k), and the triangles, shape (f parts^2, 3).
-    """
+    """Return six-node triangles, shape (f, 6), as small flat ones: nodal values, such as points, at their corners, shape (m,
+    k), and the triangles, shape (f parts^2, 3)."""
     weights, small = small_triangles(parts)
     fine = np.einsum("pk,fkd->fpd", weights, values[faces]).reshape(-1, values.shape[1])
     return fine, (np.arange(len(faces))[:, None, None] * len(weights) + small).reshape(-1, 3)
@@ -233,14 +202,9 @@ ITERATIONS = 30
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Closest:
-    """For each point its closest one on the curve.
-
-    Attributes:
-        distance: Signed distance, positive on the left of the curve's direction, shape (k,).
-        piece: Index of the piece, shape (k,).
-        weights: Shape functions of the piece's three nodes there, shape (k, 3).
-        normal: Unit vector along which the distance grows as the point moves, shape (k, 2).
-    """
+    """For each of k points its closest one on the curve: the distance, positive on the left of the curve's direction, the
+    piece, the shape functions of its three nodes there, shape (k, 3), and the unit vector along which the distance grows,
+    shape (k, 2)."""
 
     distance: Array
     piece: Indices
@@ -248,21 +212,14 @@ class Closest:
     normal: Array
 
     def moved(self, rate: Array) -> Array:
-        """Return the derivative of the distance as the curve's nodes move, shape (k,).
-
-        Args:
-            rate: Derivative of the nodes, shape (n, 3, 2).
-        """
+        """Return the derivative of the distance, shape (k,), as the curve's nodes move at a rate, shape (n, 3, 2)."""
         return -np.einsum("ka,kai,ki->k", self.weights, rate[self.piece], self.normal)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class QuadraticCurve:
-    """Pieces in order, each from its first node to its second, over its third at the middle of the parameter.
-
-    Attributes:
-        nodes: Shape (n, 3, 2).
-    """
+    """Pieces in order, each from its first node to its second, over its third at the middle of the parameter; shape (n, 3,
+    2)."""
 
     nodes: Array
 
@@ -360,10 +317,8 @@ class Surface:
     Attributes:
         nodes: Grid node of each vertex, shape (v,); nodes on sharp edges have several vertices.
         turned: Vertices that are turned by `SECTOR` around z after they have moved, shape (v,).
-        triangles: Vertices, outwards from the silicone by the right hand, shape (t, 3).
-        part: What each triangle belongs to, shape (t,).
-        edges: Vertices along sharp edges, shape (e, 2).
-        rims: Vertices along the edges of the cuts, shape (r, 2).
+        triangles, part: Vertices, outwards by the right hand, shape (t, 3), and what each belongs to, shape (t,).
+        edges, rims: Vertices along sharp edges, shape (e, 2), and along the edges of the cuts, shape (r, 2).
         planes: Unit normals of the slice's symmetry planes, shape (k, 3).
         on_plane: Vertices that lie in each plane and are not of a cut, shape (k, v).
         images: Matrices that take the slice to its places in the device, shape (m, 3, 3); the first is the identity.
@@ -432,14 +387,8 @@ def turn(degrees: float) -> Array:
 
 
 def surface_of(points: Array, cells: Cells, cell_name: str, actuator: Actuator) -> Surface:
-    """Return the surface of a mesh.
-
-    Args:
-        points: Undeformed nodes in device coordinates, m, shape (n, 3).
-        cells: Node numbers in VTK's order, shape (c, 10), or (c, 6) of an axisymmetric section.
-        cell_name: XDMF's name of the cells.
-        actuator: The device, for its symmetry.
-    """
+    """Return the surface of a device's mesh, cut by its symmetry, from undeformed nodes in device coordinates, m, shape (n,
+    3), and cells in VTK's order, shape (c, 10), or (c, 6) of an axisymmetric section."""
     near_zero = 1e-7 * actuator.size
     if cell_name.startswith("Tri"):
         planes = np.array([(0.0, -1.0, 0.0), turn(SECTOR) @ (0.0, 1.0, 0.0)])
@@ -510,16 +459,8 @@ def _turned_alike(points: Array, cells: Cells) -> Cells:
 
 
 def _creased(points: Array, triangles: Cells, border_only: bool = False) -> tuple[Cells, Cells, Cells]:
-    """Return the vertices that are shared where the surface is smooth and doubled along its sharp edges.
-
-    Args:
-        points: Shape (n, 3).
-        triangles: Nodes, shape (t, 3).
-        border_only: Give the surface's border as its edges, instead of the sharp ones inside.
-
-    Returns:
-        The node of each vertex, shape (v,); the triangles' vertices, shape (t, 3); vertices along the edges, shape (e, 2).
-    """
+    """Return the surface's vertices, shared where it is smooth and doubled along its sharp edges: the node of each, shape
+    (v,), the triangles', shape (t, 3), and those along the edges, shape (e, 2): the sharp ones inside, or only the border."""
     if not len(triangles):
         return np.empty(0, dtype=np.int64), np.empty((0, 3), dtype=np.int64), np.empty((0, 2), dtype=np.int64)
     corner = np.arange(triangles.size).reshape(-1, 3)

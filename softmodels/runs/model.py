@@ -59,12 +59,8 @@ def temporary_folder(comm: MPI.Comm) -> Iterator[Path]:
 
 
 def meshed(device: Actuator, comm: MPI.Comm) -> Body:
-    """Mesh a device and read its mesh; all ranks call it.
-
-    Raises:
-        MeshingError, MeshFileError: The device cannot be meshed.
-        RunError: DOLFINx cannot compile what a mesh needs.
-    """
+    """Mesh a device and read its mesh; all ranks call it. `MeshingError` or `MeshFileError` if that fails, `RunError` if
+    nothing can be compiled."""
     with temporary_folder(comm) as folder:
         path = folder / "device.msh"
         on_root(comm, lambda: device.write(path))
@@ -72,12 +68,8 @@ def meshed(device: Actuator, comm: MPI.Comm) -> Body:
 
 
 def body_of(device: Actuator, mesh: Path, comm: MPI.Comm) -> Body:
-    """Read a device's mesh; all ranks call it.
-
-    Raises:
-        MeshFileError: No mesh as `Actuator.write` makes them.
-        RunError: It is of another device, or DOLFINx cannot compile what it needs.
-    """
+    """Read a device's mesh; all ranks call it. `MeshFileError` if it is none of `Actuator.write`, `RunError` if it is of
+    another device, or nothing can be compiled."""
     from softmodels.mechanics.body import Body, BodyError
 
     try:
@@ -140,11 +132,7 @@ class Model:
     def of(
         cls, case: Case, body: Body, material: Material | None = None, components: Sequence[Component] | None = None
     ) -> Model:
-        """The model of a case on a mesh that is read already, with another material or components where they are given.
-
-        Raises:
-            RunError: Nothing can be compiled.
-        """
+        """The model of a case on a mesh that is read already, with another material or components where they are given."""
         made = cls.__new__(cls)
         made._make(case, body, material or case.material, case.components if components is None else components)
         return made
@@ -250,16 +238,9 @@ class Model:
     # -- preload ------------------------------------------------------------------------------------------------------
 
     def hanging(self, report: Callable[[str], None] = lambda text: None, hung: StageEnd | None = None) -> State | None:
-        """The state in which the device hangs under its preload, from which the path to requested values starts; None without
-        dead loads.
-
-        Args:
-            report: Takes sentences on what is going on.
-            hung: `preload`, where it is known.
-
-        Raises:
-            RunError: There is none.
-        """
+        """The state in which the device hangs under its preload (``hung``, where it is known), from which the path to
+        requested values starts; None without dead loads, `RunError` if there is none. ``report`` takes sentences on what is
+        going on."""
         hung, driven = self.preload(report) if hung is None else hung, self.case.driven
         if hung is None:
             self.system.coupling = self.system.inflating(np.empty(0))
@@ -271,11 +252,7 @@ class Model:
         return load_from(self.solver, hung, len(self.case.actuator.ratios) + self.driven_load)
 
     def preload(self, report: Callable[[str], None] = lambda text: None) -> StageEnd | None:
-        """The state under all loads that act before the first requested value, its drivers not coupled; see `hanging`.
-
-        Raises:
-            RunError: There is none.
-        """
+        """The state under all loads that act before the first requested value, its drivers not coupled; see `hanging`."""
         case, system, dead = self.case, self.system, self.system.dead
         if not dead.loads:
             return None
@@ -353,11 +330,7 @@ class Model:
 
     @functools.cached_property
     def _densities(self) -> list[float]:
-        """Densities in kg/m3 of the materials.
-
-        Raises:
-            CaseError: The main one has none, or a mass rests on the device.
-        """
+        """Densities in kg/m3 of the materials; `CaseError` if the main one has none, or a mass rests on the device."""
         resting = next((part.where for part in self.components if part.lifted and part.weighs), "")
         if resting:
             raise CaseError(

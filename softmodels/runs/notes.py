@@ -61,13 +61,8 @@ VOLUME_CHANGE = 0.05
 
 
 def notes_of(case: Case, rows: Sequence[Row], sources: SourceRows = MappingProxyType({})) -> list[str]:
-    """Return the warnings for a run's states, as sentences.
-
-    Args:
-        case: What was run.
-        rows: Rows of ``path.csv``.
-        sources: Those of every source of the silicone, where they were solved.
-    """
+    """Return the warnings for a run's states, as sentences, from its rows of ``path.csv`` and those of every source of the
+    silicone."""
     return [
         *typed_notes(case),
         *vacuum_notes(case),
@@ -95,13 +90,8 @@ def notes_of(case: Case, rows: Sequence[Row], sources: SourceRows = MappingProxy
 
 @dataclasses.dataclass(frozen=True)
 class Cycle:
-    """A cycle of a run in time: from one state without pressure to the next.
-
-    Attributes:
-        rows: Its rows of ``path.csv``.
-        work: What the air does on the way up, in mJ.
-        lost: What it does not get back: the area of the loop, in mJ.
-    """
+    """A cycle of a run in time, from one state without pressure to the next: its rows, the work of the air on the way up, and
+    what it does not get back, the area of the loop, in mJ."""
 
     rows: Sequence[Row]
     work: float
@@ -530,11 +520,9 @@ def unseen(actuator: Actuator) -> str:
 
 
 def unlocated(rows: Sequence[Row], words: StateLabels) -> str:
-    """Return that a bifurcation was passed but not located; empty if none was.
-
-    The number of negative eigenvalues changes only at limit points and bifurcations, whose own rows still have the old one;
-    a cycle comes to some of them from the other side.
-    """
+    """Return that a bifurcation was passed but not located; empty if none was. The number of negative eigenvalues changes only
+    at limit points and bifurcations, whose own rows still have the old one; a cycle comes to some of them from the other
+    side."""
     cyclic = any(row.get("jump") for row in rows)
     for before, after in itertools.pairwise(rows):
         told = before.get("limit") or before.get("bifurcation") or (cyclic and after.get("limit"))
@@ -558,14 +546,8 @@ def _state(row: Row, words: StateLabels) -> str:
 
 
 def stability_text(rows: Sequence[Row], actuator: Actuator, words: StateLabels, branch: Sequence[Row] = ()) -> str:
-    """Return one or two sentences on the stability of the last state and its changes, for the closing message.
-
-    Args:
-        rows: The path's rows of ``path.csv``.
-        actuator: The device.
-        words: What is shown of a state.
-        branch: Those of the branch that was followed, if one was.
-    """
+    """Return one or two sentences on the stability of the last state of a path, or of the branch that was followed, and its
+    changes, for the closing message."""
     if not rows or "negative_eigenvalues" not in rows[-1]:
         return ""
     last, found = rows[-1], [row for row in rows if row.get("bifurcation")]
@@ -630,14 +612,9 @@ def unstable_law(case: Case, stretch: float) -> str:
 
 
 def known_causes(case: Case, figures: Row | Mapping[str, float], petsc: bool = False) -> list[str]:
-    """Return possible causes of the end of a path, the most certain first; empty if none is found.
-
-    Args:
-        case: The case.
-        figures: ``max_stretch``, ``J_min`` and ``pressure_Pa`` of the last state, ``contact_force_N`` where a plane stops
-            faces, and the columns of parts.
-        petsc: Whether PETSc's own options were given.
-    """
+    """Return possible causes of the end of a path, the most certain first; empty if none is found. Figures are
+    ``max_stretch``, ``J_min`` and ``pressure_Pa`` of the last state, ``contact_force_N`` where a plane stops faces, and the
+    columns of parts; ``petsc`` says whether PETSc's own options were given."""
     stretch = float(figures["max_stretch"])
     found = []
     if petsc:
@@ -809,14 +786,8 @@ def _risen(device: Actuator, rises: dict[str, float]) -> str:
 
 
 def explain_failure(case: Case, failure: Exception, last: Row | None, petsc: bool = False) -> str:
-    """Return the same if no state was found at the start or at a limit point, where no step can be shortened.
-
-    Args:
-        case: The case.
-        failure: What the solver reported.
-        last: The last row of ``path.csv``, if there is one.
-        petsc: Whether PETSc had options of its own.
-    """
+    """Return the same if no state was found at the start or at a limit point, where no step can be shortened, from the
+    solver's failure and the last row, if there is one."""
     words = "leave out PETSc's options (what follows --), " if petsc else ""
     told = f"{words}refine the mesh (--cell-size), or use another --control"
     return f"the path could not be followed ({failure})" + (f"; {told}" if last is None else f". {advice(case, last)}")
@@ -850,11 +821,8 @@ def no_mesh(error: OSError) -> str:
 
 @contextlib.contextmanager
 def sentences(of_the_disk: Callable[[OSError], str] = no_mesh) -> Iterator[None]:
-    """Turn errors of PETSc, the memory or the disk raised in this context into a `RunError`.
-
-    Args:
-        of_the_disk: Makes the sentence of what could not be written.
-    """
+    """Turn errors of PETSc, the memory or the disk raised in this context into a `RunError`; ``of_the_disk`` makes the
+    sentence of the disk's."""
     try:
         yield
     except RuntimeError as error:

@@ -72,14 +72,7 @@ class Ended:
 
 
 class Progress:
-    """Reports the progress of a path towards its last requested value.
-
-    Args:
-        last: Last requested value.
-        unit: Its unit, ``"cm"`` or ``"ml"``.
-        words: What is shown of a state.
-        quiet: Say nothing.
-    """
+    """Reports the progress of a path towards its last requested value, in ``"cm"`` or ``"ml"``, unless quiet."""
 
     def __init__(self, last: float, unit: str, words: StateLabels, quiet: bool):
         self.last, self.unit, self.words, self.quiet = last, unit, words, quiet

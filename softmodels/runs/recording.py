@@ -179,11 +179,7 @@ class ResultsPlace:
 
 
 def begin(case: Case, place: ResultsPlace) -> tuple[Results, bool]:
-    """Take a folder for a run and prepare it; return the results, locked, and whether there are states to go on from.
-
-    Raises:
-        RunError, OwnFolderError, InUseError, ResultsError, CaseError: The folder, or what is in it, cannot be used.
-    """
+    """Take a folder for a run and prepare it; return the results, locked, and whether there are states to go on from."""
     try:
         wanted, output, base = identity(case), place.folder, Path("results") / case.name
         if output is None and place.resume:
@@ -362,15 +358,9 @@ def solved_into(
 ) -> tuple[Path | None, bool, Ended]:
     """Solve a case and store each state in a folder at once; all ranks call it.
 
-    Args:
-        place, case, comm: The folder, what is run, and on which ranks.
-        listener, observer: Are told of each state, and of the folder.
-        branch: Follow the branch at the first bifurcation too.
-        solving: Entered while states are solved; gives whether to stop, asked between them.
-
-    Returns:
-        The folder, None where none could be taken; whether a state that is not at rest is stored; and how the run ended:
-        `Ended.error` has the error of the input, PETSc, the memory or the disk.
+    The listener is told of each state, the observer of the folder. ``solving`` is entered while states are solved, and gives
+    whether to stop, asked between them. Return the folder, None where none could be taken; whether a state that is not at rest
+    is stored; and how the run ended: `Ended.error` has the error of the input, PETSc, the memory or the disk.
     """
     results: Results | None = None
     ended, observer, begun = Ended(), observer or Observer(), monotonic()
@@ -422,9 +412,8 @@ def is_loaded(rows: Sequence[Row]) -> bool:
 def record(
     simulation: Simulation, results: Results, resumed: bool, branch: bool, begun: Callable[[Results], None]
 ) -> None:
-    """Solve a case and store every state at once, after those of a ``resumed`` run; all ranks call it, rank 0 writes.
-
-    ``begun`` is called on rank 0 as soon as the folder holds a state of this run.
+    """Solve a case and store every state at once, after those of a ``resumed`` run; all ranks call it, rank 0 writes, and
+    calls ``begun`` as soon as the folder holds a state of this run.
 
     Raises:
         PathEnded, RunError, ResultsError: The path ended, or it was stopped, or the states there are of another mesh.

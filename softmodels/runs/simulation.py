@@ -67,14 +67,8 @@ class PathEnded(RunError):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Step:
-    """One state of a run.
-
-    Attributes:
-        row: Its row of ``path.csv``, on all ranks.
-        fields: Nodal fields by name, SI units, as `Fields.nodal` gives them, and at a bifurcation its
-            ``mode``; on rank 0, None elsewhere.
-        restart: Numbers that a restart needs beside the fields.
-    """
+    """One state of a run: its row of ``path.csv``, on all ranks, its nodal fields by name, SI units, as `Fields.nodal` gives
+    them, with the ``mode`` at a bifurcation, on rank 0, and numbers that a restart needs beside these."""
 
     row: Row
     fields: dict[str, Array] | None
@@ -112,18 +106,9 @@ FEWEST_STEPS = 12
 class Simulation:
     """A case's device on a communicator, and its path.
 
-    In order: `write_mesh` (or a mesh file from before), `prepare`, `steps`, perhaps `branch`, `release`. Every call is
-    made by all ranks.
-
-    Args:
-        case: What to run.
-        comm: The communicator.
-        listener: Receives progress reports.
-        stopped: Asked between states, and while a mesh is made; once it is true on a rank, the run ends.
-
-    Attributes:
-        body, solver, fields: The device, once it is prepared.
-        model: These together, likewise; its path begins where it hangs under its preload.
+    In order: `write_mesh` (or a mesh file from before), `prepare`, `steps`, perhaps `branch`, `release`. Every call is made by
+    all ranks. The listener receives progress reports; ``stopped`` is asked between states, and while a mesh is made, and once
+    true on a rank ends the run. Model, body, solver and fields are there once it is prepared.
     """
 
     body: Body
@@ -140,13 +125,8 @@ class Simulation:
         self._bifurcations: list[Point] = []
 
     def write_mesh(self, file: Path) -> None:
-        """Mesh the device into a Gmsh file, on rank 0.
-
-        Raises:
-            CaseError: A field is asked for that there is not.
-            RunError: It was stopped meanwhile.
-            GeometryError, MeshingError, OSError: See `Actuator.write`.
-        """
+        """Mesh the device into a Gmsh file, on rank 0; `CaseError` for a field that there is not, `RunError` if it was
+        stopped, else see `Actuator.write`."""
         check_requested(self.case.fields)
         device = self.case.actuator
         self.listener.say(meshing.mesh_label(device))
@@ -156,12 +136,8 @@ class Simulation:
             raise RunError("stopped by the user during meshing; nothing was solved", STOPPED) from None
 
     def prepare(self, file: Path) -> None:
-        """Read the mesh and set up the equations, compiling them on the first run.
-
-        Raises:
-            RunError: The mesh is of another device, or nothing can be compiled.
-            MeshFileError: No mesh as `write_mesh` makes them.
-        """
+        """Read the mesh and set up the equations, compiling them on the first run; `RunError` or `MeshFileError` as
+        `body_of`."""
         case, say = self.case, self.listener.say
         say("compiling kernels (first run only, about 10 s; then cached)")
         self._stop_if_asked()
@@ -173,14 +149,7 @@ class Simulation:
                 self._band = self._make_band()
 
     def prepare_on(self, mesh: Callable[[], bytes]) -> None:
-        """Prepare on a stored mesh.
-
-        Args:
-            mesh: Reads its file; called on rank 0.
-
-        Raises:
-            RunError, MeshFileError: See `prepare`; or the disk is full.
-        """
+        """Prepare on a stored mesh, whose file is read on rank 0; errors as `prepare`, or `RunError` if the disk is full."""
         with sentences(), temporary_folder(self.comm) as folder:
             file = folder / f"{self.case.name}.msh"
             on_root(self.comm, lambda: file.write_bytes(mesh()))
@@ -213,10 +182,7 @@ class Simulation:
             say(f"warning: {weak}; results at larger stretches are invalid")
 
     def steps(self, begun: Begun = FROM_REST) -> Iterator[Step]:
-        """Solve state by state, through all requested values.
-
-        Args:
-            begun: What is known already and not given again.
+        """Solve state by state, through all requested values that are not ``begun``.
 
         Raises:
             PathEnded: The path ends before the last requested value, with where, why, and what can be done.
@@ -266,14 +232,8 @@ class Simulation:
             raise RunError(explain_failure(case, failure, last, _own_words())) from failure
 
     def _check_volumes(self, start: State | None) -> None:
-        """Reject requested volumes below the one that the cavity has under the preload.
-
-        Args:
-            start: Where the path begins, the drivers coupled for it; None for the undeformed state.
-
-        Raises:
-            RunError: There is one.
-        """
+        """Raise `RunError` for requested volumes below the one that the cavity has under the preload, where the path begins,
+        the drivers coupled for it; None for the undeformed state."""
         if start is None or not self.case.volumes_ml:
             return
         system = self.solver.system
@@ -398,12 +358,7 @@ def _own_words() -> bool:
 
 
 class InMemory(States):
-    """States in memory, identical on all ranks.
-
-    Args:
-        simulation: Prepared, all ranks.
-        mesh: Reads its mesh's file; called on rank 0.
-    """
+    """States of a prepared simulation in memory, identical on all ranks; its mesh's file is read on rank 0."""
 
     def __init__(self, simulation: Simulation, mesh: Callable[[], bytes]):
         self._comm, grid = simulation.comm, simulation.fields.grid
@@ -436,19 +391,8 @@ class InMemory(States):
 
 
 def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, list[Row]]:
-    """Follow the path of each other source of a case's band; all ranks call it.
-
-    Args:
-        simulation: The case, prepared.
-        mesh: Its mesh's file.
-
-    Returns:
-        Rows by the sources' names, on all ranks; empty where the case has no such band. A path that ends early has the rows up
-        to there.
-
-    Raises:
-        RunError: It was stopped by the user.
-    """
+    """Follow the path of each other source of a case's band, on its mesh's file; all ranks call it. Return rows by the
+    sources' names, on all ranks; empty where the case has no such band. A path that ends early has the rows up to there."""
     case, band = simulation.case, simulation.case.band
     if not isinstance(band, SourceBand):
         return {}

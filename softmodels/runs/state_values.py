@@ -69,13 +69,9 @@ def von_mises(stresses: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 
 class VolumeRatio:
-    """Weighted means over the cells around each vertex, of values at the integration points.
-
-    Args:
-        body: The mesh.
-        space: Scalar second-order space whose nodes the vertices are counted among.
-        regions: Owned cells of each region: p may jump between them, and with it these means.
-    """
+    """Weighted means over the cells around each vertex, of values at the integration points. Vertices are counted among the
+    nodes of a scalar second-order space; the owned cells are by regions, since p may jump between them, and with it these
+    means."""
 
     def __init__(self, body: Body, space: fem.FunctionSpace, regions: Sequence[npt.NDArray[np.int32]]):
         import basix
@@ -119,15 +115,8 @@ def barycentric(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 
 class Sampling:
-    """Sampling points of a mesh and the mapping to its nodes, the same for every state.
-
-    Args:
-        solver: The device.
-        grid: The nodes that results are written on.
-
-    Attributes:
-        skew, pressures: Where a state's entries sit on the grid, see `displacement_maps`.
-    """
+    """Sampling points of a mesh and the mapping to the nodes that results are written on, the same for every state; see
+    `displacement_maps`."""
 
     def __init__(self, solver: Solver, grid: Grid):
         from dolfinx import fem, la
@@ -187,11 +176,9 @@ class StateValues:
     """A state's values, on all ranks; made while the state is loaded into the equations.
 
     Stresses and stretches at a node are the mean of what the adjoining cells have there by a linear fit through their
-    integration points: between those points, and at nodes above all, the strains of a coarse cell are no good, and where
-    it nearly folds they are beyond all bounds. The volume ratio is linear between the vertices, as evaluated by `VolumeRatio`.
-
-    Attributes:
-        F: Deformation gradients at the integration points, shape (cells, points, 3, 3).
+    integration points: between those points, and at nodes above all, the strains of a coarse cell are no good, and where it
+    nearly folds they are beyond all bounds. The volume ratio is linear between the vertices, as evaluated by `VolumeRatio`.
+    Deformation gradients ``F`` are at the integration points, shape (cells, points, 3, 3).
     """
 
     def __init__(self, sampling: Sampling, state: State):
@@ -291,12 +278,8 @@ class StateValues:
         return p * eq.stress_unit
 
     def at_nodes(self, values: Array, positive: bool = False) -> Array:
-        """Return the values at integration points, shape (cells, points), mapped to owned nodes, shape (owned,).
-
-        Args:
-            values: At the integration points.
-            positive: Whether there are none below zero, so that the linear fit may have none either.
-        """
+        """Return the values at integration points, shape (cells, points), mapped to owned nodes, shape (owned,); of
+        ``positive`` ones the linear fit has none below zero either."""
         fitted = values @ self.sampling.to_nodes.T
         return self.sampling.average(np.maximum(fitted, 0.0) if positive else fitted)
 
@@ -345,16 +328,10 @@ def excess(x: Array) -> tuple[Array, Array]:
 
 
 def volume_peak(comm: MPI.Comm, values: Array, volumes: Array, rest: float = 0.0) -> tuple[float, float]:
-    """Return the peak of a field, and its threshold q.
+    """Return the peak of a field and its threshold q, equal on all ranks; ``rest`` twice of a field that is nowhere above.
 
-    Args:
-        comm: MPI communicator; called on all ranks.
-        values: The field at this rank's integration points.
-        volumes: Volumes of the points, of the same shape.
-        rest: The field's value at rest, above which it is measured: q is rounded relative to what is above.
-
-    Returns:
-        Peak and q, equal on all ranks; ``rest`` twice of a field that is nowhere above.
+    Values at this rank's integration points and the volumes of these have the same shape; they are measured above the value at
+    rest: q is rounded relative to what is above.
     """
     values = values - rest
     top = largest(comm, float(values.max()) if values.size else 0.0)
@@ -416,8 +393,7 @@ class Gap:
     """The least gap of a state.
 
     Attributes:
-        value: In m, below zero where walls overlap.
-        place: Where, deformed, in m, shape (3,).
+        value, place: In m, below zero where walls overlap; where, deformed, in m, shape (3,).
         nodes: Nodes of the mesh whose displacement it depends on, shape (k,); one may be there twice.
         rates: Derivative of the value by the displacement of each, or by its place at rest, shape (k, 3).
         share: Largest overlap of the state over the thickness of the wall there at rest; 0 where none overlaps. It may be
@@ -441,8 +417,7 @@ class Gaps:
     """Gaps of the points near another wall, each to the closest facing facet.
 
     Attributes:
-        values: In m, shape (p,).
-        places: Deformed, in m, shape (p, 3).
+        values, places: In m, shape (p,), and deformed, in m, shape (p, 3).
         thickness: In m at rest, the smaller one of the two walls', shape (p,).
         facets, points: Facet of each place, and which one of its places it is, shape (p,).
         others: The facet that it faces, or -1 less the number of the cut plane, shape (p,).
@@ -466,13 +441,9 @@ class Gaps:
 
 
 class FacingWalls:
-    """The surface of a mesh without its cut planes.
-
-    Args:
-        points: Nodes in m, shape (n, 3); of a section, radius and height in the first and last column.
-        cells: Second-order triangles or tetrahedra, shape (c, 6) or (c, 10).
-        cell_name: ``"Triangle_6"`` or ``"Tetrahedron_10"``.
-        planes: Unit normals of the cut planes, which pass through the origin and point out of the slice, shape (3,) each.
+    """The surface of a mesh without its cut planes, which pass through the origin, with unit normals out of the slice, shape
+    (3,) each. Nodes are in m, shape (n, 3), of a section radius and height in the first and last column; cells are
+    second-order triangles or tetrahedra.
 
     Attributes:
         facets: Nodes of each facet, corners first, shape (f, 3 or 6).
@@ -545,12 +516,7 @@ class FacingWalls:
         return np.asarray(across / length[:, None] * self._turn[facets, None])
 
     def least(self, displacement: Array, reach: float | None = None) -> Gap | None:
-        """Return the smallest gap of a shape; None if no walls are near each other.
-
-        Args:
-            displacement: Of the nodes in m, shape (n, 3).
-            reach: See `gaps`.
-        """
+        """Return the smallest gap of a shape; None if no walls are near each other. See `gaps`."""
         gaps = self.gaps(displacement, reach)
         if not len(gaps.values):
             return None
@@ -565,12 +531,8 @@ class FacingWalls:
         return Gap(float(gaps.values[at]), gaps.places[at], nodes, rates, gaps.share)
 
     def gaps(self, displacement: Array, reach: float | None = None) -> Gaps:
-        """Return the gaps of the places near other walls; where some overlap, all that overlap.
-
-        Args:
-            displacement: Of the nodes in m, shape (n, 3).
-            reach: Distance in m up to which walls are near; `reach` if None.
-        """
+        """Return the gaps of the places near other walls, up to ``reach`` in m (None for `reach`), for displacements of the
+        nodes in m, shape (n, 3); where some overlap, all that overlap."""
         at, before = self.points + displacement, np.inf
         reach = self.reach if reach is None else reach
         while True:
@@ -656,14 +618,8 @@ class FacingWalls:
     def _projected(
         self, nodes: Array, places: Array, i: npt.NDArray[np.int64], j: npt.NDArray[np.int64], reach: float
     ) -> tuple[Array, ...]:
-        """Return the places of facets ``i`` on facets ``j``, those that have a closest point there.
-
-        Args:
-            nodes: Places of each facet's nodes, shape (f, k, 3).
-            places: Its lattice, shape (f, s, 3).
-            i, j: Shape (p,).
-            reach: Largest distance.
-        """
+        """Return the places of facets ``i`` on facets ``j``, shape (p,), those that have a closest point there, no farther
+        than ``reach``; ``nodes`` are places of each facet's nodes, shape (f, k, 3), ``places`` its lattice, shape (f, s, 3)."""
         d = 1 if self.flat else 2
         base, sides = nodes[:, 0], np.swapaxes(nodes[:, 1 : d + 1] - nodes[:, :1], 1, 2)
         flat = np.linalg.pinv(sides)  # in the plane through the corners
@@ -735,12 +691,9 @@ def _neighbours(number: npt.NDArray[np.intp], parts: int, surface: npt.NDArray[n
 
 
 def _joined(facets: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """Return the number of the closed surface of each facet, shape (f,): what is around the device, or in a cavity of
-    it.
-
-    A place that has gone through a wall into a cavity still faces that wall's outside, and not the cavity's other side, which
-    may be nearer.
-    """
+    """Return the number of the closed surface of each facet, shape (f,): what is around the device, or in a cavity of it. A
+    place that has gone through a wall into a cavity still faces that wall's outside, and not the cavity's other side, which
+    may be nearer."""
     number, of = np.arange(facets.max(initial=-1) + 1), np.arange(0)
     while True:
         before, of = of, number[facets].min(axis=1, initial=len(number))
@@ -787,11 +740,8 @@ def _through(
 
 
 def _near(places: Array, reach: float) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Return the pairs of places, shape (n, 3), that are not farther apart than ``reach``, each pair once.
-
-    Places are sorted into boxes as wide as the reach, and looked for in a box and in half of those around it. SciPy's tree does
-    the same, but takes longer to load than a wedge's path needs for a state.
-    """
+    """Return the pairs of places, shape (n, 3), that are not farther apart than ``reach``, each pair once, by boxes as wide as
+    the reach. SciPy's tree does the same, but takes longer to load than a wedge's path needs for a state."""
     box = np.floor((places - places.min(axis=0)) / reach).astype(np.int64) + 1
     strides = np.append(np.cumprod((box.max(axis=0) + 2)[:0:-1])[::-1], 1)
     key = box @ strides

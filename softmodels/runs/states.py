@@ -43,18 +43,12 @@ type NodalGrid = tuple[Array, npt.NDArray[np.int64], str]
 
 
 class States:
-    """States on one mesh, for pictures, tables and what is solved from them.
-
-    Args:
-        case: What was run.
-        rows: Their rows of ``path.csv``.
-        grid: Their mesh.
-        read: Returns a nodal field of a state by its number and the field's name; KeyError where there is none.
+    """States on one mesh, for pictures, tables and what is solved from them. ``read`` returns a nodal field of a state by its
+    number and the field's name; KeyError where there is none.
 
     Attributes:
         points: Undeformed nodes in device coordinates, m, shape (n, 3).
-        cells: Node numbers in VTK's order, shape (c, 10 or 6).
-        cell_name: XDMF's name of the cells.
+        cells, cell_name: Node numbers in VTK's order, shape (c, 10 or 6), and XDMF's name of them.
         others: Rows of the silicone's other sources by name; empty where they were not asked for.
         branch: Rows of the branch followed from the first bifurcation; empty if none was.
         made: Where they come from.
@@ -135,11 +129,8 @@ class States:
 
     @functools.cached_property
     def along(self) -> Array:
-        """Position of each step along the path, from 0 to 1, shape (steps,).
-
-        Of a program by its steps. Else by the pressure where it only rises; past a limit point by the arc length of
-        pressure and volume.
-        """
+        """Position of each step along the path, from 0 to 1, shape (steps,): of a program by its steps, else by the pressure
+        where it only rises; past a limit point by the arc length of pressure and volume."""
         if self.case.program:
             steps = np.array([row["load_step"] for row in self.rows])
             return steps / (steps[-1] or 1.0)
@@ -157,14 +148,8 @@ class States:
         return np.asarray(along / (along[-1] or 1.0))
 
     def shown(self, most: int = STILLS) -> list[float]:
-        """The states to show: the requested ones under load, or some spread over the path, the last included.
-
-        Args:
-            most: At most this many; of more requested ones, some are chosen evenly, with the last.
-
-        Returns:
-            Their steps. A round pressure between two steps is a fraction: the state there is interpolated.
-        """
+        """Return the steps of the states to show: the requested ones under load, or some spread over the path, at most so
+        many, the last included. A round pressure between two steps is a fraction: the state there is interpolated."""
         asked = [k for k in self.loaded if self.rows[k]["requested"]]
         if len(asked) > most:
             asked = [asked[round(k)] for k in np.linspace(0, len(asked) - 1, most + 1)[1:]]
@@ -181,12 +166,8 @@ class States:
 
 
 class StoredStates(States):
-    """The states of a folder of results.
-
-    Args:
-        folder: Results with their ``case.toml``.
-        name: Stem of the result files; None for the case's own.
-        home: Where the mesh is; the same folder if None.
+    """The states of a folder of results, with its ``case.toml``, of the stem ``name`` or the case's own; the mesh is at
+    ``home`` or in the same folder.
 
     Raises:
         ResultsError: No results, or none that can be read.
@@ -263,10 +244,7 @@ def row_at(rows: Sequence[Row], step: float) -> Row:
 
 def round_steps(rows: Sequence[Row], column: str, most: int) -> list[float]:
     """Return where a column has round values, at most ``most``, and the last step; empty unless it only rises, or only falls
-    from 0.
-
-    Fractions are between two steps, where the column is taken as straight.
-    """
+    from 0. Fractions are between two steps, where the column is taken as straight."""
     values = np.array([row[column] for row in rows])
     values = values * np.sign(values[-1])
     if len(values) < 2 or not values[-1] or not (np.diff(values) > 0).all():
@@ -289,16 +267,9 @@ BESIDE = 1e-7
 
 
 def cut_line(skin: Surface, points: Array, displacement: Array, normal: Vector, at: float, size: float) -> Array:
-    """Return the pieces of the deformed section of the outer surface, in device coordinates (m), shape (k, 2, 3).
-
-    Args:
-        skin: The device's surface.
-        points: Undeformed nodes, m, shape (n, 3).
-        displacement: Of the nodes, m, shape (n, 3).
-        normal: Unit normal of the plane that cuts the undeformed device.
-        at: Its distance from the origin in m.
-        size: Of the device in m.
-    """
+    """Return the pieces of the deformed section of the outer surface, in device coordinates (m), shape (k, 2, 3): undeformed
+    nodes and displacements in m, shape (n, 3), cut by a plane of unit normal, ``at`` m from the origin, of a device as large
+    as ``size`` m."""
     rest, moved = (skin.device(skin.points(nodal)) for nodal in (points, points + displacement))
     triangles = skin.device_triangles(skin.part == OUTSIDE)
     height = rest @ np.asarray(normal) - at - BESIDE * size
@@ -403,12 +374,7 @@ class Line:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Probe:
-    """Takes values at places of the whole device from the nodes of what is modelled.
-
-    Attributes:
-        device: The device.
-        mesh: Its undeformed nodes and cells.
-    """
+    """Takes values at places of the whole device from the undeformed nodes and cells of what is modelled."""
 
     device: Actuator
     mesh: NodalGrid
@@ -461,11 +427,7 @@ class Probe:
         return result
 
     def line(self, ends: tuple[Array, Array], fields: Mapping[str, Array], count: int = POINTS) -> Line:
-        """Return the values along a line.
-
-        Raises:
-            CaseError: It has no length, or does not meet the silicone.
-        """
+        """Return the values along a line; `CaseError` if it has no length, or does not meet the silicone."""
         begin, end = ends
         if not np.linalg.norm(end - begin) > 0.0:
             raise CaseError(f"the line begins and ends at {told(begin)}; give two different places")

@@ -65,16 +65,11 @@ class ResultsError(Spoken, RuntimeError):
 
 
 class Results:
-    """Results of one run.
-
-    Args:
-        folder: Where to write; made if missing.
-        name: Stem of the files, such as ``"disk"``.
-        gauge: The device's `Actuator.gauge`, which names the picture of its rise.
-        kind: What the folder's record calls them.
+    """Results of one run, in a folder that is made if missing, with files of the stem ``name``, and a picture of the device's
+    `Actuator.gauge`.
 
     Attributes:
-        own: The folder's record.
+        own: The folder's record, of what kind the results are.
         folder: Where the files are: in ``own``, or aside of the earlier results until the first step is there.
         started: When the run that writes them began (`time.monotonic`); None if unknown.
     """
@@ -188,11 +183,8 @@ class Results:
             raise ResultsError(f"the states in {self.folder} are of another mesh ({nodes}); run without --resume")
 
     def load(self, go_on: bool = False) -> None:
-        """Load the results of an earlier run, to draw it or to ``go_on``, which needs a run of this version.
-
-        Raises:
-            ResultsError: There is nothing, or it cannot be read, or another version wrote it.
-        """
+        """Load the results of an earlier run, to draw it or to ``go_on``, which needs a run of this version; `ResultsError` if
+        that fails."""
         if not self.heavy.exists():
             raise ResultsError(f"{self.folder} holds no {self.heavy.name}, so there is no run to resume")
         if self.steps.is_symlink():
@@ -251,11 +243,8 @@ class Results:
         }
 
     def finish(self) -> None:
-        """Merge all steps into one HDF5 file, with every step readable at any moment.
-
-        Raises:
-            OSError: There is no room for it; all steps stay where they are.
-        """
+        """Merge all steps into one HDF5 file, with every step readable at any moment; without room (`OSError`) all steps stay
+        where they are."""
         files = {self.heavy.name, *(stored.file for stored in self.stored)}
         # HDF5 fails badly on a full disk: see `replace_hdf5`. The whole may not fit in memory.
         if shutil.disk_usage(self.folder).free < sum((self.folder / file).stat().st_size for file in files):
@@ -291,12 +280,8 @@ class StoredSignature(TypedDict):
 
 
 class Restart(TypedDict):
-    """Data to rebuild a `Point`, besides its fields; see there.
-
-    Attributes:
-        P, V: The state's pressure and volume, dimensionless.
-        tangent: Changes of P and V along the path.
-    """
+    """Data to rebuild a `Point` besides its fields; see there. Pressure, volume and their changes along the path,
+    dimensionless."""
 
     P: float
     V: float
@@ -343,11 +328,7 @@ class ForeignDataError(ValueError):
 
 @contextlib.contextmanager
 def opened(path: Path) -> Iterator[h5py.File]:
-    """Open a results file for reading.
-
-    Raises:
-        OSError: It is not a regular file, or not HDF5.
-    """
+    """Open a results file for reading; `OSError` if it is not a regular file, or not HDF5."""
     import h5py
 
     check_file(path, LARGEST)
@@ -356,12 +337,8 @@ def opened(path: Path) -> Iterator[h5py.File]:
 
 
 def inside(group: h5py.Group, path: str) -> Any:
-    """Return the object at a path in a group: a group, or a dataset of numbers stored in this file.
-
-    Raises:
-        KeyError: There is nothing.
-        ForeignDataError: It refers to another file.
-    """
+    """Return a group, or a dataset of numbers stored in this file, at a path in a group; `KeyError` if there is nothing,
+    `ForeignDataError` if it refers to another file."""
     import h5py
 
     place = group
@@ -400,15 +377,8 @@ ROW, RESTART = "row", "restart"
 
 @dataclasses.dataclass(frozen=True)
 class StoredStep:
-    """Location of a step's fields, and its other data.
-
-    Attributes:
-        file: HDF5 file, relative to the folder of results.
-        group: Its group in there.
-        row: Its row of ``path.csv``.
-        restart: What a `Point` needs to be made again, beside its fields.
-        shapes: Shapes of its nodal fields by name, (n,), (n, 3) or (n, 9) of tensors.
-    """
+    """Location of a step's fields, a group of an HDF5 file relative to the folder of results, its row of ``path.csv``, what a
+    `Point` needs to be made again beside its fields, and these fields' shapes by name, (n,), (n, 3) or (n, 9) of tensors."""
 
     file: str
     group: str
@@ -430,11 +400,8 @@ def shapes_of(fields: Mapping[str, Shaped]) -> dict[str, tuple[int, ...]]:
 
 
 def read_step(group: h5py.Group, file: str, path: str) -> StoredStep:
-    """Return a step from its group of an HDF5 file; the file is named relative to the folder of results.
-
-    Raises:
-        ForeignDataError: One of its fields is not in this file.
-    """
+    """Return a step from its group of an HDF5 file, named relative to the folder of results; `ForeignDataError` if a field is
+    not in it."""
     fields = {name: inside(group, name) for name in group}
     return StoredStep(
         file, path, Row(json.loads(group.attrs[ROW])), json.loads(group.attrs[RESTART]), shapes_of(fields)
@@ -462,14 +429,8 @@ Shapes = tuple[int, tuple[int, ...], str]
 
 
 def write_vtkhdf(file: h5py.File, heavy: str, shapes: Shapes, stored: Sequence[StoredStep]) -> None:
-    """Add the group to an HDF5 file.
-
-    Args:
-        file: Where to.
-        heavy: The file with the grid, relative to this one's folder, or `HERE`. Steps whose file it is are `HERE` then too.
-        shapes: Of the grid.
-        stored: Where each step's fields are.
-    """
+    """Add the group to an HDF5 file, with the shapes of the grid. ``heavy`` is the file with the grid, relative to this one's
+    folder, or `HERE`; steps whose file it is are `HERE` then too."""
     points, (cells, corners), cell_name = shapes
     group = file.create_group(GROUP)
     group.attrs["Version"] = np.array(VERSION)
@@ -553,14 +514,8 @@ def link_vtkhdf(file: h5py.File, heavy: str) -> None:
 
 
 def xdmf(name: str, heavy: str, shapes: Shapes, stored: Sequence[StoredStep]) -> bytes:
-    """Return the XDMF of a folder of results.
-
-    Args:
-        name: Stem of the result files.
-        heavy: The HDF5 file with the grid.
-        shapes: Number of points, shape of the cells, and XDMF's name of them.
-        stored: Where each step's fields are.
-    """
+    """Return the XDMF of a folder of results: the stem of its files, the HDF5 file with the grid, the grid's shapes, and where
+    each step's fields are."""
     steps = [
         _grid(name, heavy, shapes, str(step.row["step"]), f"{step.file}:{step.group}", tuple(step.shapes.items()))
         for step in stored
@@ -599,14 +554,8 @@ def _grid(
 
 
 def write_light(heavy: Path, shapes: Shapes, stored: Sequence[StoredStep], gathered: bool) -> None:
-    """Write ``path.csv``, the XDMF and the light VTKHDF of a run; each is replaced whole.
-
-    Args:
-        heavy: The HDF5 file with the grid.
-        shapes: Of the grid.
-        stored: Where each step's fields are.
-        gathered: Whether they are all in that file.
-    """
+    """Write ``path.csv``, the XDMF and the light VTKHDF of a run, each replaced whole; ``heavy`` has the grid, and if
+    ``gathered`` all steps' fields."""
     write_text(heavy.with_name("path.csv"), csv_text(stored[0].row, (step.row.cells for step in stored)))
     light = xdmf(heavy.stem, heavy.name, shapes, stored)
     replace(heavy.with_suffix(".xdmf"), lambda path: path.write_bytes(light))
@@ -623,15 +572,8 @@ def write_light(heavy: Path, shapes: Shapes, stored: Sequence[StoredStep], gathe
 def write_gathered(
     path: Path, heavy: Path, shapes: Shapes, stored: Sequence[StoredStep], gathered: Sequence[StoredStep]
 ) -> None:
-    """Write all steps into one HDF5 file with the grid.
-
-    Args:
-        path: Where to.
-        heavy: The uncompressed grid file.
-        shapes: Of the grid.
-        stored: Where each step's fields are.
-        gathered: Where they will be.
-    """
+    """Write all steps into one HDF5 file with the grid of the uncompressed ``heavy``; their fields are where ``stored`` says,
+    and come to where ``gathered`` says."""
     with h5py.File(path, "w") as file:
         with opened(heavy) as old:
             old.copy("mesh", file)
