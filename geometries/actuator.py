@@ -22,11 +22,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from geometries.meshing import Mirror
 from softmodels.common.errors import GeometryError, MeshingError, known_are
-from softmodels.common.names import lazy_module
+from softmodels.common.lazy import gmsh
 from softmodels.common.schema import LONGEST, ROUNDING, Length, Quantity, Several, about, choice_field, settle, shown
 from softmodels.common.units import brief
-
-gmsh = lazy_module("gmsh")
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Interface of a device for designs: parameters a mesh can follow, boundary motion, minimum dimensions.

@@ -32,6 +32,7 @@ from geometries.actuator import Hold, Recipe, Vector, in_halves
 from geometries.registry import register_device
 from geometries.revolved import Panel, Place, Revolved, Side, section_field, through_field, wedge_field
 from softmodels.common.errors import GeometryError
+from softmodels.common.lazy import scipy
 from softmodels.common.schema import choice_field, length_field, shown
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -93,8 +94,6 @@ class Meridian:
 
     def rounding(self, fillet: float) -> Rounding:
         """Return the arc of a radius that touches the neck's outside and the outer spheroid."""
-        from scipy.optimize import brentq
-
         A, C = self.outer
 
         def centre(angle: float) -> Place:
@@ -103,7 +102,9 @@ class Meridian:
             return (r + fillet * math.cos(angle) / A / across, z + fillet * math.sin(angle) / C / across)
 
         wanted = self.neck[1] + fillet
-        angle = float(brentq(lambda x: centre(x)[0] - wanted, -math.acos(self.neck[1] / A), 0.0, xtol=1e-14))
+        angle = float(
+            scipy.optimize.brentq(lambda x: centre(x)[0] - wanted, -math.acos(self.neck[1] / A), 0.0, xtol=1e-14)
+        )
         z = centre(angle)[1]
         head = self.at(self.outer, angle)
         turn = math.atan2(head[1] - z, wanted - head[0])

@@ -13,10 +13,8 @@ from geometries.actuator import CutPlane, Hold, MirroredHalf, Pour, Recipe, Vect
 from geometries.meshing import add_block
 from geometries.registry import register_device
 from softmodels.common.errors import GeometryError
-from softmodels.common.names import lazy_module
+from softmodels.common.lazy import gmsh
 from softmodels.common.schema import choice_field, length_field
-
-gmsh = lazy_module("gmsh")
 
 NEAR = 1e-9
 """Tolerance of equal positions, in lengths of the beam."""

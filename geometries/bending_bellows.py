@@ -26,10 +26,8 @@ import numpy as np
 from geometries.actuator import Finger, Pour, Recipe, Vector, part_field, tip_field
 from geometries.meshing import MM, Entity, add_block, bond, face_block, one_solid, set_sizes
 from geometries.registry import register_device
-from softmodels.common.names import lazy_module
+from softmodels.common.lazy import gmsh
 from softmodels.common.schema import ROUNDING, choice_field, length_field, shown
-
-gmsh = lazy_module("gmsh")
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The wavy wall of a bending bellows: arcs that join smoothly, of the same thickness everywhere, and its volumes.

@@ -32,10 +32,8 @@ from geometries.actuator import Halved, Hold, Pour, Recipe, Sectioned, Vector
 from geometries.meshing import MM, corners_of, name_boundary, name_groups, place_of
 from geometries.registry import register_device
 from geometries.revolved import TETRAHEDRON, TRIANGLE, Side, carried_along, check_alike, rounded_off, turn_fully
-from softmodels.common.names import lazy_module
+from softmodels.common.lazy import gmsh
 from softmodels.common.schema import angle_field, choice_field, length_field, shown
-
-gmsh = lazy_module("gmsh")
 
 # ----------------------------------------------------------------------------------------------------------------------
 # How large the cells of a cylinder are.

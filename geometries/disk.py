@@ -23,7 +23,7 @@ import functools
 import math
 from collections import defaultdict
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -45,7 +45,7 @@ from geometries.revolved import (
 )
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
-from softmodels.common.names import lazy_module
+from softmodels.common.lazy import gmsh, scipy
 from softmodels.common.schema import (
     ROUNDING,
     SHORTEST,
@@ -56,12 +56,6 @@ from softmodels.common.schema import (
     number_field,
     shown,
 )
-
-if TYPE_CHECKING:
-    from scipy.interpolate import PPoly
-
-gmsh = lazy_module("gmsh")
-
 
 # ----------------------------------------------------------------------------------------------------------------------
 # How large the cells of a hollow disk are, and how many of them to expect.
@@ -160,11 +154,9 @@ def size_function(disk: HollowDisk) -> Callable[[float, float], float]:
 
 
 @functools.lru_cache(maxsize=256)
-def _spline(shares: tuple[float, ...]) -> PPoly:
+def _spline(shares: tuple[float, ...]) -> scipy.interpolate.PPoly:
     """Return the shares of the thickness over shares of the radius, from 0 to 1."""
-    from scipy.interpolate import CubicSpline
-
-    return CubicSpline(np.linspace(0.0, 1.0, len(shares)), shares, bc_type="clamped")
+    return scipy.interpolate.CubicSpline(np.linspace(0.0, 1.0, len(shares)), shares, bc_type="clamped")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -222,10 +214,8 @@ class MembraneTop:
         """Return the same curve as cubic Bezier pieces between the given radii, from the cavity's edge to the axis: control
         points (radius, height) in m of each, shape (4, 2), whose radii are equally spaced. Pieces, because the CAD kernel
         integrates over one polynomial exactly and over a spline of several it does not (0.1 %)."""
-        from scipy.interpolate import BPoly, PPoly
-
         spline = _spline(self.shares)
-        shares = BPoly.from_power_basis(PPoly(spline.c, spline.x)).c
+        shares = scipy.interpolate.BPoly.from_power_basis(scipy.interpolate.PPoly(spline.c, spline.x)).c
         shares[0], shares[-1] = self.shares[:-1], self.shares[1:]  # to the last bit, for neighbours to meet
         radii = self.radius * np.linspace(spline.x[:-1], spline.x[1:], 4)
         points = np.stack([radii, self.ceiling + self.membrane * shares], axis=-1)

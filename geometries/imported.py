@@ -29,10 +29,8 @@ from geometries.revolved import TRIANGLE
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshingError, whole_path
 from softmodels.common.files import GEOMETRY, check_file, file_digest, read_file
-from softmodels.common.names import lazy_module
+from softmodels.common.lazy import gmsh, scipy
 from softmodels.common.schema import choice_field, length_field, list_field, number_field, shown, text_field
-
-gmsh = lazy_module("gmsh")
 
 FORMATS: Mapping[str, str] = {".msh": "gmsh", ".inp": "abaqus", ".stl": "stl"}
 """Endings of the files that are read, and meshio's names for them."""
@@ -443,17 +441,17 @@ def faces(field: str, text: str) -> Faces:
     _check_size(field, text)
     if found := re.fullmatch(r"\s*([xyz])\s*=\s*(.+)", text):
         x, y, z = (float(axis == found[1]) for axis in AXES)
-        return Faces(text, normal=(x, y, z), at=_length(field, found[2]))
+        return Faces(text, normal=(x, y, z), at=_number(field, found[2], "m"))
     if found := re.fullmatch(r"\s*normal" + ",".join([NUMBER] * 3) + r"(?:at\s*(.+))?", text):
         direction = np.array([_number(field, part) for part in found.groups()[:3]])
         if not direction.any():
             raise GeometryError(f"{field} is {text!r}; a normal must not have zero length")
         x, y, z = (float(part) for part in direction / np.linalg.norm(direction))
-        return Faces(text, normal=(x, y, z), at=_length(field, found[4]) if found[4] else 0.0)
+        return Faces(text, normal=(x, y, z), at=_number(field, found[4], "m") if found[4] else 0.0)
     ranges = r"\s*in" + ",".join([NUMBER + r"\.\." + NUMBER] * 3) + r"([a-z]+)\s*"
     # "0..2" would be read as the number "0." and a stray point.
     if found := re.fullmatch(ranges, re.sub(r"\.\.", " .. ", text)):
-        values = [_length(field, f"{number} {found[7]}") for number in found.groups()[:6]]
+        values = [_number(field, f"{number} {found[7]}", "m") for number in found.groups()[:6]]
         if any(low > high for low, high in zip(values[::2], values[1::2], strict=True)):
             raise GeometryError(f"{field} is {text!r}; each range runs from its lower end to its higher one")
         return Faces(text, box=(tuple(values[::2]), tuple(values[1::2])))
@@ -472,7 +470,7 @@ def point(field: str, text: str) -> tuple[float, float, float]:
     found = re.fullmatch(r"\s*at" + ",".join([NUMBER] * 3) + r"([a-z]+)\s*", text)
     if not found:
         raise GeometryError(f"{field} is {text!r}; write a point as 'at 10, 0, 4 mm'{_about_commas(text)}")
-    x, y, z = (_length(field, f"{number} {found[4]}") for number in found.groups()[:3])
+    x, y, z = (_number(field, f"{number} {found[4]}", "m") for number in found.groups()[:3])
     return x, y, z
 
 
@@ -492,21 +490,12 @@ def _bytes(text: str) -> Colour:
     return red, green, blue
 
 
-def _number(field: str, text: str) -> float:
-    from softmodels.common.units import UnitError, number  # not above: whoever imports the devices need not have pint
+def _number(field: str, text: str, unit: str = "") -> float:
+    from softmodels.common import units  # not above: whoever imports the devices need not have pint
 
     try:
-        return number(text)
-    except UnitError as error:
-        raise GeometryError(f"{field}: {error}") from None
-
-
-def _length(field: str, text: str) -> float:
-    from softmodels.common.units import UnitError, quantity
-
-    try:
-        return quantity(text, "m")
-    except UnitError as error:
+        return units.quantity(text, unit) if unit else units.number(text)
+    except units.UnitError as error:
         raise GeometryError(f"{field}: {error}") from None
 
 
@@ -1255,10 +1244,8 @@ def _filled(file: str, found: Any, unit: float, cell_size: float) -> Tetrahedra:
 
 def _joined(points: NDArray[np.float64], triangles: Ints) -> tuple[NDArray[np.float64], Ints]:
     """Return an STL file's triangles with common corners: it lists each corner with each triangle anew."""
-    from scipy.spatial import cKDTree
-
     near = SAME * float(np.linalg.norm(np.ptp(points, axis=0)))
-    pairs = cKDTree(points).query_pairs(near, output_type="ndarray")
+    pairs = scipy.spatial.cKDTree(points).query_pairs(near, output_type="ndarray")
     group = joined(pairs, len(points))
     _, first = np.unique(group, return_index=True)
     triangles = group[triangles]

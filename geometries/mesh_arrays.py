@@ -14,9 +14,7 @@ from geometries.actuator import joined_by
 from geometries.meshing import load_mesh, private_model
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshFileError
-from softmodels.common.names import lazy_module
-
-gmsh = lazy_module("gmsh")
+from softmodels.common.lazy import gmsh
 
 # ----------------------------------------------------------------------------------------------------------------------
 # A mesh of tetrahedra as arrays: its boundary, which faces are connected, what they enclose.

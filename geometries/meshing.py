@@ -31,10 +31,8 @@ from numpy.typing import NDArray
 
 from softmodels.common.errors import GeometryError, MeshFileError, MeshingError, MeshingStopped
 from softmodels.common.files import GEOMETRY, read_file
-from softmodels.common.names import lazy_module
+from softmodels.common.lazy import gmsh
 from softmodels.common.processes import LOCK, handlers_kept, one_at_a_time
-
-gmsh = lazy_module("gmsh")
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Run a Gmsh task in a separate process, so that it can be stopped and cannot crash the caller.

@@ -31,10 +31,8 @@ from geometries.actuator import Finger, Pour, Recipe, part_field, tip_field
 from geometries.meshing import MM, Entity, Mirror, add_block, bond, corners_of, face_block, one_solid, set_sizes
 from geometries.registry import register_device
 from softmodels.common.errors import GeometryError
-from softmodels.common.names import lazy_module
+from softmodels.common.lazy import gmsh
 from softmodels.common.schema import LONGEST, ROUNDING, choice_field, length_field, number_field, shown
-
-gmsh = lazy_module("gmsh")
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Where the walls of a PneuNet are: all stand square to the axes, so that a list of positions along each axis defines them.

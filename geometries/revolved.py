@@ -18,10 +18,8 @@ from geometries.actuator import Actuator, CutPlane, Wedged
 from geometries.meshing import MM, corners_of, name_boundary, name_group, name_groups, place_of
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
-from softmodels.common.names import lazy_module
+from softmodels.common.lazy import gmsh
 from softmodels.common.schema import angle_field, choice_field, number_field, shown
-
-gmsh = lazy_module("gmsh")
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Half sections of bodies of revolution as panels: patches with four sides, meshed in rows, that meet side by side.

@@ -40,7 +40,7 @@ from geometries.registry import register_device
 from geometries.revolved import TETRAHEDRON, check_alike
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshingError
-from softmodels.common.names import lazy_module
+from softmodels.common.lazy import gmsh
 from softmodels.common.schema import (
     LONGEST,
     angle_field,
@@ -51,8 +51,6 @@ from softmodels.common.schema import (
     number_field,
     shown,
 )
-
-gmsh = lazy_module("gmsh")
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The seminar actuator seen from above: outline, centre lines of the channels, and distances between them.

@@ -21,10 +21,8 @@ from geometries.meshing import private_model
 from softmodels.casting.settings import MouldError, Workshop
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshingError
-from softmodels.common.names import lazy_module
+from softmodels.common.lazy import gmsh
 from softmodels.common.schema import shown
-
-gmsh = lazy_module("gmsh")
 
 Solid = tuple[int, int]
 """Dimension, which is 3, and tag."""

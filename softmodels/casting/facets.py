@@ -16,9 +16,8 @@ from softmodels.casting.bodies import MM, Solid
 from softmodels.casting.settings import Workshop
 from softmodels.common.arrays import Array
 from softmodels.common.errors import MeshingError
-from softmodels.common.names import keep_arrays, lazy_module
-
-gmsh = lazy_module("gmsh")
+from softmodels.common.lazy import gmsh
+from softmodels.common.names import keep_arrays
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Maximum edge lengths of a body's triangles for a given chord error.

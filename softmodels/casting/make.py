@@ -21,14 +21,13 @@ from softmodels.casting.settings import MouldError, Workshop
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import MeshingError
-from softmodels.common.names import lazy_module
+from softmodels.common.lazy import gmsh
 from softmodels.common.schema import shown
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
     from vtkmodules.vtkCommonDataModel import vtkStaticCellLocator
 
-gmsh = lazy_module("gmsh")
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Checks of every body of a mould before anything is written.

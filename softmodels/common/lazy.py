@@ -1,4 +1,4 @@
-"""The libraries of the solver, each imported when it is first used.
+"""Libraries that take long to load, each imported when it is first used.
 
 DOLFINx, PETSc and MPI can be imported only once `softmodels.mechanics.mpi.start` has set them up, and a command that solves
 nothing is quicker without them.
@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import basix.ufl
+    import gmsh
+    import pyvista
     import scipy
     import ufl
     import ufl.core.expr
@@ -33,6 +35,7 @@ else:
             return found
 
     basix, scipy, ufl = _Library("basix", "basix.ufl"), _Library("scipy"), _Library("ufl")
+    gmsh, pyvista = _Library("gmsh"), _Library("pyvista")
     common, cpp, fem, la, meshes = (_Library(f"dolfinx.{name}") for name in ("common", "cpp", "fem", "la", "mesh"))
     MPI, PETSc = _Library("mpi4py.MPI"), _Library("petsc4py.PETSc")
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
-from softmodels.common.names import lazy_module
+from softmodels.common.lazy import Expr, basix, fem, la, meshes, scipy, ufl
 from softmodels.design.quantities import (
     QUANTITIES,
     Combine,
@@ -40,17 +40,9 @@ from softmodels.runs.state_values import (
 )
 
 if TYPE_CHECKING:
-    import scipy.sparse
-    import ufl
-    from dolfinx import fem
-    from ufl.core.expr import Expr
-
     from softmodels.design.quantities import DesignedBody
     from softmodels.mechanics.regions import MaterialRegion
     from softmodels.mechanics.system import State
-else:
-    fem = lazy_module("dolfinx.fem")
-    ufl = lazy_module("ufl")
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -152,9 +144,7 @@ class CellChoice:
             raise ValueError(f"the device has no region {self.region!r}; it has {known}")
         found = np.intersect1d(cells, body.regions[self.region]).astype(np.int32) if self.region else cells
         if self.above or self.within:
-            from dolfinx.mesh import compute_midpoints
-
-            middles = compute_midpoints(body.mesh, body.mesh.topology.dim, found) * design.system.length_unit
+            middles = meshes.compute_midpoints(body.mesh, body.mesh.topology.dim, found) * design.system.length_unit
             places, lift = body.actuator.device_points(middles), np.asarray(body.actuator.lift)
             heights = places @ lift
             far = np.linalg.norm(places - np.outer(heights, lift), axis=1)
@@ -435,8 +425,6 @@ class NodesMeasure(Measure):
 
     def _by_nodes(self, rates: Array) -> Array:
         """Return the derivatives by the grid's owned nodes, shape (n, d), as those by the mesh's own nodes; see `Slopes.X`."""
-        from dolfinx import la
-
         b = fem.Function(self.design.motion.space).x
         b.array[:] = (self._from_nodes.T @ rates).ravel()
         b.scatter_reverse(la.InsertMode.add)
@@ -494,9 +482,6 @@ def _add_rates(rates: Array, walls: FacingWalls, gaps: Gaps, chosen: npt.NDArray
 def _interpolation(grid: Grid, design: DesignedBody) -> scipy.sparse.csr_matrix:
     """Return the places of the grid's owned nodes from those of the mesh's own local nodes, shape (owned, nodes of
     `MeshMotion.space`)."""
-    import basix.ufl
-    from scipy.sparse import csr_matrix
-
     mesh, space = grid.space.mesh, design.motion.space
     element = basix.ufl.element("P", mesh.basix_cell(), mesh.geometry.cmaps[0].degree)
     shapes = element.tabulate(0, grid.space.element.interpolation_points)[
@@ -507,7 +492,7 @@ def _interpolation(grid: Grid, design: DesignedBody) -> scipy.sparse.csr_matrix:
     cell, local = np.divmod(first[owned < grid.owned], nodes.shape[1])
     rows = np.repeat(np.arange(grid.owned), own.shape[1])
     size = (grid.owned, len(space.tabulate_dof_coordinates()))
-    return csr_matrix((shapes[local].ravel(), (rows, own[cell].ravel())), shape=size)
+    return scipy.sparse.csr_matrix((shapes[local].ravel(), (rows, own[cell].ravel())), shape=size)
 
 
 @register_quantity

@@ -63,10 +63,14 @@ from softmodels.design.trials import (
     factor,
     shown_unit,
 )
+from softmodels.mechanics.body import Body
+from softmodels.mechanics.compiling import compiling
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.mpi import is_root, on_root
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.regions import relaxed
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import System
 from softmodels.path.stability import Stability
 from softmodels.runs.outcomes import RunError
 
@@ -121,11 +125,6 @@ class MeshedDesign:
         """Return a fresh mesh of a device, with its states. Those of another mesh ``before`` that shows this device now are
         interpolated; without it, or where Newton's method does not find them so, they are found along the whole path.
         DesignFailure where it cannot be meshed, or a load is not met."""
-        from softmodels.mechanics.body import Body
-        from softmodels.mechanics.compiling import compiling
-        from softmodels.mechanics.solver import Solver
-        from softmodels.mechanics.system import System
-
         with tempfile.TemporaryDirectory() as folder:
             file = Path(comm.bcast(folder)) / "design.msh"
             try:

@@ -19,7 +19,8 @@ import numpy.typing as npt
 from geometries import Actuator, GeometryError
 from geometries.actuator import cavity_roles, changed, is_length, parameter
 from softmodels.common.arrays import Array
-from softmodels.common.names import Registry, lazy_module
+from softmodels.common.lazy import Expr, PETSc, fem, ufl
+from softmodels.common.names import Registry
 from softmodels.common.units import quantity as read_quantity
 from softmodels.components.contact import FileShapeTerm, GuidedShapeTerm, Obstacle, RigidShape, ShapeTerm, force_of_all
 from softmodels.design.trials import DesignFailure, JudgedLoad
@@ -37,16 +38,8 @@ from softmodels.runs.grid import Grid, displacement_maps
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    import ufl
-    from dolfinx import fem
-    from petsc4py import PETSc
-    from ufl.core.expr import Expr
-
     from softmodels.mechanics.component import Component
     from softmodels.mechanics.system import State
-else:
-    fem = lazy_module("dolfinx.fem")
-    ufl = lazy_module("ufl")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -13,7 +13,6 @@ from typing import ClassVar, TypedDict
 
 import numpy as np
 import tomli_w
-from scipy.optimize import nnls
 
 from geometries import Actuator
 from softmodels.case.case import Case
@@ -21,6 +20,7 @@ from softmodels.case.entries import INPUT_ERRORS
 from softmodels.case.varied import varied
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
+from softmodels.common.lazy import scipy
 from softmodels.common.names import keep_arrays
 from softmodels.common.pages import Provenance
 from softmodels.design.extremes import LeastGap
@@ -106,8 +106,6 @@ class Told:
 def recovered(form: Formulation, trial: Trial) -> Told | None:
     """Return the parameters determined by a problem's targets at a trial; None without a target or
     errors."""
-    from scipy.stats import t
-
     problem = form.problem
     found = [(term.quantity, trial.squares.get(term.quantity.key)) for term in problem.terms]
     if problem.objective != "follow" or any(squares is None for _, squares in found):
@@ -134,9 +132,8 @@ def recovered(form: Formulation, trial: Trial) -> Told | None:
     told_at_all = values > 1e-12 * values.max(initial=0.0)
     inverse = np.where(told_at_all, 1.0 / np.where(told_at_all, values, 1.0), np.inf)
     scaled = _covariance(vectors, inverse)
-    quantile = float(
-        t.ppf(0.975, math.inf if known else freedom)
-    )  # Student's: the variance is estimated from few residuals
+    # Student's: the variance is estimated from few residuals.
+    quantile = float(scipy.stats.t.ppf(0.975, math.inf if known else freedom))
     errors = np.zeros(count)
     errors[inside] = np.sqrt(np.diag(scaled)) * form.width[inside]
     intervals = tuple(
@@ -246,7 +243,7 @@ def holding(form: Formulation, trial: Trial) -> Holding:
     if infeasible:  # sum of slopes zero, shares of the limits one
         share = np.array([1.0] * len(rows) + [0.0] * len(bounds))
         A, wanted = np.vstack([A, share]), np.append(np.zeros(len(x)), 1.0)
-    multipliers, rest = nnls(A, wanted)
+    multipliers, rest = scipy.optimize.nnls(A, wanted)
     size = float(np.linalg.norm(wanted)) or 1.0
     found = []
     for place in np.argsort(-multipliers):

@@ -12,7 +12,7 @@ import numpy.typing as npt
 import scipy.spatial
 
 from softmodels.common.arrays import Array
-from softmodels.common.names import lazy_module
+from softmodels.common.lazy import fem, ufl
 from softmodels.design.quantities import FormMeasure, Slopes, check_apart
 from softmodels.design.trials import PRESSURE, VOLUME, DesignFailure, JudgedLoad
 from softmodels.mechanics.controls import Tangent, pressure_control, volume_control
@@ -26,14 +26,8 @@ from softmodels.path.stability import Mode, Stability
 from softmodels.runs.grid import Grid, displacement_maps
 
 if TYPE_CHECKING:
-    import ufl
-    from dolfinx import fem
-
     from softmodels.design.quantities import DesignedBody, Measure
     from softmodels.mechanics.system import State
-else:
-    fem = lazy_module("dolfinx.fem")
-    ufl = lazy_module("ufl")
 
 
 # ----------------------------------------------------------------------------------------------------------------------

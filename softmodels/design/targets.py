@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.common.errors import reason
+from softmodels.common.lazy import fem, la
 from softmodels.common.tables import Line, Worksheet, pick, read_sheets, records
 from softmodels.common.units import UnitError, number, quantity
 from softmodels.design.quantities import (
@@ -80,8 +81,6 @@ class MovedSilhouette(Silhouette):
 
 def _added(space: object, dofs: npt.NDArray[np.integer], values: Array) -> Array:
     """Return the values added up at dofs, shape (local dofs,), complete on their owners."""
-    from dolfinx import fem, la
-
     b = fem.Function(space).x
     np.add.at(b.array, dofs, values)
     b.scatter_reverse(la.InsertMode.add)

@@ -32,6 +32,7 @@ from typing import Protocol
 import numpy as np
 
 from softmodels.common.errors import FieldError
+from softmodels.common.lazy import scipy, ufl
 from softmodels.common.schema import Quantity, Text
 from softmodels.common.units import brief, exact_text
 from softmodels.materials.strain import Expression
@@ -276,20 +277,14 @@ class InUfl:
 
     @staticmethod
     def exp(x: Expression) -> Expression:
-        import ufl
-
         return ufl.exp(x)
 
     @staticmethod
     def erf(x: Expression) -> Expression:
-        import ufl
-
         return ufl.erf(x)
 
     @staticmethod
     def below(x: Expression, y: Expression, then: Expression, other: Expression) -> Expression:
-        import ufl
-
         return ufl.conditional(ufl.lt(x, y), then, other)
 
 
@@ -302,9 +297,7 @@ class InNumpy:
 
     @staticmethod
     def erf(x: Expression) -> Expression:
-        from scipy.special import erf
-
-        return erf(x)
+        return scipy.special.erf(x)
 
     @staticmethod
     def below(x: Expression, y: Expression, then: Expression, other: Expression) -> Expression:

@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from softmodels.common.arrays import Array
+from softmodels.common.lazy import PETSc, fem, ufl
 from softmodels.mechanics.assembly import sparse_matrix
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.component import Equations
@@ -37,9 +38,6 @@ from softmodels.mechanics.mpi import total
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from dolfinx import fem
-    from petsc4py import PETSc
 
 
 class Weighing(Equations, Protocol):
@@ -68,9 +66,6 @@ def mass_matrix(
 ) -> PETSc.Mat:
     """Return the displacement's mass matrix by all dofs, of unit density without masses; rows and columns of held dofs (by
     default all that the system holds) are empty."""
-    import ufl
-    from dolfinx import fem
-
     bcs = system.bcs if held is None else held
     test, trial = ufl.TestFunction(system.space), ufl.TrialFunction(system.space)
     u, v = (system.body.displacement(ufl.split(f)[0] if system.mixed else f) for f in (trial, test))
@@ -119,8 +114,6 @@ class Motion:
     """
 
     def __init__(self, system: Weighing, inertia: Inertia, density: float, radius: float = RADIUS):
-        from dolfinx import fem
-
         self.comm, self.n = system.comm, system.n
         self.radius = radius
         self._am, self._af = (2 * radius - 1) / (radius + 1), radius / (radius + 1)

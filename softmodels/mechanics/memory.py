@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
+from softmodels.common.lazy import Expr, basix, fem, ufl
 from softmodels.materials import memory
 from softmodels.materials.laws import Material
 from softmodels.materials.memory import COUNTS, IDENTITY, Branch, InUfl, Memory, Six, six
@@ -26,9 +27,7 @@ from softmodels.mechanics.compiling import JIT, LABEL
 from softmodels.mechanics.mpi import largest, total
 
 if TYPE_CHECKING:
-    from dolfinx import fem
     from dolfinx.mesh import Mesh
-    from ufl.core.expr import Expr
 
     from softmodels.mechanics.regions import MaterialRegion
 
@@ -42,8 +41,6 @@ FLOW = ("onset", "exponent", "least", "growth", "growth_exponent")
 
 def _constants(mesh: Mesh, branch: Branch) -> types.SimpleNamespace:
     """Return what `memory.fluidity` takes of a branch, as constants."""
-    from dolfinx import fem
-
     spring = [tuple(fem.Constant(mesh, value) for value in term) for term in branch.spring]
     return types.SimpleNamespace(
         **{name: fem.Constant(mesh, float(getattr(branch, name))) for name in FLOW}, spring=spring
@@ -75,9 +72,6 @@ class History:
     def __init__(
         self, body: Body, region: MaterialRegion, displacement: Expr, before: Expr, fixed: Expr, step: fem.Constant
     ):
-        import basix.ufl
-        from dolfinx import fem
-
         assert region.material.memory is not None
         self.body, self.region, self.step = body, region, step
         self.memory: Memory = region.material.memory
@@ -111,10 +105,6 @@ class History:
 
     def _make(self) -> None:
         """Make the energies and the expressions of a step."""
-        import basix
-        import ufl
-        from dolfinx import fem
-
         law, parameters = self.region.material, self.region.parameters
         C, C0 = (six(strain.J ** (-2 / 3) * strain.C) for strain in (self.strain, self._before))
         W = law.shape(self.strain, parameters)
@@ -155,8 +145,6 @@ class History:
     def _branch(self, k: int, C0: Six, C: Six) -> types.SimpleNamespace:
         """Return what the energy of a step from Cbar C0 to C takes of branch k's beginning, the branch's Cv at the end, the
         error of its stress there, and what it dissipates in the step."""
-        import ufl
-
         flow = self.flows[k]
         Cv, G, x = [self.values[SIX * k + i] for i in range(SIX)], self.moduli[k], self.step / self.times[k]
         rate = memory.fluidity(C0, Cv, flow, InUfl) if flow else 1.0
@@ -192,8 +180,6 @@ class History:
         The first is linear in C, the second quadratic in its change from itself, which is zero: derivatives of C then multiply
         the sums of the branches' stresses and stiffnesses. Those of each branch's energy take five times as long.
         """
-        import ufl
-
         none = ufl.as_ufl(0.0)
         scale = self._fixed.J ** (-2 / 3)
         C = six(scale * self._fixed.C)
@@ -227,13 +213,8 @@ class History:
     @functools.cached_property
     def _stress(self) -> fem.Expression:
         """The Cauchy stress of that state, without the pressure that keeps the volume."""
-        import ufl
-        from dolfinx import fem
-        from ufl.classes import Label, Variable
-
-        F = Variable(
-            self.strain.F, Label(LABEL)
-        )  # a fixed label, because it is part of the signature in the kernel cache
+        # a fixed label, because it is part of the signature in the kernel cache
+        F = ufl.classes.Variable(self.strain.F, ufl.classes.Label(LABEL))
         strain = Strain(F)
         stress = ufl.diff(self._stored(strain), F) * F.T / strain.J
         return fem.Expression(stress, self.points, jit_options=JIT)
@@ -319,8 +300,6 @@ class History:
     @property
     def dissipated(self) -> float:
         """Energy that branches and softening have dissipated until the step began, dimensionless, on all ranks."""
-        from dolfinx import fem
-
         return self._creep + total(self.body.mesh.comm, fem.assemble_scalar(self._hurt))
 
     def stress(self) -> Array:

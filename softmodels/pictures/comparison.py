@@ -23,6 +23,7 @@ from softmodels.common.cards import Shown, Table as CardRows
 from softmodels.common.errors import Spoken
 from softmodels.common.files import write_text
 from softmodels.common.folders import fingerprint
+from softmodels.common.lazy import scipy
 from softmodels.common.pages import Bullets, Cell, Charts, Fact, Page, Part, Provenance, Table, Text
 from softmodels.materials.silicones import publications
 from softmodels.pictures.curves import drawing, limits, over_of, profile, smooth
@@ -364,6 +365,4 @@ def _between(one: Compared, column: str, size: float) -> float:
         return float(rows[step][column])
     if size < loads[0]:
         return math.nan
-    from scipy.interpolate import PchipInterpolator
-
-    return float(PchipInterpolator(loads, [float(row[column]) for row in rows])(size))
+    return float(scipy.interpolate.PchipInterpolator(loads, [float(row[column]) for row in rows])(size))

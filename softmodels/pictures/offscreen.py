@@ -17,6 +17,7 @@ from PIL import Image as Picture, ImageFilter
 
 from softmodels.common.arrays import Array
 from softmodels.common.commands import COLORMAP
+from softmodels.common.lazy import pyvista
 from softmodels.components.contact import RigidShape, obstacle_of, surface_of
 from softmodels.pictures.style import DPI, EDGE, INK, WARNING, WIDTH, Caption, Scale, headline, load, number, subject
 from softmodels.runs.fields import coloured
@@ -52,8 +53,6 @@ SHADING = """
 
 def add_lights(plotter: Plotter) -> None:
     """Add the lights to VTK, for surfaces without `shade`."""
-    import pyvista
-
     plotter.add_light(pyvista.Light(light_type="headlight", intensity=HEADLIGHT))
     plotter.add_light(pyvista.Light(light_type="camera light", position=LAMP_PLACE, intensity=LAMP))
 
@@ -194,8 +193,6 @@ AROUND, ALONG = 48, 16
 
 def surface(points: Array, triangles: Cells, normals: Array | None = None, values: Array | None = None) -> PolyData:
     """Return the mesh of triangles; points (n, 3) in m, triangles (t, 3), normals (n, 3), values (n,) to colour them by."""
-    import pyvista
-
     data = pyvista.PolyData.from_regular_faces(points, triangles)
     if values is not None:
         data.point_data["values"] = values
@@ -206,8 +203,6 @@ def surface(points: Array, triangles: Cells, normals: Array | None = None, value
 
 def lines(points: Array, pairs: Cells) -> PolyData:
     """Return the straight lines to draw; points (n, 3) in m, pairs of them (e, 2)."""
-    import pyvista
-
     return pyvista.PolyData(points, lines=np.column_stack([np.full(len(pairs), 2), pairs]).ravel())
 
 
@@ -220,16 +215,12 @@ def seen_lines(points: Array, pairs: Cells) -> list[Layer]:
 
 def ring(centre: Array, direction: Array, radius: float) -> PolyData:
     """Return a circle to draw around a place, seen from a direction; lengths in m."""
-    import pyvista
-
     return pyvista.Polygon(center=centre, radius=radius, normal=direction, n_sides=AROUND, fill=False)
 
 
 @functools.cache
 def _plotter(process: int) -> Plotter:
     """Return a render window with lights, cached by process: a new one recompiles its shaders, and none survives a fork."""
-    import pyvista
-
     plotter = pyvista.Plotter(off_screen=True, lighting="none")
     plotter.set_background("white")
     add_lights(plotter)

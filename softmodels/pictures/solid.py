@@ -24,6 +24,7 @@ from geometries import Actuator
 from softmodels.case.entries import CaseError
 from softmodels.common.arrays import Array
 from softmodels.common.files import replace, write_bytes
+from softmodels.common.lazy import pyvista
 from softmodels.pictures.offscreen import (
     SOLID_STYLE,
     HotSpot,
@@ -307,8 +308,6 @@ def _aside(vertices: Array, normal: Array, place: Array) -> Array:
 
 def _section(points: Array, cells: Cells, u: Array, values: Array, normal: Array, place: Array) -> PolyData:
     """Return where a plane meets the solid."""
-    import pyvista
-
     grid = pyvista.UnstructuredGrid({QUADRATIC_TETRA: cells}, points)
     grid.point_data["displacement"], grid.point_data["values"] = u, values
     return grid.slice(normal=normal, origin=place).extract_surface(algorithm="dataset_surface").triangulate()
