@@ -28,7 +28,10 @@ else:
             self._modules = modules
 
         def __getattr__(self, name: str) -> object:
-            if name.startswith("__") and name != "__file__":  # Python itself looks for some of these
+            if name.startswith("__") and name not in (
+                "__file__",
+                "__version__",
+            ):  # Python itself looks for some of these
                 raise AttributeError(name)
             module, *_ = map(importlib.import_module, self._modules)
             found = self.__dict__[name] = getattr(module, name)

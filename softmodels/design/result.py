@@ -698,38 +698,14 @@ class DesignTold(TypedDict):
 def summary(result: DesignResult) -> str:
     """Return the text of ``design.json``."""
     found = result.recovered
-    told: DesignTold = {
-        "name": result.problem.name,
-        "headline": result.headline,
-        "feasible": result.feasible,
-        "stopped": result.stopped,
-        "best": result.best.number,
-        "missed": result.missed,
-        "reasons": result.reasons,
-        "agreement": result.agreement,
-        "confirmation": result.confirmation,
-        "finer": result.finer,
-        "trouble": result.trouble,
-        "margins": result.margins,
-        "recovered": found.sentences if found else [],
-        "notes": notes(result),
-        "parameters": parameters_told(result),
-        "objective": _objective(result),
-        "limits": _limits(result),
-        "trials": [
-            {
-                "number": trial.number,
-                "start": trial.start,
-                "mesh": trial.mesh,
-                "failure": trial.failure,
-                "newton": trial.newton,
-                "seconds": trial.seconds,
-            }
-            for trial in result.trials
-        ],
-        "made": Provenance.now().table(),
-    }
-    return json.dumps(told, indent=1)
+    told = {
+        "name": result.problem.name, "best": result.best.number, "recovered": found.sentences if found else [],
+        "notes": notes(result), "parameters": parameters_told(result), "objective": _objective(result),
+        "limits": _limits(result), "made": Provenance.now().table(),
+        "trials": [{name: getattr(trial, name) for name in TrialTold.__annotations__} for trial in result.trials],
+    }  # fmt: skip
+    names = DesignTold.__annotations__
+    return json.dumps({name: told[name] if name in told else getattr(result, name) for name in names}, indent=1)
 
 
 def notes(result: DesignResult) -> list[str]:
