@@ -300,11 +300,6 @@ def solid_names(path: str | Path) -> list[str]:
     return [names.get(_mark(colour), "") if colour else "" for colour in seen]
 
 
-def surface_colours(path: str | Path) -> list[Colour | None]:
-    """Return the colour of each surface that Gmsh makes of a file, None where it has none; needs a current Gmsh session."""
-    return _colours(_unmoved(_read(path)))
-
-
 def _read(path: str | Path) -> str:
     return read_file(path, GEOMETRY).decode("latin-1")  # any byte is a letter, so that the copy holds the same bytes
 
@@ -512,7 +507,7 @@ def chosen(
             raise GeometryError(f"{field} is {choice.text!r}; {listed('name', sorted(known))}")
         return _at(named_surfaces(file, choice.name), tags, pieces)
     if choice.colour is not None:
-        colours = surface_colours(file)
+        colours = _colours(_unmoved(_read(file)))
         wanted = np.array(choice.colour)
         places = [i for i, one in enumerate(colours) if one and np.abs(wanted - one).max() <= SAME_COLOUR]
         if not places:

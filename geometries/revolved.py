@@ -182,16 +182,6 @@ def chained(sides: Iterable[Side]) -> list[Side]:
     return found
 
 
-def turned_volume(panels: Iterable[Panel]) -> float:
-    """Return the volume in m3 of the panels turned around the axis."""
-    return sum(abs(sum(side.volume for side in panel.sides)) for panel in panels)
-
-
-def enclosed_volume(sides: Iterable[Side]) -> float:
-    """Return the volume in m3 between a wall turned around the axis and planes square to it through the wall's ends."""
-    return abs(sum(side.volume for side in sides))
-
-
 def graded(length: float, first: float, largest: float) -> list[tuple[float, int, float]]:
     """Cut a length into cells that are small at its beginning (at most ``first``) and grow (to ``largest`` at most), in m.
     Return one or two pieces in order: length, cells, and length of a cell over that of the one before it."""
@@ -596,11 +586,11 @@ class Revolved(Wedged):
 
     @property
     def cavity_volume(self) -> float:
-        return enclosed_volume(side for side in self.sides if side.role == "cavity")
+        return abs(sum(side.volume for side in self.sides if side.role == "cavity"))
 
     @property
     def solid_volume(self) -> float:
-        return turned_volume(self.panels)
+        return sum(abs(sum(side.volume for side in panel.sides)) for panel in self.panels)
 
     def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         points = np.asarray(points, dtype=float)

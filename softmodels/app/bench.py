@@ -273,12 +273,8 @@ class Photographs:
             return {}
 
     async def change(self, one: Listed, **entries: str) -> None:
-        """Change entries of a photograph's row, write the list, and trace it anew.
-
-        Raises:
-            ColumnError: Its pressure cannot be read; the row stays as it was.
-            OSError: The list cannot be written; the same.
-        """
+        """Change entries of a photograph's row, write the list, and trace it anew. The row stays as it was after a
+        ColumnError (its pressure cannot be read) or OSError (the list cannot be written)."""
         before, one.row = one.row, {**one.row, **entries}
         try:
             self.pressure_of(one)
@@ -305,12 +301,8 @@ class Photographs:
     # -- work ---------------------------------------------------------------------------------------------------------
 
     async def add(self, name: str, data: bytes) -> None:
-        """Keep a photograph that was dropped or taken, and find its edge; or take a list of them.
-
-        Raises:
-            AnswerError, FieldError: It is neither.
-            OSError: It cannot be written.
-        """
+        """Keep a photograph that was dropped or taken, and find its edge; or take a list of them. AnswerError or FieldError
+        if it is neither, OSError if it cannot be written."""
         if name.lower().endswith(".csv"):
             return self._add_list(name, data)
         file = self.project.keep(PHOTOGRAPHS, name, data, PHOTOGRAPH)
@@ -344,11 +336,7 @@ class Photographs:
                 one.why = str(error)
 
     async def find_plane(self, grid: str, pitch: str, lens: str) -> None:
-        """Find the screen's plane in the photograph of its grid, and trace all photographs anew.
-
-        Raises:
-            AnswerError: There is no such grid.
-        """
+        """Find the screen's plane in the photograph of its grid, and trace all anew; AnswerError if there is no such grid."""
         found: Plane = await self.tracer.ask("plane", str(self.listed[grid].file), pitch, self._lens(lens))
         replace_text(self.project / SETUP, found.setup)
         self.plane, self.grid, self.pitch, self.lens = found, grid, pitch, lens
@@ -363,11 +351,7 @@ class Photographs:
         replace_text(self.project / BENCH, tomli_w.dumps(known))
 
     async def take_tone(self, tone: str) -> None:
-        """Take how the photographs store light, and trace them anew.
-
-        Raises:
-            OSError: It cannot be written.
-        """
+        """Take how the photographs store light, and trace them anew; OSError if it cannot be written."""
         before, self.tone = self.tone, tone
         try:
             self._write_bench()
@@ -403,11 +387,7 @@ class Photographs:
         await self.trace_all()
 
     async def move(self, handles: Handles) -> None:
-        """Take handles that were dragged, and trace anew.
-
-        Raises:
-            AnswerError: They cannot be where they are; the old ones stay.
-        """
+        """Take handles that were dragged, and trace anew; AnswerError if they cannot be where they are: the old ones stay."""
         replace_text(self.project / SETUP, await self.tracer.ask("moved", self.setup, handles))
         self.handles = handles
         self.changed.emit("")

@@ -165,17 +165,9 @@ class Warm:
         self._asked: Counter[str] = Counter()
 
     async def ask(self, function: str, *args: object, kind: str = "") -> Any:
-        """Return what a function of the module returns.
-
-        Args:
-            function: Its name.
-            args: Its arguments, which are pickled.
-            kind: What is asked, for dropping older questions of the same; of none if empty.
-
-        Raises:
-            AnswerError: With the function's sentence for the user.
-            SupersededError: The same was asked again meanwhile.
-        """
+        """Return what a function of the module returns; its arguments are pickled. Older questions of the same kind (of none
+        if empty) are dropped. AnswerError has the function's sentence for the user, SupersededError if the same was asked
+        again meanwhile."""
         self._asked[kind] += 1
         number = self._asked[kind]
         async with self._turn:

@@ -381,11 +381,6 @@ def step_invariant(C: Six, H: Six, b: Expression) -> Expression:
     return 3 * rise / (p**2 + p * q + q**2)
 
 
-def spring_energy(I1: Expression, spring: Spring) -> Expression:
-    """Return the energy of a spring over G; without terms neo-Hookean."""
-    return sum(1.5 * w / a * ((I1 / 3) ** a - 1) for w, a in spring) if spring else (I1 - 3) / 2
-
-
 def spring_stiffness(I1: Expression, spring: Spring) -> Expression:
     """Return g, the stress over that of a neo-Hookean spring."""
     return sum(w * (I1 / 3) ** (a - 1) for w, a in spring) if spring else 1.0
@@ -461,8 +456,9 @@ def crept(C: Six, H: Six, b: Expression) -> list[Expression]:
 
 
 def stored(C: Six, Cv: Six, spring: Spring = ()) -> Expression:
-    """Return the energy of a branch over G."""
-    return spring_energy(contracted(C, cofactors(Cv)), spring)
+    """Return the energy of a branch over G; that of a spring without terms is neo-Hookean."""
+    I1 = contracted(C, cofactors(Cv))
+    return sum(1.5 * w / a * ((I1 / 3) ** a - 1) for w, a in spring) if spring else (I1 - 3) / 2
 
 
 def lost(C: Six, Cv: Six) -> Expression:

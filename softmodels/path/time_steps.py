@@ -203,8 +203,9 @@ def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Ite
     first = path.begin()
     yield 0.0, first
     potential, corrector, duration = path.solver.system.potential, path.corrector, drive.duration
+    motion = potential.motion
     time, step, errors, shrunk = 0.0, drive.begin(path, first), _Errors(path, drive, tolerance), False
-    step = min(step, potential.motion.first_step(duration)) if potential.motion else step
+    step = min(step, motion.first_step(duration)) if motion else step
     earlier: Earlier | None = None
     while time < duration:
         left = duration - time
@@ -215,7 +216,8 @@ def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Ite
         since = potential.remembered()
         try:
             potential.pass_time(step)
-            _refactorise(path, step)
+            if motion and not motion.last / SHAKEN < step < motion.last * SHAKEN:
+                path.solver.kept.worn = True  # K has mass: it is factorised anew for a much longer or shorter step
             state = drive.solved(path, time, step, share == 1.0, earlier)
             wanted = step * errors.change(state)
             if wanted < SAFETY * step and step > min(FIRST * duration, _shortest(path, drive, time)):
@@ -236,7 +238,7 @@ def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Ite
         yield share, point
         _check_growth(path)
         step = min(wanted, step) if shrunk else wanted
-        shrunk = shrunk and not (drive.recovers or potential.motion)
+        shrunk = shrunk and not (drive.recovers or motion)
 
 
 class _Errors:
@@ -264,13 +266,6 @@ class _Errors:
 def _shortest(path: Continuation, drive: Drive, time: float) -> float:
     """Return the length in s of a step that is not halved any more."""
     return SHORTEST * drive.duration if path.solver.system.potential.motion else drive.shortest(time)
-
-
-def _refactorise(path: Continuation, step: float) -> None:
-    """Let K be factorised anew for a step much longer or shorter than the last one, if it has mass."""
-    motion = path.solver.system.potential.motion
-    if motion and not motion.last / SHAKEN < step < motion.last * SHAKEN:
-        path.solver.kept.worn = True
 
 
 def _check_growth(path: Continuation) -> None:
