@@ -12,7 +12,7 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from multiprocessing.connection import Connection
 from typing import Any
@@ -70,6 +70,15 @@ class Worker:
             raise DiedError(ENDED) from None
         return found
 
+    def answer(self, function: str, task: object, closed: Callable[[], bool] = bool) -> Answer:
+        """Return the answer to a task, which is given to a new process once more if the first one dies before all is closed."""
+        try:
+            with contextlib.suppress(DiedError):
+                return self.call(function, task)
+            return (False, ENDED) if closed() else self.call(function, task)
+        except DiedError as error:
+            return False, str(error)
+
     def stop(self) -> None:
         """End the process."""
         if self._process is None:
@@ -85,8 +94,7 @@ class Worker:
 
 
 def answers(module: str, function: str, tasks: Mapping[int, object], count: int) -> Iterator[tuple[int, Answer]]:
-    """Yield the number of each task (its argument) and its answer, see `Worker.call`, as soon as it is known; several
-    processes share the tasks, and one whose process dies is given to a new one once more."""
+    """Yield the number of each task and its `Worker.answer`, as soon as it is known; several processes share the tasks."""
     workers = [Worker(module) for _ in range(min(count, len(tasks)))]
     free: queue.SimpleQueue[Worker] = queue.SimpleQueue()
     for worker in workers:
@@ -98,11 +106,7 @@ def answers(module: str, function: str, tasks: Mapping[int, object], count: int)
     def answer(task: object) -> Answer:
         worker = free.get()
         try:
-            with contextlib.suppress(DiedError):
-                return worker.call(function, task)
-            return (False, ENDED) if closed.is_set() else worker.call(function, task)
-        except DiedError as error:
-            return False, str(error)
+            return worker.answer(function, task, closed.is_set)
         finally:
             free.put(worker)
 

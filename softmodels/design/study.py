@@ -39,7 +39,7 @@ from softmodels.common.names import callback, checked, flag, one_of, place, whol
 from softmodels.common.processes import cores
 from softmodels.common.tables import TomlError, parse_toml, read_toml
 from softmodels.common.units import UnitError, number, number_and_unit
-from softmodels.common.workers import Answer, DiedError, Worker, answers
+from softmodels.common.workers import Answer, Worker, answers
 from softmodels.design.trials import dotted
 from softmodels.materials.laws import Material
 from softmodels.materials.specimens import nudged
@@ -398,14 +398,8 @@ _BESIDE = threading.local()
 
 def solved_beside(task: tuple[Case, str]) -> Answer:
     """Return the answer for a sample of a process beside this one: what a worker of dask calls."""
-    worker = _BESIDE.__dict__.setdefault("worker", Worker(__name__))
-    for attempt in (False, True):
-        try:
-            return worker.call(solved.__name__, task)
-        except DiedError as error:
-            if attempt:
-                return False, str(error)
-    raise AssertionError("the second attempt has returned")
+    worker: Worker = _BESIDE.__dict__.setdefault("worker", Worker(__name__))
+    return worker.answer(solved.__name__, task)
 
 
 def _by_cluster(scheduler: str, tasks: Mapping[int, tuple[Case, str]]) -> Iterator[tuple[int, Answer]]:
