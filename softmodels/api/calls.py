@@ -23,9 +23,12 @@ from softmodels.common.processes import one_at_a_time
 from softmodels.common.units import WATER_DENSITY
 from softmodels.decks.deck import WRITTEN, Deck, calculix, check, check_without_springs, deck_of, febio, needs_equations
 from softmodels.materials.laws import Material
+from softmodels.mechanics.body import Body
+from softmodels.mechanics.compiling import compiling
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.inertia import RADIUS
 from softmodels.mechanics.mpi import is_root, start
+from softmodels.mechanics.system import System
 from softmodels.path.program import TOLERANCE, Program
 from softmodels.path.supply import AirSupply
 from softmodels.runs.analyses import (
@@ -49,7 +52,6 @@ from softmodels.runs.states import StoredStates
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from softmodels.mechanics.system import System
     from softmodels.pictures.comparison import Comparison
 
 
@@ -451,14 +453,8 @@ def _system(case: Case, mesh: Path) -> System | None:
     compiling if they cannot be made."""
     if not needs_equations(case):
         return None
-    from softmodels.mechanics.mpi import start
-
     start()
     from mpi4py import MPI
-
-    from softmodels.mechanics.body import Body
-    from softmodels.mechanics.compiling import compiling
-    from softmodels.mechanics.system import System
 
     with compiling():
         body = Body.from_file(case.actuator, mesh, MPI.COMM_SELF)

@@ -31,6 +31,8 @@ from softmodels.common.units import UnitError, brief, number, readable
 from softmodels.materials.laws import parameter_fields
 from softmodels.materials.silicones import named
 from softmodels.mechanics.mpi import is_root, on_root, start
+from softmodels.mechanics.newton import NoConvergence
+from softmodels.path.continuation import Continuation
 from softmodels.runs.analyses import KINDS, Limit
 from softmodels.runs.columns import load_columns, overlap_text, state_labels, term
 from softmodels.runs.fields import OUTPUTS, OutputField, Row, requestable, split
@@ -343,9 +345,6 @@ def _bracket(source: States, values: Array, wanted: float) -> tuple[int, int] | 
 
 def _between(simulation: Simulation, source: States, ends: tuple[int, int], asked: tuple[str, float]) -> Step:
     """Return the state at a value between two steps of a run."""
-    from softmodels.mechanics.newton import NoConvergence
-    from softmodels.path.continuation import Continuation
-
     fields, comm, (quantity, wanted) = simulation.fields, simulation.comm, asked
     passed = [step for step, row in enumerate(source.rows[: ends[0]]) if row["bifurcation"]]
     *points, after = (

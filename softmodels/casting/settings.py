@@ -31,7 +31,7 @@ from softmodels.common.schema import (
     to_table,
 )
 from softmodels.common.tables import TomlError, read_toml
-from softmodels.common.units import brief
+from softmodels.common.units import UnitError, brief, quantity
 from softmodels.materials.silicones import CASTING, Casting, casting_of, named, product_of
 
 STEEPEST = 15.0
@@ -206,8 +206,6 @@ class Workshop:
         """The given height of the parting plane along the pull in m; None if not given."""
         if not self.split.strip():
             return None
-        from softmodels.common.units import UnitError, quantity
-
         try:
             return float(quantity(self.split, "m"))
         except UnitError as error:

@@ -30,7 +30,7 @@ from softmodels.common.errors import reason
 from softmodels.common.files import write_bytes, write_text
 from softmodels.common.folders import OwnFolderError
 from softmodels.common.processes import say
-from softmodels.design.problem import DesignProblem
+from softmodels.design.problem import DesignProblem, SearchOptions
 from softmodels.design.study import DATASET, PAGE, Study, StudyFolder, StudyPlan, open_folder, solve_into
 from softmodels.design.trials import DesignError
 from softmodels.mechanics.mpi import abort_on_error, is_root, launched, on_root, petsc_reason, speaks, start
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from softmodels.design.model import DesignFolder
-    from softmodels.design.problem import SearchOptions
     from softmodels.design.result import DesignResult
 
 

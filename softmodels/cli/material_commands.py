@@ -16,7 +16,7 @@ import numpy as np
 
 from geometries.registry import QuantityType
 from softmodels.case.case import Case
-from softmodels.case.materials import material_from
+from softmodels.case.materials import MaterialErrors, material_from
 from softmodels.cli.options import command, fail, write_into
 from softmodels.common.commands import flag_option, open_folder, option, options, output_option, quiet_option
 from softmodels.common.errors import known_are
@@ -77,7 +77,6 @@ from softmodels.runs.outcomes import DONE, FAILED, Progress
 
 if TYPE_CHECKING:
     from measurement.outline.outline import Outline
-    from softmodels.case.materials import MaterialErrors
     from softmodels.fitting.outlines.device import MeasuredDevice
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -736,8 +735,6 @@ def _device(files: tuple[Path, ...], how: ScoreOptions) -> tuple[MeasuredDevice,
 
 def _errors(names: tuple[str, ...]) -> dict[str, MaterialErrors]:
     """Return the errors of those materials that are files of a fit."""
-    from softmodels.case.materials import MaterialErrors
-
     found = {}
     for name in names:
         if name.endswith(".toml"):

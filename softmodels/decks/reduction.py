@@ -29,8 +29,16 @@ from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import known_are
 from softmodels.components.contact import Walls
 from softmodels.materials.silicones import density_of, extrapolated
+from softmodels.mechanics.body import Body
+from softmodels.mechanics.component import ComponentError
+from softmodels.mechanics.controls import pressure_control
+from softmodels.mechanics.dead_loads import DistributedLoad
 from softmodels.mechanics.mpi import start
+from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.regions import RegionPart
+from softmodels.mechanics.sensitivity import Sensitivity
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import State, System
 from softmodels.runs.fields import Row
 from softmodels.runs.notes import sentences
 from softmodels.runs.outcomes import RunError
@@ -41,9 +49,6 @@ from softmodels.runs.states import States
 if TYPE_CHECKING:
     from ufl.core.expr import Expr
 
-    from softmodels.mechanics.body import Body
-    from softmodels.mechanics.solver import Solver
-    from softmodels.mechanics.system import State, System
 
 TOLERANCE = 1e-11
 """Relative tolerance of the linear responses."""
@@ -104,8 +109,6 @@ class TipFace:
     """
 
     def __init__(self, system: System, role: str, of: Actuator | None = None):
-        from softmodels.mechanics.dead_loads import DistributedLoad
-
         self.system, on = system, DistributedLoad(system)
         device, d = of or system.body.actuator, system.body.actuator.dimension
         self._odd = of is not None
@@ -177,8 +180,6 @@ class TipFace:
 
 def odd_body(body: Body) -> Body | None:
     """Return half a device whose cut plane may warp, but not move within itself; None if it is not half a device."""
-    from softmodels.mechanics.body import Body
-
     device = body.actuator
     if len(device.cut_planes) != 1 or device.dimension != 3:
         return None
@@ -277,8 +278,6 @@ def table_of(source: States, face: str = "") -> ReducedModel:
         CaseError: A run of a program or in time, or no such face.
         RunError: Too few states, or one cannot be solved again.
     """
-    from softmodels.mechanics.newton import NoConvergence
-
     case, rows = source.case, source.rows
     if case.program or case.driven is not None or case.supply is not None:
         raise CaseError("a reduced model needs a path over one pressure; run the case with pressures or added volumes")
@@ -329,15 +328,10 @@ class Responses:
         self._sides = [(self.solver, self.tip), *self._against(role)]
         self._sensitivity = None
         if isinstance(self.case.band, MaterialErrors):
-            from softmodels.mechanics.sensitivity import Sensitivity
-
             self._sensitivity = Sensitivity(self.solver)
 
     def _against(self, role: str) -> list[tuple[Solver, TipFace]]:
         """Return what solves for motions against the symmetry of half a device; nothing for others."""
-        from softmodels.mechanics.solver import Solver
-        from softmodels.mechanics.system import System
-
         body, parts = odd_body(self.system.body), without_walls(self.case.components)
         if body is None or not all(isinstance(part, RegionPart | Walls) for part in parts):
             return []
@@ -356,8 +350,6 @@ class Responses:
         role = next((hold.role for hold in device.holds if hold.role in self.system.body.entities), "")
         if not role:
             return np.zeros(3)
-        from softmodels.mechanics.component import ComponentError
-
         try:
             return TipFace(self.system, role).centre
         except ComponentError:
@@ -365,8 +357,6 @@ class Responses:
 
     def at(self, state: State, row: Row) -> TipState:
         """Return a state of the table, from a guess of it."""
-        from softmodels.mechanics.controls import pressure_control
-
         solver, system = self.solver, self.system
         control = pressure_control(state.P)
         state = solver.solve(control, state.w, state.P)
@@ -389,8 +379,6 @@ class Responses:
 
         Where surfaces press on each other, only that of the slice is known.
         """
-        from softmodels.mechanics.controls import pressure_control
-
         device = self.system.body.actuator
         # Forces on the slice are those on the whole device over its copies; in shear moduli times the size squared or cubed.
         unit = 1.0 / (self.system.stress_unit * device.size**3 * device.copies)

@@ -25,6 +25,7 @@ from softmodels.common.names import read_only
 from softmodels.common.processes import cores
 from softmodels.common.schema import Length, Quantity, about, shown
 from softmodels.common.units import UnitError, brief, number, quantity
+from softmodels.common.workers import answers
 from softmodels.components.loads import weighed
 from softmodels.materials.laws import Material
 from softmodels.materials.silicones import (
@@ -38,7 +39,13 @@ from softmodels.materials.silicones import (
     spread_sentence,
 )
 from softmodels.mechanics.mpi import on_root, start
+from softmodels.mechanics.newton import NoConvergence
+from softmodels.path.continuation import Continuation, trace
+from softmodels.path.points import PathEnd, Point
+from softmodels.path.program import TIME_KEY, from_tables
+from softmodels.path.schedule import Settings, StageEnd, follow
 from softmodels.path.supply import AMBIENT
+from softmodels.path.time_steps import LostInTime
 from softmodels.runs.grid import Cells
 from softmodels.runs.model import AtRest, Equilibrium, Mode, Model, meshed
 from softmodels.runs.notes import sentences, unseen
@@ -48,9 +55,6 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from softmodels.mechanics.body import Body
-    from softmodels.path.continuation import Continuation
-    from softmodels.path.points import Point
-    from softmodels.path.schedule import StageEnd
     from softmodels.runs.fields import Fields
 
 
@@ -172,11 +176,6 @@ HELD_WITHIN = 1e-3
 def _held(case: Case, body: Body, material: Material, relaxed: Limit, hold: float) -> Limit:
     """Return the largest pressure that is applied at once and borne for a time, by bisection between the limits of the relaxed
     silicone and of one that does not creep at all."""
-    from softmodels.path.points import PathEnd
-    from softmodels.path.program import TIME_KEY, from_tables
-    from softmodels.path.schedule import Settings, follow
-    from softmodels.path.time_steps import LostInTime
-
     load = {"pressures_cm": (1.0,), "hold": hold}
     asked = dataclasses.replace(case, material=material, components=weighed(case.components, material), **load)  # type: ignore[arg-type]
     model = Model.of(asked, body)
@@ -209,10 +208,6 @@ def _held(case: Case, body: Body, material: Material, relaxed: Limit, hold: floa
 
 def _search(model: Model, hung: StageEnd | None = None) -> Limit:
     """Return the first limit of a device; ``hung``: its `Model.preload`, where it is known."""
-    from softmodels.mechanics.newton import NoConvergence
-    from softmodels.path.continuation import trace
-    from softmodels.path.points import PathEnd
-
     path, fields = model.continuation(hung=hung), model.fields
     kind, why, last, passed = "none", "", None, list[tuple[float, float]]()
     try:
@@ -322,8 +317,6 @@ def scatter(
 ) -> list[tuple[Mapping[str, float], Limit]]:
     """Find the limit of each sampled device, with its parameters of `samples`; several are solved at a time, on all cores.
     `CaseError` for tolerances that make no device, `RunError` for one that cannot be meshed or solved."""
-    from softmodels.common.workers import answers
-
     every = [{t.name: float(value) for t, value in zip(tolerances, row, strict=True)} for row in values]
     try:
         devices = [case.actuator.made(changes) for changes in every]

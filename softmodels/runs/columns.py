@@ -38,6 +38,7 @@ from softmodels.runs.fields import (
     ColumnText,
     Extreme,
     Fields,
+    Figures,
     ForceMeasure,
     Output,
     OutputField,
@@ -48,12 +49,7 @@ from softmodels.runs.fields import (
     register_output,
     split,
 )
-from softmodels.runs.state_values import OVERLAP
-
-if TYPE_CHECKING:
-    from softmodels.runs.fields import Figures
-    from softmodels.runs.state_values import Gap
-
+from softmodels.runs.state_values import OVERLAP, Gap
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Columns of ``path.csv``: name, description, and how each is computed from a state.

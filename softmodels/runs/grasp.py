@@ -26,6 +26,9 @@ from softmodels.components.contact import RigidShape, RubbingShapeTerm, SampledS
 from softmodels.components.pressing import Grip, Rubbed
 from softmodels.mechanics.assembly import FaceNodes
 from softmodels.mechanics.component import Component, EnergyTerm, FormContext
+from softmodels.mechanics.controls import pressure_control
+from softmodels.mechanics.mpi import start
+from softmodels.mechanics.newton import NoConvergence
 from softmodels.runs.model import Model, meshed
 from softmodels.runs.outcomes import NO_EQUILIBRIUM, RunError
 
@@ -234,8 +237,6 @@ class Grasp:
     first order."""
 
     def __init__(self, case: Case, label: str, fingers: int, direction: Array, steps: int = STEPS):
-        from softmodels.mechanics.mpi import start
-
         chosen = check_grasp(case, label, fingers, direction)
         self.shape = HeldShape(**{field.name: getattr(chosen, field.name) for field in dataclasses.fields(chosen)})
         parts: tuple[Component, ...] = tuple(self.shape if part is chosen else part for part in case.components)
@@ -267,8 +268,6 @@ class Grasp:
 
     def at(self, pose: Array, P: float, load: float, before: Held) -> Held:
         """Return the fingers' equilibria around the object in a pose: two displacements in sizes, a rotation."""
-        from softmodels.mechanics.controls import pressure_control
-
         states, found = [], []
         for finger in range(len(self.angles)):
             self._put(pose, finger, before.grips[finger])
@@ -297,8 +296,6 @@ class Grasp:
     def balanced(self, P: float, load: float, before: Held) -> Held:
         """Return the equilibrium at a pressure and a load, friction remembering ``before``; `NoConvergence` if there is none
         near."""
-        from softmodels.mechanics.newton import NoConvergence
-
         held = self.at(self._pose(before), P, load, before)
         wrong, J = self.imbalance(held), None
         for _ in range(MOST_UPDATES):
@@ -331,8 +328,6 @@ class Grasp:
 
     def follow(self, start: Held, P: float, load: float) -> Iterator[Held]:
         """Yield the equilibria on the way from one to a pressure (in shear moduli) and a load (in N), as far as it goes."""
-        from softmodels.mechanics.newton import NoConvergence
-
         P0 = start.states[0].P
         done, step, here = 0.0, 1 / self.steps, start
         while done < 1.0:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from geometries import Actuator
 from geometries.actuator import joined, reflected
 from softmodels.common.arrays import Array
-from softmodels.mechanics.mpi import gathered
+from softmodels.mechanics.mpi import gathered, scattered
 from softmodels.mechanics.system import System
 
 if TYPE_CHECKING:
@@ -70,8 +70,6 @@ class Grid:
 
     def distribute(self, values: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
         """Return the reverse of `collect`: owned nodes' values from the whole array on rank 0."""
-        from softmodels.mechanics.mpi import scattered
-
         back = None
         if values is not None:
             back = np.empty_like(values)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geometries import Actuator
-from softmodels.case.case import Case
+from softmodels.case.case import Case, Values, in_unit
 from softmodels.case.entries import CaseError
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
@@ -23,28 +23,27 @@ from softmodels.common.names import checked, read_only
 from softmodels.common.processes import one_at_a_time
 from softmodels.components.loads import densities
 from softmodels.materials.laws import Material
+from softmodels.mechanics.body import Body, BodyError
 from softmodels.mechanics.compiling import CompilingError, compiling
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.dead_loads import HeavyPart
+from softmodels.mechanics.inertia import Inertia, Motion
 from softmodels.mechanics.mpi import is_root, on_root, start
-from softmodels.path.points import DeadForce, LoadDisplacement, Pressure
+from softmodels.mechanics.newton import NoConvergence
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import State, System
+from softmodels.path.continuation import Continuation, trace
+from softmodels.path.points import DIRECT, DeadForce, LoadDisplacement, PathEnd, Point, Pressure
+from softmodels.path.schedule import HangingEnd, StageEnd, hang, inflate_from, load_from
+from softmodels.path.stability import Springs, Stability
 from softmodels.path.supply import AMBIENT
+from softmodels.runs.fields import Fields, Figures, Row
 from softmodels.runs.notes import sentences
 from softmodels.runs.outcomes import FAILED, NO_EQUILIBRIUM, RunError
+from softmodels.runs.states import States
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-
-    from softmodels.case.case import Values
-    from softmodels.mechanics.body import Body
-    from softmodels.mechanics.inertia import Inertia
-    from softmodels.mechanics.system import State
-    from softmodels.path.continuation import Continuation
-    from softmodels.path.points import Point
-    from softmodels.path.schedule import StageEnd
-    from softmodels.path.stability import Springs, Stability
-    from softmodels.runs.fields import Figures
-    from softmodels.runs.states import States
 
 
 @contextlib.contextmanager
@@ -70,8 +69,6 @@ def meshed(device: Actuator, comm: MPI.Comm) -> Body:
 def body_of(device: Actuator, mesh: Path, comm: MPI.Comm) -> Body:
     """Read a device's mesh; all ranks call it. `MeshFileError` if it is none of `Actuator.write`, `RunError` if it is of
     another device, or nothing can be compiled."""
-    from softmodels.mechanics.body import Body, BodyError
-
     try:
         return Body.from_file(device, mesh, comm)
     except (BodyError, CompilingError) as error:
@@ -138,11 +135,6 @@ class Model:
         return made
 
     def _make(self, case: Case, body: Body, material: Material, components: Sequence[Component]) -> None:
-        from softmodels.mechanics.body import BodyError
-        from softmodels.mechanics.solver import Solver
-        from softmodels.mechanics.system import System
-        from softmodels.runs.fields import Fields
-
         self.case, self.body = case, body
         self.components = components
         try:
@@ -199,8 +191,6 @@ class Model:
             ArgumentError, CaseError: Invalid input.
             RunError: The path ends before the last requested value.
         """
-        from softmodels.case.case import in_unit
-
         if (pressures is None) == (volumes is None):
             raise CaseError("give the pressures or the added volumes that the path goes to, one of them")
         unit, values, what = ("cm", pressures, "pressure") if volumes is None else ("ml", volumes, "volume")
@@ -211,10 +201,6 @@ class Model:
 
     def followed(self, case: Case, quantity: str) -> Iterator[Equilibrium]:
         """Follow the device through the pressures or added volumes of a case; see `path`."""
-        from softmodels.mechanics.newton import NoConvergence
-        from softmodels.path.continuation import trace
-        from softmodels.path.points import PathEnd
-
         self.system.direction = case.load.direction
         unit = self.unit_of(quantity)
         try:
@@ -230,9 +216,6 @@ class Model:
         self, quantity: str = "pressure", control: str = "auto", hung: StageEnd | None = None
     ) -> Continuation:
         """The path to pressures or added volumes, not begun yet; its values are dimensionless. ``hung``: see `hanging`."""
-        from softmodels.path.continuation import Continuation
-        from softmodels.path.points import DIRECT
-
         return Continuation(self.solver, DIRECT[quantity], control, start=self.hanging(hung=hung))
 
     # -- preload ------------------------------------------------------------------------------------------------------
@@ -245,8 +228,6 @@ class Model:
         if hung is None:
             self.system.coupling = self.system.inflating(np.empty(0))
             return None
-        from softmodels.path.schedule import inflate_from, load_from
-
         if driven is None:
             return inflate_from(self.solver, hung)
         return load_from(self.solver, hung, len(self.case.actuator.ratios) + self.driven_load)
@@ -256,8 +237,6 @@ class Model:
         case, system, dead = self.case, self.system, self.system.dead
         if not dead.loads:
             return None
-        from softmodels.path.schedule import HangingEnd, hang
-
         changed = {series.target for series in case.program}
         changed |= {case.driven.of(case.components).key} if case.driven else set()
         kept = [0.0 if load.key in changed else amount for load, amount in zip(dead.loads, dead.amounts, strict=True)]
@@ -315,8 +294,6 @@ class Model:
             CaseError: A device without mass, or a sealed one without a cavity.
             RunError: There is no such state, or the modes do not converge.
         """
-        from softmodels.mechanics.newton import NoConvergence
-
         density = self._densities[0]
         state = (equilibrium or self.solve()).state
         self.system.load(state)
@@ -346,15 +323,11 @@ class Model:
     @functools.cached_property
     def _stability(self) -> Stability:
         """Finds the modes with the device's masses."""
-        from softmodels.path.stability import Stability
-
         return Stability.of(self.solver) if self._inertia.plain else Stability(self.solver, self._inertia)
 
     @functools.cached_property
     def _inertia(self) -> Inertia:
         """The device's masses."""
-        from softmodels.mechanics.inertia import Inertia
-
         main, unit = self._densities[0], self._densities[0] * self.system.volume_unit
         heavy = [part for part in self.components if isinstance(part, HeavyPart) and part.weighs]
         return Inertia(
@@ -366,16 +339,12 @@ class Model:
         """Let the inertia of the device's masses act from here on, at rest, if the case asks for it."""
         if not self.case.inertia:
             return
-        from softmodels.mechanics.inertia import Motion
-
         with compiling():
             motion = Motion(self.system, self._inertia, self._densities[0], self.case.spectral_radius)
         self.system.potential.motion = motion
 
     def _springs(self, state: State, sealed: bool) -> Springs:
         """The stiffness of sealed air, of the loaded state: -dP/dV = P/V at constant temperature, with P above vacuum."""
-        from softmodels.path.stability import Springs
-
         cavities = len(self.case.actuator.ratios) if sealed else 0
         if sealed and not cavities:
             raise CaseError(f"{type(self.case.actuator).__name__} has no cavity to be sealed; leave out --sealed")
@@ -459,9 +428,6 @@ class Equilibrium(Shown):
     @property
     def _states(self) -> States:
         """This state as pictures take it."""
-        from softmodels.runs.fields import Row
-        from softmodels.runs.states import States
-
         case, grid = self.model.case, self.model.fields.grid
         row = Row({
             "pressure_Pa": self.pressure, "pressure_cm": self.pressure / case.cm, "added_volume_ml": self.volume * 1e6,

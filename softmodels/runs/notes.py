@@ -38,14 +38,14 @@ from softmodels.mechanics.dead_loads import LoadPart, requestable
 from softmodels.mechanics.mpi import petsc_reason
 from softmodels.path.program import VALVE, drivers, step_text, time_at, value_at
 from softmodels.path.supply import TURBULENT_FROM, Reservoir
+from softmodels.path.time_steps import LostInTime, SnapInTime
 from softmodels.runs.columns import SourceRows, StateLabels, loads_words, span_sentence, state_labels
-from softmodels.runs.fields import Row, split
+from softmodels.runs.fields import Fields, Row, split
 from softmodels.runs.outcomes import RunError, UnwrittenError, no_memory
 
 if TYPE_CHECKING:
     from softmodels.path.continuation import Continuation
     from softmodels.path.points import PathEnd
-    from softmodels.runs.fields import Fields
 
 
 DEEPEST = 0.01
@@ -738,8 +738,6 @@ def explain_step(case: Case, end: PathEnd, rows: Sequence[Row], come: float, pet
             f"{_not_met(asked, end.cause)}: {end.cause.clause}. The last state has {place}, and {moved}. "
             f"{mended(case, end.cause, float(at['max_stretch']))}"
         )
-    from softmodels.path.time_steps import LostInTime, SnapInTime
-
     if isinstance(end, SnapInTime):
         return (
             f"{asked} was not reached: at {time_at(case.program, come):.4g} s, {place}, where {moved}, {end}. Stay below, use "

@@ -25,24 +25,24 @@ from softmodels.common.files import file_digest, is_same, read_text, write_text
 from softmodels.common.folders import OwnFolder, OwnFolderError, numbered, take_default
 from softmodels.common.pages import Provenance
 from softmodels.materials.silicones import stretch_at_break
+from softmodels.mechanics.controls import Tangent
 from softmodels.mechanics.mpi import is_root, largest, on_root
+from softmodels.path.points import Point
 from softmodels.path.program import goes_on
+from softmodels.path.schedule import StageEnd
+from softmodels.path.stability import Signature
 from softmodels.runs.columns import cavity_columns, state_labels
-from softmodels.runs.fields import Row
+from softmodels.runs.fields import Fields, Row
 from softmodels.runs.notes import events, no_branch, notes_of, sentences, stability_text, unwritten
 from softmodels.runs.outcomes import BAD_INPUT, DONE, FAILED, Ended, RunError, UnwrittenError
 from softmodels.runs.simulation import FROM_REST, Begun, Listener, PathEnded, Simulation, Step, solve_sources
 from softmodels.runs.states import States
-from softmodels.runs.store import BRANCH, RUN, Results, picture_files, picture_folder
+from softmodels.runs.store import BRANCH, RUN, Restart, Results, picture_files, picture_folder
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
     from softmodels.mechanics.system import State
-    from softmodels.path.points import Point
-    from softmodels.path.schedule import StageEnd
-    from softmodels.runs.fields import Fields
-    from softmodels.runs.store import Restart
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -94,8 +94,6 @@ def check_values(case: Case, results: Results) -> None:
 
 def last_stop(case: Case, results: Results, fields: Fields, comm: MPI.Comm) -> StageEnd:
     """Return the end of a program's step that the stored states end with."""
-    from softmodels.path.schedule import StageEnd
-
     last, row, record = on_root(comm, lambda: (len(results.stored) - 1, results.rows[-1], results.stored[-1].restart))
     state = stored_state(results, fields, comm, last, record["P"], record["V"])
     system = fields.system
@@ -138,10 +136,6 @@ def stored_point(
     results: Results | States, fields: Fields, comm: MPI.Comm, step: int, restart: Restart, branching: bool
 ) -> Point:
     """The point of a stored step; of its tangent the changes of P and V alone are stored."""
-    from softmodels.mechanics.controls import Tangent
-    from softmodels.path.points import Point
-    from softmodels.path.stability import Signature
-
     state = stored_state(results, fields, comm, step, restart["P"], restart["V"])
     tangent = Tangent(np.zeros_like(state.w), *restart["tangent"])
     mode = None

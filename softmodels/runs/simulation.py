@@ -16,8 +16,14 @@ from softmodels.common.arrays import Array
 from softmodels.materials.specimens import weakness
 from softmodels.mechanics.compiling import compiling, told_of_waits
 from softmodels.mechanics.mpi import any_rank, is_root, on_root
-from softmodels.runs.columns import Solved, row_of
-from softmodels.runs.fields import Row, check_requested
+from softmodels.mechanics.newton import NoConvergence
+from softmodels.path import schedule
+from softmodels.path.continuation import Continuation, follow, trace
+from softmodels.path.points import DIRECT, PathEnd, PathQuantity, Point
+from softmodels.path.schedule import StageEnd, cycle
+from softmodels.path.supply import Gas
+from softmodels.runs.columns import Band, Solved, row_of
+from softmodels.runs.fields import Fields, Row, check_requested
 from softmodels.runs.model import Model, body_of, temporary_folder
 from softmodels.runs.notes import explain, explain_failure, explain_step, sentences
 from softmodels.runs.outcomes import FAILED, INTERRUPTED, NO_EQUILIBRIUM, STOPPED, RunError
@@ -30,11 +36,6 @@ if TYPE_CHECKING:
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import State
-    from softmodels.path.continuation import Continuation
-    from softmodels.path.points import PathQuantity, Point
-    from softmodels.path.schedule import StageEnd
-    from softmodels.runs.columns import Band
-    from softmodels.runs.fields import Fields
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -156,8 +157,6 @@ class Simulation:
             self.prepare(file)
 
     def _make_band(self) -> Band | None:
-        from softmodels.runs.columns import Band
-
         case = self.case
         return Band(self.fields, case.band, case.cm, case.quantity) if isinstance(case.band, MaterialErrors) else None
 
@@ -199,10 +198,6 @@ class Simulation:
             self._stop_if_asked()
 
     def _load_path(self, begun: Begun) -> Iterator[Step]:
-        from softmodels.mechanics.newton import NoConvergence
-        from softmodels.path.continuation import trace
-        from softmodels.path.points import PathEnd
-
         case, count = self.case, len(begun.rows)
         last = begun.rows[-1] if begun.rows else None
         goals = self._goals()
@@ -211,12 +206,7 @@ class Simulation:
         self._check_volumes(path.start)
         if begun.rows and not case.load_unload:
             goals = [goal for goal, wanted in zip(goals, begun.left, strict=True) if wanted]
-        if case.load_unload:
-            from softmodels.path.schedule import cycle
-
-            points = cycle(path, goals)
-        else:
-            points = trace(path, goals, begun.points)
+        points = cycle(path, goals) if case.load_unload else trace(path, goals, begun.points)
         try:
             for number, point in enumerate(points):
                 if case.load_unload and number < count:
@@ -253,16 +243,12 @@ class Simulation:
 
     def quantity(self, name: str) -> PathQuantity:
         """Return a requested quantity by its name; the stroke is that of the case's supply."""
-        from softmodels.path.points import DIRECT
-
         eq, supply = self.solver.system, self.case.supply
         if supply is None or name in DIRECT:
             return DIRECT[name]
         return supply.control(eq.rest().V * eq.volume_unit, eq.stress_unit, eq.volume_unit)
 
     def _continuation(self, last: float) -> Continuation:
-        from softmodels.path.continuation import Continuation
-
         case = self.case
         path = Continuation(self.solver, self.quantity(case.quantity), case.control, last / FEWEST_STEPS)
         path.report = lambda text: self.listener.say(f"  {text}")
@@ -270,11 +256,6 @@ class Simulation:
 
     def _program(self, begun: Begun) -> Iterator[Step]:
         """Follow the device's program."""
-        from softmodels.mechanics.newton import NoConvergence
-        from softmodels.path import schedule
-        from softmodels.path.points import PathEnd
-        from softmodels.path.supply import Gas
-
         case, rows = self.case, list(begun.rows)
         come = float(begun.stop.number) if begun.stop else 0.0
         try:
@@ -309,10 +290,6 @@ class Simulation:
         yield from self._reported(self._branch())
 
     def _branch(self) -> Iterator[Step]:
-        from softmodels.mechanics.newton import NoConvergence
-        from softmodels.path.continuation import follow
-        from softmodels.path.points import PathEnd
-
         assert self._path is not None
         start = self._bifurcations[0]
         value = self._path.value(start.state) * self.model.unit_of(self.case.quantity) / self.case.load.scale
