@@ -18,6 +18,7 @@ from softmodels.case.load import LoadRequest
 from softmodels.case.materials import AnyBand
 from softmodels.common import errors
 from softmodels.common.files import GEOMETRY, read_file, read_text
+from softmodels.common.lazy import MPI
 from softmodels.common.names import callback, checked, flag, place
 from softmodels.common.processes import one_at_a_time
 from softmodels.common.units import WATER_DENSITY
@@ -50,8 +51,6 @@ from softmodels.runs.simulation import InMemory, Listener, PathEnded, Silent, Si
 from softmodels.runs.states import StoredStates
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
-
     from softmodels.pictures.comparison import Comparison
 
 
@@ -454,8 +453,6 @@ def _system(case: Case, mesh: Path) -> System | None:
     if not needs_equations(case):
         return None
     start()
-    from mpi4py import MPI
-
     with compiling():
         body = Body.from_file(case.actuator, mesh, MPI.COMM_SELF)
         return System(body, case.material, "displacement", components=without_walls(case.components))

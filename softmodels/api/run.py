@@ -24,6 +24,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import Spoken, known_are, required, spoken
 from softmodels.common.files import file_digest, is_same
+from softmodels.common.lazy import MPI
 from softmodels.common.names import checked, keep_arrays, one_of, place, read_only, several
 from softmodels.common.processes import one_at_a_time
 from softmodels.common.schema import to_table as table_of
@@ -47,7 +48,6 @@ if TYPE_CHECKING:
     import pandas
     import xarray
     from matplotlib.figure import Figure
-    from mpi4py import MPI
     from pyvista import UnstructuredGrid
 
     from softmodels.api.views import Animation

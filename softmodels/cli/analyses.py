@@ -36,6 +36,7 @@ from softmodels.cli.options import (
 from softmodels.common.commands import flag_option, option, options, output_option, quiet_option
 from softmodels.common.files import csv_text, image_uri, read_text, write_bytes, write_text
 from softmodels.common.folders import ResultFolder
+from softmodels.common.lazy import MPI
 from softmodels.common.pages import Bullets, Cell, Charts, Fact, Folded, Listing, Page, Picture, Provenance, Table, Text
 from softmodels.common.processes import say
 from softmodels.common.schema import shown
@@ -67,8 +68,6 @@ from softmodels.runs.notes import NEAR_STRETCH_LIMIT, sentences, unseen
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from mpi4py import MPI
-
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Output of ``softmodels limit``: sentences, tables and the picture of the scatter.

@@ -29,6 +29,7 @@ from softmodels.common.commands import (
 from softmodels.common.errors import reason
 from softmodels.common.files import write_bytes, write_text
 from softmodels.common.folders import OwnFolderError
+from softmodels.common.lazy import MPI, PETSc
 from softmodels.common.processes import say
 from softmodels.design.problem import DesignProblem, SearchOptions
 from softmodels.design.study import DATASET, PAGE, Study, StudyFolder, StudyPlan, open_folder, solve_into
@@ -38,8 +39,6 @@ from softmodels.runs.columns import StateLabels
 from softmodels.runs.outcomes import DONE, FAILED, NO_EQUILIBRIUM, Progress, no_memory
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
-
     from softmodels.design.model import DesignFolder
     from softmodels.design.result import DesignResult
 
@@ -115,8 +114,6 @@ def _design(
     problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Comm, search: SearchOptions, how: DesignOptions
 ) -> int:
     """Optimise, report, draw; return the exit status."""
-    from petsc4py import PETSc
-
     from softmodels.design.optimise import run_in
 
     quiet = how.quiet or not is_root(comm)

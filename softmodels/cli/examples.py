@@ -29,6 +29,7 @@ from softmodels.case.materials import DEFAULT
 from softmodels.cli.options import command, fail, unwritable
 from softmodels.common.arrays import Array
 from softmodels.common.commands import FolderType, open_folder, open_place, trouble
+from softmodels.common.lazy import MPI
 from softmodels.common.processes import say
 from softmodels.common.units import pascal_per_cm
 from softmodels.fitting.curves.memory import spectrum
@@ -43,8 +44,6 @@ from softmodels.runs.outcomes import DONE, FAILED
 
 if TYPE_CHECKING:
     import gmsh
-    from mpi4py import MPI
-
 
 WRITTEN = ("case.toml", "photographs/", "setup.toml", "setup.png", "outlines/", "fit/", "compared.json")
 """Files that the demonstration writes into its folder."""

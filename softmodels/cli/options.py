@@ -17,7 +17,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import click
 
@@ -41,6 +41,8 @@ from softmodels.common.commands import (
     written,
 )
 from softmodels.common.errors import Spoken, meant, reason
+from softmodels.common.folders import ResultFolder
+from softmodels.common.lazy import MPI
 from softmodels.common.processes import COLUMNS, columns, cores, end_with_parent, say
 from softmodels.common.units import UnitError, exact_text
 from softmodels.materials.laws import LAWS
@@ -48,12 +50,6 @@ from softmodels.materials.silicones import PRODUCTS, product_of, silicone_called
 from softmodels.mechanics.mpi import StartError, launched, mpich_file, on_root, speaks, start
 from softmodels.mechanics.solver import METHODS
 from softmodels.runs.outcomes import FAILED, Ended, no_memory
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from softmodels.common.folders import ResultFolder
-
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Command-line options of a case, generated from the entries of its fields.

@@ -23,6 +23,7 @@ from softmodels.case.case import Case
 from softmodels.case.components import VARIABLE, own_modules
 from softmodels.common.commands import ALL_PICTURES, USUAL, DrawingOptions, RunOptions, bounded
 from softmodels.common.errors import reason, spoken
+from softmodels.common.lazy import MPI, PETSc
 from softmodels.common.processes import COLUMNS, columns, cores, environment_alone, say
 from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, petsc_reason, start
@@ -259,8 +260,6 @@ class Teller(Observer):
 
     def _outcome(self, results: Results | None, ended: Ended) -> tuple[int, str]:
         """Exit status and sentence; what PETSc refuses before anything is solved are the words it was given."""
-        from petsc4py import PETSc
-
         cause = ended.error and ended.error.__cause__
         if not isinstance(cause, PETSc.Error):
             return ended.status, spoken(ended.message)
@@ -304,8 +303,6 @@ def _summarise(case: Case, results: Results, drawn: str, stability: str) -> None
 
 def _solved_on() -> str:
     """Return the number of ranks in words, if there are several."""
-    from mpi4py import MPI
-
     ranks = MPI.COMM_WORLD.size
     return f"; solved on {ranks} ranks" if ranks > 1 else ""
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import scipy
     import ufl
     import ufl.core.expr
-    from dolfinx import common as common, cpp as cpp, fem as fem, la as la, mesh as meshes
+    from dolfinx import common as common, cpp as cpp, fem as fem, la as la, mesh as meshes, plot as plot
     from mpi4py import MPI as MPI
     from petsc4py import PETSc as PETSc
 else:
@@ -28,10 +28,7 @@ else:
             self._modules = modules
 
         def __getattr__(self, name: str) -> object:
-            if name.startswith("__") and name not in (
-                "__file__",
-                "__version__",
-            ):  # Python itself looks for some of these
+            if name.startswith("__") and name not in ("__file__", "__version__"):  # Python itself looks for some
                 raise AttributeError(name)
             module, *_ = map(importlib.import_module, self._modules)
             found = self.__dict__[name] = getattr(module, name)
@@ -39,7 +36,9 @@ else:
 
     basix, scipy, ufl = _Library("basix", "basix.ufl"), _Library("scipy"), _Library("ufl")
     gmsh, pyvista = _Library("gmsh"), _Library("pyvista")
-    common, cpp, fem, la, meshes = (_Library(f"dolfinx.{name}") for name in ("common", "cpp", "fem", "la", "mesh"))
+    common, cpp, fem, la, meshes, plot = (
+        _Library(f"dolfinx.{name}") for name in ("common", "cpp", "fem", "la", "mesh", "plot")
+    )
     MPI, PETSc = _Library("mpi4py.MPI"), _Library("petsc4py.PETSc")
 
 type Expr = ufl.core.expr.Expr

@@ -21,6 +21,7 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.materials import Region
 from softmodels.common.arrays import Array
+from softmodels.common.lazy import scipy
 from softmodels.components.contact import (
     HARDENS,
     HARDER,
@@ -737,9 +738,7 @@ def needs_equations(case: Case) -> bool:
 
 def _by_node(mesh: MeshArrays, places: Array, forces: Array) -> Array:
     """Return the forces in the order of a mesh's nodes."""
-    from scipy.spatial import cKDTree
-
-    away, found = cKDTree(places).query(mesh.points)
+    away, found = scipy.spatial.cKDTree(places).query(mesh.points)
     if away.max() > ALIKE * np.ptp(mesh.points, axis=0).max():
         raise CaseError("the mesh and the equations have different nodes: the dead loads cannot be written")
     return forces[found]

@@ -12,7 +12,6 @@ import dataclasses
 import math
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +26,7 @@ from softmodels.case.materials import MaterialErrors
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import known_are
+from softmodels.common.lazy import Expr
 from softmodels.components.contact import Walls
 from softmodels.materials.silicones import density_of, extrapolated
 from softmodels.mechanics.body import Body
@@ -45,10 +45,6 @@ from softmodels.runs.outcomes import RunError
 from softmodels.runs.recording import stored_state
 from softmodels.runs.simulation import Simulation
 from softmodels.runs.states import States
-
-if TYPE_CHECKING:
-    from ufl.core.expr import Expr
-
 
 TOLERANCE = 1e-11
 """Relative tolerance of the linear responses."""

@@ -7,7 +7,6 @@ import re
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +20,7 @@ from softmodels.case.load import STIFFNESS_RANGE
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import FieldError
+from softmodels.common.lazy import MPI, scipy
 from softmodels.common.names import read_only
 from softmodels.common.processes import cores
 from softmodels.common.schema import Length, Quantity, about, shown
@@ -38,6 +38,7 @@ from softmodels.materials.silicones import (
     spanning,
     spread_sentence,
 )
+from softmodels.mechanics.body import Body
 from softmodels.mechanics.mpi import on_root, start
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.path.continuation import Continuation, trace
@@ -46,17 +47,11 @@ from softmodels.path.program import TIME_KEY, from_tables
 from softmodels.path.schedule import Settings, StageEnd, follow
 from softmodels.path.supply import AMBIENT
 from softmodels.path.time_steps import LostInTime
+from softmodels.runs.fields import Fields
 from softmodels.runs.grid import Cells
 from softmodels.runs.model import AtRest, Equilibrium, Mode, Model, meshed
 from softmodels.runs.notes import sentences, unseen
 from softmodels.runs.outcomes import Ended, RunError
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from softmodels.mechanics.body import Body
-    from softmodels.runs.fields import Fields
-
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The limit of a design: the first pressure at which it loses stability, and the place of the largest stretch there.
@@ -305,10 +300,8 @@ class Tolerance:
 def samples(tolerances: Sequence[Tolerance], count: int, normal: bool = False) -> npt.NDArray[np.float64]:
     """Return quasi-random values of the parameters, shape (count, parameters): Halton's sequence, scrambled with a fixed seed
     for repeatability. ``normal`` takes the half width as two standard deviations; else all values in it are as likely."""
-    from scipy.stats import norm, qmc
-
-    unit = qmc.Halton(len(tolerances), seed=2013).random(count)
-    spread = norm.ppf(unit) / 2 if normal else 2 * unit - 1
+    unit = scipy.stats.qmc.Halton(len(tolerances), seed=2013).random(count)
+    spread = scipy.stats.norm.ppf(unit) / 2 if normal else 2 * unit - 1
     return np.array([t.middle for t in tolerances]) + spread * np.array([t.half for t in tolerances])
 
 

@@ -15,6 +15,7 @@ from geometries.actuator import Vector, reflected
 from softmodels.case.entries import NO_PROBES, CaseError, ProbeError, Probes, followed_text
 from softmodels.common.arrays import Array
 from softmodels.common.errors import known_are
+from softmodels.common.lazy import fem, meshes, ufl
 from softmodels.common.names import Registry
 from softmodels.common.units import brief
 from softmodels.components.rigid import symmetric_motions
@@ -286,8 +287,6 @@ def _surface(system: System, grid: Grid) -> Nodes:
 
     The corners come first, then the middles of the edges, each opposite to its corner.
     """
-    from dolfinx.mesh import compute_midpoints, exterior_facet_indices
-
     body = system.body
     topology = body.mesh.topology
     dim = topology.dim
@@ -295,9 +294,11 @@ def _surface(system: System, grid: Grid) -> Nodes:
     topology.create_connectivity(dim, dim - 1)
     planes = {plane.name for plane in body.actuator.cut_planes}
     cut = [facets for role, (_, facets) in body.entities.items() if role in planes]
-    outer = np.setdiff1d(exterior_facet_indices(topology), np.concatenate(cut) if cut else np.empty(0, dtype=np.int32))
+    outer = np.setdiff1d(
+        meshes.exterior_facet_indices(topology), np.concatenate(cut) if cut else np.empty(0, dtype=np.int32)
+    )
     if dim == 2:  # a section's axis is not a surface
-        outer = outer[compute_midpoints(body.mesh, 1, outer.astype(np.int32))[:, 0] > SAME]
+        outer = outer[meshes.compute_midpoints(body.mesh, 1, outer.astype(np.int32))[:, 0] > SAME]
     cells_of, facets_of = topology.connectivity(dim - 1, dim), topology.connectivity(dim, dim - 1)
     layout = grid.space.dofmap.dof_layout
     found = np.empty((len(outer), 3 * (dim - 1)), dtype=np.int64)
@@ -696,9 +697,6 @@ class Fields:
     """
 
     def __init__(self, solver: Solver, gauges: Probes = NO_PROBES, requested: Sequence[str] = ()):
-        import ufl
-        from dolfinx import fem
-
         self.solver, self.system = solver, solver.system
         system = self.system
         self.grid = Grid(system)
@@ -744,8 +742,6 @@ class Fields:
     def state(self, nodal: Mapping[str, Array] | None, P: float, V: float) -> State:
         """The state at a dimensionless cavity pressure and volume that `nodal` was made of, at least ``displacement`` and
         ``p`` on rank 0; where regions meet p is the mean of theirs, and so not quite the state's."""
-        from dolfinx import fem
-
         eq, grid, sampling = self.system, self.grid, self.sampling
         u = grid.distribute(None if nodal is None else nodal["displacement"]) / eq.length_unit
         p = grid.distribute(None if nodal is None else nodal["p"])[:, None] / eq.stress_unit

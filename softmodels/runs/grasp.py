@@ -16,12 +16,13 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from softmodels.case.case import Case
 from softmodels.common.arrays import Array
 from softmodels.common.errors import Spoken
+from softmodels.common.lazy import scipy
 from softmodels.components.contact import RigidShape, RubbingShapeTerm, SampledShapeTerm, StandingTerm, copies_around
 from softmodels.components.pressing import Grip, Rubbed
 from softmodels.mechanics.assembly import FaceNodes
@@ -29,14 +30,9 @@ from softmodels.mechanics.component import Component, EnergyTerm, FormContext
 from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.mpi import start
 from softmodels.mechanics.newton import NoConvergence
+from softmodels.mechanics.system import State
 from softmodels.runs.model import Model, meshed
 from softmodels.runs.outcomes import NO_EQUILIBRIUM, RunError
-
-if TYPE_CHECKING:
-    import scipy
-
-    from softmodels.case.case import Case
-    from softmodels.mechanics.system import State
 
 MOST_FINGERS = 12
 BALANCED = 1e-7
@@ -82,8 +78,6 @@ class HeldTerm(RubbingShapeTerm):
         return self._turned(super().whole_stiffness_here())
 
     def _turned(self, matrix: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
-        import scipy
-
         T = scipy.sparse.kron(scipy.sparse.eye_array(len(self.nodes.places)), self.turn, format="csr")
         return scipy.sparse.csr_array(T @ matrix @ T.T)
 
@@ -154,8 +148,6 @@ class Held:
 
         They do if a sum of all of them with factors above zero is zero, and three are independent.
         """
-        from scipy.optimize import linprog
-
         wrenches = self._wrenches(friction)
         if not len(self.arms) or np.linalg.matrix_rank(wrenches, tol=1e-6) < 3:
             return False
@@ -163,13 +155,11 @@ class Held:
         least = np.append(np.zeros(count), -1.0)
         equal = np.vstack([np.column_stack([wrenches, np.zeros(3)]), np.append(np.ones(count), 0.0)])
         above = np.column_stack([-np.eye(count), np.ones(count)])
-        found = linprog(least, A_ub=above, b_ub=np.zeros(count), A_eq=equal, b_eq=[0.0, 0.0, 0.0, 1.0])
+        found = scipy.optimize.linprog(least, A_ub=above, b_ub=np.zeros(count), A_eq=equal, b_eq=[0.0, 0.0, 0.0, 1.0])
         return bool(found.status == 0 and -found.fun > 1e-9 / count)
 
     def bears(self, friction: float) -> float:
         """Return the largest load in N that the friction cones balance as the fingers press now; at least `load`."""
-        from scipy.optimize import linprog
-
         press = np.linalg.norm(self.pressing, axis=1)
         if not len(press) or not friction:
             return self.load
@@ -178,7 +168,9 @@ class Held:
         columns = np.column_stack([_wrench(self.arms, across * press[:, None] * friction).T, [1.0, 0.0, 0.0]])
         bounds = [*[(-1.0, 1.0)] * len(press), (None, None)]
         cost = np.append(np.zeros(len(press)), -1.0)
-        found = linprog(cost, A_eq=columns, b_eq=-_wrench(self.arms, self.pressing).sum(axis=0), bounds=bounds)
+        found = scipy.optimize.linprog(
+            cost, A_eq=columns, b_eq=-_wrench(self.arms, self.pressing).sum(axis=0), bounds=bounds
+        )
         return max(float(-found.fun), self.load) if found.status == 0 else self.load
 
     def _wrenches(self, friction: float) -> Array:
@@ -197,9 +189,7 @@ def _wrench(arms: Array, forces: Array) -> Array:
 
 def turning(axis: Array, angle: float) -> Array:
     """Return the rotation about a unit vector, shape (3, 3)."""
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_rotvec(angle * axis).as_matrix())
+    return np.asarray(scipy.spatial.transform.Rotation.from_rotvec(angle * axis).as_matrix())
 
 
 def check_grasp(case: Case, label: str, fingers: int, direction: Array) -> RigidShape:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -15,13 +14,9 @@ import numpy.typing as npt
 from geometries import Actuator
 from geometries.actuator import joined, reflected
 from softmodels.common.arrays import Array
+from softmodels.common.lazy import fem, plot, scipy
 from softmodels.mechanics.mpi import gathered, scattered
 from softmodels.mechanics.system import System
-
-if TYPE_CHECKING:
-    from dolfinx import fem
-    from scipy.spatial import KDTree
-
 
 CELL_NAMES = {2: "Triangle_6", 3: "Tetrahedron_10"}
 
@@ -31,8 +26,6 @@ class Grid:
     displacement, on rank 0 and elsewhere empty, with XDMF's name of the cells."""
 
     def __init__(self, system: System):
-        from dolfinx import fem, plot
-
         body = system.body
         self.comm, self.mixed = system.comm, system.mixed
         self.dimension = body.actuator.dimension
@@ -231,13 +224,11 @@ class QuadraticCurve:
         return place, slope, bend
 
     @functools.cached_property
-    def _samples(self) -> tuple[KDTree, Indices, Array]:
-        from scipy.spatial import KDTree
-
+    def _samples(self) -> tuple[scipy.spatial.KDTree, Indices, Array]:
         s = np.linspace(-1.0, 1.0, SAMPLES)
         piece = np.repeat(np.arange(len(self.nodes)), SAMPLES)
         at = np.tile(s, len(self.nodes))
-        return KDTree(self.at(piece, at)[0]), piece, at
+        return scipy.spatial.KDTree(self.at(piece, at)[0]), piece, at
 
     def closest(self, points: Array) -> Closest:
         """Return the closest point of the curve to each of the points, shape (k, 2)."""

@@ -10,7 +10,6 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from softmodels.case.case import Case, Values, in_unit
 from softmodels.case.entries import CaseError
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
+from softmodels.common.lazy import MPI
 from softmodels.common.names import checked, read_only
 from softmodels.common.processes import one_at_a_time
 from softmodels.components.loads import densities
@@ -41,9 +41,6 @@ from softmodels.runs.fields import Fields, Figures, Row
 from softmodels.runs.notes import sentences
 from softmodels.runs.outcomes import FAILED, NO_EQUILIBRIUM, RunError
 from softmodels.runs.states import States
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
 
 
 @contextlib.contextmanager

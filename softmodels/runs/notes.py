@@ -10,7 +10,6 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -36,17 +35,14 @@ from softmodels.mechanics.compiling import LONG
 from softmodels.mechanics.component import PathFailure, names_in
 from softmodels.mechanics.dead_loads import LoadPart, requestable
 from softmodels.mechanics.mpi import petsc_reason
+from softmodels.path.continuation import Continuation
+from softmodels.path.points import PathEnd
 from softmodels.path.program import VALVE, drivers, step_text, time_at, value_at
 from softmodels.path.supply import TURBULENT_FROM, Reservoir
 from softmodels.path.time_steps import LostInTime, SnapInTime
 from softmodels.runs.columns import SourceRows, StateLabels, loads_words, span_sentence, state_labels
 from softmodels.runs.fields import Fields, Row, split
 from softmodels.runs.outcomes import RunError, UnwrittenError, no_memory
-
-if TYPE_CHECKING:
-    from softmodels.path.continuation import Continuation
-    from softmodels.path.points import PathEnd
-
 
 DEEPEST = 0.01
 """Penetration of a contact, relative to the device's size, above which the user is warned."""

@@ -14,7 +14,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, TypedDict
+from typing import TypedDict
 
 import numpy as np
 
@@ -23,10 +23,12 @@ from softmodels.common.commands import FULL
 from softmodels.common.errors import Spoken, reason
 from softmodels.common.files import file_digest, is_same, read_text, write_text
 from softmodels.common.folders import OwnFolder, OwnFolderError, numbered, take_default
+from softmodels.common.lazy import MPI
 from softmodels.common.pages import Provenance
 from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics.controls import Tangent
 from softmodels.mechanics.mpi import is_root, largest, on_root
+from softmodels.mechanics.system import State
 from softmodels.path.points import Point
 from softmodels.path.program import goes_on
 from softmodels.path.schedule import StageEnd
@@ -38,12 +40,6 @@ from softmodels.runs.outcomes import BAD_INPUT, DONE, FAILED, Ended, RunError, U
 from softmodels.runs.simulation import FROM_REST, Begun, Listener, PathEnded, Simulation, Step, solve_sources
 from softmodels.runs.states import States
 from softmodels.runs.store import BRANCH, RUN, Restart, Results, picture_files, picture_folder
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from softmodels.mechanics.system import State
-
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Resume an interrupted run: check that the case matches the stored results, and load the states to continue from.

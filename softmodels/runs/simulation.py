@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -13,10 +13,14 @@ from geometries import MeshingStopped, meshing
 from softmodels.case.case import Case
 from softmodels.case.materials import MaterialErrors, SourceBand
 from softmodels.common.arrays import Array
+from softmodels.common.lazy import MPI, PETSc
 from softmodels.materials.specimens import weakness
+from softmodels.mechanics.body import Body
 from softmodels.mechanics.compiling import compiling, told_of_waits
 from softmodels.mechanics.mpi import any_rank, is_root, on_root
 from softmodels.mechanics.newton import NoConvergence
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import State
 from softmodels.path import schedule
 from softmodels.path.continuation import Continuation, follow, trace
 from softmodels.path.points import DIRECT, PathEnd, PathQuantity, Point
@@ -29,14 +33,6 @@ from softmodels.runs.notes import explain, explain_failure, explain_step, senten
 from softmodels.runs.outcomes import FAILED, INTERRUPTED, NO_EQUILIBRIUM, STOPPED, RunError
 from softmodels.runs.states import States
 from softmodels.runs.store import Restart, restart_of
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from softmodels.mechanics.body import Body
-    from softmodels.mechanics.solver import Solver
-    from softmodels.mechanics.system import State
-
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Interface between a simulation and its callers: states, listeners and restart data.
@@ -329,8 +325,6 @@ class Simulation:
 
 def _own_words() -> bool:
     """Return whether the user gave PETSc options."""
-    from petsc4py import PETSc
-
     return bool(PETSc.Options().getAll())
 
 

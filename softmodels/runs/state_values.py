@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
+from softmodels.common.lazy import MPI, basix, fem, la, ufl
 from softmodels.materials.laws import Material
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body, in_space
 from softmodels.mechanics.compiling import JIT
@@ -18,11 +18,6 @@ from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System, face_load
 from softmodels.runs.grid import EDGES, FACES, Cells, Grid, displacement_maps
-
-if TYPE_CHECKING:
-    from dolfinx import fem
-    from mpi4py import MPI
-
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Stresses and stretches of deformation gradients.
@@ -74,10 +69,6 @@ class VolumeRatio:
     means."""
 
     def __init__(self, body: Body, space: fem.FunctionSpace, regions: Sequence[npt.NDArray[np.int32]]):
-        import basix
-        import ufl
-        from dolfinx import fem, la
-
         points, weights = basix.make_quadrature(body.mesh.basix_cell(), QUADRATURE_DEGREE)
         cells = np.arange(body.mesh.topology.index_map(body.mesh.topology.dim).size_local, dtype=np.int32)
         density = fem.Expression(abs(ufl.JacobianDeterminant(body.mesh)) * body.hoop, points)
@@ -91,8 +82,6 @@ class VolumeRatio:
     def _weighted(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Return the sums of weighted values, shape (cells, points), over a region's cells around each corner, shape (cells,
         corners)."""
-        from dolfinx import la
-
         found = np.empty(self._vertices.shape)
         for cells in self._regions:
             self._sum.array[:] = 0.0
@@ -119,8 +108,6 @@ class Sampling:
     `displacement_maps`."""
 
     def __init__(self, solver: Solver, grid: Grid):
-        from dolfinx import fem, la
-
         self.solver, self.system, self.grid = solver, solver.system, grid
         system = self.system
         self.skew, self.pressures = displacement_maps(system, grid)
@@ -152,8 +139,6 @@ class Sampling:
 
     def _added(self, values: Array) -> Array:
         """Return the sum of cell-node values over the cells of each node, owned nodes."""
-        from dolfinx import la
-
         self._sum.array[:] = 0.0
         np.add.at(self._sum.array, self._dofs, values)
         self._sum.scatter_reverse(la.InsertMode.add)

@@ -19,7 +19,7 @@ import os
 import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypedDict
+from typing import Any, Protocol, TypedDict
 from xml.sax.saxutils import escape, quoteattr
 
 import h5py
@@ -31,11 +31,9 @@ from softmodels.case.materials import SourceBand
 from softmodels.common.errors import Spoken
 from softmodels.common.files import check_file, csv_text, hdf5_reason, remove_steps, replace, replace_hdf5, write_text
 from softmodels.common.folders import PATIENCE, OwnFolder
+from softmodels.path.points import Point
 from softmodels.runs.columns import FILE as SOURCES, SourceRows, in_order, read_sources, write_sources
 from softmodels.runs.fields import Row
-
-if TYPE_CHECKING:
-    from softmodels.path.points import Point
 
 PICTURES = ("profile", "loop", "mesh", "slice", "mode", "undeformed", "cut", "hot-spots", "stress",
             *(f"stress-{k}" for k in range(1, 5)))  # fmt: skip
