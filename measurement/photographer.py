@@ -245,9 +245,6 @@ class Scene:
     """Camera, screen, lamp and sensor; lengths in m, angles in degrees.
 
     Attributes:
-        width: Pixels in a row.
-        height: Rows.
-        focal_px: Focal length in px.
         distortion: k1, k2, p1, p2, k3 of OpenCV's lens model; fewer are filled up with 0.
         pixel_size: Length on the screen that a pixel spans where the optical axis meets it, seen straight on.
         tilt: Angle by which the camera stands above the screen's normal.
@@ -255,7 +252,6 @@ class Scene:
         roll: Angle by which the picture is turned clockwise.
         target: Point (X, Z) of the screen that the optical axis meets; the grid has a crossing at (0, 0).
         grid_pitch: Distance of the grid's lines.
-        line_width: Width of a line.
         line_grey: Share of light that a line takes.
         brightness: Value of the lit screen in the middle, of 255.
         unevenness: Share of light missing in the picture's corners.
@@ -264,7 +260,6 @@ class Scene:
         lamp: Shape of the lamp: ``gaussian`` (a frosted bulb), ``disc`` or ``square`` (with its sides along the edge).
         blur: Standard deviation of the lens' blur in px.
         noise: Standard deviation of the sensor's noise, of 255.
-        dust: Number of dust specks.
         jpeg_quality: Quality from 1 to 100, None for no compression.
         magnification: Size of the shadow over that of the outline, about the screen's (0, 0).
         srgb: Whether light is stored with the tone curve of sRGB (IEC 61966-2-1), as cameras do in JPEG files; values
@@ -302,7 +297,7 @@ class Scene:
     sharpening_radius: float = 1.5
 
     def __post_init__(self) -> None:
-        positive = [
+        for name in (
             "width",
             "height",
             "focal_px",
@@ -311,8 +306,7 @@ class Scene:
             "line_width",
             "penumbra",
             "magnification",
-        ]
-        for name in positive:
+        ):
             if not getattr(self, name) > 0:
                 raise SceneError(f"{name} must be positive, not {getattr(self, name)}")
         if self.lamp not in LAMPS:
@@ -466,21 +460,19 @@ def _check(truth: Truth) -> None:
         raise SceneError("the screen's horizon is in the picture; lower tilt or pan, or take a longer focal length")
 
 
+BASE = -0.2
+"""Z in m of the underside of a body: below the picture."""
+
+
 def dome(
-    height: float, radius: float = 0.015, centre: float = 0.0, floor: float = 0.0, half_width: float = 0.2,
-    base: float = -0.2,
-) -> Array:  # fmt: skip
+    height: float, radius: float = 0.015, centre: float = 0.0, floor: float = 0.0, half_width: float = 0.2
+) -> Array:
     """Return the polygon (k, 2) in m of an inflated disk seen from the side: a bump above the floor, as wide as twice
-    ``radius``, on a solid body down to ``base``, which reaches beyond the picture unless given."""
+    ``radius``, on a solid body, which reaches beyond the picture unless ``half_width`` is given."""
     inner = np.linspace(-radius, radius, 1001)
     surface = np.column_stack([centre + inner, floor + dome_height(inner, height, radius)])
-    sides = [
-        [centre + half_width, floor],
-        [centre + half_width, base],
-        [centre - half_width, base],
-        [centre - half_width, floor],
-    ]
-    return np.vstack([surface, sides])
+    right, left = centre + half_width, centre - half_width
+    return np.vstack([surface, [[right, floor], [right, BASE], [left, BASE], [left, floor]]])
 
 
 def dome_height(x: ArrayLike, height: float, radius: float = 0.015) -> Array:

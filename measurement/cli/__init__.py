@@ -16,8 +16,11 @@ from measurement.screen.setup import SetupError, magnification as factor_of
 from softmodels.common.commands import FAILED, UNUSABLE, bounded, status_of, trouble
 from softmodels.common.errors import reason
 from softmodels.common.files import replaced_whole
+from softmodels.common.names import lazy_module
 from softmodels.common.processes import say
 from softmodels.common.units import LONGEST, UnitError, brief, number, quantity
+
+consoles, progress = lazy_module("rich.console"), lazy_module("rich.progress")
 
 DONE, SOME_REFUSED = 0, 3
 """Beside `FAILED` (nothing could be measured) and `UNUSABLE` (bad input): some photographs are left out."""
@@ -124,21 +127,11 @@ def per_metre(text: str) -> float:
 @contextlib.contextmanager
 def bar(words: str, total: int, quiet: bool) -> Iterator[Callable[[], None]]:
     """Show a bar with the time taken and left, on a terminal only; yields a function to call at each of the steps."""
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    console = Console(stderr=True, quiet=quiet)
+    console = consoles.Console(stderr=True, quiet=quiet)
     parts = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"),
-        TimeRemainingColumn(),
+        progress.TextColumn("{task.description}"), progress.BarColumn(), progress.MofNCompleteColumn(),
+        progress.TimeElapsedColumn(), progress.TextColumn("left"), progress.TimeRemainingColumn(),
     )  # fmt: skip
-    with Progress(*parts, console=console, disable=quiet or not console.is_terminal, transient=True) as shown:
+    with progress.Progress(*parts, console=console, disable=quiet or not console.is_terminal, transient=True) as shown:
         task = shown.add_task(words, total=total)
         yield lambda: shown.advance(task)

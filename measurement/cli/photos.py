@@ -15,6 +15,7 @@ from measurement.outline.outline import Outline
 from measurement.outline.zero import ZeroLine
 from measurement.pictures import TONES, Unmeasurable, read_pixels
 from measurement.screen.setup import Setup, SetupError
+from measurement.series.drawing import animate, draw_heights, draw_profiles, draw_steps, write_overview
 from measurement.series.measuring import AUTO, Measurement, NoZero, measure_all, trace_image, with_zero
 from measurement.series.photo_list import (
     DENSITY_ERROR,
@@ -182,8 +183,6 @@ def _line(result: Result) -> str:
 
 
 def _draw(output: Path, made: Measurement, tone: str) -> None:
-    from measurement.series.drawing import animate, draw_heights, draw_profiles, draw_steps, write_overview
-
     outlines = sorted(made.outlines, key=lambda outline: outline.pressure)
     if outlines:
         draw_profiles(output / "profiles.png", outlines)

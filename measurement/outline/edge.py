@@ -56,6 +56,9 @@ LARGEST_RESIDUAL_RATIO = 4.0
 NEIGHBOUR_RATIO = 2.0
 """The same beside such a profile: one in a hundred exceeds it by noise."""
 
+WINDOW_STATIONS = 31
+"""Stations over which the width's median is taken."""
+
 DRAWN_ERROR = 0.35
 """Share of the shift by ink that blurs with the edge by which its correction may be wrong."""
 
@@ -133,8 +136,9 @@ def _edge_in(profiles: Profiles, shading: Shading | None = None, camera: EdgeSha
         good = _clear(profiles, fit, fit.centre_error(fit.variance))
         if good.sum() >= 10:
             residual = fit.residual / np.maximum(fit.rise, 1e-12)[:, None]
-            clean, stored = profiles.weight[good] > 0.9, _stored(shading, fit, good)
-            shape = common_shape(fit.z[good], residual[good], clean, stored, camera)
+            low, high = float(shading.colour.shadow.mean()), float(shading.colour.lit.mean())
+            stored = StoredLight(shading.light.astype(np.float64), low, high, float(np.median(fit.width[good])))
+            shape = common_shape(fit.z[good], residual[good], profiles.weight[good] > 0.9, stored, camera)
             fit = fit_profiles(profiles.offsets, value, profiles.weight, shape)
     # Samples closer than a pixel repeat each other's noise.
     repeat = BETWEEN * max(1.0, 1.0 / (profiles.offsets[1] - profiles.offsets[0]))
@@ -162,25 +166,14 @@ def _clear(profiles: Profiles, fit: ProfileFit, error: Array) -> Mask:
     )  # fmt: skip
 
 
-def _stored(shading: Shading, fit: ProfileFit, good: Mask) -> StoredLight:
-    colour = shading.colour
-    low, high = float(colour.shadow.mean()), float(colour.lit.mean())
-    return StoredLight(shading.light.astype(np.float64), low, high, float(np.median(fit.width[good])))
-
-
 def _spoilt(variance: Array, width: Array, good: Mask) -> Mask:
     """Return the stations (n,) at which something lies on the edge: dust spoils the curve's shape before it moves its middle
     much."""
     usual = np.median(variance[good]) if good.any() else np.inf
-    found = (variance > LARGEST_RESIDUAL_RATIO**2 * usual) | (np.abs(np.log(width / _local_median(width))) > 0.35)
+    local = median_filter(width, WINDOW_STATIONS, mode="mirror") if len(width) >= WINDOW_STATIONS else np.median(width)
+    found = (variance > LARGEST_RESIDUAL_RATIO**2 * usual) | (np.abs(np.log(width / local)) > 0.35)
     # It reaches into the stations beside those in which it is plain.
     return np.asarray(binary_propagation(found, mask=found | (variance > NEIGHBOUR_RATIO**2 * usual)))
-
-
-def _local_median(value: Array, window: int = 31) -> Array:
-    if len(value) < window:
-        return np.full_like(value, np.median(value))
-    return np.asarray(median_filter(value, window, mode="mirror"))
 
 
 # ----------------------------------------------------------------------------------------------------------------------

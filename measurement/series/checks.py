@@ -519,22 +519,20 @@ MOST_MOVED = 200e-6
 @register_check(OUTLINE)
 def moved(e: Evidence) -> Iterator[Doubt]:
     """Is the body where it was at zero pressure?"""
+    again = "photograph it at zero pressure again and list that, or correct setup --zero"
     if e.above.sum() < FEWEST_POINTS:
         yield Doubt(
             "the shadow is below the surface at zero pressure: the actuator has moved, or the zero is wrong",
-            "photograph it at zero pressure again and list that, or correct setup --zero",
-            rejects=True, lasting=True)  # fmt: skip
+            again, rejects=True, lasting=True)  # fmt: skip
     if not e.standing and np.median(e.upwards[e.above]) < 0.5:
         yield Doubt(
             "the edge on the surface's line is not level: the actuator has moved or is not in the picture",
-            "photograph it at zero pressure again and list that, or correct setup --zero",
-            rejects=True)  # fmt: skip
+            again, rejects=True)  # fmt: skip
     seen = e.displaced
     if seen is None:
         yield Doubt(
             "the shadow is beside the surface at zero pressure: the actuator has moved, or the zero is wrong",
-            "photograph it at zero pressure again and list that, or correct setup --zero",
-            rejects=True, lasting=True)  # fmt: skip
+            again, rejects=True, lasting=True)  # fmt: skip
         return
     off = abs(seen.off)
     if seen.seen and off > max(ON_SURFACE, seen.tolerance):

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
+from PIL import Image
 
 from measurement.outline.edge import Traced
 from measurement.outline.outline import Outline
@@ -21,6 +22,7 @@ from measurement.screen.setup import Setup
 from measurement.series.witness import Refusal, Result, course_of
 from softmodels.common.arrays import Array, Mask
 from softmodels.common.files import image_uri, read_text
+from softmodels.common.names import lazy_module
 from softmodels.common.pages import Cell, Fact, Gallery, Page, Picture, Provenance, Table
 from softmodels.common.processes import plain
 from softmodels.common.units import pascal_per_cm
@@ -28,6 +30,8 @@ from softmodels.common.units import pascal_per_cm
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+matplotlib = lazy_module("matplotlib")
+cm, colors, figures = (lazy_module(f"matplotlib.{name}") for name in ("cm", "colors", "figure"))
 
 SHOWN = 1200
 """Longer side in px of a photograph in a picture."""
@@ -43,11 +47,9 @@ def draw_edge(
 ) -> None:
     """Write a photograph (h, w, 3) with its edge, None if it has none, and with the reason if it was rejected; the
     pressure in Pa is for the headline."""
-    from matplotlib.figure import Figure
-
     small, factor = _reduced(image)
     height, width = small.shape[:2]
-    figure = Figure(figsize=(8.0, 8.0 * height / width + HEAD), dpi=110)
+    figure = figures.Figure(figsize=(8.0, 8.0 * height / width + HEAD), dpi=110)
     axes = figure.add_axes((0.0, 0.0, 1.0, (8.0 * height / width) / (8.0 * height / width + HEAD)))
     _show(axes, small, factor)
     if traced is not None:
@@ -70,10 +72,8 @@ def draw_edge(
 
 def draw_steps(path: Path, image: Pixels, setup: Setup, traced: Traced, outline: Outline) -> None:
     """Write the four steps: photograph, distance to the shadow's colour, edge in pixels, outline in millimetres."""
-    from matplotlib.figure import Figure
-
     small, factor = _reduced(image)
-    figure = Figure(figsize=(13.0, 7.0), dpi=110, layout="constrained")
+    figure = figures.Figure(figsize=(13.0, 7.0), dpi=110, layout="constrained")
     halves = figure.add_gridspec(2, 1, height_ratios=(3.6, 3.4))
     pictures, last = figure.add_subfigure(halves[0]), figure.add_subfigure(halves[1])
     axes = pictures.subplots(1, 3)
@@ -156,17 +156,12 @@ FRAME_TIME = 500
 
 def draw_profiles(path: Path, outlines: Sequence[Outline]) -> None:
     """Write all outlines in one picture, coloured by pressure."""
-    import matplotlib
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-    from matplotlib.figure import Figure
-
     span = max(float(np.ptp(np.concatenate([outline.x for outline in outlines]))), 1e-3)
     rise = max(float(np.ptp(np.concatenate([outline.z for outline in outlines]))), 0.1 * span)
-    figure = Figure(figsize=(10.0, min(8.0, 1.6 + 7.6 * 1.1 * rise / span)), dpi=140, layout="constrained")
+    figure = figures.Figure(figsize=(10.0, min(8.0, 1.6 + 7.6 * 1.1 * rise / span)), dpi=140, layout="constrained")
     axes = figure.subplots()
     pressures = [outline.pressure / 1e3 for outline in outlines]
-    norm = Normalize(min(pressures), max(pressures) if max(pressures) > min(pressures) else min(pressures) + 1.0)
+    norm = colors.Normalize(min(pressures), max(pressures) if max(pressures) > min(pressures) else min(pressures) + 1.0)
     colours = matplotlib.colormaps["viridis"]
     for outline in outlines:
         colour = colours(norm(outline.pressure / 1e3))
@@ -181,7 +176,7 @@ def draw_profiles(path: Path, outlines: Sequence[Outline]) -> None:
     title = f"Outlines at {len(outlines)} pressures{weak}"
     axes.set(aspect="equal", title=title, xlabel="along the surface in mm", ylabel="above the surface in mm")
     axes.grid(alpha=0.3)
-    figure.colorbar(ScalarMappable(norm, colours), ax=axes, label="pressure in kPa")
+    figure.colorbar(cm.ScalarMappable(norm, colours), ax=axes, label="pressure in kPa")
     figure.savefig(path, bbox_inches="tight")  # equal scales leave the label outside otherwise
 
 
@@ -190,9 +185,7 @@ def draw_heights(path: Path, outlines: Sequence[Outline]) -> None:
 
     Photographs that are not trusted are named, so that the one that lies off the course is found in the table.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7.5, 5.0), dpi=140, layout="constrained")
+    figure = figures.Figure(figsize=(7.5, 5.0), dpi=140, layout="constrained")
     axes = figure.subplots()
     course = course_of(list(outlines))
     if course is not None:
@@ -228,8 +221,6 @@ def draw_heights(path: Path, outlines: Sequence[Outline]) -> None:
 
 def animate(path: Path, pictures: Sequence[Path]) -> None:
     """Write the photographs' pictures one after the other as a GIF."""
-    from PIL import Image
-
     frames = []
     for file in pictures:
         with Image.open(file) as picture:
