@@ -6,8 +6,8 @@ The corners are measured again in the lens that they gave (`calibration.corners`
 from __future__ import annotations
 
 import dataclasses
-import functools
 import hashlib
+import itertools
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
@@ -251,17 +251,15 @@ def seen_boards(
         for path in paths:
             try:
                 gray = np.asarray(cv2.cvtColor(read_pixels(Path(path)), cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+                # One view that counts twice looks like a camera that is known better.
+                same = first.setdefault(hashlib.sha256(gray.tobytes()).digest(), path)
+                if same != path or any(path == other for other, _, _ in searches):
+                    raise Unmeasurable(f"it is the same picture as {same}, so it counts once")
             except Unmeasurable as error:
                 refused[path] = str(error)
                 each()
-                continue
-            # One view that counts twice looks like a camera that is known better.
-            same = first.setdefault(hashlib.sha256(gray.tobytes()).digest(), path)
-            if same != path or any(path == other for other, _, _ in searches):
-                refused[path] = f"it is the same picture as {same}, so it counts once"
-                each()
-                continue
-            searches.append((path, gray, pool.submit(find_chessboard, gray, pattern)))
+            else:
+                searches.append((path, gray, pool.submit(find_chessboard, gray, pattern)))
         for path, gray, search in searches:
             if views and gray.shape != views[0].gray.shape:
                 width, height = views[0].size
@@ -353,10 +351,10 @@ def calibrate(
             "are flat"
         )
     for _ in range(ROUNDS):
-        camera = solution.camera(size, "")
-        straight = functools.partial(_straightened, camera)
+        grays, camera = [view.gray for view in views], itertools.repeat(solution.camera(size, ""))
         with ThreadPoolExecutor(cores()) as pool:
-            corners = [(each(), found)[1] for found in pool.map(straight, views, corners)]
+            straight = pool.map(straightened_corners, grays, corners, camera, map(corner_reach, corners))
+            corners = [(each(), found)[1] for found in straight]
         solution = _solve(corners, board, size)
     return Calibration(
         camera=calibrated_from(corners, board, size),
@@ -365,10 +363,6 @@ def calibrate(
         coverage=float(reached(corners, size).max()),
         refused=refused,
     )
-
-
-def _straightened(camera: Camera, view: BoardView, corners: Points) -> Points:
-    return straightened_corners(view.gray, corners, camera, corner_reach(corners))
 
 
 def calibrated_from(views: list[Points], board: Points, size: tuple[int, int]) -> Camera:
@@ -421,14 +415,8 @@ def _solve(views: list[Points], board: Points, size: tuple[int, int], use_k3: bo
         # Pixels of photographic sensors are square; one focal length is better known than two.
         flags=cv2.CALIB_FIX_ASPECT_RATIO | (0 if use_k3 else cv2.CALIB_FIX_K3),
     )
-    return _Solution(
-        float(residual),
-        matrix,
-        distortion.ravel()[:COEFFICIENTS],
-        list(turns),
-        list(shifts),
-        np.ravel(each).astype(float),
-    )
+    lens, residuals = distortion.ravel()[:COEFFICIENTS], np.ravel(each).astype(float)
+    return _Solution(float(residual), matrix, lens, list(turns), list(shifts), residuals)
 
 
 def _covariance(solution: _Solution, views: list[Points], board: Points) -> Points:

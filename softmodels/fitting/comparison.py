@@ -16,6 +16,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
+import tomli_w
 
 from softmodels.case import materials
 from softmodels.common.cards import Shown, Table
@@ -37,9 +38,9 @@ from softmodels.fitting.problem import FitError, LawChoice, all_laws, loss_of
 from softmodels.materials.laws import Material
 from softmodels.materials.silicones import PRODUCTS, named, product_of, silicone_called
 from softmodels.materials.specimens import Verdict, respond, secant_modulus
+from softmodels.mechanics.sensitivity import known_parameters
 
 if TYPE_CHECKING:
-    from softmodels.case.materials import MaterialErrors
     from softmodels.fitting.outlines.residuals import MatchedPhotograph
 
 
@@ -261,17 +262,14 @@ class FittedLaw(Shown):
         return (*self.judgement.objections, *own)
 
     @property
-    def errors(self) -> MaterialErrors:
+    def errors(self) -> materials.MaterialErrors:
         """Errors of the material: for ``sm.score(..., errors=...)`` and the band of a run. Raises `MaterialError` where no
         parameter of it was free, or the data do not determine it."""
-        from softmodels.case.materials import MaterialErrors
-        from softmodels.mechanics.sensitivity import known_parameters
-
         known = known_parameters(self.material)
         kept = [i for i, p in enumerate(self.fit.free) if p.name in known]
         rows = self.fit.covariance[np.ix_(kept, kept)].tolist()
         names = tuple(self.fit.free[i].name for i in kept)
-        found = MaterialErrors(names, tuple(map(tuple, rows)), "covariance of the fit", self.material)
+        found = materials.MaterialErrors(names, tuple(map(tuple, rows)), "covariance of the fit", self.material)
         found.check(self.material)
         return found
 
@@ -670,8 +668,6 @@ def as_text(report: FitReport) -> str:
 
 def material_toml(law: FittedLaw, report: FitReport) -> str:
     """Return a material file for ``--material``, with the basis of the fit."""
-    import tomli_w
-
     fit = law.fit
     intervals = {p.name: [float(end) for end in law.interval(p.name)] for p in fit.free if not p.hidden}
     hidden = {p.name for p in fit.parameters if p.hidden}

@@ -14,6 +14,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
@@ -44,8 +45,6 @@ class LeakResiduals:
     label, unit, parameters = "pressures", "Pa", (SIZE, START)
 
     def __init__(self, times: Array, pressures: Array, errors: Array, supply: Reservoir, cavity: Array):
-        from scipy.interpolate import CubicSpline, PchipInterpolator
-
         self.times, self.pressures, self.errors = times - times[0], pressures, errors
         P = np.geomspace(REACH[0] * pressures.min(), REACH[1] * pressures.max(), GRID)
         V, slope = np.full(GRID, cavity[0, 1]), np.zeros(GRID)

@@ -27,6 +27,10 @@ from softmodels.common.units import with_prefix
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
 from softmodels.fitting.curves.fit import Curves, prepared
 from softmodels.fitting.curves.residuals import RELATIVE, StressError, predicted, slopes_of
+from softmodels.fitting.outlines.device import MeasuredDevice
+from softmodels.fitting.outlines.fit import fit_law_to_outlines, outlines_of
+from softmodels.fitting.outlines.residuals import READINGS, OutlineResiduals
+from softmodels.fitting.outlines.shapes import prepare
 from softmodels.fitting.problem import Changes, FitError, LawChoice
 from softmodels.materials.laws import Material
 from softmodels.materials.silicones import material_of, named
@@ -36,23 +40,12 @@ from softmodels.mechanics.mpi import start
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from softmodels.fitting.outlines.device import MeasuredDevice
-
 
 WITHIN = 1.959964
 """Half of the 95 % band of a normal error, in standard errors."""
 COLUMNS = [
-    "material",
-    "data",
-    "values",
-    "rms",
-    "unit",
-    "chi2_per_value",
-    "chi2_measurement",
-    "chi2_material",
-    "coverage_95",
-    "worst",
-]
+    "material", "data", "values", "rms", "unit", "chi2_per_value", "chi2_measurement", "chi2_material", "coverage_95", "worst",
+]  # fmt: skip
 """Of the table of scores."""
 BAND = 0.95
 """Tolerance relative to its errors for identical materials."""
@@ -175,11 +168,6 @@ def score_outlines(
 ) -> Score:
     """Score a material, whose errors may be known, against outlines of a device: with fixed law, while the bench
     corrections are fitted. Raises `FitError` where the device has no such states, or cannot be the one in the photographs."""
-    from softmodels.fitting.outlines.device import MeasuredDevice
-    from softmodels.fitting.outlines.fit import fit_law_to_outlines
-    from softmodels.fitting.outlines.residuals import READINGS, OutlineResiduals
-    from softmodels.fitting.outlines.shapes import prepare
-
     choice = LawChoice.of(material)
     measured = MeasuredDevice.of(case)
     device = measured.model(choice, comm)
@@ -301,8 +289,6 @@ def score(
         score_curve(name, one, curve, error, uncertain.get(name)) for curve in ready for name, one in known.items()
     ]
     if device is not None:
-        from softmodels.fitting.outlines.fit import outlines_of
-
         scores += against_outlines(known, device, outlines_of(given, untrusted), start(), uncertain)
     places = {data: place for place, data in enumerate(dict.fromkeys(one.data for one in scores))}
     return sorted(scores, key=lambda one: (places[one.data], one.chi2))

@@ -7,7 +7,7 @@ import datetime
 import itertools
 import math
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -489,45 +489,45 @@ class TensileCurve:
         Raises:
             TensileError: Why not.
         """
+        for why in self._implausible():
+            raise TensileError(f"{self.name}: {why}")
+        return self
+
+    def _implausible(self) -> Iterator[str]:
+        """Yield what is implausible; each is asked only where nothing before it is."""
         if len(self.stretch) < LEAST_POINTS:
-            raise TensileError(
-                f"{self.name}: the curve has {len(self.stretch)} points; at least {LEAST_POINTS} are needed"
-            )
+            yield f"the curve has {len(self.stretch)} points; at least {LEAST_POINTS} are needed"
         low, high = self.stretch.min(), self.stretch.max()
         if high > PERCENT:
-            raise TensileError(
-                f"{self.name}: a stretch of {high:.4g} is more than any silicone can take ({PERCENT:g}); if these are "
-                "percent, divide them by 100 (a strain in percent is a stretch of 1 + strain / 100)"
+            yield (
+                f"a stretch of {high:.4g} is more than any silicone can take ({PERCENT:g}); if these are percent, divide "
+                "them by 100 (a strain in percent is a stretch of 1 + strain / 100)"
             )
         if low <= 0.0:
             hint = "; values starting at 0 are strains: add 1" if low == 0.0 else ""
-            raise TensileError(f"{self.name}: a stretch of {low:.4g} is not above zero{hint}")
-        if low < SLACK and abs(self.stress[np.argmin(self.stretch)]) < AT_REST * np.abs(self.stress).max():
-            raise TensileError(
-                f"{self.name}: the stretch starts at {low:.4g} without stress instead of near 1: "
-                f"these seem to be strains; add 1"
-            )
-        if self.time is None and (np.diff(self.stretch) < 0.0).any():
-            raise TensileError(f"{self.name}: the stretch does not rise from row to row; give one loading ramp, sorted")
+            yield f"a stretch of {low:.4g} is not above zero{hint}"
         top = float(np.abs(self.stress).max())
+        if low < SLACK and abs(self.stress[np.argmin(self.stretch)]) < AT_REST * top:
+            yield f"the stretch starts at {low:.4g} without stress instead of near 1: these seem to be strains; add 1"
+        if self.time is None and (np.diff(self.stretch) < 0.0).any():
+            yield "the stretch does not rise from row to row; give one loading ramp, sorted"
         if top == 0.0:
-            raise TensileError(f"{self.name}: every stress is zero")
+            yield "every stress is zero"
         # Within half a percent of rest, even the stiffest start is far below a tenth of the largest stress.
         at_rest = np.abs(self.stress[np.abs(self.stretch - 1) < 0.005])
-        if len(at_rest) and at_rest.min() > 0.1 * top and self.stretch.max() > 1.2:
-            raise TensileError(
-                f"{self.name}: the stress at stretch 1 is {at_rest.min() / 1e3:.4g} kPa instead of zero; subtract the load "
-                "cell's offset first"
+        if len(at_rest) and at_rest.min() > 0.1 * top and high > 1.2:
+            yield (
+                f"the stress at stretch 1 is {at_rest.min() / 1e3:.4g} kPa instead of zero; subtract the load cell's offset "
+                "first"
             )
         modulus, (least, most) = small_modulus(self), INITIAL_MODULUS_RANGE
         if not modulus > 0.0:
-            raise TensileError(f"{self.name}: the stress decreases with the stretch; check its sign and the columns")
+            yield "the stress decreases with the stretch; check its sign and the columns"
         if not least <= modulus <= most:
-            raise TensileError(
-                f"{self.name}: the curve starts with a shear modulus of {modulus / 1e3:.3g} kPa; silicones and soft rubbers "
-                f"have {least / 1e3:g} to {most / 1e3:g} kPa, so check the unit of the stress (a factor 1000?)"
+            yield (
+                f"the curve starts with a shear modulus of {modulus / 1e3:.3g} kPa; silicones and soft rubbers have "
+                f"{least / 1e3:g} to {most / 1e3:g} kPa, so check the unit of the stress (a factor 1000?)"
             )
-        return self
 
     def within(self, low: float, high: float) -> TensileCurve:
         """Return the part between two stretches.
@@ -587,7 +587,10 @@ def read_curve(
             _check_start(table.x, table.y, table.deformation, specimen or Specimen())
         stretch = _stretch(table.x, table.deformation, specimen or Specimen())
         stress = _nominal(table.y, table.load, stretch, kind, specimen or Specimen())
-        time = table.time if rate is None else _paced(stretch, rate)
+        time = table.time
+        if rate is not None:
+            way = np.cumsum(np.abs(np.diff(stretch, prepend=stretch[0])))
+            time = None if rate == EQUILIBRIUM else way / rate
         if history and time is None and rate is None:
             raise TensileError(
                 f"{table.untimed}; a fit of the memory needs times, or FILE:TEST:RATE, such as {path.name}:{kind}:0.05/s, "
@@ -611,11 +614,6 @@ def _unbroken(curve: TensileCurve) -> TensileCurve:
     remarks = (*curve.remarks, f"{len(x) - end} points after the break at stretch {x[end - 1]:.4g} are left out")
     assert curve.time is not None
     return dataclasses.replace(curve, stretch=x[:end], stress=y[:end], time=curve.time[:end], remarks=remarks)
-
-
-def _paced(stretch: Array, rate: float) -> Array | None:
-    """Return the times of a test at one rate of stretch; None at equilibrium."""
-    return None if rate == EQUILIBRIUM else np.cumsum(np.abs(np.diff(stretch, prepend=stretch[0]))) / rate
 
 
 def _stretch(x: Array, column: CurveColumn, specimen: Specimen) -> Array:

@@ -83,18 +83,18 @@ def starts_for(choice: LawChoice, sources: Sequence[TensileResiduals]) -> list[d
     """Return the starting values of a law from the curves, best first; with branches those of what branches of any weight
     leave of the stresses (Frisch & Waugh 1933)."""
     curves = [source.curve for source in sources]
-    target, branches = np.concatenate([s.curve.stress / s.errors for s in sources]), _branches(sources)
+    target = np.concatenate([s.curve.stress / s.errors for s in sources])
+    # Standardised stresses of all branches over their G, shape (n, k).
+    relaxing = [branch_stresses(s.curve, s.spectrum) / s.errors[:, None] for s in sources if s.spectrum is not None]
+    branches = np.vstack(relaxing) if relaxing else None
     Q = None if branches is None else np.linalg.qr(branches)[0]
 
     def left(A: Array) -> Array:
         return A if Q is None else np.asarray(A - Q @ (Q.T @ A))
 
     def design(material: Material, names: Sequence[str]) -> Array:
-        return left(
-            np.vstack(
-                [respond(material, s.curve.stretch, s.curve.mode, names).slopes / s.errors[:, None] for s in sources]
-            )
-        )
+        responses = [respond(material, s.curve.stretch, s.curve.mode, names) for s in sources]
+        return left(np.vstack([one.slopes / s.errors[:, None] for one, s in zip(responses, sources, strict=True)]))
 
     modulus, strain = _modulus(curves), largest_strain(curves)
     starts = closed_starts(choice, design, left(target), modulus, strain)
@@ -109,12 +109,6 @@ def starts_for(choice: LawChoice, sources: Sequence[TensileResiduals]) -> list[d
 def _modulus(curves: Sequence[TensileCurve]) -> float:
     """Return the median small-strain shear modulus in Pa."""
     return float(np.median([small_modulus(curve) for curve in curves]))
-
-
-def _branches(sources: Sequence[TensileResiduals]) -> Array | None:
-    """Return the standardised stresses of all branches over their G, shape (n, k); None without a memory."""
-    stresses = [branch_stresses(s.curve, s.spectrum) / s.errors[:, None] for s in sources if s.spectrum is not None]
-    return np.vstack(stresses) if stresses else None
 
 
 def _weighed(
@@ -175,23 +169,16 @@ def fit_law_to_curves(
             scale = spread(fit_law_to_curves(choice, sources, extra, changes=changes, errors=errors))
         sources = [dataclasses.replace(s, errors=s.errors * scale) for s in sources]
     curves = [source.curve for source in sources]
-    more = (
-        [p for p in further_parameters(_modulus(curves), largest_strain(curves)) if p.name in further]
-        if further
-        else []
-    )
+    more = further_parameters(_modulus(curves), largest_strain(curves)) if further else []
     fits = []
     guesses = starts_for(choice, sources) if sources else [choice.from_modulus(MODULUS)]
     for starts in by_bounds(choice, guesses):
         weights = spectrum.parameters(starts[0]) if spectrum else []
-        own = (*choice.parameters(starts[0]), *weights, *more, *extra.parameters)
+        own = (*choice.parameters(starts[0]), *weights, *(p for p in more if p.name in further), *extra.parameters)
         parameters = [p.changed(changes.get(p.name, {})) for p in own]
+        fitted = [*sources, *extra.sources]
         try:
-            fits.append(
-                fit_parameters(
-                    [*sources, *extra.sources], parameters, loss=loss, starts=starts, errors=errors, label=choice.name
-                )
-            )
+            fits.append(fit_parameters(fitted, parameters, loss=loss, starts=starts, errors=errors, label=choice.name))
         except FitError as error:
             trouble = error
     if not fits:
@@ -304,7 +291,8 @@ class _Task:
             # The closest law determines the outliers for all laws.
             scale = min(map(spread, fits))
             fits = self._fit_all("soft_l1", scale)
-        comparison = compare(fits, self._on_yardstick(fits))
+        judged = [on_yardstick(fit, fit.problem.sources) for fit in fits] if len(fits) > 1 else None  # type: ignore[arg-type]
+        comparison = compare(fits, judged)
         laws = self._laws(fits, comparison, known)
         report = FitReport(laws, comparison, tuple(self.curves), _how(self.options), notes=tuple(self._notes(laws)))
         return self._compared(report, scale)
@@ -331,10 +319,6 @@ class _Task:
                 fit_law_to_curves(choice, sources, extra, changes=changes, errors=self.errors, loss=loss, scale=scale)
             )
         return fits
-
-    def _on_yardstick(self, fits: Sequence[LeastSquaresFit]) -> list[LeastSquaresFit] | None:
-        """Return the laws fitted for the comparison; None for a single law."""
-        return [on_yardstick(fit, fit.problem.sources) for fit in fits] if len(fits) > 1 else None  # type: ignore[arg-type]
 
     def _laws(self, fits: Sequence[LeastSquaresFit], comparison: Comparison, known: Expected) -> tuple[FittedLaw, ...]:
         strain, laws = largest_strain(self.curves), []

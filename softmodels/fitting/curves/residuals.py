@@ -248,14 +248,9 @@ def thinned(curve: TensileCurve, most: int = MOST_POINTS) -> TensileCurve:
         f"{len(curve.stretch)} readings averaged over {steps} equal steps of stretch, {len(stretch)} points; scatter "
         f"of the readings {scatter / 1e3:.2g} kPa rms, averaging error at most {missed / 1e3:.2g} kPa"
     )
-    remarks = (*curve.remarks, remark)
+    remarks, readings = (*curve.remarks, remark), len(curve.stretch) / len(stretch)
     return dataclasses.replace(
-        curve,
-        stretch=stretch,
-        stress=stress,
-        remarks=remarks,
-        noise=noise(curve),
-        readings=len(curve.stretch) / len(stretch),
+        curve, stretch=stretch, stress=stress, remarks=remarks, noise=noise(curve), readings=readings
     )
 
 

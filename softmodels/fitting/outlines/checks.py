@@ -94,6 +94,10 @@ class WrongReading:
     def factor(self) -> float:
         return self.pressure / self.expected
 
+    @property
+    def gross(self) -> bool:
+        return not 1 / GROSS < self.factor < GROSS
+
 
 def wrong_readings(rows: Sequence[HeightRow]) -> list[WrongReading]:
     """Return the rows contradicted by the smooth curve of the others; empty for fewer than three rows."""
@@ -108,9 +112,9 @@ def wrong_readings(rows: Sequence[HeightRow]) -> list[WrongReading]:
     ends = x[inside].min(), x[inside].max()
     for i in np.flatnonzero(~inside).tolist():
         row, expected = rows[i], rows[i].reading(expected_modulus(rows, inside, rows[i].height))
-        factor = row.pressure / expected
-        if ends[0] <= row.height <= ends[1] or not 1 / GROSS < factor < GROSS:
-            found.append(WrongReading(row.source, row.pressure, expected))
+        one = WrongReading(row.source, row.pressure, expected)
+        if ends[0] <= row.height <= ends[1] or one.gross:
+            found.append(one)
     return found
 
 
@@ -268,8 +272,9 @@ def series_of_shapes(model: DeviceModel, shapes: Sequence[Shape]) -> list[Height
 
 def _check_widths(shapes: Sequence[Shape], curves: Sequence[QuadraticCurve], device: str) -> None:
     measured = np.array([_width(shape.points, shape.height / 2) for shape in shapes])
-    simulated = np.array(
-        [_simulated_width(curve, shape.height / 2) for shape, curve in zip(shapes, curves, strict=True)]
+    halves = [half_outline(shadow_of(curve).curve, SPACING)[0] for curve in curves]
+    simulated = 2.0 * np.array(
+        [half[half[:, 1] > s.height / 2, 0].max() for half, s in zip(halves, shapes, strict=True)]
     )
     share = measured / simulated
     if NARROWEST <= float(np.median(share)) <= WIDEST:
@@ -287,11 +292,6 @@ def _width(points: Array, level: float) -> float:
     """Return the distance in m of the outermost points (n, 2) above a level."""
     up = np.flatnonzero(points[:, 1] > level)
     return float(points[up[-1], 0] - points[up[0], 0]) if len(up) else 0.0
-
-
-def _simulated_width(curve: QuadraticCurve, level: float) -> float:
-    places = half_outline(shadow_of(curve).curve, SPACING)[0]
-    return 2.0 * float(places[places[:, 1] > level, 0].max())
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -423,12 +423,9 @@ def by_course(rows: Sequence[HeightRow]) -> WrongRows | None:
             f"{one.source} and {two.source} seem exchanged: expected {reading(one.expected)} for the first and "
             f"{reading(two.expected)} for the second, but their rows have {reading(one.pressure)} and {reading(two.pressure)}"
         )
-        return WrongRows((one.source, two.source), said, any(map(_gross, pair)))
-    return WrongRows(tuple(one.source for one in found), "; ".join(map(_sentence, found)), any(map(_gross, found)))
-
-
-def _gross(one: WrongReading) -> bool:
-    return not 1 / GROSS < one.factor < GROSS
+        return WrongRows((one.source, two.source), said, one.gross or two.gross)
+    gross = any(one.gross for one in found)
+    return WrongRows(tuple(one.source for one in found), "; ".join(map(_sentence, found)), gross)
 
 
 def by_fit(
@@ -480,8 +477,7 @@ def _fine(name: str, rows: Sequence[HeightRow]) -> str:
     i = next(k for k, row in enumerate(rows) if row.source == name)
     one = WrongReading(name, rows[i].pressure, expected_without(rows, [name], rows[i]))
     order = sorted(range(len(rows)), key=lambda k: rows[k].height)
-    end = i in (order[0], order[-1])
-    if end and 1 / GROSS < one.factor < GROSS:
+    if i in (order[0], order[-1]) and not one.gross:
         return ""
     if abs(one.factor - 1.0) > ALIKE:
         return _sentence(one)

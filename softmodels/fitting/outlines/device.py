@@ -31,6 +31,8 @@ from softmodels.fitting.outlines.silhouette import Silhouette, crest, edge_heigh
 from softmodels.fitting.problem import CannotEvaluate, FitError, LawChoice
 from softmodels.materials.laws import Material, MaterialError
 from softmodels.materials.silicones import SILICONE_DENSITY
+from softmodels.mechanics.body import Body, BodyError
+from softmodels.mechanics.compiling import CompilingError, compiling
 from softmodels.mechanics.component import ALONG, Component, ComponentError
 from softmodels.mechanics.controls import Control, Coupling, pressure_control, volume_control
 from softmodels.mechanics.dead_loads import LoadPart
@@ -38,7 +40,7 @@ from softmodels.mechanics.mpi import on_root
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.sensitivity import MeshMotion, Rate, Sensitivity
 from softmodels.mechanics.solver import Solver
-from softmodels.mechanics.system import State
+from softmodels.mechanics.system import State, System
 from softmodels.path.continuation import Continuation, trace
 from softmodels.path.points import DIRECT, PathEnd
 from softmodels.path.schedule import HangingEnd, hang, inflate_from
@@ -540,10 +542,9 @@ class MeasuredDevice:
                     f"{rubbing[0]} has friction, whose derivatives by the material are not available; leave it out "
                     "(friction = 0)"
                 )
-            case, section = device, as_section(device.actuator)
-            components = measured_parts(case.components, section, case.material)
-            around = (components, case.solver)
-            return cls(section, case.name, case.material, case.formulation, *around)
+            section = as_section(device.actuator)
+            components = measured_parts(device.components, section, device.material)
+            return cls(section, device.name, device.material, device.formulation, components, device.solver)
         one_of("device", device, Actuator, "a device, such as sm.HollowDisk(), or a Case")
         return cls(as_section(device), device.name)
 
@@ -554,11 +555,6 @@ class MeasuredDevice:
     def model(self, choice: LawChoice, comm: MPI.Comm, spectrum: Spectrum | None = None) -> DeviceModel:
         """Return the device under a law, perhaps with relaxing branches, meshed and compiled; `FitError` if it cannot be,
         or ``height_datum`` makes no difference to it."""
-        from softmodels.mechanics.body import Body, BodyError
-        from softmodels.mechanics.compiling import CompilingError, compiling
-        from softmodels.mechanics.solver import Solver
-        from softmodels.mechanics.system import System
-
         folder = on_root(comm, lambda: Path(tempfile.mkdtemp(prefix="softmodels-")))
         mesh = folder / f"{self.name}.msh"
         try:

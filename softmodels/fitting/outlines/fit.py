@@ -61,7 +61,6 @@ from softmodels.fitting.problem import (
     DEFAULTS,
     NOTHING_ELSE,
     CannotEvaluate,
-    Change,
     Changes,
     Extra,
     FitError,
@@ -75,6 +74,7 @@ from softmodels.fitting.problem import (
 )
 from softmodels.materials.specimens import judge
 from softmodels.mechanics.mpi import start
+from softmodels.runs.fields import Fields
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -118,7 +118,11 @@ def fit_law_to_outlines(
     for name in changes:
         if name not in names:
             raise FitError(f"there is no parameter {name!r}; {known_are(name, sorted(names))}")
-    held = {name: change["start"] for name, change in changes.items() if _held(change) and name in choice.names}
+    held = {
+        name: change["start"]
+        for name, change in changes.items()
+        if change.get("fixed") and "start" in change and name in choice.names
+    }
     begins: list[dict[str, float]] = []
     hidden: list[Parameter] = []
     for source in sources:
@@ -146,10 +150,6 @@ def fit_law_to_outlines(
         except FitError as error:
             troubles.append(str(error))
     raise FitError(f"{choice.name}: {troubles[0]}")
-
-
-def _held(change: Change) -> bool:
-    return change.get("fixed", False) and "start" in change
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -404,10 +404,8 @@ class _Task:
         left_out = [f"{name} is excluded by --exclude" for name in self.options.exclude]
         named = dict.fromkeys(one.material for one in self.devices if one.material)
         if len(named) > 1 and self.options.silicone is None:
-            more = [
-                *more,
-                f"the cases have {len(named)} materials; the fit is compared with that of {self.devices[0].name}",
-            ]
+            compared = f"the fit is compared with that of {self.devices[0].name}"
+            more = [*more, f"the cases have {len(named)} materials; {compared}"]
         return [*filter(None, (caution(self.known), *more)), *left_out]
 
     def changes(self, choice: LawChoice) -> Changes:
@@ -446,11 +444,10 @@ class _Task:
         how = f"outlines and readings, weighted by their stated errors{robust}; free besides {law}: {free}{tests}"
         report = self._report(trials, notes, how)
         # Solve again on all ranks if a profile was evaluated last.
+        sources_of = {law: trials[law.choice.name].sources for law in report.laws}
         states = {
-            law.choice.name: [
-                one for source in trials[law.choice.name].sources for one in source.matches(law.fit.values)
-            ]
-            for law in report.laws
+            law.choice.name: [one for source in sources for one in source.matches(law.fit.values)]
+            for law, sources in sources_of.items()
         }
         return dataclasses.replace(report, photographs=states)
 
@@ -498,10 +495,8 @@ class _Task:
         first: LawTrial[Source] = next(iter(trials.values()))
         devices, notes = [], [*notes]
         for source in first.sources:
-            kind, told = (
-                type(source.model.system.body.actuator).__name__,
-                source.model.told(source.own(first.fit.values)),
-            )
+            kind = type(source.model.system.body.actuator).__name__
+            told = source.model.told(source.own(first.fit.values))
             devices.append(f"{source.device or self.devices[0].name}: {kind}, {source.in_words}")
             notes += [f"{source.device}: {told}" if source.device else told] if told else []
         said = tuple(map(spoken, notes))
@@ -559,8 +554,6 @@ def hold_notes(holds: Sequence[float]) -> list[str]:
 
 def _largest_stretch(source: OutlineResiduals | HeightResiduals, fit: LeastSquaresFit) -> float:
     """Return the largest principal stretch of the device in the state of the largest deflection."""
-    from softmodels.runs.fields import Fields
-
     state = source.largest_state(fit.values)
     source.model.set_parameters(source.own(fit.values))
     return float(Fields(source.model.solver).figures(state).max_stretch)

@@ -21,6 +21,7 @@ from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
+from scipy.interpolate import PchipInterpolator
 
 from measurement.series.photo_list import DENSITY_ERROR
 from softmodels.common.arrays import Array
@@ -56,7 +57,12 @@ class OutlineResiduals:
     """
 
     def __init__(self, model: DeviceModel, shapes: Sequence[Shape], label: str = "outlines", device: str = ""):
-        _check_flat(model)
+        if not model.silhouette.flat and not model.hanging.from_apex:
+            raise OutlineFitError(
+                f"the undeformed top of the device is {model.silhouette.unevenness * 1e3:.3g} mm from flat, and heights "
+                "of outlines count from a flat surface unless another is given: --height-datum apex if they count from the "
+                "apex at zero pressure; or fit to the rises of the apex instead, as a table of heights"
+            )
         self.model, self.shapes, self.label, self.device = model, tuple(shapes), label, device
         self.read, self._own_hidden = self._hidden()
         self._own_names = (*model.names, *BENCH, *self._own_hidden)
@@ -123,14 +129,7 @@ class OutlineResiduals:
             states = self._states(own)
             self.model.set_parameters(own)
             made = [
-                MatchedPhotograph(
-                    shape,
-                    state,
-                    self.model.curve(state),
-                    self.model.pressure(state),
-                    own,
-                    self.most,
-                )
+                MatchedPhotograph(shape, state, self.model.curve(state), self.model.pressure(state), own, self.most)
                 for shape, state in zip(self.shapes, states, strict=True)
             ]
             self._known = key, made
@@ -166,15 +165,6 @@ class OutlineResiduals:
                     J[reading, column[name]] = on_reading
             first = rows.stop
         return J
-
-
-def _check_flat(model: DeviceModel) -> None:
-    if not model.silhouette.flat and not model.hanging.from_apex:
-        raise OutlineFitError(
-            f"the undeformed top of the device is {model.silhouette.unevenness * 1e3:.3g} mm from flat, and heights "
-            "of outlines count from a flat surface unless another is given: --height-datum apex if they count from the apex "
-            "at zero pressure; or fit to the rises of the apex instead, as a table of heights"
-        )
 
 
 class MatchedPhotograph:
@@ -460,8 +450,6 @@ def starts(
 def volumes_of(model: DeviceModel, values: dict[str, float], heights: Array) -> tuple[Array, float]:
     """Return the added volumes in m3 at which the device has the measured heights in m, and that of the preloaded state.
     Raises `CannotEvaluate` for no equilibrium under the dead loads, `OutlineFitError` if it does not rise so high."""
-    from scipy.interpolate import PchipInterpolator
-
     eq, rest = model.system, model.rest_volume
     model.set_parameters(values)
     model.hanging.check(values)
@@ -520,8 +508,9 @@ def read_heights(path: Path, untrusted: bool = False, exclude: Sequence[str] = (
 
     Raises `OutlineFitError` for no such table, a number that is none, or a height that is not trusted, unless ``untrusted``.
     """
+    needed = {"pressure_Pa", "height_m"}
     try:
-        chosen = pick(path, read_sheets(path), lambda sheet: sheet.rows if _has_heights(sheet.rows) else None)
+        chosen = pick(path, read_sheets(path), lambda sheet: sheet.rows if needed <= _header(sheet.rows) else None)
     except OSError as error:
         raise OutlineFitError(f"{path} cannot be read: {reason(error)}") from None
     if chosen is None or len(chosen[1]) < 2:
@@ -553,8 +542,8 @@ def read_heights(path: Path, untrusted: bool = False, exclude: Sequence[str] = (
     return sorted(found, key=lambda one: one.pressure)
 
 
-def _has_heights(rows: Sequence[Line]) -> bool:
-    return bool(rows) and {"pressure_Pa", "height_m"} <= {name.strip() for name in rows[0][1]}
+def _header(rows: Sequence[Line]) -> set[str]:
+    return {name.strip() for name in rows[0][1]} if rows else set()
 
 
 def check_heights(heights: Sequence[Height], width: float) -> list[Height]:
@@ -632,12 +621,10 @@ class HeightResiduals:
         shape (n, 5)."""
         states = self.model.states(values, self.pressures, "pressure")
         self.model.set_parameters(values)
-        rise = 1e3 * np.array(
-            [self.model.slopes(state, (), "pressure").along_nodes[0, 0, 1] for state in states]
-        )  # mm per Pa
-        offset = min(one.pressure_error for one in self.heights)
+        slopes = [self.model.slopes(state, (), "pressure").along_nodes[0, 0, 1] for state in states]
+        rise = 1e3 * np.array(slopes)  # mm per Pa
         columns = (
-            -rise * offset,
+            -rise * min(one.pressure_error for one in self.heights),
             -rise * self.pressures * PRESSURE_SCALE_ERROR,
             -rise * self.pressures**2 / self.pressures.max() * LEAK_ERROR,
             1e3 * self.measured * SCALE_ERROR,

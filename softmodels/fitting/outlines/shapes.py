@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from scipy.interpolate import make_lsq_spline
 
 from geometries import Actuator
 from measurement.outline.edge import SPAN
@@ -70,8 +71,9 @@ def kept(rows: Sequence[tuple[str, Path | None]], exclude: Sequence[str]) -> lis
     left = {}
     for name in exclude:
         found = [
-            i for i, (source, file) in enumerate(rows) if name in (source, Path(source).stem, str(file), *_names(file))
-        ]
+            i for i, (source, file) in enumerate(rows)
+            if name in (source, Path(source).stem, *((str(file), file.name, file.stem) if file else ()))
+        ]  # fmt: skip
         if not found:
             known = ", ".join(source for source, _ in rows)
             raise OutlineFitError(f"--exclude {name}: there is no such photograph; there are {known}")
@@ -80,10 +82,6 @@ def kept(rows: Sequence[tuple[str, Path | None]], exclude: Sequence[str]) -> lis
     if rows and not keep:
         raise OutlineFitError("--exclude removes all measurements; keep at least one")
     return keep
-
-
-def _names(file: Path | None) -> tuple[str, ...]:
-    return (file.name, file.stem) if file else ()
 
 
 FLOOR = 1e-4
@@ -216,8 +214,6 @@ def correlation(outlines: Sequence[Outline]) -> float:
 
 
 def _spline(z: Array) -> Array:
-    from scipy.interpolate import make_lsq_spline
-
     n = len(z)
     at = np.arange(n, dtype=float)
     inner = np.linspace(0, n - 1, max(n // KNOT, 2) + 1)[1:-1]
