@@ -14,7 +14,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from pathlib import Path
-from types import MappingProxyType, ModuleType
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
 
 from softmodels.common import errors
@@ -275,16 +275,6 @@ def _place_of(entry: object, name: str) -> tuple[str, str]:
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Public names of a package that are loaded when they are first used.
-
-
-class _LateModule(ModuleType):
-    def __getattr__(self, name: str) -> Any:
-        return getattr(importlib.import_module(self.__name__), name)
-
-
-def lazy_module(name: str) -> ModuleType:
-    """Return a module that is imported when it is first used: a library that takes long to load."""
-    return _LateModule(name)
 
 
 def lazy_names(package: str) -> tuple[list[str], Callable[[str], object], Callable[[], list[str]]]:
