@@ -106,11 +106,9 @@ def learn_colour(shadow: Array, lit: Array) -> ShadowColour:
 
 
 def robust_covariance(samples: Array, kept: float = 0.75) -> tuple[Array, Array]:
-    """Return the mean and covariance (3,), (3, 3) of the densest share of samples (n, 3), by concentration steps.
-
-    Grid lines and dust in the shadow are a small part of it, so starting from median and MAD suffices; the covariance is
-    scaled to be right for normally distributed samples.
-    """
+    """Return the mean and covariance (3,), (3, 3) of the densest share of samples (n, 3), by concentration steps. Grid
+    lines and dust in the shadow are a small part of it, so starting from median and MAD suffices; the covariance is scaled
+    to be right for normally distributed samples."""
     centre = np.median(samples, axis=0)
     spread = np.maximum(deviations(samples - centre, 0), LIGHT_FLOOR)
     covariance = np.diag(spread**2)

@@ -481,10 +481,8 @@ def rounded(placed: Array, upwards: Array) -> Mask:
 
 
 def sharpest_turn(placed: Array) -> tuple[int, float]:
-    """Return where the edge turns most beyond its neighbourhood, and by how many degrees; 0 where no turn stands out.
-
-    Only turns above the surface count: where a membrane is clamped it may leave the surface at any angle.
-    """
+    """Return where the edge turns most beyond its neighbourhood, and by how many degrees; 0 where no turn stands out. Only
+    turns above the surface count: where a membrane is clamped it may leave the surface at any angle."""
     step = np.linalg.norm(np.diff(placed, axis=0), axis=1)
     arc = np.r_[0.0, np.cumsum(step)]
     raised = placed[placed[:, 1] >= 0.1 * max(placed[:, 1].max(), 0.0), 0]
@@ -561,11 +559,8 @@ SHORT_AVERAGE_POINTS = 7
 
 
 def highest_ripple(placed: Array) -> tuple[int, float, float]:
-    """Return the index of the point where the edge lies farthest off its neighbourhood, how far in m, and the usual distance in
-    m.
-
-    Only what rises counts: where a membrane is clamped, or a body ends, the edge may turn at any angle.
-    """
+    """Return the index of the point where the edge lies farthest off its neighbourhood, how far in m, and the usual
+    distance in m. Only what rises counts: where a membrane is clamped, or a body ends, the edge may turn at any angle."""
     step = np.linalg.norm(np.diff(placed, axis=0), axis=1)
     arc, spacing = np.r_[0.0, np.cumsum(step)], float(np.median(step))
     raised = placed[placed[:, 1] >= 0.1 * max(placed[:, 1].max(), 0.0), 0]

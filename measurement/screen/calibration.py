@@ -164,10 +164,8 @@ def find_chessboard(image: ArrayLike, pattern: tuple[int, int] = (9, 6), camera:
 
 
 def _searched(gray: NDArray[np.uint8], pattern: tuple[int, int]) -> NDArray[np.float64] | None:
-    """Return the corners (n, 2) of the board in px, right to about a pixel; None if it is not there.
-
-    The search begins with reduced pictures: its time grows faster than their pixels.
-    """
+    """Return the corners (n, 2) of the board in px, right to about a pixel; None if it is not there. The search begins
+    with reduced pictures: its time grows faster than their pixels."""
     longest = max(gray.shape)
     for side in (*SEARCHED, longest):
         if side < longest / LEAST_REDUCTION or side == longest:
@@ -441,12 +439,9 @@ def _covariance(solution: _Solution, views: list[Points], board: Points) -> Poin
 def _errors(
     camera: Camera, covariance: Points, views: list[Points], board: Points, use_k3: bool, coverage: float
 ) -> Points:
-    """Return the standard error in px of an undistorted point per axis, (RINGS,) at equal steps from the frame's middle to a
-    corner.
-
-    The covariance does not know that corners in one photograph share their board's bends and blur; leaving out one photograph
-    at a time (the jackknife) does, but is itself uncertain with few of them. The larger one counts.
-    """
+    """Return the standard error in px of an undistorted point per axis, (RINGS,) at equal steps from the frame's middle to
+    a corner. The covariance does not know that corners in one photograph share their board's bends and blur; leaving out
+    one photograph at a time (the jackknife) does, but is itself uncertain with few of them. The larger one counts."""
     size = (camera.width, camera.height)
     values = np.concatenate([[camera.matrix[0, 0], *camera.matrix[:2, 2]], camera.distortion])
     slopes = []

@@ -182,9 +182,7 @@ def draw_profiles(path: Path, outlines: Sequence[Outline]) -> None:
 
 def draw_heights(path: Path, outlines: Sequence[Outline]) -> None:
     """Write the height over the pressure with both standard errors, doubled, and the course through the trusted ones.
-
-    Photographs that are not trusted are named, so that the one that lies off the course is found in the table.
-    """
+    Untrusted photographs are named, so that the one that lies off the course is found in the table."""
     figure = figures.Figure(figsize=(7.5, 5.0), dpi=140, layout="constrained")
     axes = figure.subplots()
     course = course_of(list(outlines))

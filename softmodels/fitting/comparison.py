@@ -132,10 +132,8 @@ def _check(fits: Sequence[LeastSquaresFit]) -> None:
 
 
 def _means(fit: LeastSquaresFit) -> dict[str, float]:
-    """Return the mean over each curve of the loss of its squared residuals; the priors' share goes to the first.
-
-    The noise that averaging took from a curve counts as if it were there, so that each sampling has the same misfit.
-    """
+    """Return the mean over each curve of the loss of its squared residuals; the priors' share goes to the first. The noise
+    that averaging took from a curve counts as if it were there, so that each sampling has the same misfit."""
     labels = np.array(fit.rows.groups)
     squares = fit.residuals**2
     losses = loss_of(fit.loss, squares, len(squares) - fit.count)[0]

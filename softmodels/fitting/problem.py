@@ -578,11 +578,8 @@ def closed_starts(
 
 
 def _term_starts(choice: LawChoice, design: Design, target: Array, modulus: float) -> list[dict[str, float]]:
-    """Return the non-negative least squares for the terms' factors over combinations of their shape parameters' grid; the best
-    few.
-
-    Each factor has the sign that gives its term a shear modulus above zero (Ogden's mu_i alpha_i).
-    """
+    """Return the non-negative least squares for the terms' factors over combinations of their shape parameters' grid; the
+    best few. Each factor has the sign that gives its term a shear modulus above zero (Ogden's mu_i alpha_i)."""
     fields = {field.name: field.metadata for field in parameter_fields(choice.law) if field.metadata["many"]}
     factor = next(name for name, about in fields.items() if about["unit"] == "Pa")
     shape = next(name for name, about in fields.items() if about["grid"])

@@ -79,11 +79,9 @@ class StressError:
 
 
 def noise(curve: TensileCurve) -> float:
-    """Return the standard deviation in Pa of a dense curve's noise, from third differences, which suppress smooth curvature.
-
-    The median makes jumps count little. 0 where the points are too few to tell noise from the bend. Averaged curves carry
-    that of their readings.
-    """
+    """Return the standard deviation in Pa of a dense curve's noise, from third differences, which suppress smooth
+    curvature; the median makes jumps count little. 0 where the points are too few to tell noise from the bend. Averaged
+    curves carry that of their readings."""
     if curve.noise is not None:
         return curve.noise
     if len(curve.stress) < DENSE:
@@ -255,10 +253,8 @@ def thinned(curve: TensileCurve, most: int = MOST_POINTS) -> TensileCurve:
 
 
 def _history_thinned(curve: TensileCurve, most: int) -> TensileCurve:
-    """Return a history of about ``most`` points: corners of the stretch, and averages over steps of time between them.
-
-    The steps grow from each corner on, where the silicone relaxes fastest: in a hold by a constant factor.
-    """
+    """Return a history of about ``most`` points: corners of the stretch, and averages over steps of time between them. The
+    steps grow from each corner on, where the silicone relaxes fastest: in a hold by a constant factor."""
     assert curve.time is not None
     n, time = len(curve.stretch), curve.time
     if n <= most:
