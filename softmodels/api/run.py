@@ -24,7 +24,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import Spoken, known_are, required, spoken
 from softmodels.common.files import file_digest, is_same
-from softmodels.common.lazy import MPI
+from softmodels.common.lazy import MPI, pyvista
 from softmodels.common.names import checked, keep_arrays, one_of, place, read_only, several
 from softmodels.common.processes import one_at_a_time
 from softmodels.common.schema import to_table as table_of
@@ -48,7 +48,6 @@ if TYPE_CHECKING:
     import pandas
     import xarray
     from matplotlib.figure import Figure
-    from pyvista import UnstructuredGrid
 
     from softmodels.api.views import Animation
     from softmodels.decks.reduction import ReducedModel
@@ -247,11 +246,9 @@ class SolvedState(Shown):
         return self.fields.get("mode")
 
     @functools.cached_property
-    def grid(self) -> UnstructuredGrid:
+    def grid(self) -> pyvista.UnstructuredGrid:
         """The undeformed device as a `pyvista.UnstructuredGrid` with the fields; ``grid.warp_by_vector("displacement")``
         moves it."""
-        import pyvista
-
         # Copies, because VTK writes into its inputs and users may change a grid.
         grid = pyvista.UnstructuredGrid({CELL_TYPES[self.cell_name]: self.cells.copy()}, self.points.copy())
         for name, values in self.fields.items():

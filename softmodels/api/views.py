@@ -25,6 +25,7 @@ from PIL import Image as Picture
 from softmodels.case.entries import CaseError
 from softmodels.common.errors import known_are, required
 from softmodels.common.files import data_uri, write_bytes
+from softmodels.common.lazy import pyvista
 from softmodels.common.names import place
 from softmodels.common.processes import in_notebook
 from softmodels.common.units import brief
@@ -36,8 +37,6 @@ from softmodels.runs.outcomes import RunError
 from softmodels.runs.states import States
 
 if TYPE_CHECKING:
-    from pyvista import Plotter
-
     from softmodels.casting.make import Made
     from softmodels.design.result import DesignResult
     from softmodels.fitting.comparison import FitReport
@@ -156,8 +155,6 @@ def show(states: States, field: str) -> object:
         _check_rendering()
     elif sys.platform == "linux":
         os.environ[WINDOW] = "vtkXOpenGLRenderWindow"  # pictures may have chosen one that is never shown
-    import pyvista
-
     plotter = pyvista.Plotter(lighting="none", off_screen=not windowed)
     _fill(plotter, look(states), len(states.rows) - 1, field)
     if not in_notebook() and not windowed:
@@ -181,7 +178,7 @@ FOOT, HEAD = 0.17, 0.05
 """Shares of a window for the colour bar and for the title."""
 
 
-def _fill(plotter: Plotter, shown: Look, step: int, field: str) -> None:
+def _fill(plotter: pyvista.Plotter, shown: Look, step: int, field: str) -> None:
     """Add a deformed device to a plotter, with its colour bar, title and camera."""
     states, scale = shown.states, shown.scales[field]
     add_lights(plotter)

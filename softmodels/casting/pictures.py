@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from geometries.actuator import Pour
 from softmodels.casting.bodies import rotation_up
@@ -218,8 +220,6 @@ def drawing(made: Made) -> Figure:
 
 def _view(axes: Axes, edges: Array, points: Array) -> None:
     """Draw edges and the two outer dimensions of one view."""
-    from matplotlib.collections import LineCollection
-
     axes.add_collection(LineCollection(list(edges), colors=EDGE, linewidths=0.5))
     (x, y), (X, Y) = points.min(axis=0), points.max(axis=0)
     off = 0.07 * max(X - x, Y - y)
@@ -234,9 +234,6 @@ def _view(axes: Axes, edges: Array, points: Array) -> None:
 
 def plates_picture(placed: Sequence[Placed], size: tuple[float, float]) -> Figure:
     """Draw the plates from above, each body as the outline of its edges with its name; a plate's width and depth are in mm."""
-    from matplotlib.collections import LineCollection
-    from matplotlib.patches import Rectangle
-
     count = max(one.plate for one in placed)
     figure = Figure((8.0, 8.0 * size[1] / size[0] * count), layout="constrained")
     rows = figure.subplots(count, 1, squeeze=False)[:, 0]

@@ -16,20 +16,19 @@ import tempfile
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 import numpy as np
 
 from geometries import HollowDisk
-from geometries.meshing import interpreter
+from geometries.meshing import apart, interpreter, private_model
 from measurement.photographer import FLOOR, SCENE, Scene, chessboard, photograph, save
 from softmodels.case.case import Case
 from softmodels.case.materials import DEFAULT
 from softmodels.cli.options import command, fail, unwritable
 from softmodels.common.arrays import Array
 from softmodels.common.commands import FolderType, open_folder, open_place, trouble
-from softmodels.common.lazy import MPI
+from softmodels.common.lazy import MPI, gmsh
 from softmodels.common.processes import say
 from softmodels.common.units import pascal_per_cm
 from softmodels.fitting.curves.memory import spectrum
@@ -41,9 +40,6 @@ from softmodels.materials.laws import Material
 from softmodels.materials.specimens import nominal_stress, stress_in_time
 from softmodels.mechanics.mpi import start
 from softmodels.runs.outcomes import DONE, FAILED
-
-if TYPE_CHECKING:
-    import gmsh
 
 WRITTEN = ("case.toml", "photographs/", "setup.toml", "setup.png", "outlines/", "fit/", "compared.json")
 """Files that the demonstration writes into its folder."""
@@ -398,10 +394,6 @@ def _square_tower(occ: gmsh.model.occ, profile: Sequence[tuple[float, float]]) -
 
 def _write_step(path: Path, draw: Callable[[gmsh.model.occ], None]) -> None:
     """Write what ``draw(gmsh.model.occ)`` draws in mm as a STEP file."""
-    import gmsh  # type: ignore[import-untyped]
-
-    from geometries.meshing import private_model
-
     with private_model():
         gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
         draw(gmsh.model.occ)
@@ -423,8 +415,6 @@ def write_examples(path: Path, tell: Callable[[str], None] = lambda text: None) 
     branches = ", ".join(f"{name} = {value:g}" for name, value in HELD.items())
     truth = f"{told_truth()}, a leak of 1 %; held: {branches} too\ncycles.csv, hold.csv, fast.csv: {told_memory()}\n"
     folder.add("truth.txt", lambda file: file.write_text(truth, encoding="utf-8"))
-    from geometries.meshing import apart
-
     folder.add("mypart.step", lambda file: apart(finger, file))
     folder.add("twopart.step", lambda file: apart(two_cavities, file))
     folder.add("accordion.step", lambda file: apart(accordion, file))

@@ -11,7 +11,6 @@ import dataclasses
 import functools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +22,7 @@ from softmodels.case.entries import CaseError
 from softmodels.case.materials import SourceBand
 from softmodels.common.arrays import Array
 from softmodels.common.files import hdf5_reason
+from softmodels.common.lazy import pyvista
 from softmodels.common.pages import Provenance
 from softmodels.common.units import brief
 from softmodels.runs.columns import SourceRows, StateLabels, in_order, read_sources, state_labels
@@ -30,9 +30,6 @@ from softmodels.runs.fields import OUTPUTS, OutputField, Row
 from softmodels.runs.grid import OUTSIDE, Surface, surface_of
 from softmodels.runs.state_values import FacingWalls, principal
 from softmodels.runs.store import CELL_TYPES, Restart, Results, ResultsError, opened, read_values
-
-if TYPE_CHECKING:
-    from pyvista import UnstructuredGrid
 
 STILLS = 4
 """Maximum number of states shown side by side."""
@@ -380,9 +377,7 @@ class Probe:
     mesh: NodalGrid
 
     @functools.cached_property
-    def _grid(self) -> UnstructuredGrid:
-        import pyvista
-
+    def _grid(self) -> pyvista.UnstructuredGrid:
         points, cells, name = self.mesh
         return pyvista.UnstructuredGrid({CELL_TYPES[name]: cells.copy()}, points.copy())
 
@@ -406,8 +401,6 @@ class Probe:
     def at(self, points: Array, fields: Mapping[str, Array], beside: float = NEAR_BODY) -> dict[str, Array]:
         """Return nodal scalars, vectors and tensors at places of the undeformed device, shape (k, 3), interpolated within the
         cells; nan farther outside than ``beside`` times the device's size."""
-        import pyvista
-
         places, turns = self.modelled(points)
         grid = self._grid
         grid.clear_data()
