@@ -16,11 +16,9 @@ from measurement.screen.setup import SetupError, magnification as factor_of
 from softmodels.common.commands import FAILED, UNUSABLE, bounded, status_of, trouble
 from softmodels.common.errors import reason
 from softmodels.common.files import replaced_whole
-from softmodels.common.names import lazy_module
+from softmodels.common.lazy import consoles, progress
 from softmodels.common.processes import say
 from softmodels.common.units import LONGEST, UnitError, brief, number, quantity
-
-consoles, progress = lazy_module("rich.console"), lazy_module("rich.progress")
 
 DONE, SOME_REFUSED = 0, 3
 """Beside `FAILED` (nothing could be measured) and `UNUSABLE` (bad input): some photographs are left out."""

@@ -22,7 +22,7 @@ from measurement.screen.setup import Setup
 from measurement.series.witness import Refusal, Result, course_of
 from softmodels.common.arrays import Array, Mask
 from softmodels.common.files import image_uri, read_text
-from softmodels.common.names import lazy_module
+from softmodels.common.lazy import cm, colors, figures, matplotlib
 from softmodels.common.pages import Cell, Fact, Gallery, Page, Picture, Provenance, Table
 from softmodels.common.processes import plain
 from softmodels.common.units import pascal_per_cm
@@ -30,8 +30,6 @@ from softmodels.common.units import pascal_per_cm
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-matplotlib = lazy_module("matplotlib")
-cm, colors, figures = (lazy_module(f"matplotlib.{name}") for name in ("cm", "colors", "figure"))
 
 SHOWN = 1200
 """Longer side in px of a photograph in a picture."""

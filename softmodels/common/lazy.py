@@ -12,13 +12,16 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import basix.ufl
     import gmsh
+    import matplotlib
     import pyvista
     import scipy
     import ufl
     import ufl.core.expr
     from dolfinx import common as common, cpp as cpp, fem as fem, la as la, mesh as meshes, plot as plot
+    from matplotlib import cm as cm, colors as colors, figure as figures
     from mpi4py import MPI as MPI
     from petsc4py import PETSc as PETSc
+    from rich import console as consoles, progress as progress
 else:
 
     class _Library:
@@ -39,6 +42,8 @@ else:
     common, cpp, fem, la, meshes, plot = (
         _Library(f"dolfinx.{name}") for name in ("common", "cpp", "fem", "la", "mesh", "plot")
     )
+    matplotlib, consoles, progress = _Library("matplotlib"), _Library("rich.console"), _Library("rich.progress")
+    cm, colors, figures = (_Library(f"matplotlib.{name}") for name in ("cm", "colors", "figure"))
     MPI, PETSc = _Library("mpi4py.MPI"), _Library("petsc4py.PETSc")
 
 type Expr = ufl.core.expr.Expr
