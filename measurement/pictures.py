@@ -146,9 +146,11 @@ def opened(path: Path) -> Iterator[Image.Image]:
         check_file(path)
         foreign = foreign_kind(path)
     except FileNotFoundError:
-        raise Unmeasurable("there is no such file") from None
+        raise Unmeasurable("there is no such file; check its name and folder") from None
     except OSError as error:
-        raise Unmeasurable(f"the file cannot be read: {reason(error)}") from None
+        raise Unmeasurable(
+            f"the file cannot be read ({reason(error)}); check its permissions, or copy it again"
+        ) from None
     if foreign is not None:
         raise Unmeasurable(foreign)
     _know_heic()
@@ -183,14 +185,18 @@ def read_pixels(path: Path, size: tuple[int, int] | None = None) -> Pixels:
             orientation = int(picture.info.get("original_orientation") or 1) if picture.format == "HEIF" else 1
             wide, high = picture.size if orientation not in (5, 6, 7, 8) else picture.size[::-1]
             if size is not None and (wide, high) != size:
-                raise Unmeasurable(f"it has {wide} x {high} pixels, but the setup has {size[0]} x {size[1]}")
+                raise Unmeasurable(
+                    f"it has {wide} x {high} pixels, but the setup has {size[0]} x {size[1]}; give the pictures as the camera "
+                    f"took them, neither cropped nor made smaller"
+                )
             _check_memory(wide, high, MEMORY_PER_DEEP_PIXEL if _is_deep(picture) else MEMORY_PER_PIXEL)
             _check_pages(picture)
             pixels = _decoded(path, picture)
     except Unmeasurable:
         raise
     except Exception as error:  # the decoders raise whatever a damaged file leads them into
-        raise Unmeasurable(f"the file is damaged ({reason(error) or type(error).__name__})") from None
+        why = reason(error) or type(error).__name__
+        raise Unmeasurable(f"the file is damaged ({why}); copy it from the camera again") from None
     if orientation in _UNTURNED:
         pixels = np.asarray(Image.fromarray(pixels).transpose(_UNTURNED[orientation]))
     return np.ascontiguousarray(pixels)

@@ -25,8 +25,6 @@ from softmodels.common.processes import say
 
 # ----------------------------------------------------------------------------------------------------------------------
 # End commands cleanly when stopped or if the output fails: one sentence and a status, no traceback.
-#
-# Imports nothing but the standard library, so that it stands before all that takes its time.
 
 
 FAILED, STOPPED = 1, 130

@@ -13,6 +13,7 @@ ROOT = Path(measurement.__file__).parent
 REMEDIES = (
     "photograph", "give ", "setup --", "level ", "clear away", "leave one", "expos", "focus", "bring", "darken", "calibrate",
     "show more", "aim ", "switch", "move the camera",
+    "check its", "save ", "; use ", "as the camera took them", "copy it",
 )  # fmt: skip
 
 

@@ -107,7 +107,7 @@ def test_a_cup_pushed_aside_slides_at_friction_times_contact_force(figure):
         ({"lip": 0.00005}, "lip is 0.05 mm; it must be at least"),
         ({"depth": 0.001}, "depth is 1 mm; the skirt is flatter"),
         ({"cell_size": 0.02}, "cell_size is 20 mm; it must be at most"),
-        ({"stem_height": 9.995}, "the cup passes 10 m"),
+        ({"stem_height": 9.995}, "the device passes 10 m"),
     ],
 )
 def test_cups_that_cannot_be(changes, words):
