@@ -252,7 +252,9 @@ def seen_boards(
                 # One view that counts twice looks like a camera that is known better.
                 same = first.setdefault(hashlib.sha256(gray.tobytes()).digest(), path)
                 if same != path or any(path == other for other, _, _ in searches):
-                    raise Unmeasurable(f"it is the same picture as {same}, so it counts once; photograph the board from another place")
+                    raise Unmeasurable(
+                        f"it is the same picture as {same}, so it counts once; photograph the board from another place"
+                    )
             except Unmeasurable as error:
                 refused[path] = str(error)
                 each()
