@@ -366,15 +366,14 @@ def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
 
     With --tensile, to curves of test machines. With a CASE (such as the case.toml in a folder of results), to outlines of that
     device at all pressures (files or folders that python -m measurement photos has made), alone or together with curves.
-    Systematic
-    errors of the bench are fitted too, within plausible bounds: an offset and a unit of pressure, a leak, a unit of
-    length, the zero plane, the axis. --fix leak keeps one of them at its nominal value, --prior 'leak=0+-5%' sets an expected
-    error. Gravity, masses and forces of the case are taken as known; they act in every photograph, also at zero pressure.
+    Systematic errors of the bench are fitted too, within plausible bounds: an offset and a unit of pressure, a leak, a unit
+    of length, the zero plane, the axis. --fix leak keeps one of them at its nominal value, --prior 'leak=0+-5%' sets an
+    expected error. Gravity, masses and forces of the case are taken as known; they act in every photograph, also at zero
+    pressure.
 
     With several CASEs, each followed by its OUTLINES, one material is fitted to all of them, as to parts of one cast. The
-    errors
-    of the bench are fitted per device: --fix leak applies to all of them, --fix disk.leak to the one whose case is named disk.
-    For each device the misfit is reported.
+    errors of the bench are fitted per device: --fix leak applies to all of them, --fix disk.leak to the one whose case is
+    named disk. For each device the misfit is reported.
 
     TEST is uniaxial (default), planar (pure shear), equibiaxial or balloon (pressure against stretch or radius). A file's
     headers name its columns, such as 'strain (%)' and 'stress (kPa)'; only the loading ramp up to the break is used.
