@@ -88,12 +88,17 @@ class TabPage:
 
     def upload_box(self, label: str, kind: FileKind, endings: str, name: str, take: Callable[..., object]) -> ui.upload:
         """Add a place to drop files in the current place of the page, with a name for tests and those who do not see it. The
-        browser offers the endings and rejects other kinds; ``take`` takes the event with the files."""
+        browser offers the endings and rejects other kinds; ``take`` takes the event with the files.
+
+        The browser itself takes files off the list once they are here: a reset from the server would abort what was dropped
+        since.
+        """
         made = ui.upload(
             multiple=True, auto_upload=True, max_file_size=kind.largest, on_multi_upload=take,
             on_rejected=lambda: self.say(kind.rejected),
         )  # fmt: skip
         made.add_slot("header", UPLOAD.replace("LABEL", label))
+        made.on("uploaded", js_handler=f"() => getElement({made.id}).$refs.qRef.removeUploadedFiles()")
         return tagged(made, name, props=f'accept="{endings}"')
 
     async def keep(self, event: MultiUploadEventArguments, folder: str, kind: FileKind) -> None:

@@ -44,7 +44,7 @@ class MaterialPage(TabPage):
         with ui.element("div").classes("two-columns"):
             with ui.card().classes("w-full"):
                 kinds = ",".join(CURVE.endings)
-                self.upload = self.upload_box("Drop curves of a test machine", CURVE, kinds, "curves", self._uploaded)
+                self.upload_box("Drop curves of a test machine", CURVE, kinds, "curves", self._uploaded)
                 self.curves = ui.refreshable(self._curves)
                 self.curves()
                 self.with_outlines = ui.switch("Outlines of the photographs", value=(self.project / OUTLINES).is_dir())
@@ -72,7 +72,6 @@ class MaterialPage(TabPage):
 
     async def _uploaded(self, event: MultiUploadEventArguments) -> None:
         await self.keep(event, CURVES, CURVE)
-        self.upload.reset()
         self.curves.refresh()
 
     def _command(self) -> Command:

@@ -44,7 +44,7 @@ class PhotographsPage(TabPage):
             with ui.column().classes("w-full min-w-0"):
                 kinds = "image/*,.heic,.tif,.tiff,.csv"
                 drop = "Drop photographs here, or take them"
-                self.upload = self.upload_box(drop, PHOTOGRAPH, kinds, "drop", self._uploaded)
+                self.upload_box(drop, PHOTOGRAPH, kinds, "drop", self._uploaded)
                 with ui.card().classes("w-full"):
                     self._table()
             with ui.column().classes("w-full min-w-0"):
@@ -190,7 +190,6 @@ class PhotographsPage(TabPage):
         for file in event.files:
             with self.saying():
                 await self.photos.add(file.name, await file.read())
-        self.upload.reset()
         self.shown = self.shown or next(iter(self.photos.listed), "")
         await self._show()
 

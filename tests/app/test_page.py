@@ -83,6 +83,7 @@ def test_what_is_no_photograph_is_told(page, tmp_path):
             "name => document.querySelector('[data-name=\"photo-message\"]').textContent.startsWith(name)",
             arg=f"{file.name}:",
         )
+    page.wait_for_function("!document.querySelector('.q-uploader__file')")
     (tmp_path / "a.exe").write_bytes(b"MZ")
     page.locator("input[type=file]").first.set_input_files(tmp_path / "a.exe")
     page.wait_for_function(
