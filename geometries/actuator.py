@@ -690,10 +690,12 @@ class Wedged(Sectioned):
 
     def check_angle(self) -> None:
         """Reject an angle that does not divide the circle, or leaves needles for cells along the axis."""
-        turns = 360.0 / self.angle if self.angle else math.inf
-        if self.dimension == 3 and not NARROWEST_WEDGE <= self.angle <= 360.0:
+        if self.dimension == 2:
+            return
+        if not NARROWEST_WEDGE <= self.angle <= 360.0:
             self.reject("angle", f"it must be between {NARROWEST_WEDGE:g} and 360 deg")
-        if self.dimension == 3 and abs(turns - round(turns)) > 1e-9 * turns:
+        turns = 360.0 / self.angle
+        if abs(turns - round(turns)) > 1e-9 * turns:
             self.reject("angle", "it must divide 360 deg evenly, such as 30, 45, 90, 180 or 360 deg")
 
     @property
@@ -792,7 +794,7 @@ class HeldTip(Actuator):
 
 
 COARSEST = 10.0
-"""Largest ratio of the cell size to the thinnest part: flatter cells are poor."""
+"""Largest ratio of the cell size to the thinnest part: flatter cells are poor, and the size grades too steeply."""
 
 
 class Finger(MirroredHalf, HeldTip):
@@ -834,8 +836,7 @@ class Finger(MirroredHalf, HeldTip):
         thinnest = min(solid, key=lambda name: float(getattr(self, name)))
         limit = COARSEST * getattr(self, thinnest)
         if self.cell_size > limit:
-            thin = shown(getattr(self, thinnest), "m")
-            self.reject("cell_size", f"with {thinnest} {thin} it must be at most {shown(limit, 'm')}")
+            self.reject("cell_size", f"with {self.given(thinnest)} it must be at most {shown(limit, 'm')}")
         self.check_count()
 
 

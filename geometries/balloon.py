@@ -301,7 +301,7 @@ class Balloon(Revolved):
             self.reject("rod_radius", "a rod needs a neck, but neck_radius is 0")
         if self.held == "outside":
             raise GeometryError("held is 'outside', which needs a neck, but neck_radius is 0")
-        if self.dimension == 3 and 360.0 / self.angle < 2.5:
+        if self.dimension == 3 and self.angle > 120.0:
             self.reject("angle", "without a neck the balloon could slide away sideways: use 120 deg or less")
 
     @property

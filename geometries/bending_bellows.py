@@ -210,7 +210,7 @@ class BendingBellows(Finger):
             self.reject(
                 "wall",
                 f"with {self.given('pitch', 'depth')} the folds have a radius of {_mm(self.fold_radius)}, and "
-                f"least_wall {_mm(self.least_wall)} of air is left inside them only below "
+                f"{self.given('least_wall')} of air is left inside them only below "
                 f"{_mm(2.0 * self.fold_radius - self.least_wall)}",
             )
         self.check_most("depth", 3.0, "pitch", "folds are at most three pitches deep: {}")

@@ -28,19 +28,16 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import Halved, Hold, Pour, Recipe, Sectioned, Vector
+from geometries.actuator import COARSEST, Halved, Hold, Pour, Recipe, Sectioned, Vector
 from geometries.meshing import MM, corners_of, name_boundary, name_groups, place_of
 from geometries.registry import register_device
 from geometries.revolved import TETRAHEDRON, TRIANGLE, Side, carried_along, check_alike, rounded_off, turn_fully
 from softmodels.common.lazy import gmsh
-from softmodels.common.schema import angle_field, choice_field, length_field, shown
+from softmodels.common.schema import angle_field, choice_field, length_field
 
 # ----------------------------------------------------------------------------------------------------------------------
 # How large the cells of a cylinder are.
 
-
-COARSEST = 10.0
-"""Largest ratio of the cell size to the wall or the cap; the size grades too steeply beyond it."""
 
 NARROWEST, WIDEST = 30.0, 330.0
 """Least and largest angle of the strip in degrees: what is left of the circle on either side needs cells of its own."""
@@ -298,7 +295,7 @@ class Cylinder(Sectioned, Halved):
         self.check_most("cell_size", COARSEST, "wall")
         self.check_most("cell_size", COARSEST, "cap")
         self.check_most("cell_size", 1.0, "length")
-        self.check_count(f" with wall {shown(self.wall, 'm')} and fillet {shown(self.fillet, 'm')}")
+        self.check_count(f" with {self.given('wall', 'fillet')}")
 
     @property
     def faces(self) -> tuple[str, ...]:  # type: ignore[override]

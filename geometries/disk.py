@@ -28,7 +28,7 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from geometries.actuator import CutPlane, Hold, Recipe, Vector, Wedged, in_halves
+from geometries.actuator import COARSEST, CutPlane, Hold, Recipe, Vector, Wedged, in_halves
 from geometries.meshing import MM, corners_of, name_boundary, name_group, name_groups, place_of
 from geometries.registry import register_device
 from geometries.revolved import (
@@ -82,9 +82,6 @@ FINEST = 3
 
 SAMPLES = 257
 """Radii at which the size in a membrane of varying thickness is known; straight lines between them."""
-
-COARSEST = 10.0
-"""Largest ratio of the cell size to the thinnest part; the size grades too steeply beyond it."""
 
 
 def part_size(disk: HollowDisk, part: str) -> float:
@@ -442,7 +439,7 @@ class HollowDisk(Wedged):
         for part, length in {"membrane": thinnest, "base": self.base, "wall": self.wall}.items():
             if self.cell_size > COARSEST * length:
                 self.reject("cell_size", f"it must be at most {COARSEST:g} times {part}, {shown(length, 'm')}")
-        self.check_count(f" with refinement {self.refinement:g} and fillet {shown(self.fillet, 'm')}")
+        self.check_count(f" with refinement {self.refinement:g} and {self.given('fillet')}")
 
     def _check_profile(self) -> None:
         if self.profile and not FEWEST <= len(self.profile) <= MOST:

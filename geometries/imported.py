@@ -26,6 +26,7 @@ from geometries.mesh_arrays import TO_GMSH, Ints, Tetrahedra
 from geometries.meshing import apart, private_model
 from geometries.registry import register_device
 from geometries.revolved import TRIANGLE
+from softmodels.common import units
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshingError, whole_path
 from softmodels.common.files import GEOMETRY, check_file, file_digest, read_file
@@ -486,8 +487,6 @@ def _bytes(text: str) -> Colour:
 
 
 def _number(field: str, text: str, unit: str = "") -> float:
-    from softmodels.common import units  # not above: whoever imports the devices need not have pint
-
     try:
         return units.quantity(text, unit) if unit else units.number(text)
     except units.UnitError as error:
@@ -579,6 +578,8 @@ class Boundary(abc.ABC):
     the same place, m; ``program`` is a clause on where a user changes the part."""
 
     program: ClassVar[str]
+    digits: ClassVar[int]
+    """Decimals that normals are rounded to: a plane square to an axis has exactly this axis."""
 
     def __init__(self, part: ImportedPart, near: float):
         self.part, self.near = part, near
@@ -618,12 +619,14 @@ class Boundary(abc.ABC):
         """Return the piece nearest to a point."""
 
     @abc.abstractmethod
-    def fitted(self, faces: Ints) -> Array:
-        """Return the unit normal of the plane nearest to some faces."""
-
-    @abc.abstractmethod
     def inwards(self, normal: Array, faces: Ints) -> bool:
         """Return whether a normal of flat faces points into the solid."""
+
+    def fitted(self, faces: Ints) -> Array:
+        """Return the unit normal of the plane nearest to some faces."""
+        points = self.points(faces)
+        normal = np.round(np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][2], self.digits)
+        return np.asarray(normal / np.linalg.norm(normal) + 0.0)  # no -0
 
     def roles(self) -> dict[str, Ints]:
         """Return the faces by role; every face has one. GeometryError for a choice that picks nothing, or something that
@@ -762,7 +765,7 @@ def _curvatures(face: int) -> np.ndarray:
 # The solids of a STEP file: one, or several that are glued where they touch, each a region with its own name.
 #
 # A solid's name is that of its body in the file, else that of its part. Bodies' names do not come through Gmsh; they travel as
-# colours, as faces' names do (`geometries.imported`).
+# colours, as faces' names do (see above).
 
 
 NAMELESS = re.compile(r"Open CASCADE STEP translator.*|SOLID|COMPOUND|")
@@ -773,6 +776,7 @@ class Solids(Boundary):
     gluing made of it; empty if nothing was glued."""
 
     program = "in its CAD program"
+    digits = 12
 
     def __init__(self, part: ImportedPart, regions: dict[str, list[int]], made: Sequence[Sequence[int]] = ()):
         low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
@@ -828,11 +832,6 @@ class Solids(Boundary):
         found = min(pieces, key=lambda piece: min(gmsh.model.occ.getDistance(0, probe, 2, tag)[0] for tag in piece))
         gmsh.model.occ.remove([(0, probe)])
         return found
-
-    def fitted(self, faces: Ints) -> Array:
-        points = self.points(faces)
-        normal = np.linalg.svd(points - points.mean(axis=0))[2][2]
-        return np.asarray(np.round(normal, 12) + 0.0)  # square to an axis means so, without -0
 
     def inwards(self, normal: Array, faces: Ints) -> bool:
         return bool(normal @ self.centre > 0)
@@ -977,23 +976,27 @@ def _enclosed(solids: Solids, tags: Ints) -> float:
     return total
 
 
+def _corner(part: ImportedPart, corners: Array, held: Array) -> Vector:
+    """Return which of some corners (n, 3) is the nearest to the wanted point, or the farthest from the middle (3,) of the
+    held faces, in m."""
+    if part.gauge_point:
+        at = corners[np.linalg.norm(corners - point("gauge_point", part.gauge_point), axis=1).argmin()]
+    else:
+        at = corners[np.linalg.norm(corners - held, axis=1).argmax()]
+    return float(at[0]), float(at[1]), float(at[2])
+
+
 def _gauge(part: ImportedActuator, support: Ints) -> Vector:
     """Return the corner nearest to the wanted point, or the one farthest from the held faces, or from the origin."""
     corners = np.array([gmsh.model.getValue(0, tag, []) for _, tag in gmsh.model.getEntities(0)])
     if not len(corners):
         raise GeometryError(f"file {part.file} has no corner to follow; split an edge where the motion matters")
-    if part.gauge_point:
-        away = np.linalg.norm(corners - point("gauge_point", part.gauge_point), axis=1)
-        if away.min() > 1e-4:
-            near = ", ".join(f"{value * 1e3:.6g}" for value in corners[away.argmin()])
-            raise GeometryError(
-                f"gauge_point is {part.gauge_point!r}; it must be a corner, the nearest is at {near} mm"
-            )
-        x, y, z = corners[away.argmin()]
-    else:
-        held = np.mean([gmsh.model.occ.getCenterOfMass(2, tag) for tag in support] or [np.zeros(3)], axis=0)
-        x, y, z = corners[np.linalg.norm(corners - held, axis=1).argmax()]
-    return float(x), float(y), float(z)
+    held = np.mean([gmsh.model.occ.getCenterOfMass(2, tag) for tag in support] or [np.zeros(3)], axis=0)
+    found = _corner(part, corners, held)
+    if part.gauge_point and math.dist(found, point("gauge_point", part.gauge_point)) > 1e-4:
+        near = ", ".join(f"{value * 1e3:.6g}" for value in found)
+        raise GeometryError(f"gauge_point is {part.gauge_point!r}; it must be a corner, the nearest is at {near} mm")
+    return found
 
 
 @register_device
@@ -1316,6 +1319,7 @@ class Triangles(Boundary):
     """Boundary triangles of a mesh."""
 
     program = "where it is meshed"
+    digits = 6  # files round to seven
 
     def __init__(self, part: ImportedPart, mesh: Tetrahedra):
         super().__init__(part, 1e-5 * mesh.extent)  # files round to seven digits
@@ -1362,11 +1366,6 @@ class Triangles(Boundary):
         away = self.mesh.distances(place)
         return min(pieces, key=lambda piece: float(away[piece].min()))
 
-    def fitted(self, faces: Ints) -> Array:
-        places = self.points(faces)
-        normal = np.round(np.linalg.svd(places - places.mean(axis=0), full_matrices=False)[2][2], 6)
-        return np.asarray(normal / np.linalg.norm(normal) + 0.0)
-
     def inwards(self, normal: Array, faces: Ints) -> bool:
         return bool(self.mesh.normals[faces[0]] @ normal < 0)
 
@@ -1394,14 +1393,8 @@ def cavity_volumes(part: ImportedMesh, mesh: Tetrahedra, roles: Mapping[str, Int
 def gauge(part: ImportedMesh, mesh: Tetrahedra, roles: Mapping[str, Ints]) -> Vector:
     """Return the corner of the boundary nearest to the wanted point, or the one farthest from the held faces, or from the
     origin."""
-    nodes = np.unique(mesh.triangles[:, :3])
-    places = mesh.points[nodes]
-    if part.gauge_point:
-        at = places[np.linalg.norm(places - point("gauge_point", part.gauge_point), axis=1).argmin()]
-    else:
-        held = mesh.corners[roles["support"]].reshape(-1, 3).mean(axis=0) if "support" in roles else np.zeros(3)
-        at = places[np.linalg.norm(places - held, axis=1).argmax()]
-    return float(at[0]), float(at[1]), float(at[2])
+    held = mesh.corners[roles["support"]].reshape(-1, 3).mean(axis=0) if "support" in roles else np.zeros(3)
+    return _corner(part, mesh.points[np.unique(mesh.triangles[:, :3])], held)
 
 
 @register_device
@@ -1421,7 +1414,7 @@ class ImportedMesh(ImportedPart):
     kind: ClassVar[str] = "mesh (--file part.msh, part.inp or part.stl)"
 
     def check_cells(self) -> None:
-        """Return nothing to model, as a mesh is used unchanged."""
+        """Nothing: a mesh is used as it is."""
 
     @property
     def mesh(self) -> Tetrahedra:

@@ -165,7 +165,7 @@ class Membrane(Revolved):
             )
         if self.clamp != "both" and not self.clamp_width:
             raise GeometryError(f"clamp is {self.clamp!r}; it needs a clamp_width, which is 0")
-        if self.clamp == "slip" and self.dimension == 3 and self.copies <= 2:
+        if self.clamp == "slip" and self.dimension == 3 and self.angle > 120.0:
             raise GeometryError(
                 f"clamp is 'slip'; with angle {shown(self.angle, 'degree')} the membrane could slide away sideways: use 120 "
                 "deg or less"

@@ -341,7 +341,7 @@ class PneuNet(Finger):
 
     @property
     def movable(self) -> tuple[str, ...]:
-        return tuple(name for name in (*self.walls, *(("paper",) if self.paper else ())))
+        return (*self.walls, *(("paper",) if self.paper else ()))
 
     def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         points = np.array(points, dtype=float)

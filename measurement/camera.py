@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import ExifTags
 
-from measurement.pictures import Unmeasurable, opened
+from measurement.pictures import opened
 from softmodels.common.errors import reason
 from softmodels.common.files import read_text
 from softmodels.common.tables import numbers
@@ -159,7 +159,7 @@ class Camera:
         raw = as_points(points)
         if self.errors_px.size == 0:
             return np.full(len(raw), self.error_px)
-        middle = (np.array([self.width, self.height]) - 1.0) / 2.0
+        middle = (np.array(self.size) - 1.0) / 2.0
         far = np.linalg.norm(raw - middle, axis=1) / np.linalg.norm(middle)
         return np.interp(far, np.linspace(0.0, 1.0, self.errors_px.size), self.errors_px)
 
@@ -268,7 +268,7 @@ def read_exif(path: Path | str) -> Exif:
         with opened(Path(path)) as image:
             head = image.getexif()
             body = head.get_ifd(ExifTags.IFD.Exif)
-    except (Unmeasurable, OSError, SyntaxError, ValueError) as error:
+    except (OSError, SyntaxError, ValueError) as error:
         raise CameraError(f"{path} cannot be read as a photograph: {reason(error)}") from None
     camera = _text(head.get(ExifTags.Base.Model))
     if not camera:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from measurement.screen.setup import SetupError, magnification as factor_of
-from softmodels.common.commands import FAILED, UNUSABLE, bounded, status_of, trouble
+from softmodels.common.commands import UNUSABLE, bounded, status_of, trouble
 from softmodels.common.errors import reason
 from softmodels.common.files import replaced_whole
 from softmodels.common.lazy import consoles, progress
@@ -21,9 +21,7 @@ from softmodels.common.processes import say
 from softmodels.common.units import LONGEST, UnitError, brief, number, quantity
 
 DONE, SOME_REFUSED = 0, 3
-"""Beside `FAILED` (nothing could be measured) and `UNUSABLE` (bad input): some photographs are left out."""
-
-__all__ = ["DONE", "FAILED", "SOME_REFUSED", "UNUSABLE", "check_place", "stop", "write_text"]
+"""Beside `commands.FAILED` (nothing could be measured) and `UNUSABLE` (bad input): some photographs are left out."""
 
 
 def stop(sentence: str, status: int = UNUSABLE) -> NoReturn:

@@ -191,7 +191,7 @@ def _draw(output: Path, made: Measurement, tone: str) -> None:
         highest = max(made.outlines, key=lambda outline: outline.height)
         try:
             image = read_pixels(files[highest])
-            draw_steps(output / "steps.png", image, made.setup, trace_image(image, made.setup, tone), highest)
+            draw_steps(output / "steps.png", image, trace_image(image, made.setup, tone), highest)
         except Unmeasurable as error:  # somebody changed the file meanwhile
             say(f"{files[highest].name}: no picture of its steps: {error}", err=True)
         by_pressure = sorted(made.results, key=lambda result: result.photograph.pressure)

@@ -209,7 +209,7 @@ class Smoothed:
 
 def robust_loess(place: Array, value: Array, span: int = SPAN) -> Smoothed:
     """Return values (n,) at rising places (n,), at least 4 different ones in every span of so many points, smoothed by robust
-    local quadratics; `ValueError` for too few points.
+    local quadratics; `ValueError` for fewer, for places that do not rise, and for a span or points below 5.
 
     Each piece of the curve is fitted together with a whole span of its neighbours on both sides, so the pieces' ends are no
     ends.
@@ -658,7 +658,7 @@ class Traced:
 
 def _region(image: Pixels, setup: Setup) -> tuple[int, int, int, int]:
     height, width = image.shape[:2]
-    if (width, height) != (setup.camera.width, setup.camera.height):
+    if (width, height) != setup.camera.size:
         raise Unmeasurable(
             f"it has {width} x {height} pixels where the setup has {setup.camera.width} x {setup.camera.height}; "
             "photograph both with the same settings, uncropped"

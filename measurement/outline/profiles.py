@@ -598,7 +598,7 @@ def common_shape(
 ) -> EdgeShape:
     """Return the shape that n profiles have in common, from what error functions leave of them over their rise:
     ``residual`` at the distances ``z`` from their middles in widths, where it is clean of ink, shapes (n, k). ``camera``
-    is as of `refine_edge`."""
+    is as of `edge.refine_edge`."""
     sides = (np.abs(z + 1.5) < 1.0, np.abs(z - 1.5) < 1.0)
     # An edge that runs along a grid line, or just beside it, has hardly a sample off the ink on one side.
     on_ink = any(clean[side].mean() < 0.5 for side in sides if side.any())

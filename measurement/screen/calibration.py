@@ -444,7 +444,6 @@ def _errors(
     """Return the standard error in px of an undistorted point per axis, (RINGS,) at equal steps from the frame's middle to
     a corner. The covariance does not know that corners in one photograph share their board's bends and blur; leaving out
     one photograph at a time (the jackknife) does, but is itself uncertain with few of them. The larger one counts."""
-    size = (camera.width, camera.height)
     values = np.concatenate([[camera.matrix[0, 0], *camera.matrix[:2, 2]], camera.distortion])
     slopes = []
     for number, step in enumerate(0.01 * np.sqrt(np.diag(covariance))):
@@ -458,7 +457,7 @@ def _errors(
     spread = np.full(variance.shape, UNKNOWN**2)
     if count > MIN_VIEWS:
         rest = (views[:left_out] + views[left_out + 1 :] for left_out in range(count))
-        moved = [_moved(camera, _solve(some, board, size, use_k3).camera(size, ""), coverage) for some in rest]
+        moved = [_moved(camera, _solve(some, board, camera.size, use_k3).camera(camera.size, ""), coverage) for some in rest]
         spread = (count - 1) / count * np.sum(np.square(moved), axis=0)
     return np.sqrt(np.maximum(variance.mean(axis=1), spread.mean(axis=1)))
 
@@ -466,7 +465,7 @@ def _errors(
 def _moved(camera: Camera, other: Camera, coverage: float) -> Points:
     """Return how far another camera puts points on rings about the middle (RINGS, k) in px, all axes and places laid end
     to end. A homography, which the screen's grid determines anyway, has taken its share where boards were seen."""
-    middle = (np.array([camera.width, camera.height]) - 1.0) / 2.0
+    middle = (np.array(camera.size) - 1.0) / 2.0
     # Along the diagonals every distance up to the corners lies in the frame, and so it does halfway to the sides.
     arms = np.array([[x, y] for x in (-1.0, 1.0) for y in (-1.0, 1.0)]) * middle
     rings = middle + np.linspace(0.0, 1.0, RINGS)[:, None, None] * arms

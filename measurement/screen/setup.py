@@ -249,7 +249,7 @@ def plane_of_scale(
     ``origin``, the middle of the picture unless given, is X = Z = 0. Raises `PlaneError` for no positive scale."""
     if not (0.0 < scale < np.inf and 0.0 <= error < scale):
         raise PlaneError("the scale must be a positive number of pixels per metre, larger than its error")
-    width, height = camera.width, camera.height
+    width, height = camera.size
     x, y = camera.undistort(((width - 1) / 2, (height - 1) / 2) if origin is None else origin)[0]
     # Times the scale, so that only the last entry depends on it.
     matrix = np.array([[1.0, 0.0, -x], [0.0, -1.0, y], [0.0, 0.0, scale]])
@@ -364,7 +364,7 @@ class Setup:
         """Reject a pitch whose lines the picture cannot show: looking for them would take all memory, or for ever."""
         if not 0.0 < pitch < math.inf:
             raise SetupError("the grid's pitch must be a positive length in m")
-        width, height = self.camera.width, self.camera.height
+        width, height = self.camera.size
         columns, rows = np.meshgrid(np.linspace(0, width - 1, 9), np.linspace(0, height - 1, 9))
         places = self.plane.to_metres(self.camera.undistort(np.column_stack([columns.ravel(), rows.ravel()])))
         places = places[np.isfinite(places).all(axis=1)]
@@ -448,9 +448,7 @@ class Setup:
             if value is not None and field.name not in ("camera", "plane") and np.size(value):
                 table[field.name] = np.asarray(value, dtype=float).tolist()
         table["camera"] = self.camera.as_table()
-        table["plane"] = {
-            name: np.asarray(value).tolist() for name, value in vars(self.plane).items() if name in _PLANE
-        }
+        table["plane"] = {name: np.asarray(getattr(self.plane, name)).tolist() for name in _PLANE}
         return HEADER + tomli_w.dumps(table)
 
     @classmethod
@@ -492,7 +490,7 @@ class Setup:
                 raise SetupError(f"the setup has an unknown field {name!r}; {known_are(name, sorted(known))}")
         try:
             needed = {"camera": Camera.from_table(table["camera"]), "plane": _plane(table["plane"])}
-            others = known & table.keys() - {"version", *needed}
+            others = table.keys() - {"version", *needed}
             return cls(**needed, **{name: _READ.get(name, _float)(table[name]) for name in others})  # type: ignore[arg-type]
         except KeyError as error:
             raise SetupError(f"the setup has no field {error}; recreate it with python -m measurement setup") from None

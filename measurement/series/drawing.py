@@ -68,7 +68,7 @@ def draw_edge(
     figure.savefig(path)
 
 
-def draw_steps(path: Path, image: Pixels, setup: Setup, traced: Traced, outline: Outline) -> None:
+def draw_steps(path: Path, image: Pixels, traced: Traced, outline: Outline) -> None:
     """Write the four steps: photograph, distance to the shadow's colour, edge in pixels, outline in millimetres."""
     small, factor = _reduced(image)
     figure = figures.Figure(figsize=(13.0, 7.0), dpi=110, layout="constrained")

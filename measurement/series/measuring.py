@@ -238,8 +238,8 @@ def measure_all(
         done(result)
 
     for k, (photo, name) in enumerate(zip(photographs, names, strict=True)):
-        if refused := [str(doubt) for doubt in answers(LIST, Evidence(run=listed, number=k))]:
-            take(Result(photo, Refusal(refused[-1], photo.file), name))
+        if doubt := next(answers(LIST, Evidence(run=listed, number=k)), None):
+            take(Result(photo, Refusal(str(doubt), photo.file), name))
         else:
             work.append((photo, name, setup, zero, tone, pictures))
     if jobs <= 1 or len(work) <= 1:

@@ -564,7 +564,7 @@ def _correlation(one: npt.NDArray[np.float64], two: npt.NDArray[np.float64]) -> 
 
 def same_pictures(photographs: Sequence[Photograph]) -> dict[Path, str]:
     """Return a sentence for each file whose bytes another file of the list repeats: at two pressures one is wrong, at one
-    pressure they count once, so that all but the first are told."""
+    pressure they count once, so that all but the first are reported."""
     alike: dict[str, list[Photograph]] = {}
     for photo in photographs:
         try:

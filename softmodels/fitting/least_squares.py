@@ -65,10 +65,10 @@ class LeastSquaresFit:
         jacobian: Their derivatives by the free parameters, shape (n, m).
         rows: What the residuals are.
         deviance: Sum of the loss over the squared residuals: chi squared, for a linear loss.
-        loss, errors: See `softmodels.fitting.least_squares.fit_parameters`.
+        loss, errors: See `fit_parameters`.
         evaluations: Evaluations of the sources so far.
         starts: Where each start ended.
-        problem: What `softmodels.fitting.least_squares.profile` solves again.
+        problem: What `profile` solves again.
         troubles: Sentences on what speaks against the fit; none if it ended well.
         shared: Change of each measured residual by one standard error of each thing that all of them have in common and that
             no parameter stands for, shape (count, k); None for none.
@@ -245,8 +245,8 @@ class LeastSquaresFit:
         return math.inf if variance < 0.0 else math.sqrt(variance)  # negative: only rounding is left
 
     def interval(self, name: str) -> tuple[float, float]:
-        """Return the 95 % interval of a parameter from the covariance; nan at a bound (see
-        `softmodels.fitting.least_squares`)."""
+        """Return the 95 % interval of a parameter from the covariance, nan at a bound; `profile` gives one that bends with
+        the model."""
         reach = self.reach(name)
         return self.values[name] - reach, self.values[name] + reach
 

@@ -354,7 +354,8 @@ class FitOptions:
         gauge_error: Standard error of a factor on each test (cross-section, load cell), a share; 0 for none. A curve does not
             show such a factor, so the intervals are too narrow without it.
         free: With a device: what is fitted of bench and device beside the law, see
-        `softmodels.fitting.outlines.residuals.Bench`. exclude: With a device: names of photographs to exclude.
+            `softmodels.fitting.outlines.residuals.nuisances`.
+        exclude: With a device: names of photographs to exclude.
         untrusted: With a device: whether measurements are taken that the measurement does not trust.
         height_datum: With a device that hangs under loads or whose top is not flat: what its heights count from, one of
             `HEIGHTS_FROM`; empty for the shadow, or the apex where the undeformed top is not flat. Outlines of

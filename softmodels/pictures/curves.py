@@ -411,7 +411,7 @@ def cut_profiles(
     lines: Mapping[float, Array], rest: Array, path: tuple[Sequence[Row], StateLabels], axes_of_plane: Array, plane: str
 ) -> Figure:
     """Plot the section of the outer surface by a plane at rest, seen along its normal: pieces (k, 2, 3) in m by number of the
-    step, as `softmodels.runs.store.cut_line` gives them, and the undeformed ones, along unit vectors to the right and
+    step, as `softmodels.runs.states.cut_line` gives them, and the undeformed ones, along unit vectors to the right and
     upwards, shape (2, 3)."""
     flat = np.concatenate([rest, *lines.values()]).reshape(-1, 3) @ axes_of_plane.T
     wide, tall = np.ptp(flat, axis=0)

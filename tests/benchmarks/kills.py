@@ -2,11 +2,11 @@
 
 Run it with ``python tests/benchmarks/kills.py`` (50 kills over all kinds, half an hour on two cores), with ``--count`` and
 ``--kind`` for fewer. Of each kind one run is left alone; another is killed (SIGKILL; every third SIGTERM or SIGINT) at a random
-share of the time that took, and gone on with, up to three times. Then every column of path.csv is compared, each number to
+share of the time that took, and resumed, up to three times. Then every column of path.csv is compared, each number to
 1e-9 of the column's largest; a fit's or measurement's tables byte by byte. Between kills every file that is there is whole.
 
 Measured, in several campaigns: 60 kills (wedge 4, seminar 8, cycle 13, fit 9, photographs 11; section, volume and limit 15),
-after every one of which what was gone on with ended in the columns and tables of the run left alone.
+after every one of which the resumed run ended in the columns and tables of the run left alone.
 
 Exit status: 0 if nothing differs, else 1.
 """

@@ -287,6 +287,7 @@ WRONG_MEMBRANES = {
     "cell_size is 25 mm": {"cell_size": 0.025},
     "through is 1.5": {"through": 1.5},
     "angle is 7 deg": {"section": "wedge", "angle": 7.0},
+    "angle is 0 deg; it must be": {"section": "wedge", "clamp": "slip", "clamp_width": 1e-3, "angle": 0.0},
     "cells are expected": {"section": "wedge", "thickness": 0.1e-3, "angle": 360.0},
 }
 

@@ -144,7 +144,7 @@ def test_a_cycle_comes_home_and_says_where_it_jumped(tmp_path):
     assert volumes[jumps[0]] > 3 * volumes[jumps[0] - 1] and volumes[jumps[1]] < volumes[jumps[1] - 1] / 3
     events = json.loads((tmp_path / "disk" / "summary.json").read_text())["events"]
     assert [event["kind"] for event in events] == ["limit", "jump", "limit", "jump"]
-    # Cut off after the first jump, and gone on with: what was stored stays, and the rest is the same.
+    # Cut off after the first jump, and resumed: what was stored stays, and the rest is the same.
     results = Results(tmp_path / "disk", "disk")
     results.load()
     results.stored = results.stored[: jumps[0] + 2]

@@ -1,4 +1,4 @@
-"""``softmodels design`` in processes of its own: stopped, killed, gone on with, on two ranks; its pictures and its page."""
+"""``softmodels design`` in processes of its own: stopped, killed, resumed, on two ranks; its pictures and its page."""
 
 from __future__ import annotations
 

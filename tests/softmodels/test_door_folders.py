@@ -1,4 +1,4 @@
-"""The door into a folder: states are written while they are solved, gone on with after a kill, and solved for in between."""
+"""The door into a folder: states are written while they are solved, resumed after a kill, and solved for in between."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_states_are_in_the_folder_as_soon_as_they_are_solved(in_memory, tmp_path
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_killed_script_leaves_its_states_and_is_gone_on_with(in_memory, tmp_path):
+def test_a_killed_script_leaves_its_states_and_is_resumed(in_memory, tmp_path):
     text = """
 def die(row):
     if row["step"] == 4:

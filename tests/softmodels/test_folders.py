@@ -261,7 +261,7 @@ def test_runs_keep_out_of_each_others_way(says, tmp_path):
         assert says(command, *BASIC, *words)[0] == 0
     assert sorted(path.name for path in Path("results").iterdir()) == ["disk", "disk-2"]
     assert [runs.rows(Path("results") / name)[-1]["pressure_cm"] for name in ("disk", "disk-2")] == [30.0, 20.0]
-    # The case that is gone on with is found by what it is; where two fit, the user is asked.
+    # The case to resume is found by what it is; where two fit, the user is asked.
     assert says(command, *BASIC, "--pressure-cm=0,20", "--resume")[0] == 0
     status, _, err = says(command, *BASIC, "--pressure-cm=0,35", "--resume")
     assert status == 2 and "results/disk and results/disk-2" in err

@@ -56,7 +56,7 @@ def test_a_force_on_an_inflated_disk(pushed):
 
 
 def test_it_goes_on_to_the_same(pushed, tmp_path):
-    """A run that is gone on with hangs first, too, and comes to the states of one that was not ended."""
+    """A resumed run hangs first, too, and comes to the states of one that was not interrupted."""
     case = Case.from_file(pushed / "case.toml")
     short = dataclasses.replace(case, driven=dataclasses.replace(case.driven, values=(0.0, 0.5)))
     sm.run(short, folder=tmp_path / "short")

@@ -232,7 +232,7 @@ def test_a_break_is_that_of_the_source_or_else_of_the_first_of_the_product_to_br
 
 
 def test_a_material_knows_what_it_was_fitted_over():
-    """It is no number of the law, and comes back from text; a stretch beyond it is told of as for a named silicone."""
+    """It is no number of the law, and comes back from text; a stretch beyond it is reported as for a named silicone."""
     law = Yeoh(14e3, 60.0, 0.0, 0.5, fitted_stretch=(1.0, 3.0))
     assert law == Yeoh(14e3, 60.0, 0.0, 0.5) and from_table(to_table(law)).fitted_stretch == (1.0, 3.0)
     assert extrapolated(law, 3.0) == "" and "exceeds 3, the end of the fitted range of this yeoh law" in extrapolated(

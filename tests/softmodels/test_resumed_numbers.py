@@ -1,4 +1,4 @@
-"""A run that is gone on with has the states and numbers of the undisturbed one to 1e-6, wherever it was stopped."""
+"""A resumed run has the states and numbers of the undisturbed one to 1e-6, wherever it was stopped."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_resumed_equals_uninterrupted(name, tmp_path, figure):
     whole = Results(tmp_path / "whole", case.name, case.actuator.gauge)
     whole.load()
     wanted = table(whole.folder)
-    # A program is gone on with from the last of its steps that is complete.
+    # A program is resumed from the last of its steps that is complete.
     first = next(i for i, row in enumerate(wanted) if float(row["load_step"]) == 1.0) + 1 if case.program else 2
     for count in range(first, len(wanted), EVERY.get(name, 4)):
         folder = cut_off(whole, tmp_path / str(count), count)

@@ -144,8 +144,8 @@ print(len(left))
         assert (done.status, done.out, done.err) == (0, f"{count}\n", "")
 
 
-def test_a_case_files_solver_is_replaced_and_its_run_gone_on_with_by_the_other(tmp_path):
-    """A rigid plate on a membrane: begun by iterations, gone on with by a factorisation."""
+def test_a_case_files_solver_is_replaced_and_its_run_resumed_by_the_other(tmp_path):
+    """A rigid plate on a membrane: begun by iterations, resumed by a factorisation."""
     text = '[geometry]\ndevice = "Membrane"\nplate_radius = "8 mm"\n[rigid.plate]\nface = "plate"\n[load]\nvolume_ml = "{}"\n'
     for name, volumes in (("begun", "0,5"), ("whole", "0,5,8")):
         (tmp_path / f"{name}.toml").write_text(f'name = "lifted"\n{text.format(volumes)}')

@@ -126,7 +126,7 @@ def test_nothing_is_stored_twice(tmp_path):
         assert file["VTKHDF/PointData/displacement"].is_virtual and file["VTKHDF/Connectivity"].is_virtual
 
 
-def test_a_run_gone_on_with_after_its_end_has_all_steps(tmp_path):
+def test_a_run_continued_after_its_end_has_all_steps(tmp_path):
     results = Results(tmp_path / "run", "disk")
     results.folder.mkdir()
     results.begin(np.column_stack([POINTS, np.arange(9)]), MESHES["Triangle_6"], "Triangle_6")

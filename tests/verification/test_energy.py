@@ -62,7 +62,7 @@ def test_work_is_stored(name, equilibrium, solved, figure):
     assert 0.3 < figures.stored_energy / (figures.pressure * figures.added_volume) < 3.0
 
 
-# -- What is told of the silicone's change of volume is what the equations say of it, not how single cells scatter ---
+# -- What a run reports of the silicone's change of volume is what the equations say of it, not how single cells scatter ---
 
 
 @pytest.mark.parametrize("poisson", (0.45, 0.5))

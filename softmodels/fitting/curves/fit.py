@@ -12,6 +12,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.optimize import nnls
 
+from measurement.robust import deviation
 from softmodels.common.arrays import Array
 from softmodels.common.names import callback, checked, one_of, several, span
 from softmodels.common.processes import one_at_a_time
@@ -189,7 +190,7 @@ def fit_law_to_curves(
 
 def spread(fit: LeastSquaresFit) -> float:
     """Return a robust standard deviation of a fit's residuals (median absolute deviation)."""
-    return max(1.4826 * float(np.median(np.abs(fit.residuals[: fit.count]))), 1e-9)
+    return max(deviation(fit.residuals[: fit.count]), 1e-9)
 
 
 type Curves = TensileCurve | Path | str | Sequence[TensileCurve | Path | str]
