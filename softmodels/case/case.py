@@ -403,8 +403,8 @@ class Case:
         self.load.check(self.actuator)
 
     def _settle(self) -> None:
-        """Convert each field to its type: read texts with units, look up silicones by name; an error of `PART_ERRORS` for a
-        value that is invalid."""
+        """Convert each field to its type: read texts with units, look up silicones by name; `ArgumentError`, or an error of
+        `PART_ERRORS`, for a value that is invalid."""
         for name, entry in entries().items():
             if isinstance(entry, Value):
                 object.__setattr__(self, name, entry.settled(getattr(self, name)))

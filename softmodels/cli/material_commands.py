@@ -290,7 +290,7 @@ def curve_changes(options: FitGiven, choices: Sequence[LawChoice]) -> dict[str, 
 
 def device_changes(options: FitGiven, lengths: Mapping[str, Sequence[str]]) -> dict[str, Change]:
     """Return the same for devices, with variable lengths by name; ``--fix leak`` keeps its nominal value. Of several devices
-    ``leak`` is that of each, and ``NAME.leak`` that of one."""
+    ``leak`` is that of each, and ``NAME.leak`` that of one. `FitError` as of `curve_changes`."""
     bench = {name: BENCH_UNITS.get(name, "") for name in BENCH}
     of = {device: {**bench, **dict.fromkeys(names, "m")} for device, names in lengths.items()}
     own = {"poisson": "", **{name: unit for units in of.values() for name, unit in units.items()}}

@@ -233,8 +233,8 @@ class Registry[T](MutableMapping[str, T]):
         self.loaded: dict[str, T] = {}
 
     def register[C](self, entry: C) -> C:
-        """Let case files, command lines and runs find an entry by its name, which nothing else may have; a decorator of a
-        class."""
+        """Let case files, command lines and runs find an entry by its name; a decorator of a class. `ValueError` if
+        another one has this name."""
         name = self._name(entry)  # type: ignore[arg-type]
         place = _place_of(entry, name)
         known = (

@@ -514,7 +514,7 @@ def _finer(device: Actuator, times: float) -> Actuator:
 
 
 def evaluator(problem: DesignProblem, comm: MPI.Comm, how: SearchOptions) -> Judge:
-    """Return an evaluator with the interface of `DesignModel`."""
+    """Return an evaluator with the interface of `DesignModel`; `GeometryError` for a parameter that the mesh cannot follow."""
     if (make := how.get("model")) is not None:
         return make(problem, comm)
     errors = problem.errors

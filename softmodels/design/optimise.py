@@ -65,9 +65,11 @@ def optimise(
 ) -> DesignResult:
     """Optimise a design.
 
-    The method, and why, is in `softmodels.design.optimise`. A start ends where a step gains less than 1e-4 of the objective, at
-    an optimum, or after ``evaluations`` designs. Then its end is confirmed on a fresh mesh; where limits are passed otherwise
-    there, the search goes on from it on that mesh. No design is evaluated twice on one mesh.
+    The search takes linear programs in a trust region first, and then SciPy's SLSQP, with limits relaxed at a penalty, so that
+    an infeasible problem ends at its least violation. A problem that only follows a target is solved by Gauss-Newton. A start
+    ends where a step gains less than 1e-4 of the objective, at an optimum, or after ``evaluations`` designs. Then its end is
+    confirmed on a fresh mesh; where limits are passed otherwise there, the search goes on from it on that mesh. No design is
+    evaluated twice on one mesh.
 
     Args:
         problem: The problem, or its file.

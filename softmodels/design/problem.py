@@ -240,7 +240,7 @@ def _is_volume(value: str) -> bool:
 
 
 def check_limits(keep: Keep, where: str) -> None:
-    """Reject limits of which none is given or one is above the other, and margins below 1."""
+    """Raise `DesignError` for limits of which none is given or one is above the other, and for margins below 1."""
     asked, low, high = keep.quantity, keep.at_least, keep.at_most
     if low is None and high is None:
         raise DesignError(f"{where}: {asked.title} has no limit; give at_least, at_most or both")

@@ -81,7 +81,7 @@ def rise(
 ) -> Figure:
     """Plot the rise of the device's `Actuator.gauge`, such as the disk's apex, over the pressure or else (see `over_of`), of
     all rows of ``path.csv``, of the branch that was followed, if one was, and of each source of the silicone where they were
-    solved."""
+    solved; ``pascal_per_cm`` is Pa in one cm of the column."""
     figure, axes = chart(6.4)
     column = f"{gauge}_mm"
 
@@ -112,7 +112,7 @@ def kilopascals(axes: Axes, pascal_per_cm: float) -> None:
 
 def drawing(figure: Figure, pascal_per_cm: float) -> str:
     """Return a figure for a page, marked as HTML, with axes for each unit of pressure that the page can have; those of the
-    figure are in cm of water, as their labels say."""
+    figure are in cm of water, as their labels say; ``pascal_per_cm`` is Pa in one cm of the column."""
     stream = io.StringIO()
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": "softmodels"}):
         for axes in list(figure.axes):

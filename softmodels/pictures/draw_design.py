@@ -69,7 +69,8 @@ DEEPEST = -0.6
 
 
 def paths(before: Sequence[Row], after: Sequence[Row], gauge: str, pascal_per_cm: float) -> Figure:
-    """Plot the gauge's rise over the pressure, of the given and the optimised device, from their rows of ``path.csv``."""
+    """Plot the gauge's rise over the pressure, of the given and the optimised device, from their rows of ``path.csv``;
+    ``pascal_per_cm`` is Pa in one cm of the column."""
     (figure, axes), column = chart(6.2), f"{gauge}_mm"
     for rows, colour, words in ((before, BEFORE, "as given"), (after, AFTER, "design")):
         places = np.array([[row["pressure_cm"], row[column]] for row in rows])

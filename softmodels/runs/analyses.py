@@ -128,7 +128,8 @@ class Limit(Shown):
 
 def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm, hold: float = 0.0) -> list[Limit]:
     """Find the limits of one device in several materials, on one mesh; the case's load and material are not looked at.
-    ``hold`` is the time in s for which the pressure must be borne by silicones with a memory; 0 for ever."""
+    ``hold`` is the time in s for which the pressure must be borne by silicones with a memory; 0 for ever. MeshingError,
+    RunError, MaterialError and ComponentError as for a run."""
     body, known = meshed(case.actuator, comm), {}
     found = []
     try:
@@ -385,7 +386,7 @@ def _what(found: Limit, name: str) -> str:
 
 def check_varied(actuator: Actuator, tolerances: Sequence[Tolerance], comm: MPI.Comm) -> None:
     """Raise `CaseError`, before anything is solved, for the first tolerance that does not change the device as drawn, or that
-    makes no device."""
+    makes no device; MeshingError or OSError if a mesh is needed to decide and cannot be made."""
     for one in tolerances:
         try:
             devices = [actuator.made({one.name: one.middle + way * one.half}) for way in (-1, 1, 0)]
@@ -514,7 +515,7 @@ def case_for_modes(case: Case, pressures_cm: Sequence[float] = ()) -> Case:
 
 def find_frequencies(case: Case, count: int, sealed: bool, comm: MPI.Comm) -> NaturalFrequencies:
     """Find the natural frequencies at every state of a case's path; all ranks call it. See `case_for_modes` and
-    `Model.modes`."""
+    `Model.modes`. CaseError, MeshingError and RunError as for a run."""
     model, ended, states = Model.of(case, meshed(case.actuator, comm)), Ended(), list[Equilibrium]()
     try:
         try:

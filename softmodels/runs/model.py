@@ -126,7 +126,8 @@ class Model:
     def of(
         cls, case: Case, body: Body, material: Material | None = None, components: Sequence[Component] | None = None
     ) -> Model:
-        """The model of a case on a mesh that is read already, with another material or components where they are given."""
+        """The model of a case on a mesh that is read already, with another material or components where they are given;
+        `RunError` if its equations cannot be set up or compiled."""
         made = cls.__new__(cls)
         made._make(case, body, material or case.material, case.components if components is None else components)
         return made
@@ -230,7 +231,8 @@ class Model:
         return load_from(self.solver, hung, len(self.case.actuator.ratios) + self.driven_load)
 
     def preload(self, report: Callable[[str], None] = lambda text: None) -> StageEnd | None:
-        """The state under all loads that act before the first requested value, its drivers not coupled; see `hanging`."""
+        """The state under all loads that act before the first requested value, its drivers not coupled, see `hanging`;
+        `RunError` if there is none."""
         case, system, dead = self.case, self.system, self.system.dead
         if not dead.loads:
             return None

@@ -169,7 +169,8 @@ class ResultsPlace:
 
 
 def begin(case: Case, place: ResultsPlace) -> tuple[Results, bool]:
-    """Take a folder for a run and prepare it; return the results, locked, and whether there are states to go on from."""
+    """Take a folder for a run and prepare it; return the results, locked, and whether there are states to go on from.
+    RunError, OwnFolderError, InUseError, ResultsError or CaseError if the folder, or what is in it, cannot be used."""
     try:
         wanted, output, base = identity(case), place.folder, Path("results") / case.name
         if output is None and place.resume:
@@ -348,7 +349,7 @@ def solved_into(
 ) -> tuple[Path | None, bool, Ended]:
     """Solve a case and store each state in a folder at once; all ranks call it.
 
-    The listener is told of each state, the observer of the folder. ``solving`` is entered while states are solved, and gives
+    The listener gets each state, the observer the folder. ``solving`` is entered while states are solved, and gives
     whether to stop, asked between them. Return the folder, None where none could be taken; whether a state that is not at rest
     is stored; and how the run ended: `Ended.error` has the error of the input, PETSc, the memory or the disk.
     """

@@ -363,7 +363,8 @@ class InMemory(States):
 
 def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, list[Row]]:
     """Follow the path of each other source of a case's band, on its mesh's file; all ranks call it. Return rows by the
-    sources' names, on all ranks; empty where the case has no such band. A path that ends early has the rows up to there."""
+    sources' names, on all ranks; empty where the case has no such band. A path that ends early has the rows up to there.
+    `RunError` if the user stopped it."""
     case, band = simulation.case, simulation.case.band
     if not isinstance(band, SourceBand):
         return {}

@@ -428,7 +428,7 @@ class Gaps:
 class FacingWalls:
     """The surface of a mesh without its cut planes, which pass through the origin, with unit normals out of the slice, shape
     (3,) each. Nodes are in m, shape (n, 3), of a section radius and height in the first and last column; cells are
-    second-order triangles or tetrahedra.
+    second-order ``"Triangle_6"`` or ``"Tetrahedron_10"``, shape (c, 6) or (c, 10).
 
     Attributes:
         facets: Nodes of each facet, corners first, shape (f, 3 or 6).
@@ -501,7 +501,8 @@ class FacingWalls:
         return np.asarray(across / length[:, None] * self._turn[facets, None])
 
     def least(self, displacement: Array, reach: float | None = None) -> Gap | None:
-        """Return the smallest gap of a shape; None if no walls are near each other. See `gaps`."""
+        """Return the smallest gap, in m, for displacements of the nodes in m, shape (n, 3); None if no walls are near each
+        other. See `gaps`."""
         gaps = self.gaps(displacement, reach)
         if not len(gaps.values):
             return None

@@ -428,7 +428,7 @@ Shapes = tuple[int, tuple[int, ...], str]
 
 def write_vtkhdf(file: h5py.File, heavy: str, shapes: Shapes, stored: Sequence[StoredStep]) -> None:
     """Add the group to an HDF5 file, with the shapes of the grid. ``heavy`` is the file with the grid, relative to this one's
-    folder, or `HERE`; steps whose file it is are `HERE` then too."""
+    folder, or `SAME_FILE`; steps whose file it is are `SAME_FILE` then too."""
     points, (cells, corners), cell_name = shapes
     group = file.create_group(GROUP)
     group.attrs["Version"] = np.array(VERSION)
