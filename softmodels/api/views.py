@@ -90,9 +90,7 @@ def _frame(states: States) -> Drawing:
         return Picture.fromarray(solid.render_frames(look(states), 1)[0])
     if states.actuator.dimension == 3:
         return None
-    from softmodels.pictures.solid import section_stress
-
-    return section_stress(look(states), len(states.rows) - 1)
+    return solid.section_stress(look(states), len(states.rows) - 1)
 
 
 def _limit(limit: Limit) -> Drawing:

@@ -16,10 +16,14 @@ from pathlib import Path
 import click
 import numpy as np
 
+from geometries import HollowDisk
+from softmodels.case.case import Case
+from softmodels.case.materials import DEFAULT
 from softmodels.cli.options import command, fail
 from softmodels.common.commands import status_of
 from softmodels.common.errors import reason
-from softmodels.mechanics.mpi import mpich_file
+from softmodels.common.lazy import MPI, PETSc
+from softmodels.mechanics.mpi import mpich_file, start
 
 PACKAGES = {
     "gmsh": "gmsh",
@@ -74,8 +78,6 @@ def _version(name: str, module: str) -> str:
 
 
 def _dolfinx() -> str:
-    from softmodels.mechanics.mpi import start
-
     start()
     import dolfinx
 
@@ -85,11 +87,7 @@ def _dolfinx() -> str:
 
 
 def _petsc() -> str:
-    from softmodels.mechanics.mpi import start
-
     start()  # without shared memory an import would end the process
-    from petsc4py import PETSc
-
     matrix = PETSc.Mat().createAIJ((1, 1), comm=PETSc.COMM_SELF)
     matrix.setUp()
     matrix.setValue(0, 0, 1.0)
@@ -103,11 +101,7 @@ def _petsc() -> str:
 
 
 def _mpi() -> str:
-    from softmodels.mechanics.mpi import start
-
     start()
-    from mpi4py import MPI
-
     version = MPI.Get_library_version().splitlines()[0].strip().rstrip("\0")
     library = mpich_file("libmpi.so.12")
     return f"{version}, {library}" if library else version
@@ -145,10 +139,6 @@ def _cache() -> str:
 
 def _solve() -> str:
     """Inflate the default disk's section to about a third of its working pressure."""
-    from geometries import HollowDisk
-    from softmodels.case.case import Case
-    from softmodels.case.materials import DEFAULT
-    from softmodels.mechanics.mpi import start
     from softmodels.runs.model import Model, meshed
 
     disk = HollowDisk(section="axisymmetric")

@@ -32,7 +32,7 @@ from softmodels.common.lazy import MPI, gmsh
 from softmodels.common.processes import say
 from softmodels.common.units import pascal_per_cm
 from softmodels.fitting.curves.memory import spectrum
-from softmodels.fitting.outlines.device import DeviceModel
+from softmodels.fitting.outlines.device import DeviceModel, MeasuredDevice
 from softmodels.fitting.outlines.residuals import readings_of
 from softmodels.fitting.outlines.silhouette import half_outline
 from softmodels.fitting.problem import LawChoice
@@ -446,7 +446,6 @@ def held(folder: Path, tell: Callable[[str], None]) -> None:
 def creeping() -> tuple[DemoTruth, list[Array], list[str]]:
     """Return the disk at the pressures of the photographs of `held`, half its outline in each, and their times."""
     from softmodels.fitting.outlines.creeping import Creep, Timetable
-    from softmodels.fitting.outlines.device import MeasuredDevice
 
     choice = LawChoice.from_text(TRUTH.law, TRUTH.poisson)
     model = MeasuredDevice.of(TRUTH.actuator).model(choice, start(), spectrum([], HOLDS))

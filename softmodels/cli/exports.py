@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from geometries.registry import field_option
-from softmodels.api.calls import export
+from softmodels.api.calls import export, load
 from softmodels.casting.settings import Asked, Workshop, asked_of
 from softmodels.cli.options import command, unwritable, write_into
 from softmodels.common.commands import flag_option, open_folder, option, options, output_option, quiet_option
@@ -180,7 +180,6 @@ def reduce_command(folder: Path, output: Path, kind: str, face: str, quiet: bool
     \b
     Exit status: 0 done; 1 failed; 2 bad input.
     """
-    from softmodels.api.calls import load
     from softmodels.decks.chains import is_own, kind_of
 
     with unwritable(output):

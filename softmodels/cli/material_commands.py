@@ -39,8 +39,9 @@ from softmodels.fitting.comparison import (
 from softmodels.fitting.curves.curve import EQUILIBRIUM, Specimen, TensileCurve, TensileError, read_curve
 from softmodels.fitting.curves.fit import fit_curves, prepared
 from softmodels.fitting.curves.residuals import StressError
+from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.outlines.fit import device_names, fit, fit_heights
-from softmodels.fitting.outlines.shapes import OutlineFitError
+from softmodels.fitting.outlines.shapes import OutlineFitError, read_outlines
 from softmodels.fitting.problem import (
     BENCH,
     HEIGHTS_FROM,
@@ -77,7 +78,6 @@ from softmodels.runs.outcomes import DONE, FAILED, Progress
 
 if TYPE_CHECKING:
     from measurement.outline.outline import Outline
-    from softmodels.fitting.outlines.device import MeasuredDevice
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Options of several of these commands.
@@ -725,9 +725,6 @@ def _materials(names: tuple[str, ...]) -> dict[str, Material]:
 
 
 def _device(files: tuple[Path, ...], how: ScoreOptions) -> tuple[MeasuredDevice, list[Outline]]:
-    from softmodels.fitting.outlines.device import MeasuredDevice
-    from softmodels.fitting.outlines.shapes import read_outlines
-
     device = MeasuredDevice.of(Case.from_file(files[0])).counting_from(how.height_datum or "")
     return device, read_outlines(files[1:], how.untrusted)
 

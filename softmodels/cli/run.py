@@ -23,7 +23,7 @@ from softmodels.case.case import Case
 from softmodels.case.components import VARIABLE, own_modules
 from softmodels.common.commands import ALL_PICTURES, USUAL, DrawingOptions, RunOptions, bounded
 from softmodels.common.errors import reason, spoken
-from softmodels.common.lazy import MPI, PETSc
+from softmodels.common.lazy import MPI, PETSc, consoles, progress
 from softmodels.common.processes import COLUMNS, columns, cores, environment_alone, say
 from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, petsc_reason, start
@@ -80,15 +80,11 @@ def _counter(quiet: bool) -> Iterator[Callable[[str], None]]:
     if quiet or width is None:
         yield lambda text: None
         return
-    from rich.console import Console
-    from rich.progress import Progress, TextColumn, TimeElapsedColumn
-
-    console = Console(
+    console = consoles.Console(
         stderr=True, force_terminal=COLUMNS["stderr"] in os.environ or None, width=width, markup=False, highlight=False
     )
-    with Progress(
-        TextColumn("{task.description}", markup=False), TimeElapsedColumn(), console=console, transient=True
-    ) as shown:
+    parts = progress.TextColumn("{task.description}", markup=False), progress.TimeElapsedColumn()
+    with progress.Progress(*parts, console=console, transient=True) as shown:
         task = shown.add_task("drawing", total=None)
         yield lambda text: shown.update(task, description=text)
 

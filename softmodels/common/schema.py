@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 
 from softmodels.common import errors
 from softmodels.common.errors import FieldError, GeometryError, known_are, meant
-from softmodels.common.units import exact_text
+from softmodels.common.units import UnitError, brief, exact_text, example, quantity, readable
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Kinds of values: reading from text or tables, writing, and checking.
@@ -48,15 +48,11 @@ def shown(value: object, unit: str) -> str:
     """Return a value as a person would write it, for example ``"20 mm"`` for 0.02 in ``"m"``."""
     if not isinstance(value, int | float):
         return repr(value)
-    from softmodels.common.units import readable  # not above: whoever imports the devices need not have pint
-
     return readable(value, unit)
 
 
 def _given(value: object) -> str:
     """Return an invalid value's text for its message."""
-    from softmodels.common.units import brief  # not above, as in `shown`
-
     return brief(value)
 
 
@@ -103,13 +99,9 @@ class Quantity(Kind):
     def _wanted(self) -> str:
         if not self.unit:
             return "a number"
-        from softmodels.common.units import example
-
         return f"a number in {self.unit}, or a text with a unit such as '{example(self.unit)}'"
 
     def read(self, name: str, value: object) -> float:
-        from softmodels.common.units import UnitError, brief, quantity
-
         if isinstance(value, bool) or not isinstance(value, str | int | float):
             raise FieldError(f"{name} is {brief(value)}; it must be a {'text with a unit' if self.unit else 'number'}")
         try:
@@ -302,8 +294,6 @@ def about(thing: Any) -> Mapping[str, About]:
 
 def doubt_of(thing: Any) -> str:
     """Return a sentence on an implausible value of a dataclass; empty if none."""
-    from softmodels.common.units import example
-
     for name, field in about(thing).items():
         value, unit = getattr(thing, name), field.kind.unit
         if isinstance(value, float) and abs(value) > field.usual:

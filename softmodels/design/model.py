@@ -11,7 +11,6 @@ import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.errors import reason
 from softmodels.common.files import read_text, replace_text, replaced_whole
 from softmodels.common.folders import InUseError, OwnFolder, OwnFolderError, take_default
+from softmodels.common.lazy import MPI
 from softmodels.components.loads import weighed
 from softmodels.design.problem import (
     EVALUATIONS,
@@ -70,15 +70,9 @@ from softmodels.mechanics.mpi import is_root, on_root
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.regions import relaxed
 from softmodels.mechanics.solver import Solver
-from softmodels.mechanics.system import System
+from softmodels.mechanics.system import State, System
 from softmodels.path.stability import Stability
 from softmodels.runs.outcomes import RunError
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from softmodels.mechanics.system import State
-
 
 # ----------------------------------------------------------------------------------------------------------------------
 # A mesh of a device under design with its states and quantities: follows designs and evaluates them.

@@ -8,7 +8,7 @@ import io
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Unpack, cast
+from typing import Unpack, cast
 
 import numpy as np
 from scipy.optimize import least_squares, linprog, minimize
@@ -19,6 +19,7 @@ from softmodels.case.varied import value_of, varied
 from softmodels.common.arrays import Array
 from softmodels.common.files import replace_text
 from softmodels.common.folders import OwnFolderError
+from softmodels.common.lazy import MPI
 from softmodels.common.names import callback, checked, flag, place, several, whole as whole_number, wrong
 from softmodels.common.processes import one_at_a_time
 from softmodels.design.model import DESIGN, START, TABLE, DesignFolder, EnoughError, Evaluating, evaluator, table
@@ -37,10 +38,6 @@ from softmodels.design.result import MET, DesignResult, StartEnd, case_text, hol
 from softmodels.design.trials import DesignError, DesignStopped, Trial
 from softmodels.mechanics.mpi import on_root, start
 from softmodels.runs.outcomes import NO_EQUILIBRIUM, STOPPED, RunError
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
 
 TRIED = 8
 """Maximum number of points tried for a further start until one has a state."""

@@ -7,7 +7,7 @@ import itertools
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, TypedDict
+from typing import Protocol, TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,7 @@ from softmodels.case.materials import MaterialErrors
 from softmodels.case.varied import of_shape, value_of, variable_names, varied
 from softmodels.common.arrays import Array
 from softmodels.common.errors import known_are
+from softmodels.common.lazy import MPI
 from softmodels.common.names import checked, place
 from softmodels.common.schema import Choice, about
 from softmodels.common.tables import TomlError, parse_toml, read_toml
@@ -38,9 +39,6 @@ from softmodels.design.trials import (
     shown_unit,
     text,
 )
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -8,7 +8,6 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import brentq
@@ -21,6 +20,7 @@ from softmodels.case.materials import MaterialErrors
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import known_are
+from softmodels.common.lazy import MPI
 from softmodels.common.names import checked, flag, several, span
 from softmodels.common.processes import one_at_a_time
 from softmodels.common.units import with_prefix
@@ -36,10 +36,6 @@ from softmodels.materials.laws import Material
 from softmodels.materials.silicones import material_of, named
 from softmodels.materials.specimens import described
 from softmodels.mechanics.mpi import start
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
 
 WITHIN = 1.959964
 """Half of the 95 % band of a normal error, in standard errors."""

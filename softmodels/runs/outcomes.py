@@ -10,6 +10,7 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from softmodels.common.errors import MeshingError, Spoken, spoken, written
+from softmodels.common.lazy import consoles, progress
 from softmodels.common.processes import COLUMNS, columns, in_notebook, wrapped
 from softmodels.mechanics.body import BodyError
 from softmodels.mechanics.compiling import CompilingError
@@ -17,8 +18,6 @@ from softmodels.mechanics.mpi import TooLargeError
 
 if TYPE_CHECKING:
     from IPython.display import DisplayHandle
-    from rich.console import Console
-    from rich.progress import Progress as Bar
 
     from softmodels.runs.columns import StateLabels
     from softmodels.runs.fields import Row
@@ -78,8 +77,8 @@ class Progress:
         self.last, self.unit, self.words, self.quiet = last, unit, words, quiet
         self._way = -1.0 if last < 0.0 else 1.0  # down to a vacuum
         self.started = time.monotonic()
-        self._console: Console | None = None
-        self._bar: Bar | None = None
+        self._console: consoles.Console | None = None
+        self._bar: progress.Progress | None = None
         self._cell: DisplayHandle | None = None
         self._done = 0.0
         self._first: tuple[float, float] | None = None
@@ -93,23 +92,21 @@ class Progress:
         width = columns("stderr")
         if self.quiet or sys.stderr is None or width is None:
             return self  # a log has no bar, so rich need not be imported
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress as Bar, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-        self._console = Console(
+        self._console = consoles.Console(
             stderr=True, highlight=False, markup=False, emoji=False,
             force_terminal=COLUMNS["stderr"] in os.environ or None, width=width,
         )  # fmt: skip
         self._console.on_broken_pipe = self._hush  # type: ignore[method-assign]
         if self._console.is_terminal:
             parts = (
-                TextColumn("{task.description}"),
-                BarColumn(),
-                TimeElapsedColumn(),
-                TextColumn("left"),
-                TimeRemainingColumn(),
+                progress.TextColumn("{task.description}"),
+                progress.BarColumn(),
+                progress.TimeElapsedColumn(),
+                progress.TextColumn("left"),
+                progress.TimeRemainingColumn(),
             )
-            self._bar = Bar(*parts, console=self._console)
+            self._bar = progress.Progress(*parts, console=self._console)
             self._task = self._bar.add_task("starting", total=abs(self.last))
             self._bar.start()
         return self

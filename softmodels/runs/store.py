@@ -327,8 +327,6 @@ class ForeignDataError(ValueError):
 @contextlib.contextmanager
 def opened(path: Path) -> Iterator[h5py.File]:
     """Open a results file for reading; `OSError` if it is not a regular file, or not HDF5."""
-    import h5py
-
     check_file(path, LARGEST)
     with h5py.File(path, "r") as file:
         yield file
@@ -337,8 +335,6 @@ def opened(path: Path) -> Iterator[h5py.File]:
 def inside(group: h5py.Group, path: str) -> Any:
     """Return a group, or a dataset of numbers stored in this file, at a path in a group; `KeyError` if there is nothing,
     `ForeignDataError` if it refers to another file."""
-    import h5py
-
     place = group
     for name in filter(None, path.split("/")):
         if not isinstance(place, h5py.Group):

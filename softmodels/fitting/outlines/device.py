@@ -12,7 +12,6 @@ import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +21,7 @@ from geometries.actuator import changed
 from measurement.outline.zero import STRAIGHT
 from softmodels.case.case import Case
 from softmodels.common.arrays import Array
+from softmodels.common.lazy import MPI
 from softmodels.common.names import checked, one_of
 from softmodels.common.schema import about
 from softmodels.components.loads import STANDARD_GRAVITY, DirectedLoad, FaceLoad, weighed
@@ -45,9 +45,6 @@ from softmodels.path.continuation import Continuation, trace
 from softmodels.path.points import DIRECT, PathEnd
 from softmodels.path.schedule import HangingEnd, hang, inflate_from
 from softmodels.runs.grid import QuadraticCurve, shapes
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -6,7 +6,6 @@ import dataclasses
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from geometries import Actuator
 from measurement.outline.outline import Outline, hold_of
 from softmodels.case.case import Case
 from softmodels.common.errors import known_are, spoken
+from softmodels.common.lazy import MPI
 from softmodels.common.names import checked, one_of, several, wrong
 from softmodels.common.processes import one_at_a_time
 from softmodels.fitting.comparison import (
@@ -75,9 +75,6 @@ from softmodels.fitting.problem import (
 from softmodels.materials.specimens import judge
 from softmodels.mechanics.mpi import start
 from softmodels.runs.fields import Fields
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
 
 
 # ----------------------------------------------------------------------------------------------------------------------
