@@ -356,10 +356,9 @@ def limit(
     abort_on_error(comm)
     folder = None
     if how.output is not None or question.tolerances:
-        asked = {"vary": how.vary, "count": how.count, "normal": how.normal, "cm": question.column.cm}
+        asked = {**values, **vars(how), "material": material, "cm": question.column.cm}
         files = [path for path in (case_file, *map(Path, material)) if path is not None and path.is_file()]
-        recorded = {**values, **asked, "material": material}
-        folder = open_on_root(comm, how.output, Path("results/limit"), "limits", recorded, files)
+        folder = open_on_root(comm, how.output, Path("results/limit"), "limits", asked, files)
     named, bands = with_sources(dict(question.materials))
     with sentences():
         limits, scattered = _answered(question, named, comm)
@@ -517,7 +516,7 @@ def _modes_of(device: type[Actuator]) -> click.Command:
 
     @options(ModesOptions)
     def of_device(how: ModesOptions, **values: object) -> None:
-        asked = {**values, "count": how.count, "sealed": how.sealed}
+        asked = {**values, **vars(how)}
         _find_modes(case_for_modes(given.case(values, AtRest)), how, asked, [])
 
     return command(f"softmodels modes {DEVICE} {device.__name__}", help=MODES_HELP)(given.add(of_device))
@@ -534,7 +533,7 @@ def _modes_of(device: type[Actuator]) -> click.Command:
 @options(ModesOptions)
 def modes_command(file: Path, how: ModesOptions, material: str | None, pressures: str | None) -> None:
     cm = series(pressures, "pressure") if pressures else ()
-    asked = {"material": material, "pressures": pressures, "count": how.count, "sealed": how.sealed}
+    asked = {**vars(how), "material": material, "pressures": pressures}
     _find_modes(case_for_modes(case_of_file(file, material), cm), how, asked, [file])
 
 

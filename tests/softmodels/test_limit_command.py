@@ -16,7 +16,9 @@ from geometries import ACTUATORS, Balloon, HollowDisk, PneuNet, SeminarActuator
 from softmodels.__main__ import softmodels
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.cli import analyses
 from softmodels.cli.analyses import LimitOptions
+from softmodels.common.folders import NO_INPUT
 from softmodels.common.schema import about
 from softmodels.components.loads import Force, Gravity, Mass
 from softmodels.materials.laws import MooneyRivlin, NeoHookean, Yeoh
@@ -242,6 +244,21 @@ def test_a_part_of_a_file_of_its_own(ended, name, tmp_path):
         warnings.simplefilter("error")
         status, _, told = ended(softmodels, "limit", "--device", name, *words)
     assert status == 2 and told.count("\n") == 1 and "none.stp" in told
+
+
+def test_every_option_makes_another_question(ended, monkeypatch):
+    """Else the answer would replace that of the question before, in results/limit."""
+    asked = []
+
+    def opened(comm, output, default, kind, options, files):
+        asked.append({name: value for name, value in options.items() if name not in NO_INPUT})
+        raise CaseError("asked")
+
+    monkeypatch.setattr(analyses, "open_on_root", opened)
+    more = [[], ["--vacuum"], ["--normal"], ["--samples", "5"], ["--working-pressure", "20cm"], ["--output", "elsewhere"]]
+    for words in more:
+        assert ended(softmodels, "limit", "--vary", "membrane=2mm+-0.2mm", *words)[0] == 2
+    assert asked.pop() == asked[0] and not [one for one in asked[1:] if one == asked[0]] and len(asked) == 5
 
 
 def test_no_device_has_a_length_of_the_commands_own_name():
