@@ -17,11 +17,10 @@ import numpy as np
 from geometries.registry import QuantityType
 from softmodels.case.case import Case
 from softmodels.case.materials import MaterialErrors, material_from
-from softmodels.cli.options import command, fail, write_into
+from softmodels.cli.options import command, fail, open_on_root, write_into
 from softmodels.common.commands import flag_option, open_folder, option, options, output_option, quiet_option
 from softmodels.common.errors import known_are
 from softmodels.common.files import csv_text, read_text, write_text
-from softmodels.common.folders import ResultFolder
 from softmodels.common.pages import Fact, Page, Provenance, Table
 from softmodels.common.processes import say
 from softmodels.common.units import UnitError, brief, exact_text, number, quantity, with_prefix
@@ -71,7 +70,7 @@ from softmodels.materials.silicones import (
     spread_sentence,
 )
 from softmodels.materials.specimens import FLOW, MODE_NAMES, SOFTENING, MaterialCurves, nominal_stress
-from softmodels.mechanics.mpi import abort_on_error, on_root, speaks, start
+from softmodels.mechanics.mpi import abort_on_error, speaks, start
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.notes import sentences
 from softmodels.runs.outcomes import DONE, FAILED, Progress
@@ -401,35 +400,29 @@ def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
     in fitted.toml; 2 bad input.
     """
     comm = start() if files else None
-    folder: list[ResultFolder] = []  # of rank 0
-
-    def open_here() -> None:
-        """Before anything is computed."""
-        read = [*files, *how.files_read, *([how.heights] if how.heights else [])]
-        asked = {**vars(how), "files": files}
-        folder.append(open_folder(how.output, Path("results/fit"), "fit", asked, read))
-
+    read = [*files, *how.files_read, *([how.heights] if how.heights else [])]
+    given = how.output, Path("results/fit"), "fit", {**vars(how), "files": files}, read
     if comm is not None:
-        on_root(comm, open_here)
-    elif speaks():
-        open_here()
+        folder = open_on_root(comm, *given)
+    else:
+        folder = open_folder(*given) if speaks() else None
     try:
         with sentences() if files else contextlib.nullcontext():
             report = _device_report(files, how) if files else _curves_report(how)
     except (UnsoundError, CannotEvaluate) as error:
-        for one in folder:  # the files of an earlier fit are not mistaken for this one's
+        if folder is not None:  # the files of an earlier fit are not mistaken for this one's
             with contextlib.suppress(OSError):
-                retire(one.path)
+                retire(folder.path)
         fail(str(error), FAILED)
-    if not folder:
+    if folder is None:
         sys.exit(DONE if report.chosen.sound else FAILED)
-    write_into(folder[0], lambda place: _write_fit(report, folder[0].path, place, how), "the results")
+    write_into(folder, lambda place: _write_fit(report, folder.path, place, how), "the results")
     if not how.quiet:
         say(as_text(report))
     if report.separate:
         say(f"softmodels: {report.separate.pairs[0].sentence}; {report.separate.spread}", err=True)
     if not how.quiet:
-        for text in [*report.chosen.judgement.notes, _closing(report, folder[0].path)]:
+        for text in [*report.chosen.judgement.notes, _closing(report, folder.path)]:
             say(text)
     if not report.chosen.sound:
         say(f"softmodels: {report.chosen.choice.name}: {report.chosen.warnings[0]}", err=True)
