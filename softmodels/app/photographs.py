@@ -425,7 +425,7 @@ class OverlayPage(TabPage):
     async def _refresh(self) -> None:
         self._list()
         if not self.measured:
-            self.message.set_text("there are no outlines yet: measure the photographs first")
+            self.say("there are no outlines yet: measure the photographs first")
         elif self.chosen.value is None:
             self.chosen.set_value(list(self.measured)[-1])
         else:
@@ -434,11 +434,11 @@ class OverlayPage(TabPage):
     async def _show(self) -> None:
         name = self.chosen.value
         try:
-            self.message.set_text(await self._draw(name) if name else "")
+            self.say(await self._draw(name) if name else "")
         except SupersededError:
             pass
         except AnswerError as error:
-            self.message.set_text(str(error))
+            self.say(str(error))
 
     async def _draw(self, name: str) -> str:
         """Draw the outline over a photograph; return the sentence why it cannot be drawn."""
