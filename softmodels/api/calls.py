@@ -244,24 +244,25 @@ def run(
     Returns:
         The run; see `inflate`, also for what is raised.
     """
-    file = None if isinstance(case, Case) else place("case", case, "a case file, or a Case")
-    whole = case if isinstance(case, Case) else Case.from_file(place("case", case))
+    inputs: tuple[Path, ...] = ()
+    if not isinstance(case, Case):
+        inputs = (place("case", case, "a case file, or a Case"),)
+        case = Case.from_file(inputs[0])
     callback("progress", progress, or_flag=True)
     output = None if folder is None else place("folder", folder, "a folder")
     if flag("branch", branch):
-        whole.load.check_branch()
+        case.load.check_branch()
     if flag("resume", resume) and output is None:
         raise CaseError("resuming needs the run's folder; give it (folder=...), or leave out --resume")
     comm = start()
     with contextlib.ExitStack() as stack:
         listener: Listener = _Each(progress) if callable(progress) else Silent()
         if progress is True:
-            bar = Progress(whole.values[-1], whole.unit, state_labels(whole), not is_root(comm))
+            bar = Progress(case.values[-1], case.unit, state_labels(case), not is_root(comm))
             listener = stack.enter_context(bar)
         if output is None:
-            return solve_in_memory(Simulation(whole, comm, listener), branch)
-        inputs = () if file is None else (file,)
-        return solve_in_folder(ResultsPlace(output, resume, inputs), whole, comm, listener, branch)
+            return solve_in_memory(Simulation(case, comm, listener), branch)
+        return solve_in_folder(ResultsPlace(output, resume, inputs), case, comm, listener, branch)
 
 
 class _Each(Silent):

@@ -12,7 +12,7 @@ import click
 
 from geometries.registry import field_option
 from softmodels.api.calls import export, load
-from softmodels.casting.settings import Asked, Workshop, asked_of
+from softmodels.casting.settings import Workshop, asked_of
 from softmodels.cli.options import command, unwritable, write_into
 from softmodels.common.commands import flag_option, open_folder, option, options, output_option, quiet_option
 from softmodels.common.folders import check_output_file
@@ -76,14 +76,14 @@ def mould(file: Path, how: MouldOptions, settings: Mapping[str, object]) -> None
     found = made(asked.device, asked.workshop)
     write_into(folder, write, "the mould")
     if not how.quiet:
-        for text in mould_summary(asked, found):
+        for text in mould_summary(found):
             say(text)
         if not drawn and not how.no_pictures:
             say("no pictures: this machine cannot render; see softmodels doctor")
         say(f"mould in {folder.path}; sheet.html is the casting sheet")
 
 
-def mould_summary(asked: Asked, found: Made) -> list[str]:
+def mould_summary(found: Made) -> list[str]:
     """Return a summary of the mould, line by line."""
     lines = []
     for body in found.bodies:

@@ -205,7 +205,6 @@ class SolvingOptions:
         type=RanksType(), default=AUTO, show_default=True,
         help="Processes to solve on; auto: a core for each 30,000 unknowns of a solid, as far as there are cores.",
     )  # fmt: skip
-    no_pictures: bool = flag_option("The same as --pictures none.")
     petsc: tuple[str, ...] = option(argument=True, nargs=-1, type=click.UNPROCESSED)
 
 
@@ -214,6 +213,7 @@ class RunOptions(DrawingOptions, SolvingOptions):
     """The options of a run, none of which changes a number."""
 
     pictures: str = _pictures("all", "few", "none")
+    no_pictures: bool = flag_option("The same as --pictures none.")
 
     @property
     def draws(self) -> bool:

@@ -245,7 +245,7 @@ def draw(folder: Path, colormap: str = COLORMAP) -> list[Path]:
         told = json.loads(read_text(folder / "design.json"))
     except (OSError, ValueError):
         raise ResultsError(f"{folder} holds no design (design.json)") from None
-    before, after = (_states(folder / name) for name in ("before", "after"))
+    before, after = (StoredStates(folder / name) for name in ("before", "after"))
     actuator = before.actuator
     with DrawnFolder(folder) as out, matplotlib.rc_context(STYLE):
         charts = {
@@ -306,10 +306,6 @@ def page(folder: Path, told: DesignTold, drawn: Sequence[Part], pair: tuple[Stat
         [*([f"{told['trouble']}."] if told["trouble"] else []), *told["missed"]],
         publications(pair[1].case.material), downloads, pair[1].case.cm,
     ).html()  # fmt: skip
-
-
-def _states(folder: Path) -> States:
-    return StoredStates(folder)
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
