@@ -14,7 +14,7 @@ import click
 import numpy as np
 import numpy.typing as npt
 
-from geometries import ACTUATORS, Actuator, HollowDisk
+from geometries import Actuator, HollowDisk
 from geometries.registry import QuantityType, check_meaning, device_options, device_told, to_table
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError, SeriesError, one_of_text, series, split_text
@@ -460,13 +460,12 @@ def _limit_command(kind: type[Actuator] = HollowDisk, cls: type[click.Command] =
         limit(kind, case_file, how, material, values)  # a device may have a field "file"
 
     made = device_options(kind)(material_options(of_kind, kind.silicone, several=True))
-    if cls is not Command:
-        text = f"A device, with options of its own: {', '.join(ACTUATORS)}.  [default: {kind.__name__}]"
-        made = click.option(DEVICE, metavar="NAME", expose_value=False, help=text)(made)
     return command("limit", cls=cls, help=limit.__doc__)(made)
 
 
-limit_command = _limit_command(cls=by_device(_limit_command))
+limit_command = _limit_command(
+    cls=by_device(_limit_command, "A device, with options of its own: {}.  [default: HollowDisk]")
+)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -522,10 +521,8 @@ def _modes_of(device: type[Actuator]) -> click.Command:
     return command(f"softmodels modes {DEVICE} {device.__name__}", help=MODES_HELP)(given.add(of_device))
 
 
-@command("modes", cls=by_device(_modes_of), help=MODES_HELP)
+@command("modes", cls=by_device(_modes_of, "A device, with options of its own, instead of a FILE: {}."), help=MODES_HELP)
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option(DEVICE, metavar="NAME", expose_value=False,
-              help=f"A device, with options of its own, instead of a FILE: {', '.join(ACTUATORS)}.")  # fmt: skip
 @click.option("--material", metavar="NAME", help="Material, instead of the case's [material]: a silicone, or a TOML "
               "file.")  # fmt: skip
 @click.option("--pressure-cm", "pressures", metavar="SERIES", help="Pressures in cm of the column, instead of the "

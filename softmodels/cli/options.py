@@ -467,10 +467,18 @@ def device_named(name: str) -> type[Actuator]:
     return ACTUATORS[name]
 
 
-def by_device(made_for: Callable[[type[Actuator]], click.Command]) -> type[click.Command]:
-    """Return a class of commands that delegates to ``made_for(device)`` if the arguments hold ``--device NAME``."""
+def by_device(made_for: Callable[[type[Actuator]], click.Command], text: str) -> type[click.Command]:
+    """Return a class of commands with an option ``--device NAME``, whose help has the names for ``{}``; with it a command
+    delegates to ``made_for(device)``."""
+
+    def option(text: str) -> click.Option:
+        return click.Option([DEVICE], metavar="NAME", expose_value=False, help=text.format(", ".join(ACTUATORS)))
 
     class ByDevice(Command):
+        def __init__(self, *args: Any, **given: Any):
+            super().__init__(*args, **given)
+            self.params.insert(0, option(text))
+
         def make_context(
             self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: object
         ) -> click.Context:
@@ -478,10 +486,7 @@ def by_device(made_for: Callable[[type[Actuator]], click.Command]) -> type[click
             if name is None:
                 return super().make_context(info_name, args, parent, **extra)  # type: ignore[arg-type]
             made = made_for(device_named(name))
-            word = click.Option(
-                [DEVICE], metavar="NAME", expose_value=False, help=f"The device: {', '.join(ACTUATORS)}."
-            )
-            made.params.insert(0, word)
+            made.params.insert(0, option("The device: {}."))
             return made.make_context(info_name, args, parent, **extra)  # type: ignore[arg-type]
 
     return ByDevice
@@ -498,12 +503,9 @@ def _named(args: list[str]) -> str | None:
     return None
 
 
-@command("run", cls=by_device(command_of))
+@command("run", cls=by_device(command_of, "A device with its own options, instead of a FILE: {}. softmodels run --device "
+                              "NAME --help shows them."))  # fmt: skip
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option(
-    DEVICE, metavar="NAME", expose_value=False, help="A device with its own options, instead of a FILE: "
-    f"{', '.join(ACTUATORS)}. softmodels run {DEVICE} NAME --help shows them.",
-)  # fmt: skip
 @click.option("--material", metavar="NAME", help="Material, instead of the case's [material]: a silicone, "
               "or a TOML file such as fitted.toml of softmodels fit.")  # fmt: skip
 @click.option("--band", metavar="FILE|NAME", help="fitted.toml of a fitted material, instead of the case's [band]: "
