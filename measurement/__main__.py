@@ -2,39 +2,27 @@
 
 from __future__ import annotations
 
-import importlib
-from typing import Any
+import click
 
-from softmodels.common.commands import stoppable
+from softmodels.common.commands import LazyGroup, run_command
 
-with stoppable("measurement"):
-    import click
-
-    from softmodels.common.commands import CommandGroup, run_command
-
-COMMANDS = {
-    "calibrate": "measurement.cli.setup",
-    "setup": "measurement.cli.setup",
-    "photos": "measurement.cli.photos",
-    "demo": "measurement.cli.photos",
+PLACES = {
+    "measurement.cli.setup": {
+        "calibrate": "Calibrate the camera from PHOTOGRAPHS of a flat chessboard.",
+        "setup": "Find the screen's plane in a PHOTOGRAPH of its grid, of a board, or of known points.",
+    },
+    "measurement.cli.photos": {
+        "photos": "Measure the shadow's outline in every photograph of a list.",
+        "demo": "Make a set of synthetic photographs, and measure them.",
+    },
 }
-"""Commands in the order of their use, and the modules that hold them: imported when asked for, so that help is quick."""
+"""The first sentence of each command's help, by its module and its name, in the order of their use."""
 
 
-class Lazy(CommandGroup):
-    """A group whose commands are imported on use."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(COMMANDS)
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        module = COMMANDS.get(cmd_name)
-        with stoppable("measurement"):
-            found: Any = getattr(importlib.import_module(module), cmd_name, None) if module else None
-        return found if isinstance(found, click.Command) else None
-
-
-@click.group(cls=Lazy, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=LazyGroup, program="measurement", places=PLACES, order=list,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)  # fmt: skip
 def main() -> None:
     """Measure shadow photographs of soft actuators.
 

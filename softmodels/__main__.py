@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from softmodels.common.commands import stoppable
+from softmodels.common.commands import LazyGroup, stoppable
 from softmodels.mechanics.mpi import speaks
 
 with stoppable("softmodels", speaks):
@@ -10,7 +10,6 @@ with stoppable("softmodels", speaks):
 
     from softmodels import __version__
     from softmodels.cli import options as commandline
-    from softmodels.cli.options import LazyGroup
 
 PLACES = {
     "softmodels.cli.analyses": {
@@ -56,7 +55,10 @@ PLACES = {
 """The first sentence of each command's help, by its module and its name."""
 
 
-@click.group(cls=LazyGroup, places=PLACES, speaks=speaks, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=LazyGroup, program="softmodels", places=PLACES, speaks=speaks,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)  # fmt: skip
 @click.version_option(__version__, prog_name="softmodels")
 def softmodels() -> None:
     """Simulate pneumatic soft actuators.

@@ -6,7 +6,6 @@ import contextlib
 import dataclasses
 import functools
 import gc
-import importlib
 import itertools
 import os
 import shutil
@@ -30,7 +29,6 @@ from softmodels.case.materials import DEFAULT, material_from, material_options_o
 from softmodels.common.commands import (
     STOPPED,
     STOPS,
-    CommandGroup,
     RunOptions,
     asked_to_stop,
     bounded,
@@ -400,54 +398,6 @@ def main(command: click.Command) -> None:
             fail(f"{error.format_message()} (see --help)")
         finally:
             gc.unfreeze()  # for callers whose process continues
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# A command group that imports each command on its first call, so that help and start-up stay fast.
-
-
-FOREIGN = (".step", ".stp", ".msh", ".inp", ".stl")
-"""File endings of drawings and meshes."""
-
-
-class LazyGroup(CommandGroup):
-    """A group that imports the module of a command when it is called; ``places`` has the first sentence of each command's help
-    by module and name. ``speaks`` says whether this process may print, where it is stopped during an import."""
-
-    def __init__(self, *, places: Mapping[str, Mapping[str, str]], speaks: Callable[[], bool], **given: Any):
-        super().__init__(**given)
-        self.speaks = speaks
-        self.texts = {name: text for texts in places.values() for name, text in texts.items()}
-        self.module_of = {name: module for module, texts in places.items() for name in texts}
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        return sorted(self.texts)
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name not in self.commands and cmd_name in self.module_of:
-            with stoppable("softmodels", self.speaks):
-                module = importlib.import_module(self.module_of[cmd_name])
-            for found in vars(module).values():
-                if isinstance(found, click.Command) and found.name == cmd_name:
-                    self.add_command(found)
-        return super().get_command(ctx, cmd_name)
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        if args[0].lower().endswith((".toml", *FOREIGN)) and "run" in self.list_commands(ctx):
-            raise click.UsageError(f"{args[0]!r} is not a command; did you mean softmodels run {args[0]}?", ctx)
-        return super().resolve_command(ctx, args)
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the list of commands into the group's help, without importing them."""
-        limit = formatter.width - 6 - max(map(len, self.texts))
-        rows = [
-            (name, click.Command(None, help=text).get_short_help_str(limit))
-            for name, text in sorted(self.texts.items())
-        ]
-        with formatter.section("Commands"):
-            formatter.write_dl(rows)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

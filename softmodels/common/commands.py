@@ -8,6 +8,7 @@ import dataclasses
 import errno
 import functools
 import gc
+import importlib
 import io
 import os
 import signal
@@ -294,6 +295,10 @@ def _give_up_output() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
+CASES = (".toml", ".step", ".stp", ".msh", ".inp", ".stl")
+"""File endings of cases, drawings and meshes."""
+
+
 class CommandGroup(click.Group):
     """A group that answers a misspelt command with the one that may have been meant."""
 
@@ -301,10 +306,54 @@ class CommandGroup(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         name, known = args[0], self.list_commands(ctx)
+        if name.lower().endswith(CASES) and "run" in known:
+            raise click.UsageError(f"{name!r} is not a command; did you mean softmodels run {name}?", ctx)
         if not name.startswith("-") and self.get_command(ctx, name) is None:
             near = meant(name, known) or f"; there are {', '.join(known)}"
             raise click.UsageError(f"there is no command {name!r}{near}", ctx)
         return super().resolve_command(ctx, args)
+
+
+class LazyGroup(CommandGroup):
+    """A group that imports the module of a command when it is called; ``places`` has the first sentence of each command's help
+    by module and name, listed in an ``order``. ``speaks`` says whether this process of the ``program`` may print, where it is
+    stopped during an import."""
+
+    def __init__(
+        self,
+        *,
+        program: str,
+        places: Mapping[str, Mapping[str, str]],
+        order: Callable[[Iterable[str]], list[str]] = sorted,
+        speaks: Callable[[], bool] = lambda: True,
+        **given: Any,
+    ):
+        super().__init__(**given)
+        self.program, self.order, self.speaks = program, order, speaks
+        self.texts = {name: text for texts in places.values() for name, text in texts.items()}
+        self.module_of = {name: module for module, texts in places.items() for name in texts}
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return self.order(self.texts)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in self.commands and cmd_name in self.module_of:
+            with stoppable(self.program, self.speaks):
+                module = importlib.import_module(self.module_of[cmd_name])
+            for found in vars(module).values():
+                if isinstance(found, click.Command) and found.name == cmd_name:
+                    self.add_command(found)
+        return super().get_command(ctx, cmd_name)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the list of commands into the group's help, without importing them."""
+        limit = formatter.width - 6 - max(map(len, self.texts))
+        rows = [
+            (name, click.Command(None, help=self.texts[name]).get_short_help_str(limit))
+            for name in self.list_commands(ctx)
+        ]
+        with formatter.section("Commands"):
+            formatter.write_dl(rows)
 
 
 def run_command(command: click.Command, name: str) -> None:

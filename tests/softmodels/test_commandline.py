@@ -9,6 +9,7 @@ import click
 import pytest
 
 import softmodels.cli.run
+from measurement.__main__ import main as measurement
 from softmodels.__main__ import softmodels as whole_command
 from softmodels.disk import command
 from tests.support import runs
@@ -212,6 +213,7 @@ def test_bad_input_on_two_ranks_is_said_once(tmp_path):
 
 
 def test_commands_are_listed_by_the_first_sentence_of_their_help():
-    context = click.Context(whole_command)
-    for name, text in whole_command.texts.items():
-        assert whole_command.get_command(context, name).get_short_help_str(1000) == text
+    for group in (whole_command, measurement):
+        context = click.Context(group)
+        for name, text in group.texts.items():
+            assert group.get_command(context, name).get_short_help_str(1000) == text
