@@ -479,8 +479,8 @@ class Region(RegionPart):
             )
         mu = self.material.shear_modulus_0
         if not MODULI[0] <= mu <= MODULI[1]:
-            raise ComponentError(
-                f"{self.where}: the shear modulus is {mu:.4g} Pa; {MODULI[0]:g} to {MODULI[1]:g} Pa are accepted, "
+            raise self.error(
+                f"the shear modulus is {mu:.4g} Pa; {MODULI[0]:g} to {MODULI[1]:g} Pa are accepted, "
                 f"so check the units of its parameters"
             )
         check_rest(self.material)
@@ -501,7 +501,7 @@ class Region(RegionPart):
         try:
             return cells_within(body.mesh, body.actuator, self.within)
         except ComponentError as error:
-            raise ComponentError(f"{self.where}: within = {error}") from None
+            raise self.error(f"within = {error}") from None
 
     @property
     def own_density(self) -> float | None:

@@ -61,7 +61,8 @@ class Frame:
 @dataclasses.dataclass(frozen=True)
 class Hole:
     """An opening of a lid or a cup, lengths in mm: a cone about (x, y), wide outside, so that the sprue tears off at its neck
-    at the silicone; or the room of a pin."""
+    at the silicone; or the room of a pin. ``neck`` and ``mouth`` are radii at the silicone and outside, ``heights`` where it
+    begins and ends."""
 
     place: tuple[float, float]
     neck: float

@@ -1,4 +1,6 @@
-"""Frictionless contact of faces with a rigid plane: a bench, a plate above, the mirror plane between two chambers.
+"""Contact: of faces with a rigid plane or shape, with friction, guides and seals, and of walls with each other.
+
+A plane stands for a bench, a plate above, or the mirror plane between two chambers.
 
 Contact is an energy of the penetration d of every point of the faces, per undeformed area,
 
@@ -487,9 +489,9 @@ def surface_of(shape: RigidShape) -> tuple[Array, Indices]:
     try:
         points, triangles = _read(shape.file, UNITS[shape.unit], Path(shape.file).stat().st_mtime_ns)
     except OSError as error:
-        raise ComponentError(f"{shape.where}: file {shape.file} cannot be read ({error.strerror})") from None
+        raise shape.error(f"file {shape.file} cannot be read ({error.strerror})") from None
     except GeometryError as error:
-        raise ComponentError(f"{shape.where}: {error}") from None
+        raise shape.error(f"{error}") from None
     return points + np.asarray(shape.at), triangles
 
 
@@ -797,8 +799,8 @@ class WallTerm(AssembledTerm[Pressed]):
         surface, self.copies = self.pairs.surface, body.actuator.copies
         apart = float(Near.of(self.pairs, *surface.rest).gaps(len(surface.owner)).min(initial=math.inf))
         if apart < -1e-6:
-            raise ComponentError(
-                f"{part.where}: the undeformed walls {part.faces} overlap by "
+            raise part.error(
+                f"the undeformed walls {part.faces} overlap by "
                 f"{-apart * body.actuator.size * 1e3:.3g} mm; leave room between them, or name others"
             )
         ahead = min(AHEAD, max(apart / 2, 0.0))  # no contact when undeformed
@@ -979,8 +981,8 @@ def check_rest(shape: RigidShape, body: Body) -> None:
     deepest = largest(body.mesh.comm, -float(distances(points, shape.numbers(size)).min(initial=math.inf)))
     if deepest > NEAR:
         side = "outside of the hollow" if shape.hollow else "in the"
-        raise ComponentError(
-            f"{shape.where}: the undeformed device is {deepest * size * 1e3:.4g} mm deep {side} {shape.shape}; move it away"
+        raise shape.error(
+            f"the undeformed device is {deepest * size * 1e3:.4g} mm deep {side} {shape.shape}; move it away"
             + ("" if shape.shape == "plane" else ", or give it another radius")
         )
 
@@ -1122,9 +1124,13 @@ class StandingTerm[P: PressedSamples](AssembledTerm[P]):
 
     def figures(self, equations: Equations) -> dict[str, float]:
         self._take(equations.w.x.array)
-        force = equations.stress_unit * equations.length_unit**2 * self._pressed.forces.sum(axis=0)
-        depth = self._pressed.depth * equations.length_unit
-        return shape_figures(self.shape.label, self.actuator, self.crossed, force, depth)
+        return self.figures_of(equations, self._pressed)
+
+    def figures_of(self, equations: Equations, pressed: PressedSamples) -> dict[str, float]:
+        """Return force and depth of pressed nodes, in the columns' units."""
+        size = equations.length_unit
+        force = equations.stress_unit * size**2 * pressed.forces.sum(axis=0)
+        return shape_figures(self.shape.label, self.actuator, self.crossed, force, pressed.depth * size)
 
 
 class SampledShapeTerm(StandingTerm[PressedByDistance]):
@@ -1166,8 +1172,8 @@ class FileShapeTerm(StandingTerm[PressedOn]):
         try:
             self.wall = FixedWall.of(points / size, triangles[:, ::-1] if shape.hollow else triangles, radius)
         except TooFineError:
-            raise ComponentError(
-                f"{shape.where}: {shape.file} is large against a rounding of {radius * size * 1e3:.3g} mm; use a "
+            raise shape.error(
+                f"{shape.file} is large against a rounding of {radius * size * 1e3:.3g} mm; use a "
                 "larger rounding, or cut off the parts far from the device"
             ) from None
         self.penalty = Penalty(shape.stiffness, ONSET_PRESSURE / shape.stiffness)
@@ -1179,9 +1185,8 @@ class FileShapeTerm(StandingTerm[PressedOn]):
         inside = np.abs(_winding(chosen, points[triangles])) > 0.5
         if self._pressed.depth > NEAR or bool((inside != self.shape.hollow).any()):
             side = "outside of the hollow" if self.shape.hollow else "in the"
-            raise ComponentError(
-                f"{self.shape.where}: the undeformed device is {side} shape of {self.shape.file}, or "
-                f"touches it; move the shape away (at)"
+            raise self.shape.error(
+                f"the undeformed device is {side} shape of {self.shape.file}, or touches it; move the shape away (at)"
             )
 
     def pressed(self, places: Array) -> PressedOn:
@@ -1254,10 +1259,8 @@ class GuidedShapeTerm(AssembledTerm[GivingWay]):
 
     def figures(self, equations: Equations) -> dict[str, float]:
         self._take(equations.w.x.array)
-        here, size, label = self._pressed.here, equations.length_unit, self.shape.label
-        force = equations.stress_unit * size**2 * here.forces.sum(axis=0)
-        found = shape_figures(label, self.actuator, self.standing.crossed, force, here.depth * size)
-        return found | {f"{label}_travel_mm": self._pressed.s * size * 1e3}
+        travel = self._pressed.s * equations.length_unit * 1e3
+        return self.standing.figures_of(equations, self._pressed.here) | {f"{self.shape.label}_travel_mm": travel}
 
 
 class RubbingShapeTerm(AssembledTerm[Rubbed]):
@@ -1289,15 +1292,13 @@ class RubbingShapeTerm(AssembledTerm[Rubbed]):
         self._state[:] = np.nan  # the following calls use the current history
 
     def admits(self, before: Array, after: Array) -> bool:
-        return self.standing.clear(self.nodes.moved(before), self.nodes.moved(after))
+        return self.standing.admits(before, after)
 
     def figures(self, equations: Equations) -> dict[str, float]:
         self._take(equations.w.x.array)
-        pressed, size, stress, label = self._pressed, equations.length_unit, equations.stress_unit, self.shape.label
-        force = stress * size**2 * pressed.forces.sum(axis=0)
-        found = shape_figures(label, self.actuator, self.standing.crossed, force, pressed.depth * size)
-        lost = pressed.grip.lost * stress * size**3 * self.actuator.copies
-        return found | {
+        pressed, size, label = self._pressed, equations.length_unit, self.shape.label
+        lost = pressed.grip.lost * equations.stress_unit * size**3 * self.actuator.copies
+        return self.standing.figures_of(equations, pressed) | {
             f"{label}_sliding": pressed.sliding,
             f"{label}_slip_mm": float(pressed.grip.slid.max(initial=0.0)) * size * 1e3,
             f"{label}_friction_mJ": lost * 1e3,
@@ -1343,8 +1344,8 @@ class SealingTerm(RubbingShapeTerm):
         off = float(np.abs(distances(nodes.places, standing.numbers)).max())
         if off > NEAR:
             size = self.actuator.size * 1e3
-            raise ComponentError(
-                f"{shape.where}: {shape.faces} must lie in the plane at rest to seal on it, and is up to {off * size:.4g} mm "
+            raise shape.error(
+                f"{shape.faces} must lie in the plane at rest to seal on it, and is up to {off * size:.4g} mm "
                 "off; move the plane (at)"
             )
         self._ring = _Ring.of(standing.surface)
@@ -1473,8 +1474,8 @@ def _seal_edges(shape: RigidShape, body: Body, space: fem.FunctionSpace, nodes: 
     walls = cavity_roles(body.actuator)
     inside, outside = shared(walls[:1]), shared([name for name in others if name != walls[0]])
     if not len(inside):
-        raise ComponentError(
-            f"{shape.where}: {shape.faces} shares no edge with the cavity, so it is no rim on which the cavity could "
+        raise shape.error(
+            f"{shape.faces} shares no edge with the cavity, so it is no rim on which the cavity could "
             "seal; name the face around its opening (lip, of a SuctionCup)"
         )
     return inside, np.setdiff1d(outside, inside)

@@ -1,4 +1,5 @@
-"""Families of fibres in the silicone or on its faces: threads wound around a tube, the braid of a McKibben muscle.
+"""Families of fibres in the silicone or on its faces: threads wound around a tube, the braid of a McKibben muscle;
+thin sheets and fabrics bonded to faces.
 
 A fibre along a rotates with the silicone around it and resists only stretching. With x = a.C.a - 1, the change of
 its squared length, and q = x^2 (the same of slack fibres, but 0 where they are shortened), the energies per undeformed volume
@@ -800,7 +801,7 @@ class FibreTerm(StrainTerm):
 #
 # (Saint-Venant and Kirchhoff's orthotropic membrane; v is the contraction across for a pull along). A fabric without
 # compression lets each yarn go slack separately, over a small strain as fibres do; v is 0 then. It has
-# no bending stiffness, like a sheet, and locks like one on solid meshes: see `softmodels.components.fibres`.
+# no bending stiffness, like a sheet, and locks like one on solid meshes: see the sheet above.
 
 
 @register_component

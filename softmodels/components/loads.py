@@ -430,4 +430,4 @@ def _on_face(part: Component) -> Iterator[None]:
     try:
         yield
     except BodyError as error:
-        raise ComponentError(f"{part.where}: {error}") from None
+        raise part.error(f"{error}") from None

@@ -1,4 +1,4 @@
-"""Self-contact of deformable walls: an energy of the smooth gap between their deformed surfaces."""
+"""The penalty energies of contact: smooth gaps of walls, samples on rigid shapes, friction, shapes that give way."""
 
 from __future__ import annotations
 

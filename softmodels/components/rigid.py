@@ -1,4 +1,4 @@
-"""Rigid parts bonded to a device: plates and rings.
+"""Rigid parts bonded to a device: plates and rings; faces that are held.
 
 The constraint is exact, without penalty: the dofs on a part follow its few unknowns (`softmodels.mechanics.system`). The
 symmetry of the model determines the free motions: six in a whole solid, three in a half, the axial translation in a wedge

@@ -452,9 +452,6 @@ Pressures from {low:.6g} to {high:.6g} Pa; beyond them the ends of the table. Pl
 import bisect
 import json
 import math
-import re
-import sys
-import tempfile
 import pathlib
 from xml.etree import ElementTree
 

@@ -962,7 +962,7 @@ def febio(deck: Deck) -> str:
 
 
 def check_without_springs(case: Case) -> None:
-    """Also reject contact, fibres and fabrics; see `softmodels.decks.deck.check`."""
+    """Also reject contact, fibres and fabrics; see `check`."""
     check(case)
     sprung = [part.where for part in case.components if isinstance(part, (Obstacle, RigidShape, Fibres, Fabric))]
     if sprung:

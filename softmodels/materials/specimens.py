@@ -1,4 +1,5 @@
-"""Test specimens: nominal stress under homogeneous stretch, and its exact slopes by the stretch and by every parameter.
+"""Test specimens: nominal stress under homogeneous stretch, and its exact slopes by the stretch and by every parameter;
+where a law stops being stable.
 
 All come from `Material.derivative`, so a new law needs only an energy. Compressible specimens find their free sides from the
 condition that these carry no stress; the slopes follow by the implicit function theorem. `stress_in_time` is for silicone with

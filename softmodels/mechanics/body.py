@@ -23,7 +23,7 @@ from geometries.actuator import Opening, Vector, cavity_roles, find_openings
 from geometries.meshing import load_mesh, private_model
 from softmodels.common.arrays import Array
 from softmodels.common.errors import ComponentError, Spoken
-from softmodels.common.lazy import MPI, Expr, fem, meshes, ufl
+from softmodels.common.lazy import MPI, Expr, fem, gmsh, meshes, ufl
 from softmodels.mechanics.compiling import compiling
 from softmodels.mechanics.mpi import is_root, on_root
 from softmodels.mechanics.pieces import Roles, selected
@@ -109,7 +109,6 @@ class Body:
             BodyError: A mesh of another device.
             CompilingError: DOLFINx cannot compile what a mesh needs.
         """
-        import gmsh
         from dolfinx.io import gmsh as gmshio
 
         with private_model() if is_root(comm) else contextlib.nullcontext():

@@ -1,4 +1,4 @@
-"""Compile kernels at run time into a cache shared by all runs of a user, and handle its errors.
+"""Compile kernels, and C code beside them, at run time into a cache shared by all runs of a user; handle its errors.
 
 FFCx marks a module being compiled by a ``.c`` file without ``.c.cached``. A run killed at that moment leaves the
 mark behind; the next one would wait for it in vain and fail.
@@ -23,10 +23,9 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 
-from softmodels.common.arrays import Array
 from softmodels.common.errors import Spoken
-from softmodels.common.lazy import MPI, Expr, ufl
-from softmodels.mechanics.mpi import is_root, on_root
+from softmodels.common.lazy import MPI, ufl
+from softmodels.mechanics.mpi import on_root
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Flags of the C compiler for the kernels.
@@ -92,7 +91,7 @@ class CompilingError(Spoken, RuntimeError):
 
 
 _listening: list[tuple[Callable[[str], None], Callable[[], None]]] = []
-"""Who is told of a wait for another run, and asked whether to stop."""
+"""What reports a wait for another run, and what is asked whether to stop."""
 
 
 @contextlib.contextmanager
@@ -186,21 +185,22 @@ def finish_compiler(process: subprocess.Popen[str]) -> None:
         raise cffi.VerificationError(said[0] if said else f"the C compiler ended with status {process.returncode}")
 
 
-def compile_ahead(comm: MPI.Comm, objects: Sequence[ufl.Form | tuple[Expr, Array]]) -> None:
-    """Start the compilation of forms, and of expressions at points, that are made next; on the root. Those that the cache has
-    are loaded."""
+def compile_ahead(comm: MPI.Comm, forms: Sequence[ufl.Form]) -> None:
+    """Start the compilation of forms that are made next, on the root; errors on all ranks. Those that the cache has are
+    loaded."""
+    on_root(comm, lambda: _start_all(forms))
+
+
+def _start_all(forms: Sequence[ufl.Form]) -> None:
     global _ahead
-    if not is_root(comm):
-        return
     from dolfinx import default_scalar_type, jit
 
     use_cache()
     _ahead = True
     try:
-        for one in objects:
-            if isinstance(one, ufl.Form) and one.empty():
-                continue
-            jit.ffcx_jit.__wrapped__(one, {"scalar_type": default_scalar_type}, JIT)
+        for form in forms:
+            if not form.empty():
+                jit.ffcx_jit.__wrapped__(form, {"scalar_type": default_scalar_type}, JIT)
     finally:
         _ahead = False
 
@@ -350,7 +350,7 @@ def _text(source: str) -> str:
 
 
 def _words() -> list[str]:
-    return [*compiler_flags(), FAST]
+    return [*JIT["cffi_extra_compile_args"], FAST]
 
 
 def _name(place: Path) -> str:
@@ -373,10 +373,9 @@ def _loaded(name: str, place: Path) -> ModuleType:
 
 
 def begin(comm: MPI.Comm, source: str) -> None:
-    """Start to compile functions that `library` is asked for later, if needed; on the root. `OSError` if the cache cannot be
-    used, `cffi.VerificationError` if there is no compiler."""
-    if is_root(comm):
-        _start(source, _place(source))
+    """Start to compile functions that `library` is asked for later, if needed, on the root; on all ranks `OSError` if the
+    cache cannot be used, `cffi.VerificationError` if there is no compiler."""
+    on_root(comm, lambda: _start(source, _place(source)))
 
 
 def _start(source: str, place: Path) -> None:

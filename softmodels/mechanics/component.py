@@ -305,6 +305,8 @@ class Equations(Protocol):
     @property
     def pressures(self) -> Array: ...
     @property
+    def bcs(self) -> Sequence[fem.DirichletBC]: ...
+    @property
     def form(self) -> Callable[[ufl.Form], fem.Form]: ...
     @property
     def space(self) -> fem.FunctionSpace: ...
@@ -400,8 +402,6 @@ register_component = COMPONENTS.register
 
 def gravity_of(components: Sequence[Component]) -> Array:
     """Acceleration of gravity in m/s2, shape (3,), in device coordinates; zero where no component is one."""
-    import numpy as np
-
     return next((part.acceleration for part in components if part.acceleration is not None), np.zeros(3))
 
 

@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -35,16 +35,6 @@ from softmodels.mechanics.assembly import sparse_matrix
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.component import Equations
 from softmodels.mechanics.mpi import total
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-
-class Weighing(Equations, Protocol):
-    """Interface of the equations for inertia."""
-
-    @property
-    def bcs(self) -> Sequence[fem.DirichletBC]: ...
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,7 +52,7 @@ class Inertia:
 
 
 def mass_matrix(
-    system: Weighing, inertia: Inertia | None = None, held: Sequence[fem.DirichletBC] | None = None
+    system: Equations, inertia: Inertia | None = None, held: Sequence[fem.DirichletBC] | None = None
 ) -> PETSc.Mat:
     """Return the displacement's mass matrix by all dofs, of unit density without masses; rows and columns of held dofs (by
     default all that the system holds) are empty."""
@@ -113,7 +103,7 @@ class Motion:
     left of those before, and of their rounding errors: in short steps they come from small differences of places.
     """
 
-    def __init__(self, system: Weighing, inertia: Inertia, density: float, radius: float = RADIUS):
+    def __init__(self, system: Equations, inertia: Inertia, density: float, radius: float = RADIUS):
         self.comm, self.n = system.comm, system.n
         self.radius = radius
         self._am, self._af = (2 * radius - 1) / (radius + 1), radius / (radius + 1)

@@ -389,7 +389,6 @@ class QuadraticLevel:
 
 Longs = npt.NDArray[np.int64]
 
-PREFIX = "body_"
 OPTIONS = {
     "pc_gamg_threshold": "0.01",
     "pc_gamg_reuse_interpolation": "true",  # setting up for another state needs only its products

@@ -11,13 +11,12 @@ import functools
 import itertools
 import math
 import types
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
-from softmodels.common.lazy import Expr, basix, fem, ufl
+from softmodels.common.lazy import Expr, basix, fem, meshes, ufl
 from softmodels.materials import memory
 from softmodels.materials.laws import Material
 from softmodels.materials.memory import COUNTS, IDENTITY, Branch, InUfl, Memory, Six, six
@@ -25,11 +24,7 @@ from softmodels.materials.strain import Strain
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body
 from softmodels.mechanics.compiling import JIT, LABEL
 from softmodels.mechanics.mpi import largest, total
-
-if TYPE_CHECKING:
-    from dolfinx.mesh import Mesh
-
-    from softmodels.mechanics.regions import MaterialRegion
+from softmodels.mechanics.regions import MaterialRegion
 
 SIX = len(IDENTITY)
 AT_ONCE = 4096
@@ -39,7 +34,7 @@ AT_ONCE = 4096
 FLOW = ("onset", "exponent", "least", "growth", "growth_exponent")
 
 
-def _constants(mesh: Mesh, branch: Branch) -> types.SimpleNamespace:
+def _constants(mesh: meshes.Mesh, branch: Branch) -> types.SimpleNamespace:
     """Return what `memory.fluidity` takes of a branch, as constants."""
     spring = [tuple(fem.Constant(mesh, value) for value in term) for term in branch.spring]
     return types.SimpleNamespace(

@@ -201,7 +201,7 @@ class Bordered:
         return values[: self.n], scalars_from_owner(self.comm, np.array(values[self.n :]))
 
     def factorise(self) -> None:
-        """Factorise the current K, or set up the approximate inverse; `MemoryError` on all ranks."""
+        """Factorise the current K, or set up the approximate inverse; `MemoryError` on all ranks, if one lacks memory."""
         self.inverse.set_up()
         self.factorisations += 1
         self._lift(0)

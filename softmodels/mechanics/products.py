@@ -291,7 +291,7 @@ class TangentOperator:
         compiled: Callable[[ufl.Form], fem.Form],
     ):
         self.kept: list[QuadratureTangent] = []
-        self.by_forms: list[fem.Form] = []
+        others: list[int] = []
         self.matrices = [compiled(form) for form in tangent]
         predicted = potential.predicted_tangents(potential.direction)
         terms = [[(energy, force)] for energy, force in zip(potential.energies, internal, strict=True)]
@@ -305,7 +305,9 @@ class TangentOperator:
                     raise NoModuliError("unsupported cells, or a tangent other than the energy's")
                 self.kept += [QuadratureTangent(potential, energy, force, dofs) for energy, force in term]
             except NoModuliError:
-                self.by_forms.append(compiled(potential.tangent(potential.direction)[number]))
+                others.append(number)
+        along = potential.tangent(potential.direction) if others else []
+        self.by_forms = [compiled(along[number]) for number in others]
 
     def add(self, x: Array, y: Array) -> None:
         """Add the product with ``x`` to ``y``, both local dofs with ghosts; ghost values belong to their owners. Held dofs are

@@ -1,4 +1,4 @@
-"""Regions of a device with other materials, perfectly bonded to the rest.
+"""Regions of a device with other materials, perfectly bonded to the rest; and what holds it.
 
 A region is a physical group of cells: of a device's class, such as the ``base`` of a `PneuNet`, or a named solid of a STEP
 file. The case's material fills all cells outside regions.
@@ -256,7 +256,7 @@ def clamped(body: Body, components: Sequence[Component]) -> Body:
         for role in clamp.roles:
             if role not in body.entities and role not in body.regions:
                 known = ", ".join([*body.entities, *body.regions])
-                raise ComponentError(f"{clamp.where}: the mesh has no {role!r}; it has {known}")
+                raise clamp.error(f"the mesh has no {role!r}; it has {known}")
     held = body.held_by(held_with(body.holds, body.actuator, components))
     for seal in sealing:
         held = held.sealed_by(seal.roles, np.asarray(seal.point) / body.actuator.size, seal.normal)

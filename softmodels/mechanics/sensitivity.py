@@ -1,4 +1,5 @@
-"""Sensitivity of equilibrium states to material parameters and lengths of the device.
+"""Sensitivity of equilibrium states to material parameters and lengths of the device; the mesh moved to
+other lengths.
 
 A state (w, P) satisfies R(w, P; theta) = 0 on the line a V + b P = d of its control, so that
 

@@ -239,8 +239,7 @@ class Solver:
     def linear_response(
         self, force: Array | float, gap: float, tolerance: float, guess: Tangent | None = None
     ) -> Tangent:
-        """Answer of the current state, linearised, to a ``force`` on the body and a ``gap`` of the control's line, to a
-        relative tolerance.
+        """Answer of the current state, linearised, to a ``force`` on the body and a ``gap`` of the control's line.
 
         `tangent` has to have been called at this state: it sets the border.
 
@@ -265,8 +264,8 @@ class Solver:
         by: Callable[[PETSc.KSP, PETSc.Vec, PETSc.Vec], object] = lambda ksp, b, x: ksp.solve(b, x),
         guessed: bool = False,
     ) -> None:
-        """Solve the bordered equations for a force and gaps; called ``by`` itself, the linear solver's iterations do not count
-        as the path's."""
+        """Solve the bordered equations for a force and gaps to a relative tolerance; ``by`` calls the linear solver, whose
+        iterations otherwise do not count as the path's. `NoConvergence` if it did not get there."""
         bordered, newton, ksp = self.bordered, self.newton, self.newton.snes.getKSP()
         bordered.join(newton.f, force, gaps)
         bordered.mat.assemble()

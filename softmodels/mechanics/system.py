@@ -117,7 +117,7 @@ class RigidUnknowns(Unknowns):
         super().__init__(n)
         self.comm, self.moving, self.motions = comm, motions, tuple(motions.values())
         self.turns = any(motion.turns for motion in self.motions)
-        self.slots = [_slots(comm, n, motion, held, name) for name, motion in motions.items()]
+        self.slots = [_slots(comm, motion, held, name) for name, motion in motions.items()]
         followers = np.concatenate([motion.dofs[motion.owned].ravel() for motion in self.motions])
         mine = [slots for rank, slots in self.slots if rank == comm.rank]
         self.idle = np.setdiff1d(followers, np.concatenate([*mine, np.empty(0, int)])).astype(np.int32)
@@ -246,7 +246,7 @@ class RigidUnknowns(Unknowns):
                 y[slots] += second @ q[slots]
 
 
-def _slots(comm: MPI.Comm, n: int, motion: RigidMotion, held: Ints, name: str) -> tuple[int, npt.NDArray[np.int64]]:
+def _slots(comm: MPI.Comm, motion: RigidMotion, held: Ints, name: str) -> tuple[int, npt.NDArray[np.int64]]:
     """Return the rank that has a part's unknowns, and the owned dofs in whose slots they are there (empty elsewhere)."""
     free = np.setdiff1d(motion.dofs[motion.owned].ravel(), held)
     counts = comm.allgather(len(free))
@@ -277,7 +277,7 @@ def _on_part(vectors: fem.FunctionSpace, body: Body, part: RigidPart) -> Ints:
     if part.region:
         return np.asarray(fem.locate_dofs_topological(vectors, body.mesh.topology.dim, body.regions[part.region]))
     if part.face not in body.entities:
-        raise ComponentError(f"{part.where}: the mesh has no face {part.face!r}; it has {', '.join(body.entities)}")
+        raise part.error(f"the mesh has no face {part.face!r}; it has {', '.join(body.entities)}")
     dimension, found = body.entities[part.face]
     body.mesh.topology.create_connectivity(dimension, body.mesh.topology.dim)
     return np.asarray(fem.locate_dofs_topological(vectors, dimension, found))

@@ -70,8 +70,8 @@ class Point:
 
 
 class PathEnd(Exception):
-    """The path cannot reach the requested value, for a reason that is a clause: a limit point met, or a cause where that is an
-    end of the device's own and no limit point of what drives it."""
+    """The path cannot reach the requested value: ``why`` is a clause, ``limit`` the limit point met, ``cause`` what happens
+    there where that is an end of the device's own and no limit point of what drives it."""
 
     def __init__(self, why: str, limit: Point | None = None, cause: PathFailure | None = None):
         super().__init__(why)
@@ -86,7 +86,7 @@ class PathEnd(Exception):
 # ----------------------------------------------------------------------------------------------------------------------
 # Requested quantities and controls of a path: functions of cavity volume and pressure with prescribed values.
 #
-# A path does not distinguish pressures, volumes and strokes. A `Quantity` provides its value at a state, the
+# A path does not distinguish pressures, volumes and strokes. A `PathQuantity` provides its value at a state, the
 # curve of constant value in the volume-pressure plane, its rate along a tangent and a first step. A new supply is one
 # subclass of `Supply` with a name, a value and two slopes. All figures are dimensionless, as in `softmodels.mechanics`.
 

@@ -1,4 +1,5 @@
-"""Air supply by a syringe on a T-junction with the column and the device, with the compressible gas between them.
+"""Air supply by a syringe on a T-junction with the column and the device, with the compressible gas between them;
+sources behind tubes and valves, in time.
 
 The syringe's stroke S is the volume its piston has swept. It pushes the gas that filled syringe, tubes and cavity at ambient
 pressure; together they held G = dead + syringe + cavity at rest. With p = (P + ambient) / ambient and the exponent n (1
@@ -45,7 +46,7 @@ class AirSupply:
         name: What case files (``kind``) and ``--supply`` call it, and sentences too.
         its_gas: What its gas is called where it has a limit point; the gas of the supply if empty.
         gentler: What else can be taken where its stroke has a limit point, such as "a smaller bottle"; empty if nothing.
-        in_time: Whether series in time drive it (`softmodels.path.supply`) instead of strokes.
+        in_time: Whether series in time drive it (`Source`) instead of strokes.
 
     Raises:
         SupplyError: From the constructor, if its fields make no supply.

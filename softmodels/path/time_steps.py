@@ -11,17 +11,15 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from softmodels.mechanics.controls import volume_control
 from softmodels.mechanics.newton import NoConvergence
+from softmodels.mechanics.system import State
+from softmodels.path.continuation import Continuation
 from softmodels.path.points import PathEnd, Point, Pressure
 from softmodels.path.program import TOLERANCE
-
-if TYPE_CHECKING:
-    from softmodels.mechanics.system import State
-    from softmodels.path.continuation import Continuation
-    from softmodels.path.supply import Gas, GasStep, Source
+from softmodels.path.supply import Gas, GasStep, Source
 
 FEWEST_STEPS = 12
 """Usual minimum number of steps of a stage, for smooth curves."""
@@ -86,7 +84,7 @@ class Drive(Protocol):
         """Return the end of a path of which not even the shortest step converged."""
 
 
-Earlier = tuple[float, "State"]
+Earlier = tuple[float, State]
 """Length of the step before, and the state where it began."""
 
 
@@ -198,8 +196,8 @@ class Filling:
 
 def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Iterator[tuple[float, Point]]:
     """Follow a device through one stage, along a path that begins where the stage does (its own control is not looked at).
-    Yield which share of the stage is done, and the point; the first one is its beginning. LostInTime or SnapInTime if there
-    is no equilibrium any more, PathEnd if a step failed, however short; the tolerance is as `TOLERANCE`."""
+    Yield which share of the stage is done, and the point; the first one is its beginning. `LostInTime` or `SnapInTime` if there
+    is no equilibrium any more, `PathEnd` if a step failed, however short; the tolerance is as `TOLERANCE`."""
     first = path.begin()
     yield 0.0, first
     potential, corrector, duration = path.solver.system.potential, path.corrector, drive.duration
