@@ -457,7 +457,9 @@ def _errors(
     spread = np.full(variance.shape, UNKNOWN**2)
     if count > MIN_VIEWS:
         rest = (views[:left_out] + views[left_out + 1 :] for left_out in range(count))
-        moved = [_moved(camera, _solve(some, board, camera.size, use_k3).camera(camera.size, ""), coverage) for some in rest]
+        moved = [
+            _moved(camera, _solve(some, board, camera.size, use_k3).camera(camera.size, ""), coverage) for some in rest
+        ]
         spread = (count - 1) / count * np.sum(np.square(moved), axis=0)
     return np.sqrt(np.maximum(variance.mean(axis=1), spread.mean(axis=1)))
 

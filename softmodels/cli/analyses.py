@@ -521,7 +521,9 @@ def _modes_of(device: type[Actuator]) -> click.Command:
     return command(f"softmodels modes {DEVICE} {device.__name__}", help=MODES_HELP)(given.add(of_device))
 
 
-@command("modes", cls=by_device(_modes_of, "A device, with options of its own, instead of a FILE: {}."), help=MODES_HELP)
+@command(
+    "modes", cls=by_device(_modes_of, "A device, with options of its own, instead of a FILE: {}."), help=MODES_HELP
+)
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--material", metavar="NAME", help="Material, instead of the case's [material]: a silicone, or a TOML "
               "file.")  # fmt: skip

@@ -402,10 +402,7 @@ def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
     comm = start() if files else None
     read = [*files, *how.files_read, *([how.heights] if how.heights else [])]
     given = how.output, Path("results/fit"), "fit", {**vars(how), "files": files}, read
-    if comm is not None:
-        folder = open_on_root(comm, *given)
-    else:
-        folder = open_folder(*given) if speaks() else None
+    folder = open_on_root(comm, *given) if comm is not None else open_folder(*given) if speaks() else None
     try:
         with sentences() if files else contextlib.nullcontext():
             report = _device_report(files, how) if files else _curves_report(how)

@@ -40,7 +40,6 @@ from softmodels.design.trials import (
     text,
 )
 
-
 # ----------------------------------------------------------------------------------------------------------------------
 # Objectives and limits of a design, from tables or as values.
 

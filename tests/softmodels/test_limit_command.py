@@ -255,7 +255,14 @@ def test_every_option_makes_another_question(ended, monkeypatch):
         raise CaseError("asked")
 
     monkeypatch.setattr(analyses, "open_on_root", opened)
-    more = [[], ["--vacuum"], ["--normal"], ["--samples", "5"], ["--working-pressure", "20cm"], ["--output", "elsewhere"]]
+    more = [
+        [],
+        ["--vacuum"],
+        ["--normal"],
+        ["--samples", "5"],
+        ["--working-pressure", "20cm"],
+        ["--output", "elsewhere"],
+    ]
     for words in more:
         assert ended(softmodels, "limit", "--vary", "membrane=2mm+-0.2mm", *words)[0] == 2
     assert asked.pop() == asked[0] and not [one for one in asked[1:] if one == asked[0]] and len(asked) == 5

@@ -46,7 +46,6 @@ from softmodels.path.points import DIRECT, PathEnd
 from softmodels.path.schedule import HangingEnd, hang, inflate_from
 from softmodels.runs.grid import QuadraticCurve, shapes
 
-
 # ----------------------------------------------------------------------------------------------------------------------
 # Solve a state directly by Newton's method from a guess, without a path.
 

@@ -76,7 +76,6 @@ from softmodels.materials.specimens import judge
 from softmodels.mechanics.mpi import start
 from softmodels.runs.fields import Fields
 
-
 # ----------------------------------------------------------------------------------------------------------------------
 # The fit of one law to outlines, from starts in closed form.
 
