@@ -829,6 +829,36 @@ at = "4 kPa"
 quantity = "mass"
 at_most = "6 g"
 """,
+    "problems/pose.toml": """# softmodels design: a finger that brings its tip to a place and turns it by an angle
+name = "pose"
+
+[case.geometry]
+device = "PneuNet"
+chambers = 2
+chamber_length = "4 mm"
+cell_size = "8 mm"                      # coarse
+
+[case.material]
+silicone = "ecoflex-00-30"
+
+[case.load]
+pressure = "0:4 kPa"
+
+[parameters]
+base = { from = "2 mm", to = "4 mm" }
+root = { from = "3 mm", to = "6 mm" }
+wall = { from = "0.8 mm", to = "1.5 mm" }
+
+[follow]
+quantity = "pose"
+of = "tip"                              # a face: its mean place, and its turn about an axis
+position = { x = "20 mm", z = "3.2 mm" }
+turn = "25 deg"
+axis = "y"
+tolerance = "0.1 mm"                    # what counts as one
+turn_tolerance = "0.5 deg"              # as much as that
+at = "4 kPa"
+""",
     "studies/limit.toml": """# softmodels study: how the limit pressure of the thin disk depends on its lengths and its silicone
 sampling = "sobol"                      # or latin-hypercube, saltelli, grid
 samples = 32

@@ -16,6 +16,7 @@ contact of neighbouring chambers that are each other's mirror images.
 from __future__ import annotations
 
 import abc
+import copy
 import dataclasses
 import functools
 import itertools
@@ -23,7 +24,7 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence, Set
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -154,6 +155,8 @@ MOST = 3.0
 """Largest accepted coefficient of friction: rubber on dry glass has 1 to 2."""
 SAME = 1e-6
 """Tolerance relative to an STL shape's extent for mirror images of its corners."""
+
+AXES = ("x", "y", "z")
 
 type Numbers = tuple[Array, Array, float | None, float, float]
 """Place of its middle, direction of its line, radius, half the line's length, and 1 or, of a hollow one, -1; in sizes.
@@ -312,6 +315,22 @@ class RigidShape(ContactPart):
     @property
     def files(self) -> Mapping[str, str]:
         return {"file": self.file} if self.file else {}
+
+    @property
+    def variable(self) -> Mapping[str, str]:
+        return dict.fromkeys(AXES, "m")
+
+    def number(self, name: str) -> float:
+        return self.at[AXES.index(name)]
+
+    def varied(self, name: str, value: float) -> Self:
+        return dataclasses.replace(self, at=self.nudged(name, value - self.number(name)).at)
+
+    def nudged(self, name: str, by: complex) -> Self:
+        made = copy.copy(self)
+        at = [place + by * (axis == name) for axis, place in zip(AXES, self.at, strict=True)]
+        object.__setattr__(made, "at", tuple(at))
+        return made
 
     @property
     def direction(self) -> Array:
@@ -1016,14 +1035,16 @@ class ShapeTerm(EnergyTerm):
     def _check_rest(self, body: Body) -> None:
         check_rest(self.shape, body)
 
+    def constants_of(self, part: Component) -> list[tuple[fem.Constant, Array]]:
+        at = getattr(part, "at", None)  # not of a plane given by its place
+        return [] if at is None else [(self._place, np.asarray(at) / self.body.actuator.size)]
+
+    def take(self, part: Component) -> None:
+        super().take(part)
+        self.numbers = (self._place.value.copy(), *self.numbers[1:])
+
     def follow_mesh(self) -> None:
         self.nodes.follow_mesh()
-
-    def move_to(self, at: npt.ArrayLike) -> None:
-        """Move the shape to a position in m, such as an indenter from state to state."""
-        place = np.asarray(at, dtype=float) / self.body.actuator.size
-        self.numbers = (place, *self.numbers[1:])
-        self._place.value = place
 
     def compile(self, equations: Equations) -> None:
         self._compiled: list[list[fem.Form]] = [[equations.form(force) for force in forces] for forces in self.pushes]
@@ -1119,6 +1140,15 @@ class StandingTerm[P: PressedSamples](AssembledTerm[P]):
     def clear(self, start: Array, end: Array) -> bool:
         """Return whether nodes can move between positions, shape (n, d) each, without passing through the shape."""
 
+    @abc.abstractmethod
+    def put(self, at: Array) -> None:
+        """Put the shape to a place in sizes, shape (3,)."""
+
+    def take(self, part: Component) -> None:
+        assert isinstance(part, RigidShape)
+        self.put(np.asarray(part.at) / self.actuator.size)
+        self.forget_state()
+
     def admits(self, before: Array, after: Array) -> bool:
         return self.clear(self.nodes.moved(before), self.nodes.moved(after))
 
@@ -1144,6 +1174,9 @@ class SampledShapeTerm(StandingTerm[PressedByDistance]):
         self.penalty = HardeningPenalty(shape.stiffness, shape.onset, HARDENS * self.deepest, HARDER)
         self.move(self.nodes.places)
 
+    def put(self, at: Array) -> None:
+        self.numbers = (at, *self.numbers[1:])
+
     def pressed(self, places: Array) -> PressedByDistance:
         return PressedByDistance(self.surface, lambda x: slopes(x, self.numbers), self.penalty, SOON, places)
 
@@ -1167,6 +1200,7 @@ class FileShapeTerm(StandingTerm[PressedOn]):
     def __init__(self, shape: RigidShape, setting: FormContext):
         super().__init__(shape, setting)
         size, (points, triangles) = self.actuator.size, surface_of(shape)
+        self._at = np.asarray(shape.at) / size
         edges, measure = self.surface.edges, self.surface.measure
         radius = shape.rounding / size or ROUNDING * float(edges @ measure / measure.sum())
         try:
@@ -1188,6 +1222,9 @@ class FileShapeTerm(StandingTerm[PressedOn]):
             raise self.shape.error(
                 f"the undeformed device is {side} shape of {self.shape.file}, or touches it; move the shape away (at)"
             )
+
+    def put(self, at: Array) -> None:
+        self.wall, self._at = dataclasses.replace(self.wall, places=self.wall.places + at - self._at), at
 
     def pressed(self, places: Array) -> PressedOn:
         return PressedOn(self.surface, self.wall, self.penalty, places)
@@ -1243,10 +1280,14 @@ class GuidedShapeTerm(AssembledTerm[GivingWay]):
         self._s = found.s
         return found
 
+    def take(self, part: Component) -> None:
+        self.standing.take(part)
+        self.forget_state()
+
     def _take(self, w: Array) -> None:
         if self._per_pascal != float(self.setting.per_pascal.value):  # spring and weight are constant in newtons
             self._per_pascal = float(self.setting.per_pascal.value)
-            self._state[:] = np.nan
+            self.forget_state()
         super()._take(w)
 
     def harder_here(self) -> Array:
@@ -1277,6 +1318,10 @@ class RubbingShapeTerm(AssembledTerm[Rubbed]):
     def _begin(self, places: Array) -> None:
         self.grip = Grip.of_free(self.standing.pressed(places))
 
+    def take(self, part: Component) -> None:
+        self.standing.take(part)
+        self.forget_state()
+
     def pressed(self, places: Array) -> Rubbed:
         return Rubbed(self.standing.pressed(places), self.rubbing, self.grip)
 
@@ -1289,7 +1334,7 @@ class RubbingShapeTerm(AssembledTerm[Rubbed]):
         else:
             self._take(w)
             self.grip = self._pressed.kept()
-        self._state[:] = np.nan  # the following calls use the current history
+        self.forget_state()  # the following calls use the current history
 
     def admits(self, before: Array, after: Array) -> bool:
         return self.standing.admits(before, after)

@@ -393,7 +393,7 @@ class DesignModel:
         meshed = self.meshed
         assert meshed is not None
         found, notes = meshed.judge()
-        own = self._gathered(found)
+        own = self._gathered(found, notes)
         return Evaluation(
             np.array(theta, dtype=float), case.actuator, {key: judged.value for key, judged in own.items()},
             {key: judged.gradient for key, judged in own.items() if judged.gradient.size},
@@ -411,7 +411,7 @@ class DesignModel:
         meshed = MeshedDesign.fresh(case, self.question, self.comm)
         try:
             found, notes = meshed.judge(gradients=False)
-            values = {key: judged.value for key, judged in self._gathered(found).items()}
+            values = {key: judged.value for key, judged in self._gathered(found, notes).items()}
         finally:
             meshed.release()
         return Evaluation(
@@ -473,12 +473,15 @@ class DesignModel:
 
     # -- values and gradients -------------------------------------------------------------------------------------------
 
-    def _gathered(self, found: dict[str, Judged]) -> dict[str, Judged]:
-        """Return the quantities by key, combined over states."""
+    def _gathered(self, found: dict[str, Judged], notes: list[str]) -> dict[str, Judged]:
+        """Return the quantities by key, combined over states; add their notes."""
         own: dict[str, Judged] = {}
         for one in self.quantities:
             if isinstance(one, CompositeQuantity):
-                own[one.key] = _combined(one, [found[part.key] for part in one.parts])
+                parts = [found[part.key] for part in one.parts]
+                own[one.key] = _combined(one, parts)
+                if note := one.note(np.array([part.value for part in parts])):
+                    notes.append(f"{one.key}: {note}")
             elif isinstance(one, DeviceQuantity):
                 own |= {key: found[key] for key in one.values(self.case.actuator)}
             else:
@@ -643,7 +646,7 @@ TABLE, DESIGN, START = "iterates.csv", "design.toml", "start.toml"
 def identity(problem: DesignProblem) -> dict[str, str]:
     """Return all input that the values of a problem's designs depend on, by display name."""
     case = problem.case
-    keeps = [(keep.quantity.key, keep.at_least, keep.at_most) for keep in problem.limits]
+    keeps = [(_identity(keep.quantity), keep.at_least, keep.at_most) for keep in problem.limits]
     errors = problem.errors
     return {
         "the case": case.to_toml(),
@@ -654,12 +657,18 @@ def identity(problem: DesignProblem) -> dict[str, str]:
             ]
         ),
         "the objective and limits": repr(
-            (problem.objective, [(term.quantity.key, term.weight) for term in problem.terms])
+            (problem.objective, [(_identity(term.quantity), term.weight) for term in problem.terms])
         ),
         "the limits": repr(keeps),
         "the tolerances": repr(sorted(problem.spreads.items())),
         "the material's errors": repr(None if errors is None else (errors.names, errors.matrix.tolist())),
     }
+
+
+def _identity(asked: DesignQuantity) -> str:
+    """Return a quantity's key with all that it was given; of a file what was read, wherever it is."""
+    given = {one.name: getattr(asked, one.name) for one in dataclasses.fields(asked) if one.name != "file"}
+    return f"{asked.key} {given}"
 
 
 class DesignFolder:

@@ -245,7 +245,7 @@ QUANTITIES: Registry[type[DesignQuantity]] = Registry(
         for place, names in {
             "extremes": "peak_stretch max_stretch peak_von_mises von_mises least_gap top_height stress_deviation "
             "stress_unevenness von_mises_norm stretch_norm",
-            "targets": "outline tip_path",
+            "targets": "outline tip_path pose",
         }.items()
         for name in names.split()
     },
@@ -827,7 +827,7 @@ class FacePlace(OfFace):
         way, body, unit = _direction(self.axis, f"{self.name}: axis"), design.system.body, design.system.length_unit
         across = [plane for plane in body.actuator.cut_planes if abs(float(np.dot(way, plane.normal))) > SQUARE]
         if across or (body.axisymmetric and abs(way[2]) < 1 - SQUARE):
-            raise ValueError(f"{self.name}: by symmetry a place along {self.axis} does not move; use another axis")
+            raise ValueError(f"{self.title}: by symmetry it does not move along {self.axis}; use another axis")
 
         def mean(values: Array) -> tuple[float, Array]:
             place = unit * values[0] / values[1]

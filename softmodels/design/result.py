@@ -142,7 +142,7 @@ def recovered(form: Formulation, trial: Trial) -> Told | None:
     )
     asked = problem.terms[0].quantity
     if known:
-        source = "errors from the given standard error (sigma)"
+        source = "errors from the given standard errors"
     else:
         source = f"errors from the final residuals, {in_words(asked, math.sqrt(variance), 3)} per value"
     source += f"; {counted:.0f} independent values"
@@ -712,7 +712,8 @@ def notes(result: DesignResult) -> list[str]:
     """Return the remarks on the result."""
     told = [*result.variants, *result.problem.notes, *result.best.notes]
     told += [f"start {one.start} ended {one.why}" for one in result.ends if one.why and not one.stopped]
-    if result.feasible and not result.holding.balanced and not result.stopped:
+    unfinished = result.feasible and not result.holding.balanced and not result.stopped
+    if unfinished and result.problem.objective != "follow":  # the distance from a target that is met has no slope
         told.append("the search ended before it converged; more evaluations (--evaluations) may find a better design")
     errors = result.problem.errors
     if errors is not None:

@@ -1,4 +1,4 @@
-"""Quantities that are distances from a target: an outline, or the path of a tip."""
+"""Quantities that are distances from a target: an outline, the path of a tip, or the pose of a face."""
 
 from __future__ import annotations
 
@@ -20,10 +20,13 @@ from softmodels.common.units import UnitError, number, quantity
 from softmodels.design.quantities import (
     AXES,
     DesignQuantity,
+    FacePlace,
     Measure,
+    OfFace,
     Place,
     Slopes,
     TargetMeasure,
+    Turn,
     length,
     register_quantity,
 )
@@ -217,7 +220,7 @@ def _middle(points: Array) -> float:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Quantities composed of others at several states: the distance from a target path.
+# Quantities composed of others, also at several states: the distance from a target path, or from a pose.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -238,6 +241,10 @@ class CompositeQuantity(DesignQuantity):
     def squares(self, values: Array, slopes: Array) -> Squares | None:
         """Return the residuals of a target, from the parts' values (k,) and their gradients (k, m)."""
         return None
+
+    def note(self, values: Array) -> str:
+        """Return what a user reads beside the value, from the parts' values (k,), or ""."""
+        return ""
 
     def measure(self, design: DesignedBody) -> Measure:
         raise TypeError("a composite quantity is evaluated from its parts")
@@ -303,6 +310,97 @@ class TipPath(CompositeQuantity):
 
     def squares(self, values: Array, slopes: Array) -> Squares:
         return Squares.of(self.residuals(values), slopes, 1.0, self.sigma)
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Pose(CompositeQuantity):
+    """Distance of a face, such as "tip", from a target pose in tolerances: the root mean square of how far each coordinate of
+    its mean place, and its turn about an axis, are from the wanted ones, each over its tolerance.
+
+    Attributes:
+        of, axis: The face, and the axis of the turn in device coordinates, as of `Turn`.
+        position: Wanted coordinates of the face's mean place in m by axis, as in ``{"x": "30 mm", "z": "12 mm"}``; those left
+            out are free.
+        turn: The wanted angle in degrees, from -180 to 180; None where it is free.
+        tolerance, turn_tolerance: What counts as one, of a coordinate in m and of the turn in degrees. Of a target that is
+            followed they are the standard errors.
+    """
+
+    name: ClassVar = "pose"
+    unit: ClassVar = "tolerances"
+    of_state: ClassVar = True
+
+    of: str = ""
+    axis: str = "y"
+    position: Mapping[str, float | str] = dataclasses.field(default_factory=dict, hash=False)
+    turn: float | str | None = None
+    tolerance: float | str = 1e-3
+    turn_tolerance: float | str = 1.0
+
+    named = staticmethod(OfFace.named)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        example = '{ x = "30 mm", z = "12 mm" }'
+        if not isinstance(self.position, Mapping) or not set(self.position) <= set(AXES):
+            raise ValueError(f"position of a pose gives coordinates by axis, x, y or z, such as {example}")
+        if not self.position and self.turn is None:
+            raise ValueError(f'a pose needs a position, such as {example}, a turn, such as "90 deg", or both')
+        wanted = {axis: _in_unit(f"position {axis}", value, "m") for axis, value in self.position.items()}
+        object.__setattr__(self, "position", wanted)
+        for name, unit in (("tolerance", "m"), ("turn_tolerance", "degree")):
+            value = _in_unit(name, getattr(self, name), unit)
+            if value <= 0.0:
+                raise ValueError(f"{name} of a pose is {getattr(self, name)!r}; it must be above zero")
+            object.__setattr__(self, name, value)
+        if self.turn is not None:
+            turn = _in_unit("turn", self.turn, "degree")
+            if abs(turn) > 180.0:
+                raise ValueError(f"turn of a pose is {turn:g} deg; it must be from -180 to 180 deg")
+            object.__setattr__(self, "turn", turn)
+
+    @property
+    def title(self) -> str:
+        return f"distance of {self.of} from its pose"
+
+    @property
+    def parts(self) -> tuple[DesignQuantity, ...]:
+        places = (FacePlace(at=self.at, of=self.of, axis=axis) for axis in self.position)
+        return (*places, *([] if self.turn is None else [Turn(at=self.at, of=self.of, axis=self.axis)]))
+
+    def residuals(self, values: Array) -> Array:
+        """Return how far coordinates and turn are from the wanted ones, in tolerances; of the turn the shorter way round."""
+        apart = values - np.array([*self.position.values(), *([] if self.turn is None else [self.turn])], dtype=float)
+        if self.turn is not None:
+            apart[-1] = (apart[-1] + 180.0) % 360.0 - 180.0
+        return apart / self._tolerances
+
+    @property
+    def _tolerances(self) -> Array:
+        of_turn = [] if self.turn is None else [self.turn_tolerance]
+        return np.array([*[self.tolerance] * len(self.position), *of_turn], dtype=float)
+
+    def combined(self, values: Array) -> tuple[float, Array]:
+        left = self.residuals(values)
+        value = float(np.sqrt(left @ left / len(left)))
+        return value, left / (len(left) * value * self._tolerances) if value else np.zeros_like(left)
+
+    def squares(self, values: Array, slopes: Array) -> Squares:
+        return Squares.of(self.residuals(values), slopes / self._tolerances[:, None], 1.0, 1.0)
+
+    def note(self, values: Array) -> str:
+        told = [f"{axis} {1e3 * value:.4g} mm" for axis, value in zip(self.position, values, strict=False)]
+        told += [] if self.turn is None else [f"turned by {values[-1]:.4g} deg about {self.axis}"]
+        return ", ".join(told)
+
+
+def _in_unit(what: str, value: float | str, unit: str) -> float:
+    """Return a number, or a text with a unit, in a unit; ValueError if it is none."""
+    found = quantity(value, unit) if isinstance(value, str) else float(value)
+    if not np.isfinite(found):
+        raise ValueError(f"{what} is {value!r}; it must be a finite number")
+    return found
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -59,7 +59,7 @@ class DesignStopped(Exception):
 # Units of quantities: reading limits and showing values.
 
 
-SPELLED = {"1": "", "m2": "m^2", "m3": "m^3", "deg": "degree", "kg/m3": "kg/m^3"}
+SPELLED = {"1": "", "tolerances": "", "m2": "m^2", "m3": "m^3", "deg": "degree", "kg/m3": "kg/m^3"}
 """Units in Pint's spelling, where it differs."""
 
 

@@ -312,6 +312,10 @@ class AssembledTerm[P: Pressing](EnergyTerm):
 
     # -- called by the system ------------------------------------------------------------------------------------------
 
+    def forget_state(self) -> None:
+        """Compute anew in the next call: what faces press on has changed."""
+        self._state = np.full(self.nodes.dofs.shape, np.nan)
+
     def _take(self, w: Array) -> None:
         values = self.nodes.values(w)
         if not np.array_equal(values, self._state):
@@ -352,7 +356,7 @@ class AssembledTerm[P: Pressing](EnergyTerm):
         """Follow a mesh that has moved: the contact is of the deformed places; areas and kernels stay those of the mesh as
         it was made."""
         self.nodes.follow_mesh()
-        self._state = np.full(self.nodes.dofs.shape, np.nan)
+        self.forget_state()
 
     def by_places(self, w: Array, x: Array) -> Array:
         """Return the derivative of the forces' work on owned entries ``x`` by the undeformed places, shape (n, d): they count
@@ -384,8 +388,16 @@ class AssembledTerm[P: Pressing](EnergyTerm):
     def add_moved(self, w: Array, motion: Array, b: Array) -> None:
         """Add the derivative of the forces by a motion of the mesh's own local nodes, shape (nodes, d), to owned entries."""
         self._take(w)
-        forces = (self.stiffness_here() @ self.nodes.motion(motion).ravel()).reshape(self.nodes.places.shape)
-        b[self.nodes.local] += (forces @ self.nodes.skew * self._free)[self.nodes.mine]
+        self._add_moved(self.nodes.motion(motion), b)
+
+    def add_relocated(self, w: Array, motion: Array, b: Array) -> Array:
+        """Add the same by a motion in sizes of what the faces press on, shape (d,): as of all nodes against it."""
+        self._take(w)
+        self._add_moved(np.tile(-motion, (len(self.nodes.places), 1)), b)
+        return b
+
+    def _add_moved(self, motion: Array, b: Array) -> None:
+        self.add_rates((self.stiffness_here() @ motion.ravel()).reshape(motion.shape), b)
 
     def matrix(self, w: Array, whole: bool = False) -> scipy.sparse.csr_array:
         """Return the second derivative of the energy by the nodes' components of w, zero where they are held, shape (n d, n

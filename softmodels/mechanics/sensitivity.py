@@ -35,8 +35,8 @@ from softmodels.common.errors import GeometryError
 from softmodels.common.lazy import Expr, PETSc, basix, fem, la, meshes, ufl
 from softmodels.materials.laws import Material, parameter_fields
 from softmodels.materials.specimens import SOFTENING, nudged
-from softmodels.mechanics.assembly import assembled_matrix, assembled_vector, held_dofs, numbered
-from softmodels.mechanics.body import Body
+from softmodels.mechanics.assembly import AssembledTerm, assembled_matrix, assembled_vector, held_dofs, numbered
+from softmodels.mechanics.body import Body, in_section
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.controls import Control, Tangent
@@ -630,9 +630,16 @@ class _TermDirection:
 
     def force(self, moved: Component) -> Array:
         """Return the residual's derivative along the imaginary parts of a nudged part's numbers."""
+        eq = self.eq
         for constant, value in self.term.constants_of(moved):
             self.turns[constant].value = np.imag(value) / _STEP
-        return self.eq.assemble(self._forms).copy()
+        found = eq.assemble(self._forms).copy()
+        if isinstance(self.term, AssembledTerm):
+            motion = in_section(
+                np.imag(getattr(moved, "at", np.zeros(3))) / _STEP / eq.length_unit, eq.body.mesh.topology.dim
+            )
+            found += eq.by_unknowns(self.term.add_relocated(eq.w.x.array, motion, np.zeros(eq.n)))
+        return found
 
 
 class MeasuredSlope:

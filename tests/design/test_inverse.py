@@ -1,4 +1,4 @@
-"""Devices recovered from what they did: from an outline with noise, and from a tip path alone."""
+"""Devices recovered from what they did: from an outline with noise, from a tip path alone, from a pose."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from geometries import HollowDisk, SeminarActuator
+import softmodels as sm
+from geometries import HollowDisk, PneuNet, SeminarActuator
 from softmodels.case.case import Case
 from softmodels.design.model import DesignModel
 from softmodels.design.optimise import optimise
 from softmodels.design.problem import DesignProblem
-from softmodels.design.quantities import Place
+from softmodels.design.quantities import FacePlace, Place, Turn
 from softmodels.design.targets import Outline, TipPath
 from softmodels.design.trials import JudgedLoad
 from softmodels.materials.laws import NeoHookean
@@ -122,3 +123,23 @@ def test_a_slab_from_its_tip_path_alone(comm, figure):
             RECOVERED, f"{name} of a slab from its tip path alone, share", result.parameters[name] / truth - 1.0, 1e-2
         )
         assert result.parameters[name] == pytest.approx(truth, rel=1e-2)
+
+
+def test_a_finger_from_the_pose_of_its_tip(comm, figure):
+    """Two coordinates and an angle at one pressure give three lengths, in a few steps of Gauss and Newton's method."""
+    finger, known = PneuNet(chambers=2, chamber_length=0.004, cell_size=0.008), {"base": 3.4, "root": 4.5, "wall": 1.1}
+    case = Case(name="finger", actuator=finger, material=sm.silicone("ecoflex-00-30"), pressures_cm=(43.0,))
+    asked = [*(FacePlace(at=4e3, of="tip", axis=axis) for axis in "xz"), Turn(at=4e3, of="tip")]
+    model = DesignModel(case, tuple(known), asked, comm)
+    model.evaluate(model.start)
+    x, z, turn = model.evaluate(1e-3 * np.array(list(known.values()))).values.values()
+    model.release()
+    bounds = {"base": ("2 mm", "4 mm"), "root": ("3 mm", "6 mm"), "wall": ("0.8 mm", "1.5 mm")}
+    pose = {"quantity": "pose", "of": "tip", "at": 4e3, "position": {"x": x, "z": z}, "turn": turn}
+    result = optimise(DesignProblem(case, bounds, follow={**pose, "tolerance": "0.1 mm"}), confirm=False)
+    for name, truth in known.items():
+        apart = result.parameters[name] / (1e-3 * truth) - 1.0
+        figure(RECOVERED, f"{name} of a finger from the pose of its tip, share", apart, 1e-4)
+    assert len(result.trials) < 12 and result.headline.count("tolerances") == 2
+    assert any(f"x {1e3 * x:.4g} mm, z {1e3 * z:.4g} mm, turned by" in note for note in result.best.notes)
+    assert "given" in result.recovered.source

@@ -14,7 +14,7 @@ from softmodels.case.case import Case
 from softmodels.components.contact import RigidShape
 from softmodels.components.fibres import Fabric, Fibres, Sheet
 from softmodels.components.loads import Mass as Weight
-from softmodels.design.extremes import StressDeviation, StressNorm, StressUnevenness, StretchNorm, TopHeight
+from softmodels.design.extremes import LeastGap, StressDeviation, StressNorm, StressUnevenness, StretchNorm, TopHeight
 from softmodels.design.model import DesignModel
 from softmodels.design.problem import DesignProblem
 from softmodels.design.quantities import (
@@ -28,6 +28,7 @@ from softmodels.design.quantities import (
     StoredEnergy,
     Turn,
 )
+from softmodels.design.targets import Pose
 from softmodels.design.trials import DesignError, JudgedLoad
 
 TAYLOR = "Taylor's remainder of new quantities by numbers of parts, loads and pressures"
@@ -83,14 +84,14 @@ def test_a_tube_with_all_that_is_no_contact(comm, exact):
 
 
 def test_a_finger_whose_chambers_press_on_each_other(comm, exact):
-    """The interface between base and chambers moves with the base, and contact is of the moved walls."""
+    """The interface between base and chambers moves with the gap, and contact is of the moved walls."""
     device = PneuNet(
         chambers=2, chamber_length=0.004, cell_size=0.008, gap=0.0003, wall=0.0008, base=0.002, least_wall=1e-4
     )
     base = sm.Region(sm.NeoHookean(90e3, 0.49), name="base")
     case = Case("finger", device, sm.NeoHookean(30e3, 0.49), pressures_cm=(150.0,), components=(base,))
     quantities = (Turn(of="tip", at=5000.0), InflationWork(at=5000.0), FacePlace(of="tip", axis="x", at=5000.0))
-    model = DesignModel(case, ("gap", "base", "region.base.shear_modulus"), quantities, comm)
+    model = DesignModel(case, ("gap",), quantities, comm)
     model.evaluate(model.start)
     system = model.meshed.design.system
     assert system.potential.terms["walls"].figures(system)["walls_contact_N"] > 0.01
@@ -113,14 +114,29 @@ def test_a_disk_under_a_ball(comm, exact, guide):
     assert work == pytest.approx(np.trapezoid(run.pressure, run.added_volume), rel=2e-3)
 
 
-def test_two_pressures(comm, exact):
-    """The ratio of the chambers below the base to those above it, under a pressure and under a volume."""
+def test_a_finger_with_everything(comm, exact):
+    """Every kind of quantity by every kind of parameter: a length, an angle, stiffnesses of a sheet and of a region, the ratio
+    of two pressures (also under a volume) and the place of a shape that the tip presses on."""
     device = PneuNet(
-        chambers=1, sides=2, opposite=0.4, chamber_length=0.004, chamber_height=0.006, cell_size=0.01, wall=0.0015
-    )
-    case = Case("two", device, LAW, pressures_cm=(100.0,))
-    quantities = (Turn(of="tip", at=3000.0), AddedVolume(at=3000.0), Rise(at=JudgedLoad("volume", 5e-8)))
-    exact(DesignModel(case, ("opposite",), quantities, comm), "ratio of two pressures")
+        chambers=2, sides=2, opposite=0.3, chamber_length=0.004, chamber_height=0.006, cell_size=0.01, wall=0.0012,
+        gap=0.0006,
+    )  # fmt: skip
+    ball = RigidShape("sphere", "tip", (device.length + 0.03005, 0.0, 0.001), radius=0.03, stiffness=20.0, name="ball")
+    thread = Fibres(on="bottom", angle=40.0, axis=(1.0, 0.0, 0.0), stiffness=30.0)
+    parts = (sm.Region(sm.NeoHookean(90e3, 0.49), name="base"), Sheet("top", 20.0), thread, ball)
+    case = Case("finger", device, sm.NeoHookean(30e3, 0.49), pressures_cm=(40.0,), components=parts)
+    at = {"at": 3000.0}
+    quantities = (
+        StressDeviation(**at, region="base"), LeastGap(**at), TopHeight(**at), ForceOn(**at, of="ball", along="x"),
+        InflationWork(**at), Pose(**at, of="tip", position={"x": "18 mm", "z": "-2 mm"}, turn="10 deg"),
+        AddedVolume(**at), Rise(at=JudgedLoad("volume", 5e-8)),
+    )  # fmt: skip
+    names = (
+        "base", "fibres.angle", "sheet.stiffness", "region.base.shear_modulus", "opposite", "contact.ball.z",
+    )  # fmt: skip
+    model = DesignModel(case, names, quantities, comm)
+    assert model.evaluate(model.start).values["force on ball along x at 3 kPa"] > 0.01
+    exact(model, "finger with everything", SHARE / 2)
 
 
 def test_a_vacuum(comm, exact):
@@ -189,6 +205,7 @@ def test_a_design_that_stretches_far_without_a_limit_point_is_none_that_fails():
     assert found.parameters["cavity_radius"] == pytest.approx(0.013)
 
 
+POSE = {"quantity": "pose", "of": "tip", "at": 900.0}
 BALL = RigidShape("sphere", "top", (0.0, 0.0, 0.03), radius=0.005, friction=0.3, name="ball")
 
 
@@ -204,6 +221,11 @@ BALL = RigidShape("sphere", "top", (0.0, 0.0, 0.03), radius=0.005, friction=0.3,
         (Cylinder(), (), {"maximise": {"quantity": "turn", "of": "tip", "at": 900.0}}, "no face 'tip'"),
         (Cylinder(), (), {"maximise": {"quantity": "von_mises_norm", "exponent": 1.0, "at": 900.0}}, "must be from 2 to 40"),
         (Cylinder(), (), {"maximise": Rise(at=-900.0)}, "pressures are above ambient"),
+        (PneuNet(), (), {"maximise": {**POSE}}, "a pose needs a position.*a turn.*or both"),
+        (PneuNet(), (), {"maximise": {**POSE, "position": ["30 mm"]}}, r"by axis, x, y or z, such as \{ x = "),
+        (PneuNet(), (), {"maximise": {**POSE, "turn": "200 deg"}}, "turn of a pose is 200 deg.*-180 to 180"),
+        (PneuNet(), (), {"maximise": {**POSE, "turn": 9.0, "tolerance": "0 mm"}}, "tolerance of a pose.*above zero"),
+        (PneuNet(), (), {"maximise": {**POSE, "turn": "9 mm"}}, "9 mm"),
         (PneuNet(), (), {"parameters": {"chambers": (2.5, 4)}}, "they must be whole numbers"),
         (PneuNet(), (), {"parameters": {"chambers": (0, 4)}}, "chambers = 0 gives an invalid device"),
     ],

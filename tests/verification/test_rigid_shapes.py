@@ -109,7 +109,7 @@ def test_hertz(body_of, figure):
     system, term = equations.system, equations.system.potential.terms["sphere"]
     state, found = system.rest(), []
     for d in (1e-5, 3e-5, 6e-5):
-        term.move_to((0.0, 0.0, top + R - d))
+        term.take(dataclasses.replace(ball, at=(0.0, 0.0, top + R - d)))
         state = equations.solve(pressure_control(0.0), state.w, 0.0)
         force = term.figures(system)["sphere_force_z_N"]
         found.append(force / (16 / 9 * 3 * 30e3 * math.sqrt(R) * d**1.5) - 1)
