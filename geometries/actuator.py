@@ -134,6 +134,7 @@ class Pour:
         gate: Height along ``up`` of the flat face with the pour opening, in m; None: in the lid's plane, through the lid.
         vented: The same of the face with the vents; None: beside the pour opening.
         squeezed: Whether its edge is too narrow for openings: the cup is filled, and the lid presses out what is too much.
+        wax: Whether it is a lost core, cast of wax through its peg.
     """
 
     name: str
@@ -147,18 +148,26 @@ class Pour:
     gate: float | None = None
     vented: float | None = None
     squeezed: bool = False
+    wax: bool = False
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Recipe:
-    """How a device is cast, in one piece or in several that are bonded, and sentences why so; from where outside of the
-    device to where in its cavity each tube runs, in m; sentences on what is particular of it for the bench, before its pieces
-    are bonded."""
+    """How a device is cast.
+
+    Attributes:
+        pours: Its pieces; several are bonded.
+        why: Sentences why so.
+        inlets: From where outside of the device to where in its cavity each tube runs, m.
+        steps: Sentences on what is particular of it for the bench, before its pieces are bonded.
+        seamless: How it is cast instead where cores are lost, if that needs no bond.
+    """
 
     pours: tuple[Pour, ...]
     why: str
     inlets: tuple[tuple[Vector, Vector], ...] = ()
     steps: tuple[str, ...] = ()
+    seamless: Recipe | None = None
 
 
 def in_halves(up: Vector, level: float | None, why: str, *inlets: tuple[Vector, Vector]) -> Recipe:

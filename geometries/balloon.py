@@ -28,7 +28,7 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar, NamedTuple
 
-from geometries.actuator import Hold, Recipe, Vector, in_halves
+from geometries.actuator import Hold, Pour, Recipe, Vector, in_halves
 from geometries.registry import register_device
 from geometries.revolved import Panel, Place, Revolved, Side, section_field, through_field, wedge_field
 from softmodels.common.errors import GeometryError
@@ -356,7 +356,17 @@ class Balloon(Revolved):
         )  # fmt: skip
         pours = tuple(dataclasses.replace(pour, squeezed=True) for pour in shells.pours)
         rod = "Bond the rod to the pole of the upper half before the halves are bonded."
-        return dataclasses.replace(shells, pours=pours, steps=(rod,) if self.rod_radius else ())
+        whole = Recipe(
+            pours=(Pour(name="balloon", up=self.lift, level=0.0, sideways=(0.0, 1.0, 0.0), squeezed=True),),
+            why="The outside opens in two halves; the core stands on the lid by the neck and leaves through it once molten or "
+            "dissolved.",
+        )  # fmt: skip
+        return dataclasses.replace(
+            shells,
+            pours=pours,
+            steps=(rod,) if self.rod_radius else (),
+            seamless=whole if self.neck_radius and not self.rod_radius else None,
+        )
 
     @property
     def anchors(self) -> Mapping[str, Place]:

@@ -8,14 +8,14 @@ from __future__ import annotations
 import dataclasses
 import math
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from geometries import Actuator
-from geometries.actuator import Pour, Recipe, Vector
+from geometries.actuator import Castable, Pour, Recipe, Vector
 from geometries.imported import face_names, named_surfaces
 from geometries.meshing import private_model
 from softmodels.casting.settings import MouldError, Workshop
@@ -124,10 +124,32 @@ def recipe_of(device: Actuator, workshop: Workshop) -> Recipe:
     except GeometryError as error:
         raise MouldError(str(error)) from None
     if workshop.core != "as needed":
-        lost = workshop.core == "lost"
+        lost = workshop.core != "rigid"
+        recipe = (lost and recipe.seamless) or recipe
         pours = tuple(dataclasses.replace(pour, lost=lost and pour.lid) for pour in recipe.pours)
         recipe = dataclasses.replace(recipe, pours=pours)
     return recipe
+
+
+class LostCore(Castable):
+    """A lost core as a thing that is cast itself, from a STEP file of it in mm as it stands in its mould."""
+
+    files: Mapping[str, str] = {}
+
+    def __init__(self, file: Path):
+        self.file = file
+
+    def build_whole(self) -> None:
+        imported(self.file)
+        gmsh.model.occ.synchronize()
+
+
+def imported(file: Path) -> list[Solid]:
+    """Read a STEP file into the current Gmsh model, in mm; return its solids."""
+    gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+    solids = list(gmsh.model.occ.importShapes(str(file), format="step"))
+    gmsh.option.setString("Geometry.OCCTargetUnit", "")
+    return solids
 
 
 def rotation_up(up: Vector) -> Array:
@@ -193,7 +215,7 @@ def _merged(solids: Sequence[Solid]) -> list[Solid]:
     return list(gmsh.model.occ.fuse(list(solids[:1]), list(solids[1:]))[0]) if len(solids) > 1 else list(solids)
 
 
-def tooling(device: Actuator, recipe: Recipe, pour: Pour, workshop: Workshop) -> Tooling:
+def tooling(device: Castable, recipe: Recipe, pour: Pour, workshop: Workshop) -> Tooling:
     """Fill the current Gmsh model with the mould of one piece of a device; `MouldError` if it cannot be made so."""
     return _Maker(device, recipe, pour, workshop).tooling()
 
@@ -201,7 +223,7 @@ def tooling(device: Actuator, recipe: Recipe, pour: Pour, workshop: Workshop) ->
 class _Maker:
     """Makes the bodies of one piece's mould, step by step."""
 
-    def __init__(self, device: Actuator, recipe: Recipe, pour: Pour, workshop: Workshop):
+    def __init__(self, device: Castable, recipe: Recipe, pour: Pour, workshop: Workshop):
         self.pour, self.workshop, self.occ = pour, workshop, gmsh.model.occ
         device.build_whole()
         solids = gmsh.model.getEntities(3)
@@ -320,18 +342,20 @@ class _Maker:
         occ, workshop, pour = self.occ, self.workshop, self.pour
         metre, wall = MM * workshop.scale, MM * workshop.wall
         tools: list[Solid] = []
-        if not pour.squeezed and (pour.lid or pour.gate is not None):
+        if not pour.squeezed and (pour.lid or pour.gate is not None or pour.wax):
             gate = self.level if pour.gate is None else metre * pour.gate
             vented = gate if pour.vented is None else metre * pour.vented
             line = self._split if pour.sideways is not None else None
-            places = hole_places(target, (gate, vented), line, workshop)
-            outside = self.level - wall if pour.gate is None else self.top + wall
+            places = hole_places(target, (gate, vented), line, workshop, fewer=pour.wax)
+            outside = self.top + wall if pour.gate is not None else self.level - (wall if pour.lid else 0.0)
             for place, start, width in zip(
                 places,
                 (gate, *[vented] * workshop.vents),
                 (workshop.pour, *[workshop.vent] * workshop.vents),
-                strict=True,
+                strict=not pour.wax,
             ):
+                if start == outside:  # it is open there
+                    continue
                 neck = 0.5 * MM * width
                 mouth, heights = (
                     neck + abs(outside - start) * workshop.slope,
@@ -340,7 +364,7 @@ class _Maker:
                 hole = Hole((float(place[0]), float(place[1])), neck, mouth, heights)
                 tools.append(_cone(hole.place, start, outside - start, hole.neck, hole.mouth))
                 self.drafted.append(hole)
-        if workshop.bolt and pour.lid:
+        if workshop.bolt and (pour.lid or pour.sideways is not None):
             tools += self._bolts()
         for inlet in self.inlets:
             if inlet.bore is not None:
@@ -401,7 +425,8 @@ class _Maker:
     def _peg(self, cores: list[Solid], lid: list[Solid]) -> list[Solid]:
         """Give the lost core a peg that stands in the lid."""
         workshop = self.workshop
-        places, room = _places(_edge(cores, self.level))
+        line = self._split if self.pour.sideways is not None else None
+        places, room = _places(_edge(cores, self.level), line)
         radius = min(0.6 * float(room.max()), 1.5 * MM * workshop.pin)
         length, gap = MM * workshop.pin_length, MM * workshop.clearance
         at = (float(places[room.argmax()][0]), float(places[room.argmax()][1]))
@@ -443,7 +468,7 @@ class _Maker:
             deep = height - self.level  # the sockets go through the frame, which may be thin
             floor, frame = self._pinned(floor, frame, height, min(MM * self.workshop.pin_length, 0.8 * deep), deep)
             self._add("floor", floor, UP)
-            self._add("frame", frame, UP)
+            self._add("frame", frame, DOWN)
         elif pour.sideways is not None:
             axis, middle = self._split
             one, other = (_within(cup, *self._side(far, axis, middle, way)) for way in (-1, 1))
@@ -613,17 +638,26 @@ ALONG = 60
 
 
 def hole_places(
-    cast: list[Solid], heights: tuple[float, float], line: tuple[int, float] | None, workshop: Workshop
+    cast: list[Solid],
+    heights: tuple[float, float],
+    line: tuple[int, float] | None,
+    workshop: Workshop,
+    fewer: bool = False,
 ) -> list[Array]:
     """Return the places (x, y) in mm of the pour opening, where most room is, and then of the vents, as far from it and from
-    each other as can be; `MouldError` without room.
+    each other as can be; `MouldError` without room. There may be ``fewer`` vents in a core's mould, whose peg is the opening.
 
     ``heights`` are those of the faces of pour opening and vents in mm, ``line`` axis and place of a plane in which all of them
     are.
     """
     places, room = _places(_edge(cast, heights[0]), line)
-    needed = 0.5 * MM * workshop.pour + MM * workshop.least_gap
+    needed = 0.5 * MM * workshop.least_gap if fewer else 0.5 * MM * workshop.pour + MM * workshop.least_gap
     best = float(room.max(initial=0.0))
+    if best < needed and fewer:
+        raise MouldError(
+            f"a core's peg is {shown(round(2.0 * best / MM, 6), 'm')} wide, too narrow to cast the core of wax through it; "
+            "print the core (--core lost)"
+        )
     if best < needed:
         raise MouldError(
             f"pour is {shown(workshop.pour, 'm')}; the bonding face has room for "
@@ -639,6 +673,8 @@ def hole_places(
         beside = found[1:] if heights[1] != heights[0] and len(found) > 1 else found
         distance, _ = cKDTree(np.array(beside)).query(free)
         if not len(free) or distance.max() < apart:
+            if fewer:
+                break
             raise MouldError(
                 f"vents is {workshop.vents}; the bonding face has room for {len(found) - 1} beside the cores"
             )
@@ -690,7 +726,7 @@ def _places(segments: Array, line: tuple[int, float] | None = None) -> tuple[Arr
 # Names of the part's faces for messages: the name in the file, else kind and position.
 
 
-def face_namer(device: Actuator, frame: Frame) -> Callable[[Array], str]:
+def face_namer(device: Actuator | LostCore, frame: Frame) -> Callable[[Array], str]:
     """Return a function from a place in the mould (mm) to the clause that names the part's face there."""
 
     def named(place: Array) -> str:
@@ -699,7 +735,7 @@ def face_namer(device: Actuator, frame: Frame) -> Callable[[Array], str]:
     return named
 
 
-def _name(device: Actuator, place: Array) -> str:
+def _name(device: Actuator | LostCore, place: Array) -> str:
     """Return ``at`` the place, with the face nearest to it."""
 
     where = "at " + ", ".join(f"{value + 0.0:.4g}" for value in np.round(place, 3)) + " mm"

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries.meshing import private_model
-from softmodels.casting.bodies import MM, Solid
+from softmodels.casting.bodies import MM, Solid, imported
 from softmodels.casting.settings import Workshop
 from softmodels.common.arrays import Array
 from softmodels.common.errors import MeshingError
@@ -141,11 +141,8 @@ def facets_of(file: Path, chord: float) -> Facets:
 
 def read_step(file: Path) -> int:
     """Read a STEP file of one solid into the current Gmsh model, in mm; return the solid's tag."""
-    gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
-    gmsh.model.occ.importShapes(str(file), format="step")
-    gmsh.option.setString("Geometry.OCCTargetUnit", "")
+    ((_, solid),) = imported(file)
     gmsh.model.occ.synchronize()
-    ((_, solid),) = gmsh.model.getEntities(3)
     return int(solid)
 
 

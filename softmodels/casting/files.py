@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import io
+import itertools
 import json
 import math
 import zipfile
@@ -112,7 +113,7 @@ def write_bodies(folder: Path, asked: Asked, made: Made) -> None:
 
 def printed(asked: Asked, made: Made) -> list[Placed]:
     """Return all that is printed, on plates."""
-    return arranged([(body.name, body.facets) for body in (*made.bodies, *made.extras)], asked.workshop)
+    return arranged([(body.name, body.facets) for body in (*made.printed, *made.extras)], asked.workshop)
 
 
 def checks(asked: Asked, made: Made) -> dict[str, object]:
@@ -179,6 +180,7 @@ def mould(
     surplus: float | str | None = None,
     inlet: str | None = None,
     core: str | None = None,
+    wax_shrinkage: float | str | None = None,
     bolt: float | str | None = None,
     bed_width: float | str | None = None,
     bed_depth: float | str | None = None,
@@ -193,8 +195,8 @@ def mould(
         device: A device, a case, or a case file.
         folder: Where STEP and STL of each body, the sheet and the pictures go: empty, not there, or an earlier mould's.
         silicone: Product that is cast, such as ``"ecoflex-00-30"``; the case's if not given.
-        wall, rim, draft, shrinkage, clearance, least_wall, least_gap, pin, pour, vent, vents, tube, inlet, core, bolt,
-            bed_width, bed_depth, layer, layer_time, chord, surplus, pull, split: Fields of
+        wall, rim, draft, shrinkage, clearance, least_wall, least_gap, pin, pour, vent, vents, tube, inlet, core,
+            wax_shrinkage, bolt, bed_width, bed_depth, layer, layer_time, chord, surplus, pull, split: Fields of
             `softmodels.casting.settings.Workshop`: numbers in SI units (angles in degrees), or texts with a unit, such as
             ``draft="2 deg"``; the case file's, or that class' own, if None.
 
@@ -209,8 +211,8 @@ def mould(
     asked = asked_of(
         device, silicone, wall=wall, rim=rim, draft=draft, shrinkage=shrinkage, clearance=clearance, least_wall=least_wall,
         least_gap=least_gap, pin=pin, pour=pour, vent=vent, vents=vents, tube=tube, chord=chord, surplus=surplus, pull=pull,
-        split=split, inlet=inlet, core=core, bolt=bolt, bed_width=bed_width, bed_depth=bed_depth, layer=layer,
-        layer_time=layer_time,
+        split=split, inlet=inlet, core=core, wax_shrinkage=wax_shrinkage, bolt=bolt, bed_width=bed_width,
+        bed_depth=bed_depth, layer=layer, layer_time=layer_time,
     )  # fmt: skip
     if folder is None:
         return made(asked.device, asked.workshop)
@@ -275,7 +277,7 @@ def bench_sheet(asked: Asked, made: Made) -> BenchSheet:
 def _about(asked: Asked, made: Made) -> list[str]:
     silicone, workshop = asked.casting, asked.workshop
     count = ("", "", "two", "three", "four")[min(len(made.casts), 4)]
-    pieces = ", ".join(f"the {pour.name}" for pour in made.recipe.pours)
+    pieces = ", ".join(f"the {cast.piece}" for cast in made.casts)
     how = f"It is cast in {count} pieces, {pieces}, which are bonded. " if count else "It is cast in one piece. "
     texts = [
         f"{type(asked.device).__name__}, {made.volume * ML:.4g} ml of silicone"
@@ -295,6 +297,13 @@ def _about(asked: Asked, made: Made) -> list[str]:
         texts.append(f"All bodies are larger by {larger:.2%}, for a linear shrinkage of {workshop.shrinkage:.2%}.")
     else:
         texts.append("The bodies are not scaled: no shrinkage is known or given.")
+    if made.waxes:
+        larger = 1.0 / (1.0 - workshop.wax_shrinkage) - 1.0
+        texts.append(
+            f"The moulds of wax cores are larger by {larger:.2%} than the cores, for a linear shrinkage of the wax of "
+            f"{workshop.wax_shrinkage:.2%}." if larger else
+            "The moulds of wax cores are as large as the cores: no shrinkage of the wax is given (--wax-shrinkage)."
+        )  # fmt: skip
     return texts
 
 
@@ -358,18 +367,20 @@ def _steps(asked: Asked, made: Made) -> list[str]:
         else f"Weigh A and B in the ratio of the silicone ({READ})"
     )
     steps = [
-        f"Print or mill the {len(made.bodies)} bodies (lengths in mm), as laid flat in the plates' files, without supports. "
+        f"Print or mill the {len(made.printed)} bodies (lengths in mm), as laid flat in the plates' files, without supports. "
         "Freshly printed resin inhibits platinum-cure silicone: bake or coat the prints.",
         "Try the coupon first: which sockets take its pin, and which ribs and slots are whole? From the corner cut off, "
         f"clearances are {_list(CLEARANCES)} mm and widths {_list(WIDTHS)} mm.",
         "Test the fit without silicone. The pins allow only one orientation; the rims must close without a gap.",
         "Coat all bodies thinly with release agent.",
+        *itertools.chain.from_iterable(_wax_steps(pour, *made.of(pour)) for pour in made.recipe.pours if pour.wax),
         f"{weigh}, mix, and draw the air out under vacuum; pour {pot}.",
     ]
     for pour in made.recipe.pours:
-        steps += _pour_steps(pour, [body.name for body in made.bodies if body.piece == pour.name], cure)
+        if not pour.wax:
+            steps += _pour_steps(pour, [body.name for body in made.of(pour)[0]], cure, asked.workshop.core == "wax")
     steps += made.recipe.steps
-    if len(made.recipe.pours) > 1:
+    if len(made.casts) > 1:
         steps.append(
             "Spread a 0.1 mm film of the same silicone on the bonding faces, clear of the channels' edges. "
             f"Align the pieces edge to edge in the jig, put a light weight on them, and let cure for {cure}."
@@ -381,23 +392,41 @@ def _list(values: Sequence[float]) -> str:
     return ", ".join(f"{value:g}" for value in values)
 
 
-def _pour_steps(pour: Pour, bodies: Sequence[str], cure: str) -> list[str]:
+def _wax_steps(pour: Pour, bodies: Sequence[MouldBody], core: MouldBody) -> list[str]:
+    """Return how a lost core is cast of wax."""
+    parts, sideways = " and ".join(f"the {body.name}" for body in bodies), pour.sideways is not None
+    vented = any(body.checked and not math.isnan(body.checked.own_lean) for body in bodies)
+    full = (
+        "until wax stands in the vents"
+        if vented
+        else "to the brim, and tilt and tap the air out from under its shoulder"
+    )
+    return [
+        f"Clamp {parts} and stand them with the open end up. Melt {1.2 * core.facets.volume / MM**3 * ML:.1f} ml of wax that "
+        "melts below the softening point of the prints, warm the mould, and pour through the open end, or inject with a warm "
+        f"syringe, {full}. Top up while it sets and shrinks, and scrape it flush when it is cold.",
+        f"{'Part the halves sideways' if sideways else 'Lift the floor off, and the frame the other way'}, take the "
+        f"{pour.name} out{', cut off what set in the vents' if vented else ''}, and smooth its seam with a warm blade.",
+    ]
+
+
+def _pour_steps(pour: Pour, bodies: Sequence[str], cure: str, wax: bool = False) -> list[str]:
     """Return how one piece is cast and demoulded."""
     parts = {name: name.removeprefix(pour.name) for name in bodies}  # the piece itself may be called a cup
     cup = " and ".join(f"the {name}" for name, part in parts.items() if "cup" in part)
     pins = [name for name, part in parts.items() if "pin" in part]
-    steps = []
-    if pour.lost:
+    steps, lost = [], any(part == " core" for part in parts.values())
+    if lost:
         steps.append(
-            f"Print the {pour.name} core of PVA, or cast it of wax, and press its peg into the lid: it is wider than the "
-            "opening that it would leave by."
-        )
+            f"Press the wax core's peg into the {pour.name} lid. Keep it cool until the silicone has cured." if wax else
+            f"Print the {pour.name} core of a filament that dissolves, such as PVA, and press its peg into the lid."
+        )  # fmt: skip
     if pins:
         steps.append(f"Push the {pins[0]} through its hole up to the core and seal its gap with a little wax.")
     if not pour.lid:
         tray = "frame on its floor" if pour.floor is not None else "tray"
         steps.append(f"Fill the {pour.name} {tray}, scrape it flat with a straight edge, and let cure for {cure}.")
-    elif pour.sideways is not None or pour.gate is not None:
+    elif pour.gate is not None:
         steps.append(
             f"Put {cup} on the {pour.name} lid and bolt or clamp them. Pour through the wide opening in a thin stream until "
             f"silicone fills every vent; tap the air out, top up, and let cure for {cure}."
@@ -406,16 +435,15 @@ def _pour_steps(pour: Pour, bodies: Sequence[str], cure: str) -> list[str]:
         out = "wipe off what is pressed out between the rims" if pour.squeezed else (
             "silicone fills every vent; top up through the pour opening"
         )  # fmt: skip
+        pot = f"Bolt {cup} together and fill them" if pour.sideways is not None else f"Fill the {pour.name} cup"
         steps.append(
-            f"Fill the {pour.name} cup to a little above its rim. Lower the lid from one side, so that the air escapes ahead "
+            f"{pot} to a little above the rim. Lower the lid from one side, so that the air escapes ahead "
             f"of it, and press it on until the rims meet; {out}. Bolt or clamp them, and let cure for {cure}."
         )
     first = f"Pull the {pins[0]} out straight. " if pins else ""
     if pour.sideways is not None:
-        core = "slide the piece off its core" if not pour.lost else "dissolve the core in warm water, or melt it out"
-        steps.append(
-            f"{first}Part the halves of the cup sideways, lift the piece off the lid and {core}. Cut the sprues flush."
-        )
+        core = " off the lid" if lost else " off the lid and slide it off its core"
+        steps.append(f"{first}Part the halves of the cup sideways, lift the piece{core}. Cut the sprues flush.")
     elif pour.lid:
         steps.append(
             f"{first}Lift the lid straight off, along the pins, and bend the piece out of its cup. Silicone in the openings "
@@ -423,6 +451,9 @@ def _pour_steps(pour: Pour, bodies: Sequence[str], cure: str) -> list[str]:
         )
     else:
         steps.append(f"{first}Bend the {pour.name} out.")
+    if lost:
+        out = "Melt the wax out in hot water" if wax else "Dissolve the core in warm water"
+        steps.append(f"{out} with the opening down, until no more comes, and rinse the cavity.")
     return steps
 
 

@@ -13,9 +13,22 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
-from geometries.actuator import Pour, Recipe
+from geometries.actuator import Castable, Pour, Recipe
 from geometries.meshing import apart, private_model
-from softmodels.casting.bodies import FLUSH, MM, Solid, Tooling, face_namer, left, recipe_of, scaled, tooling, turned
+from softmodels.casting.bodies import (
+    FLUSH,
+    MM,
+    LostCore,
+    Solid,
+    Tooling,
+    face_namer,
+    imported,
+    left,
+    recipe_of,
+    scaled,
+    tooling,
+    turned,
+)
 from softmodels.casting.facets import Facets, coupon_solids, facets_of
 from softmodels.casting.settings import MouldError, Workshop
 from softmodels.common.arrays import Array
@@ -341,10 +354,11 @@ class Made(Shown):
     """The finished mould; lengths of bodies in mm, everything else in SI units.
 
     Attributes:
-        recipe: How the device is cast.
-        bodies: To print, piece by piece, in the order in which they leave.
+        recipe: How the device is cast, with the cores that are cast of wax, each before the piece that it is for.
+        bodies: Of the moulds, piece by piece, in the order in which they leave.
         extras: To print beside them: a jig where pieces are bonded, and a coupon that tests the printer's clearances.
-        casts: What is cast in them, as large as the mould leaves it.
+        casts: What is cast in them of silicone, as large as the mould leaves it.
+        waxes: The same of wax: the lost cores.
         device: STEP of what the pieces are once bonded, the tube's hole filled, shrunk, in the device's own place; mm.
         differs: How far casts and device differ in volume, centre and moments of inertia, as a share.
         balance: What a piece's block has more than bodies, openings and cast, over its volume.
@@ -358,6 +372,7 @@ class Made(Shown):
     bodies: tuple[MouldBody, ...]
     extras: tuple[MouldBody, ...]
     casts: tuple[MouldBody, ...]
+    waxes: tuple[MouldBody, ...]
     device: bytes
     differs: float
     balance: float
@@ -366,8 +381,18 @@ class Made(Shown):
     thinnest: float
     channel: float
 
+    @property
+    def printed(self) -> tuple[MouldBody, ...]:
+        """The bodies without the cores that are cast of wax."""
+        return tuple(body for body in self.bodies if any(body.pull) or not self.waxes)
+
+    def of(self, pour: Pour) -> tuple[list[MouldBody], MouldBody]:
+        """Return the bodies of a piece's mould, and what is cast in it."""
+        bodies = [body for body in self.bodies if body.piece == pour.name]
+        return bodies, next(cast for cast in (*self.casts, *self.waxes) if cast.piece == pour.name)
+
     def _line(self) -> str:
-        return f"of {len(self.bodies)} bodies to print, for {self.cast_volume * 1e6:.4g} ml of silicone"
+        return f"of {len(self.printed)} bodies to print, for {self.cast_volume * 1e6:.4g} ml of silicone"
 
     def _figures(self) -> Table:
         pieces = f" in {len(self.casts)} parts, bonded" if len(self.casts) > 1 else ""
@@ -375,7 +400,7 @@ class Made(Shown):
             ("narrowest part of the cavity", f"{self.channel * 1e3:.3g} mm")
         ]  # fmt: skip
         return [
-            ("to print", ", ".join(body.name for body in self.bodies)),
+            ("to print", ", ".join(body.name for body in self.printed)),
             ("silicone", f"{self.cast_volume * 1e6:.4g} ml{pieces}"),
             ("device", f"{self.volume * 1e6:.4g} ml"),
             ("thinnest wall", f"{self.thinnest * 1e3:.3g} mm"),
@@ -441,29 +466,70 @@ class _Piece:
 
 def _made(device: Actuator, recipe: Recipe, workshop: Workshop) -> Made:
     with tempfile.TemporaryDirectory() as place:
-        drawn = []
+        drawn, molten = list[_Drawn](), list[_Drawn]()
         for k, pour in enumerate(recipe.pours):  # all of them before any is measured, which takes most of the time
-            folder = Path(place) / str(k)
-            folder.mkdir()
-            drawn.append(_draw(device, recipe, pour, workshop, folder))
+            drawn.append(_draw(device, recipe, pour, workshop, _inside(place, str(k))))
+            if pour.lost and workshop.core == "wax":
+                molten.append(_draw_wax(drawn[-1], workshop, _inside(place, f"{k} wax")))
         # Closed cavities are the same for all pieces: their points as the device lies.
         cavities = drawn[0].surfaces("cavity", MM * workshop.chord)
         where = face_namer(device, drawn[0].tools.frame)
         channels = [check_core(cavity, math.nan, workshop, where) / workshop.scale for cavity in cavities]
         inside = np.concatenate([np.zeros((0, 3)), *(cavity.points for cavity in cavities)]) @ drawn[0].tools.frame.turn
         pieces = [_piece(device, one, inside, workshop) for one in drawn]
+        waxes = [_piece(LostCore(one.file("cast")), one, np.zeros((0, 3)), workshop) for one in molten]
         shrunk = workshop.scale**-3 / MM**3
         plug = sum(one.plug for one in drawn) * shrunk
         casts = tuple(piece.cast for piece in pieces)
         silicone = min(thicknesses(cast.facets)[0][0] for cast in casts)
         channels = [width for width in (*channels, *(piece.channel for piece in pieces)) if math.isfinite(width)]
+        first = {one.tools.pour.name.removesuffix(" core"): one.tools.pour for one in molten}
+        pours = [pour for one in recipe.pours for pour in (first.get(one.name), one) if pour]
         return Made(
-            recipe, tuple(body for piece in pieces for body in piece.bodies), _extras(drawn, workshop), casts,
-            _bonded(drawn, Path(place)),
-            max(one.differs for one in drawn), max((piece.balance for piece in pieces), key=abs),
+            dataclasses.replace(recipe, pours=tuple(pours)),
+            tuple(body for piece in (*waxes, *pieces) for body in piece.bodies), _extras(drawn, workshop), casts,
+            tuple(piece.cast for piece in waxes), _bonded(drawn, Path(place)),
+            max(one.differs for one in (*drawn, *molten)),
+            max((piece.balance for piece in (*pieces, *waxes)), key=abs),
             sum(cast.facets.volume for cast in casts) * shrunk + plug, plug, silicone / MM / workshop.scale,
             min(channels, default=math.nan),
         )  # fmt: skip
+
+
+def _inside(place: str, name: str) -> Path:
+    """Return a new folder in another one."""
+    folder = Path(place) / name
+    folder.mkdir()
+    return folder
+
+
+def _draw_wax(drawn: _Drawn, workshop: Workshop, folder: Path) -> _Drawn:
+    """Make the mould in which a piece's lost core is cast of wax, with its peg."""
+    tools, name = drawn.tools, f"{drawn.tools.pour.name} core"
+    core = facets_of(drawn.file(name), MM * workshop.chord)
+    with private_model():
+        (solid,) = imported(drawn.file(name))
+        box = np.reshape(gmsh.model.occ.getBoundingBox(*solid), (2, 3))
+    middle = np.array([*box.mean(axis=0)[:2], tools.level])
+    along = None if tools.pour.sideways is None else int(np.abs(tools.frame.turn @ tools.pour.sideways).argmax())
+    peg = float(core.points[:, 2].min())
+    parting = next((axis for axis in (along, 2, 1, 0) if axis is not None and _parts(core, axis, middle[axis])), None)
+    if parting is None:
+        raise MouldError(f"the {name} does not leave a mould in two halves in any direction; print it (--core lost)")
+    pour = Pour(
+        name=name, up=(0.0, 0.0, 1.0), level=peg / MM, lid=False, wax=True, vented=tools.level / MM,
+        floor=tools.level / MM if parting == 2 else None,
+        sideways=None if parting == 2 else _triple(np.eye(3)[parting]),
+    )  # fmt: skip
+    own = dataclasses.replace(workshop, shrinkage=workshop.wax_shrinkage)
+    return _draw(LostCore(drawn.file(name)), Recipe(pours=(pour,), why=""), pour, own, folder)
+
+
+def _parts(core: Facets, axis: int, level: float) -> bool:
+    """Return whether nothing of a core hangs over in a mould of two halves that part along an axis at a level, mm."""
+    beyond = core.corners[:, :, axis] - level
+    lean = core.normals[:, :, axis] * np.sign(beyond)
+    return float(lean[np.abs(beyond) > FLUSH].min()) > -SLIP
 
 
 def _extras(drawn: Sequence[_Drawn], workshop: Workshop) -> tuple[MouldBody, ...]:
@@ -481,7 +547,7 @@ def _extras(drawn: Sequence[_Drawn], workshop: Workshop) -> tuple[MouldBody, ...
     return tuple(found)
 
 
-def _draw(device: Actuator, recipe: Recipe, pour: Pour, workshop: Workshop, folder: Path) -> _Drawn:
+def _draw(device: Castable, recipe: Recipe, pour: Pour, workshop: Workshop, folder: Path) -> _Drawn:
     """Make the mould of one piece, compare its void with the piece, and write its STEP files; `MeshingError` if the mould
     leaves something else than the device."""
     with private_model():
@@ -509,7 +575,7 @@ def _draw(device: Actuator, recipe: Recipe, pour: Pour, workshop: Workshop, fold
     return found
 
 
-def _piece(device: Actuator, drawn: _Drawn, inside: Array, workshop: Workshop) -> _Piece:
+def _piece(device: Actuator | LostCore, drawn: _Drawn, inside: Array, workshop: Workshop) -> _Piece:
     """Measure and check the mould of one piece; ``inside`` are points of closed cavities, shape (n, 3), mm."""
     tools, chord = drawn.tools, MM * workshop.chord
     named = {body.name: facets_of(drawn.file(body.name), chord) for body in tools.bodies}
@@ -570,7 +636,7 @@ def _bonded(pieces: Sequence[_Drawn], folder: Path) -> bytes:
         parts: list[Solid] = []
         for piece in pieces:
             for name in ("cast", *(f"plug {k}" for k in range(piece.counts["plug"]))):
-                solids = _imported(piece.file(name))
+                solids = imported(piece.file(name))
                 turned(solids, piece.tools.frame.turn.T)
                 parts += solids
         if len(parts) > 1:
@@ -583,13 +649,6 @@ def _bonded(pieces: Sequence[_Drawn], folder: Path) -> bytes:
         scaled(1.0 / pieces[0].tools.frame.scale)
         _export(file)
     return file.read_bytes()
-
-
-def _imported(file: Path) -> list[Solid]:
-    gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
-    solids = list(gmsh.model.occ.importShapes(str(file), format="step"))
-    gmsh.option.setString("Geometry.OCCTargetUnit", "")
-    return solids
 
 
 def _export(file: Path) -> None:

@@ -67,19 +67,17 @@ def exploded_picture(made: Made) -> Figure:
 
 def _exploded(made: Made, pour: Pour) -> list[tuple[Facets, str]]:
     """Return the surfaces and colours of one piece's mould, its bodies apart."""
-    cast = next(cast for cast in made.casts if cast.piece == pour.name)
-    bodies = [body for body in made.bodies if body.piece == pour.name]
+    bodies, cast = made.of(pour)
     turn = standing(pour)
     places = shifts(bodies, cast)
-    found = [(cast.facets, np.zeros(3), SILICONE)]
+    found = [(cast.facets, np.zeros(3), LOST if pour.wax else SILICONE)]
     found += [(body.facets, places[body.name], PRINTED if any(body.pull) else LOST) for body in bodies]
     return [(moved(facets, turn, turn @ shift), colour) for facets, shift, colour in found]
 
 
 def standing(pour: Pour) -> Array:
     """Return the rotation, shape (3, 3), that brings a piece's mould as it stands when it is poured."""
-    upright = pour.lid and (pour.gate is not None or pour.sideways is not None)
-    return np.eye(3) if upright else np.diag([1.0, -1.0, -1.0])
+    return np.eye(3) if pour.gate is not None else np.diag([1.0, -1.0, -1.0])
 
 
 def shifts(bodies: Sequence[MouldBody], cast: MouldBody) -> dict[str, Array]:
@@ -162,11 +160,10 @@ def steps_picture(made: Made) -> Figure:
 
 def _piece_steps(made: Made, pour: Pour) -> list[tuple[str, Image]]:
     """Return the panels of one piece: put together, poured, opened."""
-    bodies = [body for body in made.bodies if body.piece == pour.name]
-    cast = next(cast for cast in made.casts if cast.piece == pour.name)
+    bodies, cast = made.of(pour)
     turn = standing(pour)
     apart, still = shifts(bodies, cast), dict.fromkeys((body.name for body in bodies), np.zeros(3))
-    filled = [(moved(cast.facets, turn, np.zeros(3)), SILICONE, 1.0)]
+    filled = [(moved(cast.facets, turn, np.zeros(3)), LOST if pour.wax else SILICONE, 1.0)]
 
     def placed(places: dict[str, Array], share: float, opacity: float) -> list[tuple[Facets, str, float]]:
         return [
@@ -174,6 +171,9 @@ def _piece_steps(made: Made, pour: Pour) -> list[tuple[str, Image]]:
             for body in bodies
         ]
 
+    if pour.wax:
+        return [(f"Pour the {pour.name} of wax", _shot([*filled, *placed(still, 1.0, GHOST)])),
+                (f"Take the {pour.name} out", _shot([*filled, *placed(apart, 1.0, 1.0)]))]  # fmt: skip
     if not pour.lid:
         return [(f"Fill the {pour.name}, scrape it flat", _shot([*filled, *placed(still, 1.0, 1.0)])),
                 (f"Take the {pour.name} out", _shot([*filled, *placed(apart, 1.0, 1.0)]))]  # fmt: skip
@@ -187,7 +187,8 @@ def _piece_steps(made: Made, pour: Pour) -> list[tuple[str, Image]]:
 def _casts_apart(made: Made) -> list[tuple[Facets, str, float]]:
     """Return the pieces in the device's own place, apart across their bonds."""
     found = []
-    for cast, pour in zip(made.casts, made.recipe.pours, strict=True):
+    for pour in (pour for pour in made.recipe.pours if not pour.wax):
+        _, cast = made.of(pour)
         turn, up = rotation_up(pour.up).T, np.array(pour.up)
         size = float(np.linalg.norm(np.ptp(cast.facets.points, axis=0)))
         found.append((moved(cast.facets, turn, 0.12 * size * up), SILICONE, 1.0))
@@ -208,7 +209,7 @@ def _shot(group: Sequence[tuple[Facets, str, float]]) -> Image:
 
 def drawing(made: Made) -> Figure:
     """Draw each body to print from above and from the front, with its outer dimensions in mm."""
-    bodies = [*made.bodies, *made.extras]
+    bodies = [*made.printed, *made.extras]
     figure = Figure((8.0, 2.9 * len(bodies)), layout="constrained")
     for row, body in zip(figure.subplots(len(bodies), 2, squeeze=False), bodies, strict=True):
         for axes, (a, b), text in zip(row, ((0, 1), (0, 2)), ("from above", "from the front"), strict=True):

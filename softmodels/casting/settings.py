@@ -78,7 +78,11 @@ class Workshop:
         "hole for the tube itself, 0.8 of it to grip a barb, or the cone of a male Luer slip (ISO 80369-7)",
     )  # fmt: skip
     core: str = choice_field(
-        "as needed", ("as needed", "rigid", "lost"), "cores that are pulled, or lost: dissolved or melted out"
+        "as needed", ("as needed", "rigid", "lost", "wax"),
+        "cores that are pulled; lost, which are printed to be dissolved; or wax, cast in moulds of their own to be melted out",
+    )  # fmt: skip
+    wax_shrinkage: float = number_field(
+        0.0, "linear shrinkage of a wax core as it sets, 0.01 for 1 %; its mould is enlarged by it"
     )
     bolt: float = length_field(0.0034, "diameter of the bolts' holes; 0 for clamps only", zero=True)
     bed_width: float = length_field(0.192, "width of the printer's plate")
@@ -102,10 +106,11 @@ class Workshop:
     def _check_shares(self) -> None:
         if not 0.0 <= self.draft <= STEEPEST:
             raise MouldError(f"draft is {shown(self.draft, 'degree')}; it must be between 0 and {STEEPEST:g} deg")
-        if not 0.0 <= self.shrinkage <= MOST_SHRINKAGE:
-            raise MouldError(
-                f"shrinkage is {self.shrinkage:g}; silicones shrink by 0 to {MOST_SHRINKAGE:g} of each length (0.001 is 0.1 %)"
-            )
+        for name, what in (("shrinkage", "silicones shrink"), ("wax_shrinkage", "waxes shrink")):
+            if not 0.0 <= (value := getattr(self, name)) <= MOST_SHRINKAGE:
+                raise MouldError(
+                    f"{name} is {value:g}; {what} by 0 to {MOST_SHRINKAGE:g} of each length (0.001 is 0.1 %)"
+                )
         if not 0.0 <= self.surplus <= 5.0:
             raise MouldError(f"surplus is {self.surplus:g}; it must be between 0 and 5 (0.15 is 15 %)")
         if self.chord < FINEST_CHORD:

@@ -89,8 +89,9 @@ def mould_summary(found: Made) -> list[str]:
     for body in found.bodies:
         assert body.checked is not None
         gap = "" if math.isinf(body.checked.gap) else f", gap {body.checked.gap * 1e3:.3g} mm"
+        leaves = "no undercut" if any(body.pull) else "of wax" if found.waxes else "dissolved"
         lines.append(
-            f"{body.name}: watertight, {'dissolved' if not any(body.pull) else 'no undercut'}, smallest wall "
+            f"{body.name}: watertight, {leaves}, smallest wall "
             f"{body.checked.wall * 1e3:.3g} mm{gap}, STL within {body.checked.chord * 1e6:.3g} um"
         )
     lines.append(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 
 import numpy as np
 import pytest
@@ -24,11 +23,11 @@ from geometries import (
 )
 from geometries.actuator import Castable
 from geometries.meshing import private_model
-from softmodels.casting.bodies import recipe_of, tooling
+from softmodels.casting.bodies import imported, recipe_of, tooling
 from softmodels.casting.facets import BETWEEN, arranged, laid_flat, print_estimate
-from softmodels.casting.files import _pour_steps
+from softmodels.casting.files import _pour_steps, _steps
 from softmodels.casting.make import _made, common_thickness, manifold_of
-from softmodels.casting.settings import MouldError, Workshop
+from softmodels.casting.settings import Asked, MouldError, Workshop
 from tests.support.moments import mirror_gap
 
 COARSE = Workshop(chord=2e-4, least_gap=8e-4, pour=0.002, vents=1, bolt=0.0, shrinkage=0.01)
@@ -36,13 +35,15 @@ DEVICES = {
     PneuNet: (PneuNet(chambers=2, base=0.002, paper=0.0002), "chambers inlet pin, chambers lid, chambers cup, base tray"),
     Membrane: (Membrane(plate_radius=0.008, plate_thickness=0.002), "membrane floor, membrane frame"),
     Balloon: (Balloon(radius=0.006, neck_radius=0.002, fillet=0.0005), "upper lid, upper cup, lower lid, lower cup"),
-    Bellows: (Bellows(convolutions=1), "wall core, wall lid, wall cup left, wall cup right, plate tray"),
+    Bellows: (Bellows(convolutions=1), "wall core cup left, wall core cup right, wall core, wall lid, wall cup left, "
+              "wall cup right, plate tray"),
     BendingBellows: (BendingBellows(folds=1, cap=0.003, root=0.004), "folds inlet pin, folds lid, folds cup, base tray"),
     Cylinder: (Cylinder(length=0.012), "tube lid, tube cup left, tube cup right"),
     SuctionCup: (SuctionCup(), "cup lid, cup cup"),
     Beam: (Beam(length=0.03), "beam tray"),
 }  # fmt: skip
-"""A small one of each class, and the bodies of its mould in the order in which they leave."""
+"""A small one of each class, and the bodies of its mould in the order in which they leave; lost cores are of wax."""
+WAX = dataclasses.replace(COARSE, core="wax", wax_shrinkage=0.02)
 ELSEWHERE = {"HollowDisk", "SeminarActuator", "ImportedActuator", "ImportedMesh"}
 """Devices whose moulds `test_mould` makes, and what has none."""
 
@@ -57,33 +58,60 @@ def test_every_device_is_here():
 def test_a_device_is_cast_to_its_closed_form(kind, tmp_path):
     """What the bodies leave, bonded and shrunk, has volume and moments of the device's own mesh; no body meets another or the
     cast as it leaves, by the CAD kernel and by the triangles."""
+    device, bodies = DEVICES[kind]
+    workshop = WAX if kind is Bellows else COARSE
+    _check(device, _made(device, recipe_of(device, workshop), workshop), bodies, tmp_path)
+
+
+def _check(device, found, bodies, folder):
+    """See the test above."""
     import gmsh
 
-    device, bodies = DEVICES[kind]
-    found = _made(device, recipe_of(device, COARSE), COARSE)
     assert ", ".join(body.name for body in found.bodies) == bodies
     assert found.differs < 1e-6 and abs(found.balance) < 1e-6
     assert found.volume == pytest.approx(device.solid_volume, rel=2e-6)
-    assert mirror_gap(device, found.device, tmp_path) < 5e-4
+    assert mirror_gap(device, found.device, folder) < 5e-4
     for body in found.bodies:
         assert body.checked is not None and body.checked.overlap * 1e3 < 0.25 and body.checked.lean > -0.1
         assert manifold_of(body.facets).volume() == pytest.approx(body.facets.polyhedron_volume, rel=1e-9)
     with private_model():
         occ = gmsh.model.occ
-        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+        for cast in (found.casts[0], *found.waxes):
+            solids = []
+            for body in (*(body for body in found.bodies if body.piece == cast.piece and any(body.pull)), cast):
+                (folder / "body.step").write_bytes(body.step)
+                solids += imported(folder / "body.step")
+            pull = next(body.pull for body in found.bodies if body.piece == cast.piece and any(body.pull))
+            for way in np.diff((0.0, 0.3, 4.0)):
+                occ.translate(solids[:1], *(way * np.array(pull)))
+                common = occ.intersect(solids[:1], solids[1:], removeObject=False, removeTool=False)[0]
+                assert sum(occ.getMass(*solid) for solid in common) < 1e-6
 
-        def read(body):
-            (tmp_path / "body.step").write_bytes(body.step)
-            return occ.importShapes(str(tmp_path / "body.step"))
 
-        first, *later = [body for body in found.bodies if body.piece == found.casts[0].piece and any(body.pull)]
-        rest = [*read(found.casts[0]), *itertools.chain.from_iterable(map(read, later))]
-        (leaving,) = read(first)
-        for way in np.diff((0.0, 0.3, 4.0)):
-            occ.translate([leaving], *(way * np.array(first.pull)))
-            common = occ.intersect([leaving], rest, removeObject=False, removeTool=False)[0]
-            assert sum(occ.getMass(*solid) for solid in common) < 1e-6
-        gmsh.option.setString("Geometry.OCCTargetUnit", "")
+def test_a_balloon_is_cast_without_a_seam_around_wax(tmp_path):
+    """The wax core is the cavity, larger by both shrinkages, with a peg of 1 degree; it is cast, not printed."""
+    device = DEVICES[Balloon][0]
+    found = _made(device, recipe_of(device, WAX), WAX)
+    halves = ("balloon core cup left", "balloon core cup right")
+    bodies = (*halves, "balloon core", "balloon lid", "balloon cup left", "balloon cup right")
+    _check(device, found, ", ".join(bodies), tmp_path)
+    assert {body.name for body in found.printed} == {*bodies} - {"balloon core"}
+    (wax,) = found.waxes
+    points = next(body.facets.points for body in found.bodies if body.name == "balloon core")
+    length = 1e3 * WAX.pin_length
+    tip = 0.5 * np.ptp(points[points[:, 2] < points[:, 2].min() + 1e-6, 0])
+    root = tip + length * WAX.slope
+    peg = np.pi / 3 * length * (tip**2 + tip * root + root**2)
+    assert points[:, 2].min() == pytest.approx(-length)
+    assert wax.facets.volume == pytest.approx((device.cavity_volume * 1e9 / 0.99**3 + peg) / 0.98**3, rel=1e-5)
+    steps = " ".join(_steps(Asked(device, WAX, "", "balloon"), found))
+    assert steps.index("pour through the open end") < steps.index("Weigh A and B") < steps.index("Melt the wax out")
+
+
+def test_wax_that_has_no_way_in_is_refused():
+    device, workshop = DEVICES[Balloon][0], dataclasses.replace(WAX, least_gap=0.003, pour=0.004, vent=0.003)
+    with pytest.raises(MouldError, match=r"peg is 2\.\d+ mm wide, too narrow .* print the core"):
+        _made(device, recipe_of(device, workshop), workshop)
 
 
 def test_the_lid_of_a_piece_called_cup_is_no_cup():
