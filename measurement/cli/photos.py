@@ -27,9 +27,18 @@ from measurement.series.photo_list import (
     read_photos,
 )
 from measurement.series.witness import Refusal, Result
-from softmodels.common.commands import FAILED, UNUSABLE, FolderType, open_folder, open_place, status_of, stoppable
+from softmodels.common.commands import (
+    FAILED,
+    UNUSABLE,
+    FolderType,
+    ResultFolder,
+    open_folder,
+    open_place,
+    status_of,
+    stoppable,
+)
 from softmodels.common.errors import reason
-from softmodels.common.folders import OwnFolderError, ResultFolder
+from softmodels.common.folders import OwnFolderError
 from softmodels.common.processes import cores, say
 from softmodels.common.units import WATER_DENSITY, UnitError, quantity
 

@@ -26,10 +26,10 @@ from measurement.screen.calibration import (
 )
 from measurement.screen.grid import GridError, counted_from, find_grid
 from measurement.screen.setup import PITCH_ERROR, Plane, PlaneError, Setup, SetupError, plane_of_points, plane_of_scale
-from softmodels.common.commands import FAILED, UNUSABLE, status_of
+from softmodels.common.commands import FAILED, UNUSABLE, check_output_file, status_of
 from softmodels.common.errors import reason
-from softmodels.common.files import is_same
-from softmodels.common.folders import OwnFolderError, check_output_file, has_table, is_drawn
+from softmodels.common.files import has_table, is_drawn, is_same
+from softmodels.common.folders import OwnFolderError
 from softmodels.common.processes import say
 from softmodels.common.tables import TomlError, read_toml
 from softmodels.common.units import UnitError, number

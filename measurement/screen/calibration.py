@@ -24,8 +24,7 @@ from measurement.camera import Camera, CameraError, Points
 from measurement.pictures import Unmeasurable, read_pixels
 from measurement.screen.grid import MIN_LINES, GridError, GridPoints, checked, find_grid, gray_bytes
 from measurement.screen.setup import PITCH_ERROR, Plane, PlaneError, Setup
-from softmodels.common.files import replaced_whole
-from softmodels.common.folders import MARK
+from softmodels.common.files import MARK, replaced_whole
 from softmodels.common.processes import cores
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -21,9 +21,10 @@ from measurement.pictures import Pixels
 from measurement.screen.setup import Setup
 from measurement.series.witness import Refusal, Result, course_of
 from softmodels.common.arrays import Array, Mask
+from softmodels.common.commands import Provenance
 from softmodels.common.files import image_uri, read_text
 from softmodels.common.lazy import cm, colors, figures, matplotlib
-from softmodels.common.pages import Cell, Fact, Gallery, Page, Picture, Provenance, Table
+from softmodels.common.pages import Cell, Fact, Gallery, Page, Picture, Table
 from softmodels.common.processes import plain
 from softmodels.common.units import pascal_per_cm
 

@@ -31,10 +31,10 @@ from softmodels.casting.facets import (
 from softmodels.casting.make import Made, MouldBody, made
 from softmodels.casting.pictures import DRAWING, EXPLODED, PLATES, STEPS, draw_all, drawing, plates_picture
 from softmodels.casting.settings import Asked, asked_of
+from softmodels.common.commands import Provenance, ResultFolder
 from softmodels.common.files import image_uri, render, write_bytes, write_text
-from softmodels.common.folders import ResultFolder
 from softmodels.common.names import checked, place
-from softmodels.common.pages import Bullets, Fact, Page, Picture, Provenance, Table
+from softmodels.common.pages import Bullets, Fact, Page, Picture, Table
 from softmodels.common.processes import one_at_a_time
 from softmodels.common.schema import shown
 from softmodels.materials.silicones import HOUR, MINUTE

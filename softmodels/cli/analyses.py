@@ -33,11 +33,18 @@ from softmodels.cli.options import (
     open_on_root,
     write_into,
 )
-from softmodels.common.commands import flag_option, option, options, output_option, quiet_option
+from softmodels.common.commands import (
+    Provenance,
+    ResultFolder,
+    flag_option,
+    option,
+    options,
+    output_option,
+    quiet_option,
+)
 from softmodels.common.files import csv_text, image_uri, read_text, write_bytes, write_text
-from softmodels.common.folders import ResultFolder
 from softmodels.common.lazy import MPI
-from softmodels.common.pages import Bullets, Cell, Charts, Fact, Folded, Listing, Page, Picture, Provenance, Table, Text
+from softmodels.common.pages import Bullets, Cell, Charts, Fact, Folded, Listing, Page, Picture, Table, Text
 from softmodels.common.processes import say
 from softmodels.common.schema import shown
 from softmodels.common.units import WATER_DENSITY, UnitError, quantity, readable

@@ -14,8 +14,15 @@ from geometries.registry import field_option
 from softmodels.api.calls import export, load
 from softmodels.casting.settings import Workshop, asked_of
 from softmodels.cli.options import command, unwritable, write_into
-from softmodels.common.commands import flag_option, open_folder, option, options, output_option, quiet_option
-from softmodels.common.folders import check_output_file
+from softmodels.common.commands import (
+    check_output_file,
+    flag_option,
+    open_folder,
+    option,
+    options,
+    output_option,
+    quiet_option,
+)
 from softmodels.common.processes import say
 from softmodels.common.schema import about
 from softmodels.mechanics.mpi import launched, speaks, start

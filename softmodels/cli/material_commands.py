@@ -18,10 +18,18 @@ from geometries.registry import QuantityType
 from softmodels.case.case import Case
 from softmodels.case.materials import MaterialErrors, material_from
 from softmodels.cli.options import command, fail, open_on_root, write_into
-from softmodels.common.commands import flag_option, open_folder, option, options, output_option, quiet_option
+from softmodels.common.commands import (
+    Provenance,
+    flag_option,
+    open_folder,
+    option,
+    options,
+    output_option,
+    quiet_option,
+)
 from softmodels.common.errors import known_are
 from softmodels.common.files import csv_text, read_text, write_text
-from softmodels.common.pages import Fact, Page, Provenance, Table
+from softmodels.common.pages import Fact, Page, Table
 from softmodels.common.processes import say
 from softmodels.common.units import UnitError, brief, exact_text, number, quantity, with_prefix
 from softmodels.fitting.comparison import (

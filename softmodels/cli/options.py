@@ -29,6 +29,7 @@ from softmodels.case.materials import DEFAULT, material_from, material_options_o
 from softmodels.common.commands import (
     STOPPED,
     STOPS,
+    ResultFolder,
     RunOptions,
     asked_to_stop,
     bounded,
@@ -39,7 +40,6 @@ from softmodels.common.commands import (
     written,
 )
 from softmodels.common.errors import Spoken, meant, reason
-from softmodels.common.folders import ResultFolder
 from softmodels.common.lazy import MPI
 from softmodels.common.processes import COLUMNS, columns, cores, end_with_parent, say
 from softmodels.common.units import UnitError, exact_text

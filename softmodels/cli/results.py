@@ -14,9 +14,8 @@ import numpy as np
 
 from softmodels.case.components import import_own_modules
 from softmodels.cli.options import command, fail, unwritable
-from softmodels.common.commands import DrawingOptions, options, unswept
-from softmodels.common.files import check_file, csv_text, read_file, write_bytes, write_text
-from softmodels.common.folders import check_output_file, is_drawn
+from softmodels.common.commands import DrawingOptions, check_output_file, options, unswept
+from softmodels.common.files import check_file, csv_text, is_drawn, read_file, write_bytes, write_text
 from softmodels.common.processes import say
 from softmodels.runs.states import POINTS, Line
 

@@ -5,23 +5,28 @@ from __future__ import annotations
 import atexit
 import contextlib
 import dataclasses
+import datetime
 import errno
 import functools
 import gc
 import importlib
 import io
 import os
+import shlex
 import signal
+import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import click
 
-from softmodels.common.errors import meant
-from softmodels.common.folders import InUseError, OwnFolder, OwnFolderError, ResultFolder, take_default
+from softmodels.common.errors import meant, reason
+from softmodels.common.files import fingerprint, is_same, version
+from softmodels.common.folders import InUseError, OwnFolder, OwnFolderError, take_default
 from softmodels.common.processes import say
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -383,7 +388,61 @@ def run_command(command: click.Command, name: str) -> None:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The folder for a command's results, for as long as the command runs.
+# What a command writes: a folder of results that is replaced whole at its end, and single files.
+#
+# Earlier results are replaced whole or stay. No file is written over one that is read, nor over one that somebody else made.
+
+
+NO_INPUT = ("output", "quiet", "no_pictures", "jobs")
+"""Options that change nothing in a command's numbers."""
+
+
+class ResultFolder:
+    """A command's folder of results, locked from its beginning to its end; `OwnFolderError` if it is not this program's, is in
+    use, or cannot be written.
+
+    Without ``output`` it is the first of ``default``, ``default-2`` ... that is free or holds results of the very same inputs:
+    the command's options by name, and the files that are read, or folders of CSV files, which are never replaced.
+    """
+
+    def __init__(
+        self, output: Path | None, default: Path, kind: str, options: Mapping[str, Any], files: Iterable[Path] = ()
+    ):
+        files = list(files)
+        self._inputs = {
+            "options": {name: repr(value) for name, value in sorted(options.items()) if name not in NO_INPUT},
+            "files": {str(file): fingerprint(file) for file in files},
+        }
+        try:
+            if output is None:
+                self._own = take_default(default, kind, self._inputs)
+            else:
+                self._own = OwnFolder(output, kind)
+                self._own.take()
+            try:
+                self._own.check_inputs(files)
+            except OwnFolderError:
+                self._own.leave()
+                raise
+        except InUseError as error:
+            raise OwnFolderError(str(error)) from None
+        except OSError as error:
+            raise OwnFolderError(f"the folder {output or default} cannot be written ({reason(error)})") from None
+
+    @property
+    def path(self) -> Path:
+        return self._own.path
+
+    @contextlib.contextmanager
+    def writing(self) -> Iterator[Path]:
+        """Provide a folder to write all results into, which take the place of the earlier ones at the end of the block;
+        `OwnFolderError` if somebody else's file has the name of a result. Without room the earlier results stay."""
+        yield self._own.prepare()
+        self._own.bring_in({"inputs": self._inputs, "made": Provenance.now().table()})
+
+    def leave(self) -> None:
+        """Let go of it; nothing is left where nothing was written."""
+        self._own.leave()
 
 
 def open_folder(
@@ -412,6 +471,23 @@ def open_place(output: Path | None, default: Path, kind: str, names: Iterable[st
     return own.path
 
 
+def check_output_file(
+    path: Path, inputs: Iterable[Path], is_own: Callable[[Path], bool], what: str, option: str
+) -> None:
+    """Raise `OwnFolderError`, which names the option, if a file would take the place of an input, or of one that is not an
+    earlier one of its kind, ``what`` in words."""
+    for file in inputs:
+        if is_same(path, file):
+            raise OwnFolderError(f"{path} is an input and would be overwritten by {what}; give another name ({option})")
+    if path.is_dir():
+        raise OwnFolderError(f"{path} is a folder; name a file for {what} ({option})")
+    if path.exists() and not is_own(path):
+        raise OwnFolderError(
+            f"{path} exists and is not {what} of this program, so it is not replaced; give another name ({option}), or "
+            "move it away"
+        )
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Where results are to go: asked before the work begins, so that nobody waits for what cannot be kept.
 
@@ -437,3 +513,97 @@ def trouble(folder: Path) -> str:
 def status_of(error: OSError) -> int:
     """Exit status where something could not be written: the place was bad input, or the disk became full."""
     return FAILED if error.errno in FULL else UNUSABLE
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Where results come from, and the numbers of a page.
+
+
+_STARTED = time.monotonic()
+
+
+@functools.cache
+def commit() -> str:
+    """Return the commit of the checkout that runs, with ``+`` if files differ from it; empty where there is none."""
+    top = Path(__file__).parents[2]
+    if not (top / ".git").exists():
+        return ""
+    words = ["git", "-C", str(top), "describe", "--always", "--exclude=*", "--abbrev=12", "--dirty=+"]
+    with contextlib.suppress(OSError, subprocess.SubprocessError):
+        done = subprocess.run(words, capture_output=True, text=True, timeout=5, check=False)
+        return done.stdout.strip() if done.returncode == 0 else ""
+    return ""
+
+
+def command_line() -> str:
+    """Return the command that runs, as it can be pasted; empty in a Python program."""
+    import click
+
+    context = click.get_current_context(silent=True)
+    name = context.find_root().info_name if context else None
+    return shlex.join([*name.split(), *sys.argv[1:]]) if name else ""
+
+
+def _libraries() -> dict[str, str]:
+    """Return the versions of DOLFINx and PETSc if they were used; nothing is imported for it."""
+    found = {}
+    if (dolfinx := sys.modules.get("dolfinx")) is not None:
+        found["DOLFINx"] = str(getattr(dolfinx, "__version__", "unknown"))
+    if (PETSc := sys.modules.get("petsc4py.PETSc")) is not None:
+        found["PETSc"] = ".".join(map(str, PETSc.Sys.getVersion()))
+    return found
+
+
+@dataclasses.dataclass(frozen=True)
+class Provenance:
+    """Where results come from; empty texts where that is unknown: date (UTC), version and commit of softmodels, versions of
+    DOLFINx and PETSc if they were used, how many seconds it took, and the command that made them."""
+
+    date: str = ""
+    version: str = ""
+    commit: str = ""
+    libraries: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    seconds: float | None = None
+    command: str = ""
+
+    @classmethod
+    def now(cls, seconds: float | None = None) -> Provenance:
+        """Return that of results made now; a command's time counts from the start of its process unless given."""
+        command = command_line()
+        if seconds is None and command:
+            seconds = time.monotonic() - _STARTED
+        date = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
+        return cls(date, version(), commit(), _libraries(), None if seconds is None else round(seconds, 1), command)
+
+    @classmethod
+    def from_table(cls, table: object) -> Provenance:
+        """Return that of a folder's record; unknown where the record has none, or another's."""
+        given = table if isinstance(table, dict) else {}
+        texts = {
+            name: value
+            for name in ("date", "version", "commit", "command")
+            if isinstance(value := given.get(name), str)
+        }
+        libraries, seconds = given.get("libraries"), given.get("seconds")
+        return cls(
+            **texts,
+            libraries={str(k): str(v) for k, v in libraries.items()} if isinstance(libraries, dict) else {},
+            seconds=float(seconds) if isinstance(seconds, int | float) else None,
+        )
+
+    def table(self) -> dict[str, Any]:
+        """Return it for a folder's record."""
+        return dataclasses.asdict(self)
+
+    @property
+    def rows(self) -> list[tuple[str, str]]:
+        """What is known of it: names and texts."""
+        program = f"softmodels {self.version}" if self.version else ""
+        if program and self.commit:
+            edited = ", with local changes" if self.commit.endswith("+") else ""
+            program += f", commit {self.commit.removesuffix('+')}{edited}"
+        time_taken = "" if self.seconds is None else f"{self.seconds:.1f} s"
+        libraries = ", ".join(f"{name} {version}" for name, version in self.libraries.items())
+        rows = [("date", self.date), ("program", program), ("libraries", libraries), ("wall time", time_taken),
+                ("command", self.command)]  # fmt: skip
+        return [row for row in rows if row[1]] or [("origin", "not recorded in this folder")]

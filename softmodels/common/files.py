@@ -16,6 +16,7 @@ import io
 import os
 import re
 import stat
+import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -74,6 +75,17 @@ def file_digest(path: Path | str) -> str:
     """Return SHA-256 of a file's content, in hexadecimal digits; `OSError` as of `check_file`."""
     with os.fdopen(_opened(path, GEOMETRY), "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def fingerprint(path: Path) -> str:
+    """Return SHA-256 of a file, or of a folder's CSV files and their names; ``"missing"`` where there is none."""
+    try:
+        if path.is_dir():
+            parts = [f"{file.name} {fingerprint(file)}" for file in sorted(path.glob("*.csv"))]
+            return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+        return file_digest(path)
+    except OSError:
+        return "missing"
 
 
 def _opened(path: Path | str, largest: int) -> int:
@@ -143,8 +155,10 @@ def replace_text(path: Path, text: str) -> None:
 
 
 def is_inside(name: Any) -> bool:
-    """Return whether a recorded name is a file's or folder's right in the folder: a record may have come from elsewhere."""
-    return isinstance(name, str) and re.fullmatch(r"[^/\\\0]+/?", name) is not None and name.strip("./") != ""
+    """Return whether a recorded name is of a file or folder in the folder, or of a file in a folder there: a record may have
+    come from elsewhere."""
+    parts = name.removesuffix("/").split("/") if isinstance(name, str) else []
+    return 0 < len(parts) <= 2 and all(part.strip(".") and not re.search(r"[\\\0]", part) for part in parts)
 
 
 def counts(file: Path) -> bool:
@@ -158,22 +172,47 @@ def some(names: list[str]) -> str:
 
 def is_step(name: str) -> bool:
     """Return whether a file in a folder of steps is one of a run's: they come and go too often to be recorded one by one."""
-    return re.fullmatch(r"\d{4,}\.h5(\.part)?", name) is not None
+    return re.fullmatch(r"([^/]+/)?\d{4,}\.h5(\.part)?", name) is not None
 
 
-def remove_inside(folder: Path, names: Iterable[str] = (), keep: Iterable[str] = ()) -> None:
-    gone, kept = set(names), set(keep)
-    for file in folder.iterdir():
-        if file.name not in kept and (file.name in gone or is_step(file.name)):
-            file.unlink(missing_ok=True)
-
-
-def remove_steps(folder: Path, names: Iterable[str] = ()) -> None:
-    """Take away a folder inside a folder of results: steps, and files by name. Where others are in it, they stay in it."""
+def remove_steps(folder: Path, keep: Iterable[str] = ()) -> None:
+    """Take away the steps in a folder of a folder of results, but for some named from there, and itself if nothing else is in
+    it."""
+    kept = {*keep}
     if folder.is_dir() and not folder.is_symlink():
-        remove_inside(folder, names)
+        for file in folder.iterdir():
+            if is_step(file.name) and f"{folder.name}/{file.name}" not in kept:
+                file.unlink(missing_ok=True)
         with contextlib.suppress(OSError):  # something of the user's is in it
             folder.rmdir()
+
+
+MARK = "softmodels"
+"""What the header of a drawn PNG names as its software."""
+
+
+def has_table(name: str) -> Callable[[Path], bool]:
+    """Return a test whether a file is TOML with a table of some name."""
+
+    def test(path: Path) -> bool:
+        try:
+            return name in tomllib.loads(read_text(path))
+        except (OSError, ValueError, RecursionError):
+            return False
+
+    return test
+
+
+def is_drawn(path: Path) -> bool:
+    """Return whether a picture was drawn by this program."""
+    from PIL import Image
+
+    try:
+        check_file(path)
+        with Image.open(path) as image:
+            return str(image.info.get("Software", "")).startswith(MARK)
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
+        return False
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -1,8 +1,8 @@
 """Results folders, of which only the program's own files are replaced.
 
 A folder is taken if it is not there, is empty, or holds a record of an earlier run. The record lists the files that were
-written; only they are replaced or removed. New results are prepared in a folder inside and brought in
-when their first part is whole: until then the earlier ones stay. Being cut off in between loses neither, see `OwnFolder.mend`.
+written; only they are replaced or removed. New results are prepared in a folder inside and brought in when their first part
+is whole: until then the earlier ones stay. Being cut off in between loses neither, see `OwnFolder.mend`.
 """
 
 from __future__ import annotations
@@ -10,35 +10,29 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import errno
-import hashlib
 import itertools
 import json
 import os
 import shutil
 import socket
 import time
-import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from softmodels.common.errors import Spoken, reason
+from softmodels.common.errors import Spoken
 from softmodels.common.files import (
     HIDDEN,
-    check_file,
     counts,
-    file_digest,
     is_inside,
     is_same,
     is_step,
     read_text,
-    remove_inside,
     remove_steps,
     replace_text,
     some,
     version,
 )
-from softmodels.common.pages import Provenance
 
 if TYPE_CHECKING:
     from filelock import BaseFileLock
@@ -121,7 +115,7 @@ class FolderLock:
 
 
 RECORD = f"{HIDDEN}.json"
-FORMAT = 1  # of the record
+FORMAT = 2  # of the record
 
 
 @dataclasses.dataclass(frozen=True)
@@ -130,9 +124,9 @@ class Record:
 
     Attributes:
         kind, about: What the folder holds, and what was recorded of the results beside their files.
-        files: Names that are the program's own: relative, folders with a slash at the end.
-        inside: Files that are the program's own inside those folders.
-        incoming: New files, and those inside new folders, that are on their way into the folder; None where none are.
+        files: Names that are the program's own, relative to the folder; folders with a slash at the end. A run's steps have
+            no names here: in a folder that is the program's own they are its own too.
+        incoming: New files on their way into the folder; None where none are.
         incoming_about: What is to be recorded of them.
         version, format: Of the program that wrote it, and of the record.
     """
@@ -140,8 +134,7 @@ class Record:
     kind: Any = None
     files: tuple[str, ...] = ()
     about: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    inside: Mapping[str, list[str]] = dataclasses.field(default_factory=dict)
-    incoming: Mapping[str, list[str]] | None = None
+    incoming: tuple[str, ...] | None = None
     incoming_about: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     version: str | None = None
     format: int = FORMAT
@@ -150,18 +143,19 @@ class Record:
     def read(cls, path: Path) -> Record | None:
         """Return the record in a file; None if there is none or it is not readable."""
         try:
-            found = json.loads(read_text(path))
-        except (OSError, ValueError, RecursionError):
+            found = {"format": 0, **json.loads(read_text(path))}
+            if found["format"] < 2:  # what is in a folder stood beside its name
+                found["files"] = [*found["files"], *_inside(found.get("inside", {}))]
+                found |= {"incoming": [*given, *_inside(given)]} if (given := found.get("incoming")) is not None else {}
+            kinds = {"files": list, "about": dict, "incoming": list, "incoming_about": dict}
+            if not all(isinstance(found.get(name, kind()), kind) for name, kind in kinds.items()):
+                return None
+            known = {field.name: found[field.name] for field in dataclasses.fields(cls) if field.name in found}
+            known |= {name: tuple(known[name]) for name in ("files", "incoming") if name in known}
+            own = all(map(is_inside, (*known["files"], *known.get("incoming", ()))))
+            return cls(**known) if own and "about" in known else None
+        except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
             return None
-        kinds = {"files": list, "about": dict, "inside": dict, "incoming": dict, "incoming_about": dict, "format": int}
-        if not (isinstance(found, dict) and "files" in found and "about" in found):
-            return None
-        if not all(isinstance(found.get(name, kind()), kind) for name, kind in kinds.items()):
-            return None
-        if not all(map(is_inside, [*found["files"], *found.get("incoming", ())])):
-            return None
-        known = {field.name: found[field.name] for field in dataclasses.fields(cls) if field.name in found}
-        return cls(**{"format": 0, **known, "files": tuple(found["files"])})
 
     def write(self, path: Path) -> None:
         """Write it whole or not at all."""
@@ -169,30 +163,26 @@ class Record:
         table = {"written_by": "softmodels", **{name: value for name, value in vars(own).items() if value is not None}}
         replace_text(path, json.dumps(table, indent=1) + "\n")
 
-    def of(self, files: Iterable[str]) -> Record:
-        """Return the record with these files, and nothing on its way any more."""
-        names = tuple(dict.fromkeys(files))
-        inside = {name: inner for name, inner in self.inside.items() if name in names}
-        return dataclasses.replace(self, files=names, inside=inside, incoming=None, incoming_about={})
 
-    def inside_of(self, name: str) -> set[str]:
-        return set(self.inside.get(name, ()))
+def _inside(folders: Mapping[str, list[str]]) -> list[str]:
+    return [f"{folder}{file}" for folder, files in folders.items() for file in files]
 
 
-def remove_recorded(folder: Path, name: str, inside: Iterable[str] = ()) -> None:
-    """Take a recorded file away; of a folder what is recorded inside, and the folder if nothing else is in it."""
-    path = folder / name
-    if not name.endswith("/"):
-        if not path.is_dir():
-            path.unlink(missing_ok=True)
-        path.with_name(f"{path.name}.part").unlink(missing_ok=True)
-    elif path.is_dir() and not path.is_symlink():
-        own = Record.read(path / RECORD)
-        if own is not None:
-            for file in own.files:
-                remove_recorded(path, file)
-            (path / RECORD).unlink(missing_ok=True)
-        remove_steps(path, inside)
+def remove_recorded(folder: Path, names: Iterable[str]) -> None:
+    """Take recorded files away; of a folder its steps and what its own record names, and itself if nothing else is in it."""
+    for name in sorted(names, reverse=True):  # a folder after what is in it
+        path = folder / name
+        if path.parent != folder and path.parent.is_symlink():
+            continue
+        if not name.endswith("/"):
+            if not path.is_dir():
+                path.unlink(missing_ok=True)
+            path.with_name(f"{path.name}.part").unlink(missing_ok=True)
+        elif path.is_dir() and not path.is_symlink():
+            if (own := Record.read(path / RECORD)) is not None:
+                remove_recorded(path, own.files)
+                (path / RECORD).unlink(missing_ok=True)
+            remove_steps(path)
 
 
 PATIENCE = 600.0  # seconds to wait for a program that draws into a folder which is to be replaced
@@ -224,7 +214,7 @@ class OwnFolder:
 
     @property
     def files(self) -> list[str]:
-        """Names that are the program's own: relative, folders with a slash at the end."""
+        """Names that are the program's own, as `Record.files`."""
         return list(self._known.files)
 
     @property
@@ -243,15 +233,13 @@ class OwnFolder:
     def check(self) -> None:
         """Raise `OwnFolderError` for a folder that is not this program's to write, with what it is and what to do."""
         record = self.record
-        if record is not None and record.kind == self.kind:
-            if record.format > FORMAT:
-                text = f"{self.path} was written by a later version ({record.version})"
-                raise OwnFolderError(f"{text}; update, or take another folder")
-            return
-        if record is not None:
+        if record is not None and record.kind != self.kind:
             text = f"{self.path} holds another kind of results ({record.kind}), which is not replaced"
             raise OwnFolderError(f"{text}; use another folder (--output)")
-        if self._record.name == RECORD and not self.is_free:
+        if record is not None and record.format > FORMAT:
+            text = f"{self.path} was written by a later version ({record.version})"
+            raise OwnFolderError(f"{text}; update, or take another folder")
+        if record is None and self._record.name == RECORD and not self.is_free:
             try:
                 names = some(sorted(file.name for file in self.path.iterdir() if counts(file)))
             except OSError as error:
@@ -264,8 +252,9 @@ class OwnFolder:
     def check_names(self, names: Iterable[str]) -> None:
         """Raise `OwnFolderError` for a name under which somebody else's file lies."""
         for name in sorted({*names} - {*self.files}):
-            if os.path.lexists(self.path / name):
-                raise _not_ours(self.path / name)
+            if os.path.lexists(self.path / name) and not is_step(name):
+                text = f"{self.path / name} exists and was not written by this program, so it is not replaced"
+                raise OwnFolderError(f"{text}; move it away, or use another folder (--output)")
 
     def check_inputs(self, inputs: Iterable[Path]) -> None:
         """Raise `OwnFolderError` for an input that lies among the results which are to be replaced."""
@@ -306,83 +295,63 @@ class OwnFolder:
 
     def claim(self, names: Iterable[str], about: Mapping[str, Any] | None = None) -> None:
         """Record files as the program's own, before they are written, and more about the results; see `check_names`."""
-        names, known = list(names), self._known
+        names = list(names)
         self.check_names(names)
-        self._write(known.of([*known.files, *names]), {**known.about, **(about or {})})
+        self._update(files=[*self.files, *names], about={**self.about, **(about or {})})
 
     def remove(self, names: Iterable[str]) -> None:
         """Take away those of some names that are recorded, and forget them."""
-        known, wanted = self._known, set(names)
-        gone = [name for name in known.files if name in wanted]
-        for name in gone:
-            remove_recorded(self.path, name, known.inside_of(name))
-        if gone:
-            self._write(known.of(name for name in known.files if name not in wanted), known.about)
+        files, wanted = self.files, {*names}
+        if gone := wanted.intersection(files):
+            remove_recorded(self.path, gone)
+            self._update(files=[name for name in files if name not in gone])
 
     def forget_unwritten(self) -> None:
         """Forget names that were recorded and not written in the end: somebody else may use them."""
-        if gone := [name for name in self.files if not (self.path / name).exists()]:
-            self.remove(gone)
+        self.remove(name for name in self.files if not (self.path / name).exists())
 
     def prepare(self) -> Path:
         """Return an empty folder inside, for new results until `bring_in`."""
         shutil.rmtree(self._prepared, ignore_errors=True)
         if self.record is None:
-            self._write(Record(self.kind), {})
+            self._update()
         self._prepared.mkdir()
         return self._prepared
 
     def bring_in(self, about: Mapping[str, Any]) -> None:
         """Put what was prepared in the place of the earlier results; see `check_names`. `mend` ends what is cut off."""
-        known = self._known
-        incoming = {
-            file.name + "/" * file.is_dir(): sorted(inner.name for inner in file.iterdir()) if file.is_dir() else []
-            for file in sorted(self._prepared.iterdir())
+        incoming = sorted(
+            file.relative_to(self._prepared).as_posix() + "/" * file.is_dir()
+            for file in self._prepared.rglob("*")
             if not file.name.startswith(".")  # something half written
-        }
+        )
         self.check_names(incoming)
-        for name, inner in incoming.items():
-            for file in inner:
-                if file not in known.inside_of(name) and (self.path / name / file).exists() and not is_step(file):
-                    raise _not_ours(self.path / name / file)
         # Both the earlier and the new names are the program's from here on.
-        inside = {name: sorted({*inner, *known.inside_of(name)}) for name, inner in incoming.items() if inner}
-        both = known.of([*known.files, *incoming])
-        on_the_way = {"inside": {**known.inside, **inside}, "incoming": incoming, "incoming_about": dict(about)}
-        self._write(dataclasses.replace(both, **on_the_way), known.about)  # type: ignore[arg-type]
+        self._update(files=[*self.files, *incoming], incoming=tuple(incoming), incoming_about=dict(about))
         self.mend()
 
     def mend(self) -> None:
         """End what `bring_in` has begun; nothing happens if nothing was left halfway."""
         known = self._known
-        if known.incoming is None:
-            shutil.rmtree(self._prepared, ignore_errors=True)
-            return
-        for name, inner in known.incoming.items():
-            source, target = self._prepared / name, self.path / name
-            if not name.endswith("/"):
-                if source.exists():
+        if known.incoming is not None:
+            for name in sorted(known.incoming):  # a folder before what is in it
+                source, target = self._prepared / name, self.path / name
+                if name.endswith("/"):
+                    target.mkdir(exist_ok=True)
+                elif source.exists():
                     source.replace(target)
-            elif source.is_dir():
-                target.mkdir(exist_ok=True)
-                remove_inside(target, known.inside_of(name) - set(inner), keep=inner)
-                for file in sorted(source.iterdir()):
-                    file.replace(target / file.name)
-                source.rmdir()
-        for name in known.files:
-            if name not in known.incoming:
-                remove_recorded(self.path, name, known.inside_of(name))
-        inside = {name: inner for name, inner in known.incoming.items() if inner and not all(map(is_step, inner))}
-        self._write(Record(self.kind, tuple(known.incoming), inside=inside), known.incoming_about)
+            new = {*known.incoming}
+            remove_recorded(self.path, {*known.files} - new)
+            for folder in {name.partition("/")[0] for name in new if "/" in name}:
+                remove_steps(self.path / folder, keep=new)
+            files = [name for name in known.incoming if not is_step(name)]
+            self._update(files=files, about=known.incoming_about, incoming=None, incoming_about={})
         shutil.rmtree(self._prepared, ignore_errors=True)
 
-    def _write(self, record: Record, about: Mapping[str, Any]) -> None:
-        dataclasses.replace(record, kind=self.kind, about=dict(about)).write(self._record)
-
-
-def _not_ours(file: Path) -> OwnFolderError:
-    text = f"{file} exists and was not written by this program, so it is not replaced"
-    return OwnFolderError(f"{text}; move it away, or use another folder (--output)")
+    def _update(self, files: Iterable[str] | None = None, **changes: Any) -> None:
+        known = self._known
+        names = tuple(dict.fromkeys(known.files if files is None else files))
+        dataclasses.replace(known, kind=self.kind, files=names, **changes).write(self._record)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -414,121 +383,3 @@ def numbered(base: Path) -> Iterator[Path]:
     yield base
     for number in itertools.count(2):
         yield base.with_name(f"{base.name}-{number}")
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# What a command writes: a folder of results that is replaced whole at its end, and single files.
-#
-# Earlier results are replaced whole or stay. No file is written over one that is read, nor over one that somebody else made.
-
-
-NO_INPUT = ("output", "quiet", "no_pictures", "jobs")
-"""Options that change nothing in a command's numbers."""
-
-
-class ResultFolder:
-    """A command's folder of results, locked from its beginning to its end; `OwnFolderError` if it is not this program's, is in
-    use, or cannot be written.
-
-    Without ``output`` it is the first of ``default``, ``default-2`` ... that is free or holds results of the very same inputs:
-    the command's options by name, and the files that are read, or folders of CSV files, which are never replaced.
-    """
-
-    def __init__(
-        self, output: Path | None, default: Path, kind: str, options: Mapping[str, Any], files: Iterable[Path] = ()
-    ):
-        files = list(files)
-        self._inputs = {
-            "options": {name: repr(value) for name, value in sorted(options.items()) if name not in NO_INPUT},
-            "files": {str(file): fingerprint(file) for file in files},
-        }
-        try:
-            if output is None:
-                self._own = take_default(default, kind, self._inputs)
-            else:
-                self._own = OwnFolder(output, kind)
-                self._own.take()
-            try:
-                self._own.check_inputs(files)
-            except OwnFolderError:
-                self._own.leave()
-                raise
-        except InUseError as error:
-            raise OwnFolderError(str(error)) from None
-        except OSError as error:
-            raise OwnFolderError(f"the folder {output or default} cannot be written ({reason(error)})") from None
-
-    @property
-    def path(self) -> Path:
-        return self._own.path
-
-    @contextlib.contextmanager
-    def writing(self) -> Iterator[Path]:
-        """Provide a folder to write all results into, which take the place of the earlier ones at the end of the block;
-        `OwnFolderError` if somebody else's file has the name of a result. Without room the earlier results stay."""
-        yield self._own.prepare()
-        self._own.bring_in({"inputs": self._inputs, "made": Provenance.now().table()})
-
-    def leave(self) -> None:
-        """Let go of it; nothing is left where nothing was written."""
-        self._own.leave()
-
-
-def fingerprint(path: Path) -> str:
-    """Return SHA-256 of a file, or of a folder's CSV files and their names; ``"missing"`` where there is none."""
-    try:
-        if path.is_dir():
-            parts = [f"{file.name} {fingerprint(file)}" for file in sorted(path.glob("*.csv"))]
-            return hashlib.sha256("\n".join(parts).encode()).hexdigest()
-        return file_digest(path)
-    except OSError:
-        return "missing"
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Single files that a command writes: never one that it reads, and never one that somebody else made.
-
-
-MARK = "softmodels"
-"""What the header of a drawn PNG names as its software."""
-
-
-def check_output_file(
-    path: Path, inputs: Iterable[Path], is_own: Callable[[Path], bool], what: str, option: str
-) -> None:
-    """Raise `OwnFolderError`, which names the option, if a file would take the place of an input, or of one that is not an
-    earlier one of its kind, ``what`` in words."""
-    for file in inputs:
-        if is_same(path, file):
-            raise OwnFolderError(f"{path} is an input and would be overwritten by {what}; give another name ({option})")
-    if path.is_dir():
-        raise OwnFolderError(f"{path} is a folder; name a file for {what} ({option})")
-    if path.exists() and not is_own(path):
-        raise OwnFolderError(
-            f"{path} exists and is not {what} of this program, so it is not replaced; give another name ({option}), or "
-            "move it away"
-        )
-
-
-def has_table(name: str) -> Callable[[Path], bool]:
-    """Return a test whether a file is TOML with a table of some name."""
-
-    def test(path: Path) -> bool:
-        try:
-            return name in tomllib.loads(read_text(path))
-        except (OSError, ValueError, RecursionError):
-            return False
-
-    return test
-
-
-def is_drawn(path: Path) -> bool:
-    """Return whether a picture was drawn by this program."""
-    from PIL import Image
-
-    try:
-        check_file(path)
-        with Image.open(path) as image:
-            return str(image.info.get("Software", "")).startswith(MARK)
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
-        return False

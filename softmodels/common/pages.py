@@ -8,118 +8,18 @@ small program in it does. Without that program all stands there in the unit it w
 from __future__ import annotations
 
 import base64
-import contextlib
 import dataclasses
-import datetime
-import functools
 import json
 import re
-import shlex
-import subprocess
-import sys
-import time
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from softmodels.common.files import render, version
+from softmodels.common.commands import Provenance
+from softmodels.common.files import render
 from softmodels.common.units import FACTORS, pascal_per_cm, quantity
 
 UNITS = {"kPa": "kPa", "mbar": "mbar", "psi": "psi"}
 """Units of pressure beside the column of water, by their names in `softmodels.common.units`."""
-_STARTED = time.monotonic()
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Where the numbers of a page come from.
-
-
-@functools.cache
-def commit() -> str:
-    """Return the commit of the checkout that runs, with ``+`` if files differ from it; empty where there is none."""
-    top = Path(__file__).parents[2]
-    if not (top / ".git").exists():
-        return ""
-    words = ["git", "-C", str(top), "describe", "--always", "--exclude=*", "--abbrev=12", "--dirty=+"]
-    with contextlib.suppress(OSError, subprocess.SubprocessError):
-        done = subprocess.run(words, capture_output=True, text=True, timeout=5, check=False)
-        return done.stdout.strip() if done.returncode == 0 else ""
-    return ""
-
-
-def command_line() -> str:
-    """Return the command that runs, as it can be pasted; empty in a Python program."""
-    import click
-
-    context = click.get_current_context(silent=True)
-    name = context.find_root().info_name if context else None
-    return shlex.join([*name.split(), *sys.argv[1:]]) if name else ""
-
-
-def _libraries() -> dict[str, str]:
-    """Return the versions of DOLFINx and PETSc if they were used; nothing is imported for it."""
-    found = {}
-    if (dolfinx := sys.modules.get("dolfinx")) is not None:
-        found["DOLFINx"] = str(getattr(dolfinx, "__version__", "unknown"))
-    if (PETSc := sys.modules.get("petsc4py.PETSc")) is not None:
-        found["PETSc"] = ".".join(map(str, PETSc.Sys.getVersion()))
-    return found
-
-
-@dataclasses.dataclass(frozen=True)
-class Provenance:
-    """Where results come from; empty texts where that is unknown: date (UTC), version and commit of softmodels, versions of
-    DOLFINx and PETSc if they were used, how many seconds it took, and the command that made them."""
-
-    date: str = ""
-    version: str = ""
-    commit: str = ""
-    libraries: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    seconds: float | None = None
-    command: str = ""
-
-    @classmethod
-    def now(cls, seconds: float | None = None) -> Provenance:
-        """Return that of results made now; a command's time counts from the start of its process unless given."""
-        command = command_line()
-        if seconds is None and command:
-            seconds = time.monotonic() - _STARTED
-        date = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
-        return cls(date, version(), commit(), _libraries(), None if seconds is None else round(seconds, 1), command)
-
-    @classmethod
-    def from_table(cls, table: object) -> Provenance:
-        """Return that of a folder's record; unknown where the record has none, or another's."""
-        given = table if isinstance(table, dict) else {}
-        texts = {
-            name: value
-            for name in ("date", "version", "commit", "command")
-            if isinstance(value := given.get(name), str)
-        }
-        libraries, seconds = given.get("libraries"), given.get("seconds")
-        return cls(
-            **texts,
-            libraries={str(k): str(v) for k, v in libraries.items()} if isinstance(libraries, dict) else {},
-            seconds=float(seconds) if isinstance(seconds, int | float) else None,
-        )
-
-    def table(self) -> dict[str, Any]:
-        """Return it for a folder's record."""
-        return dataclasses.asdict(self)
-
-    @property
-    def rows(self) -> list[tuple[str, str]]:
-        """What is known of it: names and texts."""
-        program = f"softmodels {self.version}" if self.version else ""
-        if program and self.commit:
-            edited = ", with local changes" if self.commit.endswith("+") else ""
-            program += f", commit {self.commit.removesuffix('+')}{edited}"
-        time_taken = "" if self.seconds is None else f"{self.seconds:.1f} s"
-        libraries = ", ".join(f"{name} {version}" for name, version in self.libraries.items())
-        rows = [("date", self.date), ("program", program), ("libraries", libraries), ("wall time", time_taken),
-                ("command", self.command)]  # fmt: skip
-        return [row for row in rows if row[1]] or [("origin", "not recorded in this folder")]
-
-
 # ----------------------------------------------------------------------------------------------------------------------
 # What a page consists of. Each part is written by the macro of ``parts.html`` that its ``kind`` names.
 

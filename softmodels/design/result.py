@@ -20,9 +20,9 @@ from softmodels.case.entries import INPUT_ERRORS
 from softmodels.case.varied import varied
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
+from softmodels.common.commands import Provenance
 from softmodels.common.lazy import scipy
 from softmodels.common.names import keep_arrays
-from softmodels.common.pages import Provenance
 from softmodels.design.extremes import LeastGap
 from softmodels.design.problem import (
     INSIDE,

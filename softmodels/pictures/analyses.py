@@ -20,9 +20,10 @@ from matplotlib.patches import Circle
 
 from geometries import Actuator
 from softmodels.common.arrays import Array
+from softmodels.common.commands import Provenance
 from softmodels.common.errors import MissingPackageError
 from softmodels.common.files import write_bytes
-from softmodels.common.pages import Bullets, Charts, Fact, Folded, Listing, Page, Provenance, Table, Text
+from softmodels.common.pages import Bullets, Charts, Fact, Folded, Listing, Page, Table, Text
 from softmodels.common.processes import say
 from softmodels.materials.silicones import publications
 from softmodels.pictures.curves import drawing

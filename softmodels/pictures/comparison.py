@@ -20,11 +20,11 @@ from matplotlib.figure import Figure
 from softmodels.case.case import Case
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table as CardRows
+from softmodels.common.commands import Provenance
 from softmodels.common.errors import Spoken
-from softmodels.common.files import write_text
-from softmodels.common.folders import fingerprint
+from softmodels.common.files import fingerprint, write_text
 from softmodels.common.lazy import scipy
-from softmodels.common.pages import Bullets, Cell, Charts, Fact, Page, Part, Provenance, Table, Text
+from softmodels.common.pages import Bullets, Cell, Charts, Fact, Page, Part, Table, Text
 from softmodels.materials.silicones import publications
 from softmodels.pictures.curves import drawing, limits, over_of, profile, smooth
 from softmodels.pictures.style import LINE_COLOURS, STYLE, WIDTH, chart

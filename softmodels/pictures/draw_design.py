@@ -19,9 +19,9 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from softmodels.common.arrays import Array
-from softmodels.common.commands import COLORMAP, COLORMAP_OPTION
+from softmodels.common.commands import COLORMAP, COLORMAP_OPTION, Provenance
 from softmodels.common.files import image_uri, read_text, write_text
-from softmodels.common.pages import Bullets, Charts, Fact, Folded, Listing, Page, Part, Picture, Provenance, Table, Text
+from softmodels.common.pages import Bullets, Charts, Fact, Folded, Listing, Page, Part, Picture, Table, Text
 from softmodels.design.result import CAPTIONS, REPORT, DesignTold, ParameterTold, TrialTold
 from softmodels.materials.silicones import publications
 from softmodels.pictures.curves import drawing, kilopascals, limits, smooth

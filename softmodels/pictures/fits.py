@@ -13,7 +13,8 @@ from matplotlib.figure import Figure
 
 from measurement.outline.outline import reached
 from softmodels.common.arrays import Array
-from softmodels.common.pages import Bullets, Charts, Fact, Page, Part, Provenance, Table, Text
+from softmodels.common.commands import Provenance
+from softmodels.common.pages import Bullets, Charts, Fact, Page, Part, Table, Text
 from softmodels.common.processes import plain
 from softmodels.common.units import pascal_per_cm, with_prefix
 from softmodels.fitting.comparison import FitReport, FittedLaw, correlation_rows, parameter_rows, residual_rows

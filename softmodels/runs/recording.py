@@ -19,12 +19,11 @@ from typing import TypedDict
 import numpy as np
 
 from softmodels.case.case import Case, difference, identity
-from softmodels.common.commands import FULL
+from softmodels.common.commands import FULL, Provenance
 from softmodels.common.errors import Spoken, reason
 from softmodels.common.files import file_digest, is_same, read_text, write_text
 from softmodels.common.folders import OwnFolder, OwnFolderError, numbered, take_default
 from softmodels.common.lazy import MPI
-from softmodels.common.pages import Provenance
 from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics.controls import Tangent
 from softmodels.mechanics.mpi import is_root, largest, on_root

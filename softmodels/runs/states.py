@@ -21,9 +21,9 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.materials import SourceBand
 from softmodels.common.arrays import Array
+from softmodels.common.commands import Provenance
 from softmodels.common.files import hdf5_reason
 from softmodels.common.lazy import pyvista
-from softmodels.common.pages import Provenance
 from softmodels.common.units import brief
 from softmodels.runs.columns import SourceRows, StateLabels, in_order, read_sources, state_labels
 from softmodels.runs.fields import OUTPUTS, OutputField, Row

@@ -15,8 +15,17 @@ from measurement.series.photo_list import PhotoListError, read_photos
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.materials import material_from
-from softmodels.common.files import UserFileError, check_file, file_digest, read_file, read_text, replace_text
-from softmodels.common.folders import FolderLock, has_table, is_drawn
+from softmodels.common.files import (
+    UserFileError,
+    check_file,
+    file_digest,
+    has_table,
+    is_drawn,
+    read_file,
+    read_text,
+    replace_text,
+)
+from softmodels.common.folders import FolderLock
 from softmodels.common.tables import TomlError, numbers, read_toml
 from softmodels.materials.laws import MaterialError
 

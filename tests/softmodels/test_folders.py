@@ -358,10 +358,36 @@ def test_a_record_from_elsewhere_names_nothing_outside(tmp_path):
     (tmp_path / "mine.txt").write_text("mine")
     folder = tmp_path / "disk"
     folder.mkdir()
-    for name in ("../mine.txt", "/etc/hostname", "..", "a/b"):
-        record = {"format": 1, "kind": "run", "files": [name], "about": {}}
+    for name in ("../mine.txt", "/etc/hostname", "..", "a/..", "./a", "a/b/c", "a//"):
+        record = {"format": 2, "kind": "run", "files": [name], "about": {}}
         (folder / ".softmodels.json").write_text(json.dumps(record))
         assert OwnFolder(folder, "run").files == []
+    (folder / "a").symlink_to(tmp_path)
+    (folder / ".softmodels.json").write_text(json.dumps({**record, "files": ["a/", "a/mine.txt"]}))
+    own = OwnFolder(folder, "run")
+    own.remove(own.files)
+    assert own.files == [] and (tmp_path / "mine.txt").read_text() == "mine"
+
+
+def test_a_record_of_the_first_format_is_read(tmp_path):
+    """What is in a folder stood beside its name; what was on its way when the program was killed is still brought in."""
+    (tmp_path / ".softmodels-new" / "edges").mkdir(parents=True)
+    (tmp_path / ".softmodels-new" / "edges" / "b.png").write_text("new")
+    (tmp_path / "edges").mkdir()
+    (tmp_path / "edges" / "a.png").write_text("old")
+    record = {
+        "format": 1,
+        "kind": "outlines",
+        "files": ["edges/"],
+        "about": {},
+        "inside": {"edges/": ["a.png", "b.png"]},
+    }
+    (tmp_path / ".softmodels.json").write_text(json.dumps({**record, "incoming": {"edges/": ["b.png"]}}))
+    own = OwnFolder(tmp_path, "outlines")
+    own.take()
+    own.leave()
+    assert own.files == ["edges/", "edges/b.png"]
+    assert contents(tmp_path / "edges") == {Path("b.png"): b"new"}
 
 
 # -- Somebody else's folder: nothing in it is run, nothing in it changes the numbers, and it shows no other file's b--

@@ -18,7 +18,7 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.cli import analyses
 from softmodels.cli.analyses import LimitOptions
-from softmodels.common.folders import NO_INPUT
+from softmodels.common.commands import NO_INPUT
 from softmodels.common.schema import about
 from softmodels.components.loads import Force, Gravity, Mass
 from softmodels.materials.laws import MooneyRivlin, NeoHookean, Yeoh

@@ -7,7 +7,8 @@ import re
 
 import pytest
 
-from softmodels.common import pages
+from softmodels.common import commands, pages
+from softmodels.common.commands import Provenance
 from softmodels.common.pages import (
     Bullets,
     Cell,
@@ -19,12 +20,11 @@ from softmodels.common.pages import (
     Page,
     Picture,
     Program,
-    Provenance,
     Table,
     Terms,
     Text,
     inline_svg,
-)  # fmt: skip
+)
 
 EVIL = "<script>alert(1)</script>"
 UNITS = {"kPa": 1000.0, "mbar": 100.0, "psi": 6894.757293168}
@@ -82,9 +82,9 @@ def test_where_it_comes_from_is_read_back_and_never_needed(monkeypatch):
     for odd in (None, [], {"date": 5, "libraries": 3, "seconds": "x"}):
         assert Provenance.from_table(odd).rows == [("origin", "not recorded in this folder")]
     monkeypatch.setenv("PATH", "")  # no git
-    pages.commit.cache_clear()
-    assert pages.commit() == "" and Provenance.now().version
-    pages.commit.cache_clear()
+    commands.commit.cache_clear()
+    assert commands.commit() == "" and Provenance.now().version
+    commands.commit.cache_clear()
 
 
 @pytest.mark.parametrize("unit", UNITS)
