@@ -37,12 +37,13 @@ from softmodels.path.continuation import Continuation
 from softmodels.runs.analyses import KINDS, Limit
 from softmodels.runs.columns import load_columns, overlap_text, state_labels, term
 from softmodels.runs.fields import OUTPUTS, OutputField, Row, requestable, split
+from softmodels.runs.formats import CELL_TYPES, TENSOR
 from softmodels.runs.notes import notes_of, sentences
 from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM, STOPPED, Ended, RunError
 from softmodels.runs.recording import ResultsPlace, begin, begin_branch, gather, recall, stored_point
 from softmodels.runs.simulation import InMemory, Simulation, Step
 from softmodels.runs.states import POINTS, Line, Probe, States, StoredStates
-from softmodels.runs.store import CELL_TYPES, TENSOR, Results
+from softmodels.runs.store import Results
 
 if TYPE_CHECKING:
     import pandas

@@ -30,13 +30,13 @@ from softmodels.cli.options import (
     fail,
     law_taken,
     material_options,
-    open_on_root,
     write_into,
 )
 from softmodels.common.commands import (
     Provenance,
     ResultFolder,
     flag_option,
+    open_folder,
     option,
     options,
     output_option,
@@ -52,7 +52,7 @@ from softmodels.materials.laws import Material
 from softmodels.materials.silicones import extrapolated, publications
 from softmodels.materials.specimens import check_rest, weakest, weakness
 from softmodels.mechanics.component import direction as unit_vector
-from softmodels.mechanics.mpi import abort_on_error, is_root, start
+from softmodels.mechanics.mpi import abort_on_error, is_root, kept_on_root, start
 from softmodels.runs.analyses import (
     LARGEST_STRETCH,
     MOST_MODES,
@@ -365,7 +365,7 @@ def limit(
     if how.output is not None or question.tolerances:
         asked = {**values, **vars(how), "material": material, "cm": question.column.cm}
         files = [path for path in (case_file, *map(Path, material)) if path is not None and path.is_file()]
-        folder = open_on_root(comm, how.output, Path("results/limit"), "limits", asked, files)
+        folder = kept_on_root(comm, lambda: open_folder(how.output, Path("results/limit"), "limits", asked, files))
     named, bands = with_sources(dict(question.materials))
     with sentences():
         limits, scattered = _answered(question, named, comm)
@@ -547,7 +547,7 @@ def _find_modes(case: Case, how: ModesOptions, asked: Mapping[str, object], file
     """Find the modes of a case, write and print them, and exit with the status."""
     comm = start()
     abort_on_error(comm)
-    folder = open_on_root(comm, how.output, Path("results/modes"), "modes", asked, files)
+    folder = kept_on_root(comm, lambda: open_folder(how.output, Path("results/modes"), "modes", asked, files))
     with sentences():
         found = find_frequencies(case, how.count, how.sealed, comm)
     if is_root(comm) and folder is not None:
@@ -706,7 +706,7 @@ def grasp_command(file: Path, how: GraspOptions) -> None:
     comm = start()
     abort_on_error(comm)
     asked = {"file": file, **vars(how)}
-    folder = open_on_root(comm, how.output, Path("results/grasp"), "grasp", asked, [file])
+    folder = kept_on_root(comm, lambda: open_folder(how.output, Path("results/grasp"), "grasp", asked, [file]))
     with sentences():
         made, found = grasp(case, how.fingers, how.load, way, how.label, how.steps)
     outlines = [made.outlines(held) for held in found]

@@ -17,7 +17,7 @@ import numpy as np
 from geometries.registry import QuantityType
 from softmodels.case.case import Case
 from softmodels.case.materials import MaterialErrors, material_from
-from softmodels.cli.options import command, fail, open_on_root, write_into
+from softmodels.cli.options import command, fail, write_into
 from softmodels.common.commands import (
     Provenance,
     flag_option,
@@ -78,7 +78,7 @@ from softmodels.materials.silicones import (
     spread_sentence,
 )
 from softmodels.materials.specimens import FLOW, MODE_NAMES, SOFTENING, MaterialCurves, nominal_stress
-from softmodels.mechanics.mpi import abort_on_error, speaks, start
+from softmodels.mechanics.mpi import abort_on_error, kept_on_root, speaks, start
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.notes import sentences
 from softmodels.runs.outcomes import DONE, FAILED, Progress
@@ -410,7 +410,13 @@ def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
     comm = start() if files else None
     read = [*files, *how.files_read, *([how.heights] if how.heights else [])]
     given = how.output, Path("results/fit"), "fit", {**vars(how), "files": files}, read
-    folder = open_on_root(comm, *given) if comm is not None else open_folder(*given) if speaks() else None
+    folder = (
+        kept_on_root(comm, lambda: open_folder(*given))
+        if comm is not None
+        else open_folder(*given)
+        if speaks()
+        else None
+    )
     try:
         with sentences() if files else contextlib.nullcontext():
             report = _device_report(files, how) if files else _curves_report(how)

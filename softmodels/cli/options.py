@@ -33,19 +33,17 @@ from softmodels.common.commands import (
     RunOptions,
     asked_to_stop,
     bounded,
-    open_folder,
     options,
     status_of,
     stoppable,
     written,
 )
 from softmodels.common.errors import Spoken, meant, reason
-from softmodels.common.lazy import MPI
 from softmodels.common.processes import COLUMNS, columns, cores, end_with_parent, say
 from softmodels.common.units import UnitError, exact_text
 from softmodels.materials.laws import LAWS
 from softmodels.materials.silicones import PRODUCTS, product_of, silicone_called
-from softmodels.mechanics.mpi import StartError, launched, mpich_file, on_root, speaks, start
+from softmodels.mechanics.mpi import StartError, launched, mpich_file, speaks, start
 from softmodels.mechanics.solver import METHODS
 from softmodels.runs.outcomes import FAILED, Ended, no_memory
 
@@ -333,15 +331,6 @@ class Command(click.Command):
 
 command = functools.partial(click.command, cls=Command)
 """As `click.command`."""
-
-
-def open_on_root(
-    comm: MPI.Comm, output: Path | None, default: Path, kind: str, options: Mapping[str, object], files: Sequence[Path]
-) -> ResultFolder | None:
-    """Open a results folder on rank 0, see `open_folder`; return None elsewhere."""
-    folder: list[ResultFolder] = []
-    on_root(comm, lambda: folder.append(open_folder(output, default, kind, options, files)))
-    return folder[0] if folder else None
 
 
 @contextlib.contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import functools
 import io
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,7 +19,6 @@ from softmodels.case.entries import INPUT_ERRORS
 from softmodels.case.varied import value_of, varied
 from softmodels.common.arrays import Array
 from softmodels.common.files import replace_text
-from softmodels.common.folders import OwnFolderError
 from softmodels.common.lazy import MPI
 from softmodels.common.names import callback, checked, flag, place, several, whole as whole_number, wrong
 from softmodels.common.processes import one_at_a_time
@@ -35,8 +35,8 @@ from softmodels.design.problem import (
     label,
 )
 from softmodels.design.result import MET, DesignResult, StartEnd, case_text, holding
-from softmodels.design.trials import DesignError, DesignStopped, Trial
-from softmodels.mechanics.mpi import on_root, start
+from softmodels.design.trials import DesignStopped, Trial
+from softmodels.mechanics.mpi import kept_on_root, on_root, start
 from softmodels.runs.outcomes import NO_EQUILIBRIUM, STOPPED, RunError
 
 TRIED = 8
@@ -136,13 +136,7 @@ def _finer(value: object) -> float:
 
 def open_folder(problem: DesignProblem, output: Path | None, comm: MPI.Comm, how: SearchOptions) -> DesignFolder | None:
     """Return the folder of an optimisation on rank 0, None elsewhere; DesignError, on all ranks, if it cannot be used."""
-    taken: list[DesignFolder] = []
-
-    def take() -> None:
-        taken.append(DesignFolder(problem, output, how.get("resume", False), how.get("inputs", ())))
-
-    on_root(comm, take)
-    return taken[0] if taken else None
+    return kept_on_root(comm, lambda: DesignFolder(problem, output, how.get("resume", False), how.get("inputs", ())))
 
 
 def run_in(
@@ -659,16 +653,16 @@ def run_variants(
     for words, one in problem.variants():
         if tell is not None:
             on_root(comm, lambda words=words: tell(f"{words}:"))  # type: ignore[misc]
-        own = _opened(one, words, folder, comm, how)
+        own = kept_on_root(comm, functools.partial(_opened, one, words, folder, how))
         try:
-            found.append(Variant(words, one, run_in(one, own[0] if own else None, comm, **how)))
+            found.append(Variant(words, one, run_in(one, own, comm, **how)))
         except RunError as error:
             if "stopped" in str(error):
                 raise
             found.append(Variant(words, one, None, str(error)))
         finally:
-            for taken in own:
-                taken.leave()
+            if own is not None:
+                own.leave()
         result = found[-1].result
         if result is not None and result.stopped:
             break
@@ -694,21 +688,9 @@ def _begin(problem: DesignProblem, folder: DesignFolder | None, how: SearchOptio
     folder.own.claim([TABLE, DESIGN, START, VARIANTS, *names], {"inputs": folder.identity})
 
 
-def _opened(
-    problem: DesignProblem, words: str, folder: DesignFolder | None, comm: MPI.Comm, how: SearchOptions
-) -> list[DesignFolder]:
-    """Return the folder of one choice, on rank 0; none elsewhere."""
-    taken: list[DesignFolder] = []
-
-    def take() -> None:
-        if folder is not None:
-            try:
-                taken.append(DesignFolder(problem, folder.path / _name(words), how.get("resume", False)))
-            except OwnFolderError as error:
-                raise DesignError(str(error)) from None
-
-    on_root(comm, take)
-    return taken
+def _opened(problem: DesignProblem, words: str, folder: DesignFolder | None, how: SearchOptions) -> DesignFolder | None:
+    """Return the folder of one choice inside that of all."""
+    return None if folder is None else DesignFolder(problem, folder.path / _name(words), how.get("resume", False))
 
 
 def _settle(folder: DesignFolder, best: Variant, found: list[Variant]) -> Path:

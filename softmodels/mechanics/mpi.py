@@ -275,6 +275,13 @@ def on_root[T](comm: MPI.Comm, task: Callable[[], T]) -> T:
     return value  # type: ignore[no-any-return]
 
 
+def kept_on_root[T](comm: MPI.Comm, task: Callable[[], T]) -> T | None:
+    """As `on_root` with a result that stays there, such as an open folder; return None on the other ranks."""
+    kept: list[T] = []
+    on_root(comm, lambda: kept.append(task()))
+    return kept[0] if kept else None
+
+
 def total(comm: MPI.Comm, value: float) -> float:
     return float(comm.allreduce(value, op=MPI.SUM))
 

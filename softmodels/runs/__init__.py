@@ -7,7 +7,7 @@ Begin with `simulation`, which yields states; `recording` writes them, and resum
 - `fields`: fields and figures of a state, and its row. `state_values`, `grid`: what they are made of, and where they live;
   gaps between walls.
 - `columns`: what stands in ``path.csv``, and the 95 % bands there. `notes`: warnings and explanations.
-- `store`: the results folder, written and read, and the formats of its files. `states`: the states of a run, and values along
+- `store`: the results folder, written and read. `formats`: what its files hold. `states`: the states of a run, and values along
   a line through the body, such as the stress through a wall.
 - `outcomes`: exit statuses, and the bar while a run works.
 """

@@ -26,7 +26,7 @@ from softmodels.common.folders import OwnFolder, OwnFolderError, numbered, take_
 from softmodels.common.lazy import MPI
 from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics.controls import Tangent
-from softmodels.mechanics.mpi import is_root, largest, on_root
+from softmodels.mechanics.mpi import is_root, kept_on_root, largest, on_root
 from softmodels.mechanics.system import State
 from softmodels.path.points import Point
 from softmodels.path.program import goes_on
@@ -34,11 +34,12 @@ from softmodels.path.schedule import StageEnd
 from softmodels.path.stability import Signature
 from softmodels.runs.columns import cavity_columns, state_labels
 from softmodels.runs.fields import Fields, Row
+from softmodels.runs.formats import Restart
 from softmodels.runs.notes import events, no_branch, notes_of, sentences, stability_text, unwritten
 from softmodels.runs.outcomes import BAD_INPUT, DONE, FAILED, Ended, RunError, UnwrittenError
 from softmodels.runs.simulation import FROM_REST, Begun, Listener, PathEnded, Simulation, Step, solve_sources
 from softmodels.runs.states import States
-from softmodels.runs.store import BRANCH, RUN, Restart, Results, picture_files, picture_folder
+from softmodels.runs.store import BRANCH, RUN, Results, picture_files, picture_folder
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Resume an interrupted run: check that the case matches the stored results, and load the states to continue from.
@@ -68,8 +69,7 @@ def drop_between(case: Case, results: Results) -> None:
     """Drop the last states that were found between two steps, or within a step of a program: they are found again with it."""
     while results.stored:
         row = results.stored[-1].row
-        found = ("limit", "bifurcation", "stroke_limit", "jump")
-        between = any(row.get(name) for name in found) or (
+        between = any(row.get(name) for name in ("limit", "bifurcation", "stroke_limit", "jump")) or (
             row["requested"] and row["step"] and row["control"] != case.quantity
         )
         if not (not row["requested"] if case.program else between):
@@ -195,14 +195,8 @@ def begin(case: Case, place: ResultsPlace) -> tuple[Results, bool]:
 
 def begin_together(case: Case, place: ResultsPlace, comm: MPI.Comm) -> tuple[Results, bool]:
     """The same on all ranks, where rank 0 alone takes the folder and writes there."""
-    begun: list[Results] = []
-
-    def on_rank_0() -> tuple[Path, Path, bool]:
-        results, resumed = begin(case, place)
-        begun.append(results)
-        return results.own.path, results.folder, resumed
-
-    home, at, resumed = on_root(comm, on_rank_0)
+    begun = kept_on_root(comm, lambda: begin(case, place))
+    home, at, resumed = comm.bcast(None if begun is None else (begun[0].own.path, begun[0].folder, begun[1]))
     results = begun[0] if begun else Results(home, case.name, case.actuator.gauge)
     results.folder = at
     return results, resumed

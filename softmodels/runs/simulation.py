@@ -28,11 +28,11 @@ from softmodels.path.schedule import StageEnd, cycle
 from softmodels.path.supply import Gas
 from softmodels.runs.columns import Band, Solved, row_of
 from softmodels.runs.fields import Fields, Row, check_requested
+from softmodels.runs.formats import Restart, restart_of
 from softmodels.runs.model import Model, body_of, temporary_folder
 from softmodels.runs.notes import explain, explain_failure, explain_step, sentences
 from softmodels.runs.outcomes import FAILED, INTERRUPTED, NO_EQUILIBRIUM, STOPPED, RunError
 from softmodels.runs.states import States
-from softmodels.runs.store import Restart, restart_of
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Interface between a simulation and its callers: states, listeners and restart data.

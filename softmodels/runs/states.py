@@ -27,9 +27,10 @@ from softmodels.common.lazy import pyvista
 from softmodels.common.units import brief
 from softmodels.runs.columns import SourceRows, StateLabels, in_order, read_sources, state_labels
 from softmodels.runs.fields import OUTPUTS, OutputField, Row
+from softmodels.runs.formats import CELL_TYPES, Restart, opened, read_values
 from softmodels.runs.grid import OUTSIDE, Surface, surface_of
 from softmodels.runs.state_values import FacingWalls, principal
-from softmodels.runs.store import CELL_TYPES, Restart, Results, ResultsError, opened, read_values
+from softmodels.runs.store import Results, ResultsError
 
 STILLS = 4
 """Maximum number of states shown side by side."""
