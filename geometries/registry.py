@@ -38,7 +38,7 @@ def _list_variant_fields(device: type[Actuator]) -> None:
     device.variant = classmethod(checked(variant))  # type: ignore[assignment]
 
 
-ACTUATORS: Registry[type[Actuator]] = Registry("device", lambda device: device.__name__, PLACES, _list_variant_fields)
+ACTUATORS: Registry[type[Actuator]] = Registry("device", places=PLACES, made_known=_list_variant_fields)
 """Every device by the name of its class."""
 register_device = ACTUATORS.register
 

@@ -203,7 +203,7 @@ type Check = Callable[[Evidence], Iterator[Doubt]]
 """A question about a photograph, its docstring's first line: it yields what speaks against it, of which the first counts."""
 
 CHECKS: dict[str, Registry[Check]] = {
-    stage: Registry("check", lambda check: check.__name__) for stage in (LIST, EDGE, TONE, ZERO, OUTLINE, RUN, COURSE)
+    stage: Registry("check") for stage in (LIST, EDGE, TONE, ZERO, OUTLINE, RUN, COURSE)
 }
 """Every check by its stage and its name, in the order in which they are asked."""
 

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING
 from geometries import Actuator
 from softmodels.api.run import Run
 from softmodels.case.case import Case, Values, case_of
-from softmodels.case.components import without_walls
 from softmodels.case.entries import CaseError, Probes
 from softmodels.case.load import LoadRequest
-from softmodels.case.materials import AnyBand
+from softmodels.case.materials import AnyBand, without_walls
 from softmodels.common import errors
 from softmodels.common.files import GEOMETRY, read_file, read_text
 from softmodels.common.lazy import MPI
@@ -27,7 +26,7 @@ from softmodels.materials.laws import Material
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.compiling import compiling
 from softmodels.mechanics.component import Component
-from softmodels.mechanics.inertia import RADIUS
+from softmodels.mechanics.memory import RADIUS
 from softmodels.mechanics.mpi import is_root, start
 from softmodels.mechanics.system import System
 from softmodels.path.program import TOLERANCE, Program

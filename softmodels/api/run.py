@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 
     from softmodels.api.views import Animation
     from softmodels.decks.reduction import ReducedModel
-    from softmodels.path.points import Point
+    from softmodels.path.stability import Point
 
 
 # ----------------------------------------------------------------------------------------------------------------------

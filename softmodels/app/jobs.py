@@ -18,8 +18,7 @@ from nicegui import Event
 
 from softmodels.common.errors import reason
 from softmodels.common.files import replace_text
-from softmodels.common.processes import end_with_parent
-from softmodels.common.workers import Answer, DiedError, Worker
+from softmodels.common.processes import Answer, DiedError, Worker, end_with_parent
 from softmodels.runs import outcomes
 
 FOLDER = "jobs"

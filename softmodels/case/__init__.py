@@ -2,9 +2,8 @@
 
 Begin with `case`. A field of `Case` names its entry in `entries`, from which come table, option and message.
 
-- `case`: the case, from a file, from options, and from the arguments of a call.
+- `case`: the case, from a file, from options, and from the arguments of a call; the numbers that designs vary.
 - `entries`: fields as text; named points and angles.
-- `load`: requested pressures, volumes, strokes, loads. `materials`: materials as text, their errors, regions.
-- `varied`: the numbers of a case that designs vary.
-- `components`: tables of what is added; the user's own Python files.
+- `load`: requested pressures, volumes, strokes, loads. `materials`: materials as text, their errors, regions; tables of what is
+  added; the user's own Python files.
 """

@@ -13,10 +13,10 @@ from softmodels.common.names import checked
 from softmodels.common.schema import About, Quantity, Text, Words
 from softmodels.common.units import UnitError, brief, pascal_per_cm, quantity
 from softmodels.mechanics.component import Component
-from softmodels.mechanics.dead_loads import LoadPart, RequestedValue, requestable
+from softmodels.mechanics.controls import LoadPart, RequestedValue, requestable
 from softmodels.path import program as programs
-from softmodels.path.points import DeadForce, LoadDisplacement
 from softmodels.path.program import SOURCE, TIME_KEY, VALVE, Program, Series, source_key
+from softmodels.path.stability import DeadForce, LoadDisplacement
 from softmodels.path.supply import AMBIENT, AirSupply, Reservoir
 
 # ----------------------------------------------------------------------------------------------------------------------

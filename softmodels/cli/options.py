@@ -23,9 +23,15 @@ import click
 from geometries import ACTUATORS, Actuator, GeometryError, MeshFileError, MeshingError, MeshingStopped, meshing
 from geometries.registry import device_options, device_told, field_option, flag
 from softmodels.case.case import Case, entries
-from softmodels.case.components import OwnModuleError, import_own_modules
 from softmodels.case.entries import MISSING, CaseError
-from softmodels.case.materials import DEFAULT, material_from, material_options_of, to_table
+from softmodels.case.materials import (
+    DEFAULT,
+    OwnModuleError,
+    import_own_modules,
+    material_from,
+    material_options_of,
+    to_table,
+)
 from softmodels.common.commands import (
     STOPPED,
     STOPS,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
-from softmodels.case.components import import_own_modules
+from softmodels.case.materials import import_own_modules
 from softmodels.cli.options import command, fail, unwritable
 from softmodels.common.commands import DrawingOptions, check_output_file, options, unswept
 from softmodels.common.files import check_file, csv_text, is_drawn, read_file, write_bytes, write_text

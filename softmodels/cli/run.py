@@ -20,7 +20,7 @@ from pathlib import Path
 
 from geometries.meshing import interpreter
 from softmodels.case.case import Case
-from softmodels.case.components import VARIABLE, own_modules
+from softmodels.case.materials import VARIABLE, own_modules
 from softmodels.common.commands import ALL_PICTURES, USUAL, DrawingOptions, RunOptions, bounded
 from softmodels.common.errors import reason, spoken
 from softmodels.common.lazy import MPI, PETSc, consoles, progress

@@ -12,5 +12,5 @@ TOML files and command-line options).
 - `files`: opening, writing beside and renaming. `folders`: results folders: claimed, locked, recorded, cleared, and those of a
   single command. `pages`: reports, and where their numbers come from.
 - `commands`: how commands start and end. `processes`: cores, signal handlers, one thread at a time, the terminal.
-  `workers`: processes that answer calls.
+  Processes that answer calls.
 """

@@ -10,6 +10,7 @@ import ast
 import functools
 import importlib
 import inspect
+import operator
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping, Sequence
@@ -225,7 +226,7 @@ class Registry[T](MutableMapping[str, T]):
     def __init__(
         self,
         what: str,
-        name: Callable[[T], str],
+        name: Callable[[T], str] = operator.attrgetter("__name__"),
         places: Mapping[str, str] = MappingProxyType({}),
         made_known: Callable[[T], None] = lambda entry: None,
     ) -> None:

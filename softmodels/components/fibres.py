@@ -93,7 +93,7 @@ class Sheet(EnergyComponent):
 
     Attributes:
         face: Faces or pieces of faces it is bonded to, such as ``"top"`` or ``"top, side within z > 2 mm"``; see
-            `softmodels.mechanics.pieces`.
+            `softmodels.mechanics.body`.
         stiffness: Young's modulus times thickness in N/m.
 
     Raises:
@@ -584,7 +584,7 @@ MOST_EXPONENT = 1e4
 
 FibreLaw = Callable[[Expression, Expression, Expression], Expression]
 """Energy as a function of k, q and b; see the module docstring."""
-FIBRE_LAWS: Registry[FibreLaw] = Registry("fibre law", lambda law: law.__name__)
+FIBRE_LAWS: Registry[FibreLaw] = Registry("fibre law")
 """By the name of the function."""
 register_fibre_law = FIBRE_LAWS.register
 

@@ -1,4 +1,4 @@
-"""Dead loads: gravity, hanging masses, forces and moments on faces; see `softmodels.mechanics.dead_loads`."""
+"""Dead loads: gravity, hanging masses, forces and moments on faces; see `softmodels.mechanics.controls`."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from softmodels.mechanics.component import (
     direction,
     register_component,
 )
-from softmodels.mechanics.dead_loads import (
+from softmodels.mechanics.controls import (
     LOADS_ENERGY,
     DistributedLoad,
     HeavyPart,

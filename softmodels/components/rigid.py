@@ -29,7 +29,7 @@ from softmodels.mechanics.component import (
     names_in,
     register_component,
 )
-from softmodels.mechanics.dead_loads import DistributedLoad, HeavyPart, Weighed, check_finite
+from softmodels.mechanics.controls import DistributedLoad, HeavyPart, Weighed, check_finite
 from softmodels.mechanics.regions import HoldingPart
 from softmodels.mechanics.rigid import STILL, Freedom, RigidPart
 

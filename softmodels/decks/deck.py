@@ -39,9 +39,9 @@ from softmodels.components.loads import FaceLoad, Mass
 from softmodels.components.pressing import HardeningPenalty, Penalty, Stand
 from softmodels.components.rigid import Clamp, Rigid
 from softmodels.materials.laws import Material
+from softmodels.mechanics.body import is_plain
 from softmodels.mechanics.component import Component, gravity_of, names_in
-from softmodels.mechanics.dead_loads import LoadPart
-from softmodels.mechanics.pieces import is_plain
+from softmodels.mechanics.controls import LoadPart
 from softmodels.mechanics.regions import held_with
 from softmodels.mechanics.rigid import Freedom
 from softmodels.mechanics.system import System, nodal_forces

@@ -20,9 +20,8 @@ from scipy.spatial.transform import Rotation
 
 from geometries import Actuator, Hold
 from softmodels.case.case import Case
-from softmodels.case.components import without_walls
 from softmodels.case.entries import CaseError
-from softmodels.case.materials import MaterialErrors
+from softmodels.case.materials import MaterialErrors, without_walls
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import known_are
@@ -31,8 +30,7 @@ from softmodels.components.contact import Walls
 from softmodels.materials.silicones import density_of, extrapolated
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.component import ComponentError
-from softmodels.mechanics.controls import pressure_control
-from softmodels.mechanics.dead_loads import DistributedLoad
+from softmodels.mechanics.controls import DistributedLoad, pressure_control
 from softmodels.mechanics.mpi import start
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.regions import RegionPart

@@ -25,7 +25,6 @@ from softmodels.design.quantities import (
 from softmodels.materials.strain import Strain, eigenvalues
 from softmodels.mechanics.body import cell_measure, in_space
 from softmodels.mechanics.mpi import any_rank, is_root, largest, on_root
-from softmodels.runs.grid import Grid, displacement_maps
 from softmodels.runs.state_values import (
     LAST_REACH,
     REACH,
@@ -33,6 +32,8 @@ from softmodels.runs.state_values import (
     SHARE,
     FacingWalls,
     Gaps,
+    Grid,
+    displacement_maps,
     principal_stretches,
     shape_stresses,
     volume_peak,

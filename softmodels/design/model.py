@@ -15,9 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from geometries import Actuator, GeometryError, MeshingError
-from softmodels.case.case import Case
+from softmodels.case.case import Case, in_equations, of_shape, value_of, varied
 from softmodels.case.entries import INPUT_ERRORS
-from softmodels.case.varied import in_equations, of_shape, value_of, varied
 from softmodels.common.arrays import Array
 from softmodels.common.errors import reason
 from softmodels.common.files import read_text, replace_text, replaced_whole

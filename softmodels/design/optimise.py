@@ -15,8 +15,8 @@ import numpy as np
 from scipy.optimize import least_squares, linprog, minimize
 from scipy.stats import qmc
 
+from softmodels.case.case import value_of, varied
 from softmodels.case.entries import INPUT_ERRORS
-from softmodels.case.varied import value_of, varied
 from softmodels.common.arrays import Array
 from softmodels.common.files import replace_text
 from softmodels.common.lazy import MPI

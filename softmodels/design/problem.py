@@ -13,10 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
-from softmodels.case.case import Case
+from softmodels.case.case import Case, of_shape, value_of, variable_names, varied
 from softmodels.case.entries import INPUT_ERRORS
 from softmodels.case.materials import MaterialErrors
-from softmodels.case.varied import of_shape, value_of, variable_names, varied
 from softmodels.common.arrays import Array
 from softmodels.common.errors import known_are
 from softmodels.common.lazy import MPI

@@ -33,7 +33,7 @@ from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.sensitivity import MeshMotion
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import face_load
-from softmodels.runs.grid import Grid, displacement_maps
+from softmodels.runs.state_values import Grid, displacement_maps
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

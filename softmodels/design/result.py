@@ -15,9 +15,8 @@ import numpy as np
 import tomli_w
 
 from geometries import Actuator
-from softmodels.case.case import Case
+from softmodels.case.case import Case, varied
 from softmodels.case.entries import INPUT_ERRORS
-from softmodels.case.varied import varied
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.commands import Provenance

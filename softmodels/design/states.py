@@ -20,10 +20,9 @@ from softmodels.mechanics.mpi import on_root, total
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.path.continuation import Continuation, trace
-from softmodels.path.points import AddedVolume, PathEnd, Point
 from softmodels.path.schedule import LARGEST_GROWTH_OF_CYCLE, HangingEnd, hang, inflate_from
-from softmodels.path.stability import Mode, Stability
-from softmodels.runs.grid import Grid, displacement_maps
+from softmodels.path.stability import AddedVolume, Mode, PathEnd, Point, Stability
+from softmodels.runs.state_values import Grid, displacement_maps
 
 if TYPE_CHECKING:
     from softmodels.design.quantities import DesignedBody, Measure

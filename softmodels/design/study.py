@@ -27,19 +27,17 @@ import tomli_w
 from scipy import stats
 
 from softmodels.case.case import Case, identity
-from softmodels.case.components import import_own_modules
 from softmodels.case.entries import CaseError
-from softmodels.case.materials import MaterialErrors, to_table
+from softmodels.case.materials import MaterialErrors, import_own_modules, to_table
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import Spoken, known_are, reason, required, written
 from softmodels.common.files import read_text, replace
 from softmodels.common.folders import InUseError, OwnFolder, OwnFolderError, take_default
 from softmodels.common.names import callback, checked, flag, one_of, place, whole
-from softmodels.common.processes import cores
+from softmodels.common.processes import Answer, Worker, answers, cores
 from softmodels.common.tables import TomlError, parse_toml, read_toml
 from softmodels.common.units import UnitError, number, number_and_unit
-from softmodels.common.workers import Answer, Worker, answers
 from softmodels.design.trials import dotted
 from softmodels.materials.laws import Material
 from softmodels.materials.specimens import nudged
@@ -360,7 +358,7 @@ def unit_points(sampling: str, inputs: int, count: int, seed: int) -> Array:
 def solved(task: tuple[Case, str]) -> dict[str, object]:
     """Solve a case; return its rows by column, and why it ends early, if it does.
 
-    Called in a process of its own, see `softmodels.common.workers`.
+    Called in a process of its own, see `softmodels.common.processes`.
     """
     case, answer = task
     import_own_modules()

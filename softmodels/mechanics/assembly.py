@@ -1,4 +1,4 @@
-"""Terms of the potential outside UFL, with their own assembly of energy, forces and stiffness.
+"""Terms of the potential outside UFL, with their own assembly of energy, forces and stiffness; sparse matrices; mass.
 
 In contact, distant parts of the mesh interact, and the pairs change with the shape; a UFL form couples only what
 shares a cell.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import abc
 import copy
+import dataclasses
 import functools
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Protocol
@@ -16,9 +17,10 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
-from softmodels.common.lazy import PETSc, basix, common, cpp, fem, la, meshes, scipy
+from softmodels.common.lazy import PETSc, basix, common, cpp, fem, la, meshes, scipy, ufl
 from softmodels.mechanics.body import Body
-from softmodels.mechanics.component import ComponentError, EnergyTerm
+from softmodels.mechanics.compiling import JIT
+from softmodels.mechanics.component import ComponentError, EnergyTerm, Equations
 from softmodels.mechanics.mpi import everywhere, largest, summed, total
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -647,3 +649,48 @@ def matrix_of(space: fem.FunctionSpace, forms: list[fem.Form]) -> Any:
         made = cpp.la.petsc.create_matrix(space.mesh.comm, pattern)
     mark_symmetric(made)
     return made
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Mass.
+
+
+@dataclasses.dataclass(frozen=True)
+class Inertia:
+    """What a device weighs, in densities of its main material and sizes of the device: densities of its materials, as in
+    `System.matter`, and masses of the slice spread evenly over faces."""
+
+    densities: tuple[float, ...]
+    faces: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def plain(self) -> bool:
+        """Whether it is that of unit density."""
+        return not self.faces and set(self.densities) == {1.0}
+
+
+def mass_matrix(
+    system: Equations, inertia: Inertia | None = None, held: Sequence[fem.DirichletBC] | None = None
+) -> PETSc.Mat:
+    """Return the displacement's mass matrix by all dofs, of unit density without masses; rows and columns of held dofs (by
+    default all that the system holds) are empty."""
+    bcs = system.bcs if held is None else held
+    test, trial = ufl.TestFunction(system.space), ufl.TrialFunction(system.space)
+    u, v = (system.body.displacement(ufl.split(f)[0] if system.mixed else f) for f in (trial, test))
+    work, mesh = ufl.inner(u, v) * system.body.hoop, system.body.mesh
+    form = work * ufl.Measure("dx", mesh, metadata={"quadrature_degree": 4})
+    if inertia is not None and set(inertia.densities) != {1.0}:
+        density = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+        for region, value in zip(system.matter, inertia.densities, strict=True):
+            density.x.array[region.cells] = value
+        density.x.scatter_forward()
+        form = density * work * ufl.Measure("dx", mesh, metadata={"quadrature_degree": 4})
+    matrix = sparse_matrix(fem.form(form, jit_options=JIT), bcs, 0.0)
+    for face, mass in inertia.faces if inertia else ():
+        measure, one = system.body.sheet_face(face)[0], fem.Constant(mesh, 1.0)
+        area = system.integral(fem.form(one * system.body.hoop * measure, jit_options=JIT))
+        spread = fem.form(fem.Constant(mesh, mass / area) * work * measure, jit_options=JIT)
+        plate = sparse_matrix(spread, bcs, 0.0)
+        matrix.axpy(1.0, plate, matrix.Structure.DIFFERENT)  # type: ignore[arg-type]
+        plate.destroy()
+    return matrix

@@ -41,8 +41,7 @@ from softmodels.common.names import Registry
 from softmodels.common.schema import Text, about, doubt_of, settle
 from softmodels.common.units import brief
 from softmodels.materials.laws import Material
-from softmodels.mechanics.body import Body
-from softmodels.mechanics.pieces import WITHIN, condition_of, pieces_in
+from softmodels.mechanics.body import WITHIN, Body, condition_of, pieces_in
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Physical causes of the end of a path, other than limit points.
@@ -415,7 +414,7 @@ def names_in(text: str) -> list[str]:
 
 
 def bases(where: str, texts: Sequence[str], actuator: Actuator) -> list[str]:
-    """Return the faces of which texts such as ``"tip within z > 14 mm"`` are pieces; see `softmodels.mechanics.pieces`.
+    """Return the faces of which texts such as ``"tip within z > 14 mm"`` are pieces; see `softmodels.mechanics.body`.
 
     Raises:
         ComponentError: A text that is none, or uses a coordinate that an axisymmetric section does not have.

@@ -1,4 +1,4 @@
-"""Controls: curves in the plane of cavity pressure and volume, most often lines.
+"""What drives a device: curves in the plane of cavity pressure and volume, most often lines, and dead loads.
 
 The pressure P is an unknown of every solve. Its equation is ``a V + b P = target``: pressure control,
 volume control and arc length are three pairs of numbers, and pass limit points with the same solver. A gas law
@@ -8,14 +8,21 @@ All figures are dimensionless (P in shear moduli, V in cubed sizes of the device
 
 from __future__ import annotations
 
+import abc
 import dataclasses
+import functools
 import math
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Callable, Mapping, Sequence
+from typing import ClassVar, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from softmodels.common.arrays import Array
+from softmodels.common.lazy import Expr, fem, ufl
+from softmodels.mechanics.assembly import assembled_vector
+from softmodels.mechanics.component import COMPONENTS, Component, ComponentError, Equations, MaterialCells
+from softmodels.mechanics.mpi import any_rank, total
 
 
 class Curve(Protocol):
@@ -178,3 +185,329 @@ class Tangent:
 
     def __neg__(self) -> Tangent:
         return Tangent(-self.w, -self.P, -self.V)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Dead loads as drivers besides the cavities: a magnitude and its work-conjugate.
+#
+# A dead load keeps its direction and its point of application on the undeformed body, so that its work is f L(u), with L linear
+# in the displacement. So (f, L) is a pair like a cavity's pressure and volume: `mechanics.controls` can control, fix or hold
+# either of them, with limit points and arc lengths. The loads come behind the cavities, in the order of the device's parts.
+
+
+LOADS_ENERGY = "loads_energy_mJ"
+"""Column with the potential energy of all dead loads."""
+
+
+@dataclasses.dataclass(frozen=True)
+class RequestedValue:
+    """A quantity that a load or a series may request.
+
+    Attributes:
+        unit: Of its values in case files and messages.
+        held: Whether it is what a driver works on, a volume or a travel, and not its magnitude.
+        scale: SI units in one of ``unit``.
+        words: Several of it.
+        help: Of its option.
+    """
+
+    unit: str
+    held: bool = False
+    scale: float = 1.0
+    words: str = ""
+    help: str = ""
+
+
+class LoadPart(Component):
+    """A dead load.
+
+    Attributes:
+        asked: What ``[load]`` and its options may request of it, by key.
+        arm: Power of the device's size that makes its magnitude from shear moduli: 2 of a force in N, 3 of a moment in N m.
+            What it works on has the power 3 - ``arm``: m, or rad.
+        columns: Columns of ``path.csv``: its magnitude; what it works on, from the undeformed state; the same from where the
+            path begins. A load's own name stands before the unit.
+        column_unit, moved_column_unit: SI units in one of the first column's units, and in one of the others'.
+        share_column: Column with the applied share of its magnitude; none if empty.
+    """
+
+    asked: ClassVar[Mapping[str, RequestedValue]] = {}
+    arm: ClassVar[int] = 2
+    column_unit: ClassVar[float] = 1.0
+    moved_column_unit: ClassVar[float] = 1e-3
+
+    columns: ClassVar[tuple[str, str, str]]
+    share_column: ClassVar[str] = ""
+
+    @property
+    def column(self) -> str:
+        """Column of ``path.csv`` with its magnitude, in units of ``column_unit``."""
+        return self._named(self.columns[0])
+
+    @property
+    def moved_column(self) -> str:
+        """Column with its work-conjugate from the undeformed state, in units of ``moved_column_unit``."""
+        return self._named(self.columns[1])
+
+    @property
+    def travel_column(self) -> str:
+        """Column with the same from the start of the path."""
+        return self._named(self.columns[2])
+
+    def _named(self, column: str) -> str:
+        """Return a column's name with the load's own in it, if it has one."""
+        what, _, unit = column.rpartition("_")
+        return f"{what}_{self.name}_{unit}" if self.name else column
+
+    @property
+    def kept(self) -> bool:
+        """Whether the part has a constant magnitude, so that none can be requested."""
+        return False
+
+    def idle(self, components: Sequence[Component]) -> bool:
+        """Return whether it acts only on masses that the device lifts, not on the device."""
+        return False
+
+    def magnitude_of(self, masses: complex) -> complex:
+        """Return its magnitude in SI units, for designs; ``masses`` in kg are those it acts on, if it is a weight."""
+        raise NotImplementedError(f"{self.where} says no magnitude")
+
+    @abc.abstractmethod
+    def spread(self, on: DistributedLoad, components: Sequence[Component]) -> Weighed:
+        """Return its distribution over the body; what else is added to the device may have weight too. `ComponentError` if it
+        cannot be on this mesh."""
+
+
+class HeavyPart(Component):
+    """A part with its own mass, on which gravity acts, spread evenly over the facets of ``face``."""
+
+    face: str
+
+    @abc.abstractmethod
+    def masses(self, on: DistributedLoad, along: Array) -> list[Weighed]:
+        """Return its masses along a unit vector of gravity in the directions of the mesh: of each its mean displacement along
+        gravity as a form (`DistributedLoad.mean`), and the mass in kg, of the whole device."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Weighed:
+    """A load's distribution.
+
+    Attributes:
+        forms: UFL integrals over the slice, linear in the test displacement, whose sum is of a unit magnitude on the slice.
+            They are compiled one by one: DOLFINx takes the faces of one form from one set of tags. What acts on one face or in
+            one region is a form of its own, so that the load on a rigid part can be computed, see `DeadLoads.borne`.
+        amount: Its magnitude, of the whole device, in SI units.
+    """
+
+    forms: list[ufl.Form]
+    amount: float
+    key: str = ""
+    """Of the part whose mass it is; empty for others."""
+    shares: tuple[tuple[fem.Constant, Weighed], ...] = ()
+    """Of a weight the masses it consists of, each with the constant that has its share."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class MeasuredConstant:
+    """A constant of a load that follows from UFL integrals over the undeformed body, such as the area that a force is spread
+    over; ``value`` makes it of the integrals' values, which may be complex."""
+
+    constant: fem.Constant
+    integrals: list[ufl.Form]
+    value: Callable[[Array], Array]
+
+
+class DistributedLoad:
+    """A body's test displacement, and means over the body and its faces; dimensionless.
+
+    Args:
+        system: The equations.
+
+    Attributes:
+        measured: Constants of the loads that follow a mesh that moves.
+    """
+
+    def __init__(self, system: Equations):
+        self.system, self.body = system, system.body
+        self.measured: list[MeasuredConstant] = []
+        test = ufl.TestFunction(system.space)
+        self.test = self.body.displacement(ufl.split(test)[0] if system.mixed else test)
+
+    @property
+    def places(self) -> Expr:
+        return ufl.SpatialCoordinate(self.body.mesh)
+
+    def constant(self, value: npt.ArrayLike | float) -> fem.Constant:
+        return fem.Constant(self.body.mesh, np.asarray(value, dtype=float))
+
+    def measure(self, over: str | MaterialCells) -> Expr:
+        """Return the measure of the undeformed facets or edges of a role, or of one of the body's materials; of the full circle
+        in a section."""
+        return self.body.measure(over) if isinstance(over, str) else over.dx
+
+    def integral(self, density: Expr, over: str | MaterialCells) -> float:
+        """Integrate a density over the undeformed facets of a role, or over one of the body's materials."""
+        return self.system.integral(fem.form(density * self.body.hoop * self.measure(over)))
+
+    def volume(self, matter: MaterialCells) -> float:
+        """Return the undeformed volume in m3 of one of the body's materials, of the whole device."""
+        actuator = self.body.actuator
+        return self.integral(self.constant(1.0), matter) * actuator.size**3 * actuator.copies
+
+    def mean(self, along: npt.ArrayLike, over: str | MaterialCells) -> ufl.Form:
+        """Return the mean test displacement along a vector of the mesh over a face, or over one of the body's materials."""
+        size = self.integral(self.constant(1.0), over)
+        if not size > 0.0:
+            raise ComponentError(f"the face {over!r} has no facets on this mesh")
+        way = np.asarray(along, dtype=float)
+        vector = self.constant(way / size)
+        if isinstance(
+            over, str
+        ):  # a force on a face stays the same where the face grows, the weight of a region does not
+            one = self.constant(1.0) * self.body.hoop * self.measure(over)
+            self.measured.append(MeasuredConstant(vector, [one], lambda found: way / found[0]))
+        return ufl.dot(vector, self.test) * self.body.hoop * self.measure(over)
+
+
+class DeadLoads:
+    """The dead loads among a device's parts.
+
+    Args:
+        system: The equations.
+        components: What is added to the device.
+
+    Attributes:
+        loads: The loads.
+        amounts: Their magnitudes where nothing else is asked for: of the whole device, SI units.
+        integrals: Some for each, in UFL: their sum is the load of a unit magnitude on the slice.
+        forms: The same, compiled.
+        origins: What all drivers worked on where the path began, dimensionless; None before that.
+
+    Raises:
+        ComponentError: A load that moves nothing, or not on this mesh.
+    """
+
+    def __init__(self, system: Equations, components: Sequence[Component]):
+        self.system = system
+        self.loads = [part for part in components if isinstance(part, LoadPart) and not part.idle(components)]
+        on = [DistributedLoad(system) for _ in self.loads]
+        spread = [part.spread(one, components) for part, one in zip(self.loads, on, strict=True)]
+        self.measured = [one.measured for one in on]
+        self.shares = [found.shares for found in spread]
+        self.amounts = np.array([found.amount for found in spread], dtype=float)
+        self.integrals = [found.forms for found in spread]
+        self.forms = [[system.form(form) for form in forms] for forms in self.integrals]
+        self.origins: Array | None = None
+        self._vector = fem.Function(system.space) if self.forms else system.w
+
+    def magnitudes(self, components: Sequence[Component]) -> list[tuple[complex, Sequence[complex]]]:
+        """Return for each load its magnitude in SI units and the shares of its masses, of parts like those it was made of,
+        whose numbers may be complex."""
+        known = {part.key: part for part in components}
+        found: list[tuple[complex, Sequence[complex]]] = []
+        for load, shares in zip(self.loads, self.shares, strict=True):
+            masses = [known[mass.key].weighs if mass.key else mass.amount for _, mass in shares]
+            part = known[load.key]
+            assert isinstance(part, LoadPart)
+            whole = sum(masses)
+            found.append((part.magnitude_of(whole), [mass / whole for mass in masses]))
+        return found
+
+    def take(self, components: Sequence[Component]) -> None:
+        """Set the numbers of other parts like those it was made of; what drives the device has to be coupled again."""
+        for i, (amount, shares) in enumerate(self.magnitudes(components)):
+            self.amounts[i] = amount.real
+            for (constant, _), share in zip(self.shares[i], shares, strict=True):
+                constant.value = share.real
+
+    @functools.cached_property
+    def _integrals(self) -> list[list[list[fem.Form]]]:
+        return [[[self.system.form(form) for form in one.integrals] for one in own] for own in self.measured]
+
+    def remeasure(self) -> None:
+        """Follow a mesh that has moved."""
+        for own, compiled in zip(self.measured, self._integrals, strict=True):
+            for one, forms in zip(own, compiled, strict=True):
+                one.constant.value = one.value(np.array([self.system.integral(form) for form in forms]))
+
+    def check(self) -> None:
+        """Reject a load that acts only on held dofs."""
+        for load, forms in zip(self.loads, self.forms, strict=True):
+            found = self.system.assemble(forms)
+            if not total(self.system.comm, float(found @ found)) > 0.0:
+                raise ComponentError(f"{load.where} acts only on held dofs; use another face or direction")
+
+    def moved(self) -> Array:
+        """Return the work-conjugate of each load in the current state, shape (loads,); linear in w, moved held dofs
+        included."""
+        system, found = self.system, []
+        w = system.w.x.array[: system.n]
+        for forms in self.forms:
+            b = assembled_vector(self._vector.x, forms)  # a separate function, because the system's may be in use
+            found.append(total(system.comm, float(b[: system.n] @ w)))
+        return np.array(found)
+
+    def borne(self, dofs: npt.NDArray[np.int32], drives: Array) -> Array:
+        """Return the loads of these dimensionless magnitudes, shape (loads,), that act only on some local dofs, such as the
+        weight of a plate on the plate's, by owned dof."""
+        others, found = np.ones(self.system.n, dtype=bool), np.zeros(self.system.n)
+        others[dofs[dofs < self.system.n]] = False
+        for drive, forms in zip(drives, self.forms, strict=True):
+            for form in forms:
+                entries = self.system.assemble([form], held=True)
+                if not any_rank(self.system.comm, bool(entries[others].any())):
+                    found += drive * entries
+        return found
+
+    @property
+    def units(self) -> Array:
+        """Magnitude of the whole device in SI units of one dimensionless one, shape (loads,)."""
+        body = self.system.body
+        return np.array(
+            [self.system.stress_unit * body.actuator.size**load.arm * body.actuator.copies for load in self.loads]
+        )
+
+    @property
+    def moved_units(self) -> Array:
+        """Metres (or radians) per dimensionless unit of their work-conjugates, shape (loads,)."""
+        return np.array([self.system.body.actuator.size ** (3 - load.arm) for load in self.loads])
+
+    def figures(self, drives: Array) -> dict[str, float]:
+        """Return the columns of ``path.csv`` in the current state, of the whole device, on all ranks, for dimensionless
+        magnitudes of the loads, shape (loads,)."""
+        magnitudes, moved, found = drives * self.units, self.moved() * self.moved_units, dict[str, float]()
+        for place, (load, magnitude, way) in enumerate(zip(self.loads, magnitudes, moved, strict=True)):
+            found[load.column] = float(magnitude) / load.column_unit
+            found[load.moved_column] = float(way) / load.moved_column_unit
+            if self.origins is not None:
+                way -= self.origins[len(self.system.body.actuator.ratios) + place] * self.moved_units[place]
+                found[load.travel_column] = float(way) / load.moved_column_unit
+            if load.share_column:
+                found[load.share_column] = float(magnitude) / self.amounts[place]
+        return {**found, LOADS_ENERGY: -float(magnitudes @ moved) * 1e3} if found else found
+
+    def index(self, key: str) -> int:
+        """Return the place of a load among these; KeyError for one that is not there."""
+        for i, load in enumerate(self.loads):
+            if load.key == key:
+                return i
+        raise KeyError(key)
+
+
+def requestable() -> dict[str, Mapping[str, RequestedValue]]:
+    """Return what may be requested of dead loads, by table."""
+    kinds = (kind for kind in COMPONENTS.values() if issubclass(kind, LoadPart))
+    return {kind.table: kind.asked for kind in kinds if kind.asked}
+
+
+def mean_place(on: DistributedLoad, role: str) -> Array:
+    """Return the centre of a face of the slice, in mesh coordinates, dimensionless."""
+    size = on.integral(on.constant(1.0), role)
+    return np.array([on.integral(on.places[i], role) / size for i in range(on.body.mesh.geometry.dim)])
+
+
+def check_finite(value: float, where: str, what: str) -> None:
+    """Reject an amount that is not above zero."""
+    if not (value > 0.0 and math.isfinite(value)):
+        raise ComponentError(f"{where}: {what} is {value:g}; it must be above zero; use the direction for the sign")

@@ -39,8 +39,7 @@ from softmodels.mechanics.assembly import AssembledTerm, assembled_matrix, assem
 from softmodels.mechanics.body import Body, in_section
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.component import Component
-from softmodels.mechanics.controls import Control, Tangent
-from softmodels.mechanics.dead_loads import MeasuredConstant
+from softmodels.mechanics.controls import Control, MeasuredConstant, Tangent
 from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.regions import MaterialRegion, RegionPart, number_of
 from softmodels.mechanics.solver import Solver

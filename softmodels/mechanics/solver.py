@@ -12,15 +12,17 @@ from softmodels.common import errors
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import PETSc
 from softmodels.mechanics.controls import Control, Coupling, Curve, Tangent, pressure_control
-from softmodels.mechanics.iterative import PER_UNKNOWN, Factorisation, Multigrid, RigidCycle, entries_here
+from softmodels.mechanics.iterative import PER_UNKNOWN, Multigrid, RigidCycle
 from softmodels.mechanics.mpi import GIGA, TooLargeError, available, needed, total
 from softmodels.mechanics.newton import (
     LOOSEST,
     Bordered,
+    Factorisation,
     LaggedPreconditioner,
     Newton,
     NoConvergence,
     Preconditioner,
+    entries_here,
     weakly,
 )
 from softmodels.mechanics.system import State, System, spread

@@ -22,11 +22,9 @@ from softmodels.mechanics.assembly import AssembledTerms, assembled_vector, know
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body, BodyError, cell_measure, in_section
 from softmodels.mechanics.compiling import JIT, begin, compile_ahead
 from softmodels.mechanics.component import Component, ComponentError
-from softmodels.mechanics.controls import Coupling
-from softmodels.mechanics.dead_loads import DeadLoads
+from softmodels.mechanics.controls import Coupling, DeadLoads
 from softmodels.mechanics.mpi import any_rank, largest, total
-from softmodels.mechanics.potential import Potential
-from softmodels.mechanics.products import TangentOperator, known_cells
+from softmodels.mechanics.potential import Potential, TangentOperator, known_cells
 from softmodels.mechanics.regions import (
     MaterialRegion,
     RegionPart,

@@ -3,7 +3,8 @@
 Begin with `continuation`: `trace` yields one `Point` after another, limit points and bifurcations among them; `follow` takes
 the branch that leaves one.
 
-- `points`: points, ends, and the quantities a path is asked for. `stability`: eigenvalues and modes.
+- `stability`: points, their eigenvalues and modes, ends, and the quantities a path is asked for.
 - `supply`: syringes and gas; tubes, valves and leaks in time.
-- `program`, `schedule`: load programs, preload, loading and unloading with snap-through. `time_steps`: silicone that creeps.
+- `program`, `schedule`: load programs, preload, loading and unloading with snap-through; silicone that
+  creeps.
 """

@@ -23,17 +23,19 @@ from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import TANGENT_TOLERANCE, Solver
 from softmodels.mechanics.system import State, System
-from softmodels.path.points import (
+from softmodels.path.stability import (
     AddedVolume,
     ArcLength,
     ArcLengthMetric,
     ContinuationParameter,
+    Mode,
     PathEnd,
     PathQuantity,
     Point,
     Pressure,
+    Signature,
+    Stability,
 )
-from softmodels.path.stability import Mode, Signature, Stability
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Predictor of the continuation: the next state and the tangent there, from the last points and their tangents.

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from softmodels.common.errors import Spoken
 from softmodels.common.names import checked
 from softmodels.common.units import WATER_DENSITY, UnitError, brief, numbers as as_numbers, pascal_per_cm, quantity
-from softmodels.mechanics.dead_loads import RequestedValue, requestable
+from softmodels.mechanics.controls import RequestedValue, requestable
 
 KEYS = {"pressure_cm": RequestedValue("cm"), "volume_ml": RequestedValue("ml", True, 1e-6)}
 """Quantities of a cavity, as in the case file."""

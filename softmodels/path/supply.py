@@ -24,7 +24,7 @@ from softmodels.common.names import Registry
 from softmodels.common.schema import Choice, Length, Quantity, about, doubt_of, field_of, settle
 from softmodels.mechanics.controls import Control
 from softmodels.mechanics.system import State
-from softmodels.path.points import Point, Supply
+from softmodels.path.stability import Point, Supply
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Air supplies in a case, where neither the pressure nor the volume itself is prescribed.

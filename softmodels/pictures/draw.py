@@ -20,8 +20,8 @@ import matplotlib
 import numpy as np
 
 from softmodels.case.case import Case
-from softmodels.case.components import OwnModuleError, import_own_modules
 from softmodels.case.entries import CaseError
+from softmodels.case.materials import OwnModuleError, import_own_modules
 from softmodels.common.arrays import Array
 from softmodels.common.commands import ALL_PICTURES, DrawingOptions, options, unswept
 from softmodels.common.folders import PATIENCE, InUseError, OwnFolderError

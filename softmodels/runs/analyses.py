@@ -14,18 +14,17 @@ import numpy.typing as npt
 from geometries import Actuator, GeometryError
 from geometries.registry import flag
 from softmodels.case.case import Case
-from softmodels.case.components import import_own_modules
 from softmodels.case.entries import CaseError
 from softmodels.case.load import STIFFNESS_RANGE
+from softmodels.case.materials import import_own_modules
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import FieldError
 from softmodels.common.lazy import MPI, scipy
 from softmodels.common.names import read_only
-from softmodels.common.processes import cores
+from softmodels.common.processes import answers, cores
 from softmodels.common.schema import Length, Quantity, about, shown
 from softmodels.common.units import UnitError, brief, number, quantity
-from softmodels.common.workers import answers
 from softmodels.components.loads import weighed
 from softmodels.materials.laws import Material
 from softmodels.materials.silicones import (
@@ -42,11 +41,10 @@ from softmodels.mechanics.body import Body
 from softmodels.mechanics.mpi import on_root, start
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.path.continuation import Continuation, trace
-from softmodels.path.points import PathEnd, Point
 from softmodels.path.program import TIME_KEY, from_tables
-from softmodels.path.schedule import Settings, StageEnd, follow
+from softmodels.path.schedule import LostInTime, Settings, StageEnd, follow
+from softmodels.path.stability import PathEnd, Point
 from softmodels.path.supply import AMBIENT
-from softmodels.path.time_steps import LostInTime
 from softmodels.runs.fields import Fields
 from softmodels.runs.grid import Cells
 from softmodels.runs.model import AtRest, Equilibrium, Mode, Model, meshed

@@ -27,9 +27,9 @@ from softmodels.materials.silicones import named, silicone_called, source_names,
 from softmodels.mechanics.component import COMPONENTS
 from softmodels.mechanics.controls import volume_control
 from softmodels.mechanics.newton import NoConvergence
-from softmodels.path.points import AddedVolume, DeadForce, Point, Pressure, Supply
 from softmodels.path.program import SOURCE, time_at, value_at
 from softmodels.path.schedule import source_at
+from softmodels.path.stability import AddedVolume, DeadForce, Point, Pressure, Supply
 from softmodels.path.supply import Reservoir, Source
 from softmodels.runs.fields import (
     OUTPUTS,

@@ -26,8 +26,7 @@ from softmodels.mechanics.mpi import largest, summed, total
 from softmodels.mechanics.rigid import RigidMotion, rotation_vector
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System, held_force
-from softmodels.runs.grid import Grid
-from softmodels.runs.state_values import WORDS, FacingWalls, Sampling, StateValues, volume_peak
+from softmodels.runs.state_values import WORDS, FacingWalls, Grid, Sampling, StateValues, volume_peak
 
 # ----------------------------------------------------------------------------------------------------------------------
 # A state's row of ``path.csv``: numbers by column name, which ends in the unit.

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.files import check_file, csv_text, replace, replace_hdf5, write_text
-from softmodels.path.points import Point
+from softmodels.path.stability import Point
 from softmodels.runs.fields import Row
 
 # ----------------------------------------------------------------------------------------------------------------------

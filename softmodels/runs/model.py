@@ -23,19 +23,19 @@ from softmodels.common.names import checked, read_only
 from softmodels.common.processes import one_at_a_time
 from softmodels.components.loads import densities
 from softmodels.materials.laws import Material
+from softmodels.mechanics.assembly import Inertia
 from softmodels.mechanics.body import Body, BodyError
 from softmodels.mechanics.compiling import CompilingError, compiling
 from softmodels.mechanics.component import Component
-from softmodels.mechanics.dead_loads import HeavyPart
-from softmodels.mechanics.inertia import Inertia, Motion
+from softmodels.mechanics.controls import HeavyPart
+from softmodels.mechanics.memory import Motion
 from softmodels.mechanics.mpi import is_root, on_root, start
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 from softmodels.path.continuation import Continuation, trace
-from softmodels.path.points import DIRECT, DeadForce, LoadDisplacement, PathEnd, Point, Pressure
 from softmodels.path.schedule import HangingEnd, StageEnd, hang, inflate_from, load_from
-from softmodels.path.stability import Springs, Stability
+from softmodels.path.stability import DIRECT, DeadForce, LoadDisplacement, PathEnd, Point, Pressure, Springs, Stability
 from softmodels.path.supply import AMBIENT
 from softmodels.runs.fields import Fields, Figures, Row
 from softmodels.runs.notes import sentences

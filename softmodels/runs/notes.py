@@ -33,13 +33,13 @@ from softmodels.materials.silicones import (
 from softmodels.materials.specimens import described, instabilities, last_stretch, weakest, weakness
 from softmodels.mechanics.compiling import LONG
 from softmodels.mechanics.component import PathFailure, names_in
-from softmodels.mechanics.dead_loads import LoadPart, requestable
+from softmodels.mechanics.controls import LoadPart, requestable
 from softmodels.mechanics.mpi import petsc_reason
 from softmodels.path.continuation import Continuation
-from softmodels.path.points import PathEnd
 from softmodels.path.program import VALVE, drivers, step_text, time_at, value_at
+from softmodels.path.schedule import LostInTime, SnapInTime
+from softmodels.path.stability import PathEnd
 from softmodels.path.supply import TURBULENT_FROM, Reservoir
-from softmodels.path.time_steps import LostInTime, SnapInTime
 from softmodels.runs.columns import SourceRows, StateLabels, loads_words, span_sentence, state_labels
 from softmodels.runs.fields import Fields, Row, split
 from softmodels.runs.outcomes import RunError, UnwrittenError, no_memory

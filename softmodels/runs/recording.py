@@ -28,10 +28,9 @@ from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics.controls import Tangent
 from softmodels.mechanics.mpi import is_root, kept_on_root, largest, on_root
 from softmodels.mechanics.system import State
-from softmodels.path.points import Point
 from softmodels.path.program import goes_on
 from softmodels.path.schedule import StageEnd
-from softmodels.path.stability import Signature
+from softmodels.path.stability import Point, Signature
 from softmodels.runs.columns import cavity_columns, state_labels
 from softmodels.runs.fields import Fields, Row
 from softmodels.runs.formats import Restart

@@ -23,8 +23,8 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 from softmodels.path import schedule
 from softmodels.path.continuation import Continuation, follow, trace
-from softmodels.path.points import DIRECT, PathEnd, PathQuantity, Point
 from softmodels.path.schedule import StageEnd, cycle
+from softmodels.path.stability import DIRECT, PathEnd, PathQuantity, Point
 from softmodels.path.supply import Gas
 from softmodels.runs.columns import Band, Solved, row_of
 from softmodels.runs.fields import Fields, Row, check_requested

@@ -145,7 +145,7 @@ def _one(solver, counted):
 def _states(solver, counted):
     """A row of each state up to the limit point and a little past it."""
     from softmodels.path.continuation import Continuation, trace
-    from softmodels.path.points import PathEnd
+    from softmodels.path.stability import PathEnd
 
     system = solver.system
     path = Continuation(solver, control="volume")

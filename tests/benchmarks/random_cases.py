@@ -47,7 +47,7 @@ from random_draws import case_of
 import softmodels as sm
 from geometries import MeshingError
 from softmodels.case.case import Case
-from softmodels.mechanics.dead_loads import LoadPart
+from softmodels.mechanics.controls import LoadPart
 from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM
 
 BALANCE = 0.05

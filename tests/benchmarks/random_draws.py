@@ -20,7 +20,7 @@ from softmodels.components.fibres import Fabric, Fibres
 from softmodels.components.loads import Force, Gravity, Mass, Moment
 from softmodels.materials.silicones import SILICONES
 from softmodels.mechanics.component import Component, ComponentError
-from softmodels.mechanics.dead_loads import LoadPart
+from softmodels.mechanics.controls import LoadPart
 from softmodels.path.program import Series
 
 IMPORTED = ("ImportedActuator", "ImportedMesh")

@@ -148,7 +148,7 @@ def follow(equations: Any, goal: float, *settings: Any) -> tuple[list[Any], Exce
     """All points of a path to a goal, and what ended it before that."""
     from softmodels.mechanics.newton import NoConvergence
     from softmodels.path.continuation import Continuation, trace
-    from softmodels.path.points import PathEnd
+    from softmodels.path.stability import PathEnd
 
     points: list[Any] = []
     try:
@@ -168,7 +168,7 @@ def supply_of(trial: Trial, equations: Any) -> Any:
 
 def outcome(trial: Trial, equations: Any) -> tuple[str, list[Any]]:
     """How the path of a trial ends, in a word, and its points."""
-    from softmodels.path.points import DIRECT, PathEnd
+    from softmodels.path.stability import DIRECT, PathEnd
 
     goal = trial.goal * (1.0 if trial.quantity == "pressure" else equations.system.rest().V)
     requested = supply_of(trial, equations) or DIRECT[trial.quantity]
@@ -184,7 +184,7 @@ def outcome(trial: Trial, equations: Any) -> tuple[str, list[Any]]:
 
 def check(trial: Trial, ended: str, points: list[Any], equations: Any) -> Found:
     """What is wrong with an outcome by a second path, of the section or of the same device, under volume control."""
-    from softmodels.path.points import AddedVolume
+    from softmodels.path.stability import AddedVolume
 
     V0 = equations.system.rest().V
     slices = trial.device.copies if trial.kind == "wedge" else 1

@@ -27,7 +27,7 @@ def figures(device, comm, folder: Path):
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
     from softmodels.path.continuation import Continuation, trace
-    from softmodels.path.points import PathEnd
+    from softmodels.path.stability import PathEnd
     from softmodels.runs.fields import Fields
 
     law = NeoHookean(30e3, 0.5)

@@ -44,7 +44,7 @@ from softmodels.mechanics.mpi import start
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
-from softmodels.path.points import PathEnd
+from softmodels.path.stability import PathEnd
 from softmodels.runs.fields import Fields
 
 PATIENT = "*CONTROLS, PARAMETERS=TIME INCREMENTATION\n30, 40, 9, 60, 10, 4, , 10\n"

@@ -17,7 +17,7 @@ from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
-from softmodels.path.points import AddedVolume
+from softmodels.path.stability import AddedVolume
 
 TWIN = HollowDisk.variant("shadow", section="axisymmetric", base=0.002, wall=0.015, cell_size=0.003)
 LAW = Yeoh(10e3, 20.0, 3.0, 0.495)

@@ -13,7 +13,7 @@ from geometries import HollowDisk
 from softmodels.case.case import Case
 from softmodels.case.materials import MaterialErrors
 from softmodels.cli.design import study_command
-from softmodels.common import workers
+from softmodels.common import processes as workers
 from softmodels.design.study import (
     SAMPLES,
     Input,

@@ -17,7 +17,7 @@ import pytest
 
 from geometries import Actuator, GeometryError, Hold, HollowDisk, register_device
 from softmodels.case.case import Case
-from softmodels.case.components import VARIABLE
+from softmodels.case.materials import VARIABLE
 from softmodels.cli.options import device_command, main
 from softmodels.common.schema import length_field
 from softmodels.fitting.outlines.device import MeasuredDevice

@@ -15,8 +15,7 @@ from click.testing import CliRunner
 
 from geometries import HollowDisk, PneuNet
 from softmodels.case.case import Case
-from softmodels.case.components import own_modules
-from softmodels.case.materials import Region, from_table, to_table
+from softmodels.case.materials import Region, from_table, own_modules, to_table
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.fit import fit_curves
 from softmodels.fitting.outlines.device import MeasuredDevice

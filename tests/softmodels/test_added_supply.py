@@ -10,7 +10,7 @@ import pytest
 from geometries import HollowDisk
 from softmodels.materials.laws import Yeoh
 from softmodels.path.continuation import Continuation, trace
-from softmodels.path.points import AddedVolume, Supply
+from softmodels.path.stability import AddedVolume, Supply
 
 MUCH, LITTLE = 40e3, 4.0
 """Volume of a bottle in cavities."""

@@ -11,7 +11,7 @@ import scipy
 import softmodels as sm
 from geometries import Bellows, BendingBellows, HollowDisk, PneuNet
 from softmodels.case.case import Case
-from softmodels.case.components import without_walls
+from softmodels.case.materials import without_walls
 from softmodels.components.contact import WallTerm
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.component import ComponentError

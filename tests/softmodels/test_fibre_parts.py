@@ -11,8 +11,8 @@ import pytest
 
 import softmodels as sm
 from softmodels.case.case import Case
-from softmodels.case.components import VARIABLE, own_modules
 from softmodels.case.entries import CaseError
+from softmodels.case.materials import VARIABLE, own_modules
 from softmodels.components.contact import Walls
 from softmodels.components.fibres import Fabric, Fibres, register_fibre_law
 from softmodels.mechanics.component import ComponentError
@@ -29,7 +29,7 @@ TUBE, HALF = sm.Cylinder(), sm.Cylinder(section="half", strip=90.0)
 READ = """
 import sys
 from softmodels.case.case import Case
-from softmodels.case.components import import_own_modules
+from softmodels.case.materials import import_own_modules
 import_own_modules()
 print(Case.from_file(sys.argv[1]).components[0].law)
 """

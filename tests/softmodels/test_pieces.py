@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import softmodels as sm
-from softmodels.runs.grid import displacement_maps
+from softmodels.runs.state_values import displacement_maps
 
 LAW = sm.NeoHookean(28e3)
 DISK = sm.HollowDisk(section="axisymmetric", cell_size=0.005, refinement=1.0)

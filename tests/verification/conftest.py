@@ -59,7 +59,7 @@ def solved():
     The points end where the path does; `PathEnd` is the third value then, else None.
     """
     from softmodels.path.continuation import Continuation, trace
-    from softmodels.path.points import DIRECT, PathEnd
+    from softmodels.path.stability import DIRECT, PathEnd
 
     def solve(equations, goals, control="auto", quantity="pressure", **options):
         path = Continuation(equations, DIRECT.get(quantity, quantity), control, **options)

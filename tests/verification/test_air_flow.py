@@ -16,12 +16,11 @@ from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.materials.specimens import sphere_pressure
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
-from softmodels.path import time_steps
-from softmodels.path.points import PathEnd
+from softmodels.path import schedule
 from softmodels.path.program import from_tables, time_at
-from softmodels.path.schedule import Settings, source_at, supply
+from softmodels.path.schedule import TOLERANCE, Filling, Settings, source_at, supply
+from softmodels.path.stability import PathEnd
 from softmodels.path.supply import Gas, InSeries, Orifice, Reservoir, Tube, end_weight
-from softmodels.path.time_steps import TOLERANCE, Filling
 from tests.support import bodies
 
 FILLING = "ordinary differential equation of a gas in a rigid cavity"
@@ -92,7 +91,7 @@ def filled(body_of):
                 kept(self, point, first)
                 come.append(self.curve.delivered(point.state) * system.volume_unit)
 
-            patch.setattr(time_steps.Filling, "check", check)
+            patch.setattr(schedule.Filling, "check", check)
             try:
                 for place, point in supply(solver, program, gas, Settings(CM, tolerance=tolerance)):
                     state = point.state
@@ -243,7 +242,7 @@ def test_a_balloon_with_much_gas_snaps_at_once(limit, filled):
     reservoir = Reservoir(tube_length=1.0, tube_bore=3e-3, dead_volume=20000 * ML)
     tables = {"source_pressure_cm": [source, source], "time_s": [0.0, 400.0]}
     (times, pressures, *_), end, _ = filled(THIN, LAW, reservoir, tables)
-    assert isinstance(end, time_steps.SnapInTime) and end.physical and "smaller dead volume" in str(end)
+    assert isinstance(end, schedule.SnapInTime) and end.physical and "smaller dead volume" in str(end)
     assert pressures[-1] == pytest.approx(limit, rel=0.05) and times[-1] < 400.0
 
 

@@ -9,8 +9,8 @@ from scipy.optimize import brentq
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.materials.specimens import balloon_pressure
 from softmodels.path.continuation import Continuation
-from softmodels.path.points import PathEnd
 from softmodels.path.schedule import cycle
+from softmodels.path.stability import PathEnd
 from tests.support import bodies
 
 THIN = 0.01

@@ -17,14 +17,14 @@ from scipy.integrate import solve_ivp
 import softmodels as sm
 from geometries import Beam
 from softmodels.materials.laws import Gent, NeoHookean
+from softmodels.mechanics.assembly import Inertia
 from softmodels.mechanics.controls import pressure_control
-from softmodels.mechanics.inertia import Inertia, Motion
+from softmodels.mechanics.memory import Motion
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
-from softmodels.path.points import PathEnd
 from softmodels.path.program import from_tables, time_at
 from softmodels.path.schedule import Settings, follow, supply
-from softmodels.path.stability import Mode, Stability
+from softmodels.path.stability import Mode, PathEnd, Stability
 from softmodels.path.supply import Gas, Reservoir
 from tests.support import bodies
 

@@ -11,15 +11,14 @@ import pytest
 from geometries import Beam, HollowDisk, PneuNet
 from softmodels.case.materials import Region
 from softmodels.materials.laws import NeoHookean
-from softmodels.mechanics import iterative as direct, mpi, solver as solver_module
+from softmodels.mechanics import mpi, newton as direct, solver as solver_module
 from softmodels.mechanics.controls import volume_control
 from softmodels.mechanics.iterative import Multigrid, corners_of
 from softmodels.mechanics.mpi import TooLargeError
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
-from softmodels.path.points import PathEnd
-from softmodels.path.stability import Stability
+from softmodels.path.stability import PathEnd, Stability
 
 DIRECT = "the direct solver"
 LAW = NeoHookean(30e3, 0.49)

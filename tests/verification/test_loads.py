@@ -21,9 +21,9 @@ from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
-from softmodels.path.points import DIRECT, PathEnd
 from softmodels.path.program import Series
 from softmodels.path.schedule import HangingEnd, Settings, follow, hang, inflate_from, load_from
+from softmodels.path.stability import DIRECT, PathEnd
 from softmodels.runs.fields import Fields
 from tests.support.exact_beam import BEAM, STIFF, elastica
 

@@ -24,8 +24,7 @@ from softmodels.mechanics import solver as solver_module
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.program import TOLERANCE, from_tables, time_at
-from softmodels.path.schedule import Settings, follow
-from softmodels.path.time_steps import LostInTime
+from softmodels.path.schedule import LostInTime, Settings, follow
 from tests.support import bodies
 
 ODE = "ordinary differential equation of a Maxwell branch"

@@ -91,7 +91,7 @@ def run(balloons, body_of):
     """Return a function that takes both balloons through a program: points with how far they have come, and the end."""
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
-    from softmodels.path.points import PathEnd
+    from softmodels.path.stability import PathEnd
     from softmodels.runs.fields import Fields
 
     def through(*series, device=balloons):

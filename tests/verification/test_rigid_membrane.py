@@ -19,8 +19,8 @@ from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System, _nodes_of
 from softmodels.path.continuation import Concentration, Continuation, trace
-from softmodels.path.points import DIRECT
 from softmodels.path.schedule import Stage, hang, inflate_from, stopped
+from softmodels.path.stability import DIRECT
 from tests.support import membrane_shooting as shooting
 
 RADIUS, PLATE, MU, G = 0.020, 0.008, 30e3, 9.80665

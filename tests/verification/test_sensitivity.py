@@ -17,8 +17,8 @@ from softmodels.mechanics.sensitivity import MeshMotion, Sensitivity, known_para
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
-from softmodels.path.points import AddedVolume
 from softmodels.path.schedule import hang, inflate_from
+from softmodels.path.stability import AddedVolume
 
 TAYLOR = "Taylor's remainder of displacement, pressure and volume, before and past a limit point"
 LAWS = {

@@ -21,8 +21,7 @@ from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.controls import pressure_control, volume_control
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
-from softmodels.runs.grid import Grid
-from softmodels.runs.state_values import Sampling
+from softmodels.runs.state_values import Grid, Sampling
 from tests.support import bodies
 from tests.support.cavities import TubeBody
 

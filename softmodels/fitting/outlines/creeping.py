@@ -25,8 +25,8 @@ from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.sensitivity import InTime, Rate
 from softmodels.mechanics.system import State
 from softmodels.path.continuation import Continuation
-from softmodels.path.points import PathEnd, Pressure
-from softmodels.path.time_steps import Ramp, march
+from softmodels.path.schedule import Ramp, march
+from softmodels.path.stability import PathEnd, Pressure
 
 STEP_TOLERANCE = 1e-4
 """Error of the stress by one step in time, over the largest stress, for branches of `USUAL_SHARE` each."""

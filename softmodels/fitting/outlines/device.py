@@ -34,16 +34,15 @@ from softmodels.materials.silicones import SILICONE_DENSITY
 from softmodels.mechanics.body import Body, BodyError
 from softmodels.mechanics.compiling import CompilingError, compiling
 from softmodels.mechanics.component import ALONG, Component, ComponentError
-from softmodels.mechanics.controls import Control, Coupling, pressure_control, volume_control
-from softmodels.mechanics.dead_loads import LoadPart
+from softmodels.mechanics.controls import Control, Coupling, LoadPart, pressure_control, volume_control
 from softmodels.mechanics.mpi import on_root
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.sensitivity import MeshMotion, Rate, Sensitivity
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 from softmodels.path.continuation import Continuation, trace
-from softmodels.path.points import DIRECT, PathEnd
 from softmodels.path.schedule import HangingEnd, hang, inflate_from
+from softmodels.path.stability import DIRECT, PathEnd
 from softmodels.runs.grid import QuadraticCurve, shapes
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -37,7 +37,7 @@ from softmodels.fitting.problem import BENCH, CannotEvaluate, Changes, FitError,
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.system import State
 from softmodels.path.continuation import LARGEST_GROWTH, trace
-from softmodels.path.points import PathEnd
+from softmodels.path.stability import PathEnd
 from softmodels.runs.grid import QuadraticCurve
 
 READINGS = "pressures"

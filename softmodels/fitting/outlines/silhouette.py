@@ -19,7 +19,8 @@ from softmodels.mechanics.body import Body, BodyError
 from softmodels.mechanics.mpi import everywhere
 from softmodels.mechanics.sensitivity import coordinates
 from softmodels.mechanics.system import State, System
-from softmodels.runs.grid import Grid, QuadraticCurve, displacement_maps, shapes
+from softmodels.runs.grid import QuadraticCurve, shapes
+from softmodels.runs.state_values import Grid, displacement_maps
 
 if TYPE_CHECKING:
     from dolfinx import fem

@@ -36,7 +36,7 @@ def figures(comm, folder: Path) -> dict[str, list[float]]:
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
     from softmodels.path.continuation import Continuation, trace
-    from softmodels.path.points import PathEnd
+    from softmodels.path.stability import PathEnd
     from softmodels.runs.fields import Fields
 
     found = {}
@@ -84,7 +84,7 @@ def ending(comm) -> list[float]:
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
     from softmodels.path.continuation import LOCKED, Continuation, trace
-    from softmodels.path.points import AddedVolume, PathEnd
+    from softmodels.path.stability import AddedVolume, PathEnd
 
     held = (Rigid(region="cap", kind="held", name="plate"), Clamp("outer", slip="z", name="grip"))
     with tempfile.TemporaryDirectory() as folder:
@@ -124,8 +124,8 @@ def loaded(comm, section: Path) -> list[float]:
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
     from softmodels.path.continuation import Continuation, trace
-    from softmodels.path.points import DIRECT
     from softmodels.path.schedule import hang, load_from
+    from softmodels.path.stability import DIRECT
 
     components = (
         Gravity(direction="-z"),
@@ -222,7 +222,7 @@ def bifurcation(equations) -> dict[str, list[float]]:
     import itertools
 
     from softmodels.path.continuation import Continuation, follow, trace
-    from softmodels.path.points import AddedVolume
+    from softmodels.path.stability import AddedVolume
 
     path = Continuation(equations, AddedVolume(), largest_step=2.0)
     first = next(point for point in trace(path, [12.0]) if point.bifurcation)
@@ -241,7 +241,7 @@ def rates(equations, added: float) -> list[float]:
     from softmodels.mechanics.controls import volume_control
     from softmodels.mechanics.sensitivity import MeshMotion, Sensitivity
     from softmodels.path.continuation import Continuation, trace
-    from softmodels.path.points import AddedVolume
+    from softmodels.path.stability import AddedVolume
 
     moving = MeshMotion(equations.system.body)
     sensitivity, silhouette = Sensitivity(equations, moving), Silhouette(equations.system)

@@ -18,7 +18,7 @@ def figures(comm, folder):
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
     from softmodels.path.continuation import Continuation, trace
-    from softmodels.path.points import DIRECT
+    from softmodels.path.stability import DIRECT
     from softmodels.runs.fields import Fields
 
     components = [Region(Yeoh(60e3, 2e3, 100.0, 0.49), name="shell")]
