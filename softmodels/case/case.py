@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from geometries import Actuator, registry as geometry_table
 from geometries.actuator import changed, parameter, parameter_names
-from geometries.imported import FORMATS
+from geometries.faces import FORMATS
 from softmodels.case import materials
 from softmodels.case.entries import (
     MISSING,
@@ -79,8 +79,7 @@ from softmodels.materials.specimens import check_rest
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.controls import requestable
 from softmodels.mechanics.memory import LARGEST_RADIUS, RADIUS
-from softmodels.mechanics.regions import RegionPart, number_of, variable_numbers, with_number
-from softmodels.mechanics.sensitivity import RATIO
+from softmodels.mechanics.regions import RATIO, RegionPart, number_of, variable_numbers, with_number
 from softmodels.mechanics.solver import METHODS
 from softmodels.mechanics.system import FORMULATIONS
 from softmodels.path import program as programs

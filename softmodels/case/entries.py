@@ -19,7 +19,7 @@ import numpy as np
 
 from geometries import Actuator
 from geometries.actuator import Vector
-from geometries.imported import Faces, faces, point
+from geometries.faces import Faces, faces, point
 from softmodels.common import schema
 from softmodels.common.arrays import Array
 from softmodels.common.errors import FieldError, GeometryError, Spoken, known_are, meant

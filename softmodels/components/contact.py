@@ -31,7 +31,7 @@ import numpy.typing as npt
 
 from geometries import Actuator, GeometryError
 from geometries.actuator import Vector, cavity_roles, reflected
-from geometries.imported import UNITS, faces as plane_faces, read_surfaces
+from geometries.faces import UNITS, faces as plane_faces
 from softmodels.common.arrays import Array
 from softmodels.common.errors import whole_path
 from softmodels.common.lazy import Expr, fem, scipy, ufl
@@ -516,6 +516,8 @@ def surface_of(shape: RigidShape) -> tuple[Array, Indices]:
 
 @functools.lru_cache(maxsize=8)
 def _read(file: str, unit: float, changed: int) -> tuple[Array, Indices]:
+    from geometries.imported import read_surfaces  # reads many formats, which a run without such a shape has no use for
+
     points, triangles = read_surfaces(file, unit)
     edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     if len(np.unique(edges, axis=0)) < len(edges):

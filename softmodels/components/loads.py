@@ -26,6 +26,7 @@ from softmodels.mechanics.component import (
     Equations,
     check_direction,
     check_on_mesh,
+    column_texts,
     direction,
     register_component,
 )
@@ -226,16 +227,6 @@ class Mass(HeavyPart):
         return {"amount": "kg"}
 
 
-def _column_texts(*columns: tuple[str, str, str]) -> dict[str, tuple[str, str]]:
-    """Return names and meanings of a load's columns by their patterns, without and with the load's own name."""
-    found = {}
-    for column, title, text in columns:
-        what, _, unit = column.rpartition("_")
-        found[column] = (title, text)
-        found[rf"{what}_(\w+)_{unit}"] = (title.replace(" the ", " ") + " {0}", text)
-    return found
-
-
 @register_component
 @dataclasses.dataclass(frozen=True)
 class Force(FaceLoad):
@@ -273,7 +264,7 @@ class Force(FaceLoad):
             "mm", True, 1e-3, "travels", "travel of the face along the force in mm, instead of forces"
         ),
     }
-    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = _column_texts(
+    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = column_texts(
         ("force_N", "force", "on the whole device, spread over its undeformed face"),
         (
             "moved_mm",
@@ -345,7 +336,7 @@ class Moment(FaceLoad):
             "deg", True, math.pi / 180, "turns", "rotation of the face of the moment in degrees, instead of moments"
         ),
     }
-    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = _column_texts(
+    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = column_texts(
         ("moment_Nmm", "moment", "of dead forces on the whole device that rise linearly over its undeformed face"),
         (
             "rotation_deg",

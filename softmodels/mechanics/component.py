@@ -399,6 +399,16 @@ COMPONENTS: Registry[type[Component]] = Registry("component", _key)
 register_component = COMPONENTS.register
 
 
+def column_texts(*columns: tuple[str, str, str]) -> dict[str, tuple[str, str]]:
+    """Return names and meanings of a load's columns by their patterns, without and with the load's own name."""
+    found = {}
+    for column, title, text in columns:
+        what, _, unit = column.rpartition("_")
+        found[column] = (title, text)
+        found[rf"{what}_(\w+)_{unit}"] = (title.replace(" the ", " ") + " {0}", text)
+    return found
+
+
 def gravity_of(components: Sequence[Component]) -> Array:
     """Acceleration of gravity in m/s2, shape (3,), in device coordinates; zero where no component is one."""
     return next((part.acceleration for part in components if part.acceleration is not None), np.zeros(3))

@@ -86,6 +86,10 @@ def variable_numbers(material: Material) -> dict[str, str]:
     return {name: "Pa" if material.parameter_unit(name) == "Pa" else "" for name in material.parameters}
 
 
+RATIO = "ratio"
+"""Beginning of the names of the ratios of the cavities' pressures."""
+
+
 def number_of(material: Material, name: str) -> float:
     """Return a law's number by the name that `variable_numbers` has."""
     return float(material.poisson if name == "poisson" else material.parameters[name])

@@ -41,7 +41,7 @@ from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.controls import Control, MeasuredConstant, Tangent
 from softmodels.mechanics.mpi import largest, total
-from softmodels.mechanics.regions import MaterialRegion, RegionPart, number_of
+from softmodels.mechanics.regions import RATIO, MaterialRegion, RegionPart, number_of
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 
@@ -361,8 +361,6 @@ def scale_of(device: Actuator, name: str) -> float:
 
 
 TOLERANCE = 1e-10  # of the linear solves
-RATIO = "ratio"
-"""Beginning of the names of the ratios of the cavities' pressures."""
 _STEP = 1e-30  # into the complex plane: exact to rounding
 
 

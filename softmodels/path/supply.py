@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import operator
 from typing import ClassVar
 
 from softmodels.common import errors
@@ -96,7 +97,7 @@ def _name_options(supply: type[AirSupply]) -> None:
             errors.call(field.option.replace("_", "-"), name)
 
 
-SUPPLIES: Registry[type[AirSupply]] = Registry("supply", lambda supply: supply.name, made_known=_name_options)
+SUPPLIES: Registry[type[AirSupply]] = Registry("supply", operator.attrgetter("name"), made_known=_name_options)
 """Every supply by its name."""
 register_supply = SUPPLIES.register
 

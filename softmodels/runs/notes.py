@@ -406,11 +406,9 @@ def contact_notes(case: Case, rows: Sequence[Row]) -> list[str]:
 
 def depth_notes(case: Case, rows: Sequence[Row]) -> list[str]:
     """Return a sentence if faces penetrate deep into the contact plane."""
-    deepest = max((row.get("contact_depth_mm", 0.0) for row in rows), default=0.0)
-    plane = obstacle_of(case.components)
-    if plane is None or deepest <= DEEPEST * case.actuator.size * 1e3:
+    deepest, size = max((row.get("contact_depth_mm", 0.0) for row in rows), default=0.0), case.actuator.size
+    if deepest <= DEEPEST * size * 1e3 or (plane := obstacle_of(case.components)) is None:
         return []
-    size = case.actuator.size
     force = max((abs(row.get("contact_force_N", 0.0)) for row in rows), default=0.0)
     # The penetration of this force if spread over the device; an edge that curls into the plane carries little of it.
     spread = force / (plane.stiffness * case.material.shear_modulus_0 * size**2)

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 import softmodels as sm
 from geometries import HollowDisk
-from geometries.imported import faces, point
+from geometries.faces import faces, point
 from measurement.__main__ import main as measure
 from measurement.cli import per_metre
 from measurement.screen.setup import SetupError
