@@ -81,8 +81,8 @@ if TYPE_CHECKING:
     from softmodels.path.supply import Reservoir as Reservoir, SupplyError as SupplyError, Syringe as Syringe
     from softmodels.pictures.comparison import Comparison as Comparison, ComparisonError as ComparisonError
     from softmodels.runs.analyses import Limit as Limit, NaturalFrequencies as NaturalFrequencies
-    from softmodels.runs.model import Equilibrium as Equilibrium, Mode as Mode, Model as Model
     from softmodels.runs.outcomes import RunError as RunError
+    from softmodels.runs.simulation import Equilibrium as Equilibrium, Mode as Mode, Model as Model
     from softmodels.runs.states import Line as Line
     from softmodels.runs.store import ResultsError as ResultsError
 

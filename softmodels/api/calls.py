@@ -42,11 +42,19 @@ from softmodels.runs.analyses import (
 )
 from softmodels.runs.columns import state_labels
 from softmodels.runs.fields import Row
-from softmodels.runs.model import AtRest, temporary_folder
 from softmodels.runs.notes import no_branch, sentences
 from softmodels.runs.outcomes import BAD_INPUT, Ended, Progress, RunError, UnwrittenError
 from softmodels.runs.recording import ResultsPlace, is_loaded, solved_into
-from softmodels.runs.simulation import InMemory, Listener, PathEnded, Silent, Simulation, solve_sources
+from softmodels.runs.simulation import (
+    AtRest,
+    InMemory,
+    Listener,
+    PathEnded,
+    Silent,
+    Simulation,
+    solve_sources,
+    temporary_folder,
+)
 from softmodels.runs.states import StoredStates
 
 if TYPE_CHECKING:

@@ -27,8 +27,7 @@ from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.mpi import start
 from softmodels.mechanics.system import State, System
 from softmodels.runs.columns import span_sentence
-from softmodels.runs.model import Model
-from softmodels.runs.simulation import Simulation
+from softmodels.runs.simulation import Model, Simulation
 from softmodels.runs.states import StoredStates
 
 COLOURS = [to_hex(colour) for colour in matplotlib.colormaps["viridis"](np.linspace(0.0, 1.0, 32))]

@@ -70,8 +70,8 @@ from softmodels.runs.analyses import (
     with_sources,
 )
 from softmodels.runs.grasp import STEPS, Grasp, Held, grasp
-from softmodels.runs.model import AtRest
 from softmodels.runs.notes import NEAR_STRETCH_LIMIT, sentences, unseen
+from softmodels.runs.simulation import AtRest
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

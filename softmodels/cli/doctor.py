@@ -139,7 +139,7 @@ def _cache() -> str:
 
 def _solve() -> str:
     """Inflate the default disk's section to about a third of its working pressure."""
-    from softmodels.runs.model import Model, meshed
+    from softmodels.runs.simulation import Model, meshed
 
     disk = HollowDisk(section="axisymmetric")
     body = meshed(disk, start())

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import basix, scipy
-from softmodels.mechanics.rigid import cross
+from softmodels.mechanics.regions import cross
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Surfaces of walls: quadratic facets, sampled at quadrature points, with the derivatives of positions and areas.

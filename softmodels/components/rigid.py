@@ -30,8 +30,7 @@ from softmodels.mechanics.component import (
     register_component,
 )
 from softmodels.mechanics.controls import DistributedLoad, HeavyPart, Weighed, check_finite
-from softmodels.mechanics.regions import HoldingPart
-from softmodels.mechanics.rigid import STILL, Freedom, RigidPart
+from softmodels.mechanics.regions import STILL, Freedom, HoldingPart, RigidPart
 
 KINDS = ("free", "guided", "held")
 

@@ -42,8 +42,7 @@ from softmodels.materials.laws import Material
 from softmodels.mechanics.body import is_plain
 from softmodels.mechanics.component import Component, gravity_of, names_in
 from softmodels.mechanics.controls import LoadPart
-from softmodels.mechanics.regions import held_with
-from softmodels.mechanics.rigid import Freedom
+from softmodels.mechanics.regions import Freedom, held_with
 from softmodels.mechanics.system import System, nodal_forces
 from softmodels.path.program import begins_at_rest
 
@@ -121,7 +120,7 @@ def silicones_of(material: Material, components: Iterable[object], regions: Iter
 # Constraints of a deck's nodes: held, tied to others, or moving with a rigid part.
 #
 # A rigid part's nodes are constrained by the part only, whatever else they lie on: its motions are those that cut planes and
-# supports leave it (`softmodels.mechanics.rigid`), and other programs reject a dof with two constraints. A part that does not
+# supports leave it (`softmodels.mechanics.regions`), and other programs reject a dof with two constraints. A part that does not
 # rotate becomes linear equations between its nodes; a rotating one has two extra nodes, for position and rotation.
 
 

@@ -44,10 +44,9 @@ from softmodels.materials.specimens import nudged
 from softmodels.mechanics.mpi import start
 from softmodels.runs.analyses import limit_of
 from softmodels.runs.fields import Row, split
-from softmodels.runs.model import temporary_folder
 from softmodels.runs.notes import sentences
 from softmodels.runs.outcomes import RunError
-from softmodels.runs.simulation import PathEnded, Simulation
+from softmodels.runs.simulation import PathEnded, Simulation, temporary_folder
 
 if TYPE_CHECKING:
     import xarray

@@ -4,11 +4,10 @@ One Newton step is read in `potential` (energy, residual, tangent in UFL), `syst
 equations, acceptance, factorisation) and `solver` (which calls it); `iterative` is multigrid for large models.
 
 - `body`: mesh and roles, dimensionless, with slip planes; parts of faces, and edges, by short texts.
-- `regions`: several materials, and what holds a body. `component`: what can be added to a device.
-- `controls`: lines in the pressure-volume plane; coupled cavities; loads as drivers. `rigid`: unknowns of rigid parts.
+- `regions`: several materials, rigid parts and their unknowns, and what holds a body. `component`: what can be added to a device.
+- `controls`: lines in the pressure-volume plane; coupled cavities; loads as drivers.
 - `assembly`: matrices, terms that UFL does not have, mass.
-- `memory`: what silicone remembers at the integration points, and its energy over one step in time.
-  Inertia.
+- `memory`: what silicone remembers at the integration points, and its energy over one step in time; inertia.
 - `sensitivity`: derivatives of states by parameters, and the mesh moved to other lengths of its device.
 - `compiling`: the cache of compiled forms and of C code. `mpi`: ranks.
 """

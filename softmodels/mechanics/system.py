@@ -26,15 +26,17 @@ from softmodels.mechanics.controls import Coupling, DeadLoads
 from softmodels.mechanics.mpi import any_rank, largest, total
 from softmodels.mechanics.potential import Potential, TangentOperator, known_cells
 from softmodels.mechanics.regions import (
+    STILL,
     MaterialRegion,
     RegionPart,
+    RigidMotion,
+    RigidPart,
     check_compressible,
     clamped,
     conditions,
     relaxed,
     seals,
 )
-from softmodels.mechanics.rigid import STILL, RigidMotion, RigidPart
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The reduced unknowns of Newton's method: w = T(q).

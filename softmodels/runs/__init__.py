@@ -2,7 +2,7 @@
 
 Begin with `simulation`, which yields states; `recording` writes them, and resumes an interrupted run.
 
-- `model`: `sm.Model`: equilibria, paths and modes without files. `analyses`: limit pressures, natural frequencies.
+- `simulation`: also `sm.Model`: equilibria, paths and modes without files. `analyses`: limit pressures, natural frequencies.
   `grasp`: an object between fingers.
 - `fields`: fields and figures of a state, and its row. `state_values`: what they are made of, and the grid they live
   on; gaps between walls. `grid`: surfaces and curves of it.

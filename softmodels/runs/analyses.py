@@ -47,9 +47,9 @@ from softmodels.path.stability import PathEnd, Point
 from softmodels.path.supply import AMBIENT
 from softmodels.runs.fields import Fields
 from softmodels.runs.grid import Cells
-from softmodels.runs.model import AtRest, Equilibrium, Mode, Model, meshed
 from softmodels.runs.notes import sentences, unseen
 from softmodels.runs.outcomes import Ended, RunError
+from softmodels.runs.simulation import AtRest, Equilibrium, Mode, Model, meshed
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The limit of a design: the first pressure at which it loses stability, and the place of the largest stretch there.

@@ -23,7 +23,7 @@ from softmodels.mechanics.body import in_section, in_space
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.mpi import largest, summed, total
-from softmodels.mechanics.rigid import RigidMotion, rotation_vector
+from softmodels.mechanics.regions import RigidMotion, rotation_vector
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System, held_force
 from softmodels.runs.state_values import WORDS, FacingWalls, Grid, Sampling, StateValues, volume_peak

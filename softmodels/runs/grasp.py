@@ -31,8 +31,8 @@ from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.mpi import start
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.system import State
-from softmodels.runs.model import Model, meshed
 from softmodels.runs.outcomes import NO_EQUILIBRIUM, RunError
+from softmodels.runs.simulation import Model, meshed
 
 MOST_FINGERS = 12
 BALANCED = 1e-7

@@ -18,7 +18,7 @@ from softmodels.components.loads import Force
 from softmodels.components.rigid import Clamp, Rigid
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.controls import pressure_control
-from softmodels.mechanics.rigid import Turn, amounts, nearest, rotation_vector
+from softmodels.mechanics.regions import Turn, amounts, nearest, rotation_vector
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.schedule import hang, inflate_from

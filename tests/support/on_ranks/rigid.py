@@ -9,7 +9,7 @@ from softmodels.components.loads import Force
 from softmodels.components.rigid import Rigid
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.controls import pressure_control
-from softmodels.mechanics.rigid import rotation_vector
+from softmodels.mechanics.regions import rotation_vector
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.schedule import hang
