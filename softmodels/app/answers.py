@@ -21,7 +21,7 @@ from softmodels.common.arrays import Array
 from softmodels.design.quantities import AddedVolume, DesignedBody, DesignQuantity, Rise
 from softmodels.design.states import Adjoint
 from softmodels.design.trials import PRESSURE
-from softmodels.fitting.outlines.silhouette import Silhouette, half_outline
+from softmodels.fitting.outlines.shapes import Silhouette, half_outline
 from softmodels.materials.silicones import named, product_of, spanning, stretch_at_break
 from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.mpi import start

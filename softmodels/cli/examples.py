@@ -32,10 +32,10 @@ from softmodels.common.commands import FolderType, open_folder, open_place, trou
 from softmodels.common.lazy import MPI, gmsh
 from softmodels.common.processes import say
 from softmodels.common.units import pascal_per_cm
-from softmodels.fitting.curves.memory import spectrum
+from softmodels.fitting.curves.residuals import spectrum
 from softmodels.fitting.outlines.device import DeviceModel, MeasuredDevice
 from softmodels.fitting.outlines.residuals import readings_of
-from softmodels.fitting.outlines.silhouette import half_outline
+from softmodels.fitting.outlines.shapes import half_outline
 from softmodels.fitting.problem import LawChoice
 from softmodels.materials.laws import Material
 from softmodels.materials.specimens import nominal_stress, stress_in_time

@@ -31,8 +31,7 @@ from softmodels.design.quantities import (
     register_quantity,
 )
 from softmodels.design.trials import JudgedLoad, Squares
-from softmodels.fitting.outlines.shapes import correlation, read_outlines, rising
-from softmodels.fitting.outlines.silhouette import Silhouette, shadow_of
+from softmodels.fitting.outlines.shapes import Silhouette, correlation, read_outlines, rising, shadow_of
 from softmodels.mechanics.body import BodyError
 from softmodels.mechanics.mpi import everywhere, is_root, scattered
 

@@ -22,8 +22,7 @@ from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.residuals import predicted
 from softmodels.fitting.least_squares import unseen
 from softmodels.fitting.outlines.residuals import MatchedPhotograph
-from softmodels.fitting.outlines.shapes import Shape
-from softmodels.fitting.outlines.silhouette import half_outline
+from softmodels.fitting.outlines.shapes import Shape, half_outline
 from softmodels.materials.specimens import MODE_NAMES, instabilities
 from softmodels.pictures.curves import drawing
 from softmodels.pictures.style import DPI, FAINT, INK, LINE_COLOURS, STYLE, WARNING, WIDTH, chart, png

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from geometries import HollowDisk
-from softmodels.fitting.curves.memory import spectrum
+from softmodels.fitting.curves.residuals import spectrum
 from softmodels.fitting.outlines.creeping import CreepingResiduals
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.outlines.fit import fit_law_to_outlines

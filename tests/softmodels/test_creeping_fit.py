@@ -17,8 +17,7 @@ from softmodels.case.case import Case
 from softmodels.cli.material_commands import fit_material
 from softmodels.components.loads import Gravity, Mass
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.curves.memory import spectrum
-from softmodels.fitting.curves.residuals import StressError, residuals_of
+from softmodels.fitting.curves.residuals import StressError, residuals_of, spectrum
 from softmodels.fitting.outlines.creeping import CreepingResiduals, Timetable
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.outlines.fit import fit, fit_law_to_outlines, hold_notes

@@ -24,7 +24,7 @@ from softmodels.components.loads import Force, Gravity, Mass, Moment
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.outlines.residuals import Height
-from softmodels.fitting.outlines.silhouette import half_outline, shadow_of
+from softmodels.fitting.outlines.shapes import half_outline, shadow_of
 from softmodels.materials.specimens import respond
 from softmodels.pictures.curves import profile
 from softmodels.runs.grid import QuadraticCurve

@@ -16,7 +16,7 @@ import pytest
 from softmodels.__main__ import softmodels as whole_command
 from softmodels.case.materials import material_from
 from softmodels.cli import material_commands
-from softmodels.fitting.curves import memory
+from softmodels.fitting.curves import residuals as memory
 from softmodels.fitting.curves.curve import EQUILIBRIUM, TensileCurve, TensileError, corners, loop, read_curve, turns
 from softmodels.fitting.curves.fit import fit_curves, fit_law_to_curves
 from softmodels.fitting.curves.residuals import StressError, predicted, residuals_of, thinned

@@ -7,8 +7,7 @@ import pytest
 
 from geometries import HollowDisk, Membrane
 from softmodels.fitting.outlines.residuals import Height, HeightResiduals, OutlineResiduals
-from softmodels.fitting.outlines.shapes import OutlineFitError
-from softmodels.fitting.outlines.silhouette import shadow_of
+from softmodels.fitting.outlines.shapes import OutlineFitError, shadow_of
 from softmodels.fitting.problem import LawChoice
 from softmodels.runs.grid import QuadraticCurve
 

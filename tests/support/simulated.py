@@ -13,7 +13,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.units import pascal_per_cm
 from softmodels.fitting.outlines.device import DeviceModel
 from softmodels.fitting.outlines.residuals import readings_of
-from softmodels.fitting.outlines.silhouette import Silhouette, half_outline, shadow_of
+from softmodels.fitting.outlines.shapes import Silhouette, half_outline, shadow_of
 from softmodels.mechanics.solver import Solver
 from softmodels.path.program import from_tables
 from softmodels.path.schedule import Settings, follow, hang

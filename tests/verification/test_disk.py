@@ -13,7 +13,7 @@ import pytest
 
 from geometries import HollowDisk
 from softmodels.common.units import pascal_per_cm
-from softmodels.fitting.outlines.silhouette import Silhouette
+from softmodels.fitting.outlines.shapes import Silhouette
 from softmodels.materials.laws import NeoHookean
 from softmodels.pictures.curves import profile as seen_from_the_side
 from softmodels.runs.fields import Fields

@@ -10,7 +10,7 @@ import pytest
 import softmodels as sm
 from geometries import Balloon, Bellows, Membrane
 from measurement.outline.outline import Outline
-from softmodels.fitting.outlines.silhouette import half_outline, shadow_of
+from softmodels.fitting.outlines.shapes import half_outline, shadow_of
 from softmodels.pictures.curves import profile
 from softmodels.runs.grid import QuadraticCurve
 from tests.support import membrane_shooting as shooting

@@ -16,7 +16,7 @@ from softmodels.case.case import Case
 from softmodels.cli import examples
 from softmodels.cli.material_commands import fit_material
 from softmodels.common.units import pascal_per_cm
-from softmodels.fitting.outlines.silhouette import half_outline, shadow_of
+from softmodels.fitting.outlines.shapes import half_outline, shadow_of
 from softmodels.pictures.curves import profile
 from softmodels.runs.grid import QuadraticCurve
 

@@ -29,23 +29,21 @@ from softmodels.fitting.comparison import (
     stretch_of,
 )
 from softmodels.fitting.curves.curve import TensileCurve, TensileError, loop, read_curve, small_modulus
-from softmodels.fitting.curves.memory import (
+from softmodels.fitting.curves.residuals import (
     Spectrum,
+    StressError,
+    TensileResiduals,
     branch_stresses,
     further_parameters,
+    largest_strain,
     may_soften,
+    on_yardstick,
+    predicted,
     remembering,
+    residuals_of,
     separates,
     several_amplitudes,
     spectrum,
-)
-from softmodels.fitting.curves.residuals import (
-    StressError,
-    TensileResiduals,
-    largest_strain,
-    on_yardstick,
-    predicted,
-    residuals_of,
     stretches_of,
     thinned,
 )

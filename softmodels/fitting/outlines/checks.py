@@ -22,8 +22,7 @@ from softmodels.fitting.outlines.residuals import (
     plain_path,
     residuals_by_source,
 )
-from softmodels.fitting.outlines.shapes import Shape
-from softmodels.fitting.outlines.silhouette import half_outline, shadow_of
+from softmodels.fitting.outlines.shapes import Shape, half_outline, shadow_of
 from softmodels.fitting.problem import Parameter, UnsoundError
 from softmodels.runs.grid import QuadraticCurve
 

@@ -25,9 +25,8 @@ from softmodels.common.lazy import MPI
 from softmodels.common.names import checked, one_of
 from softmodels.common.schema import about
 from softmodels.components.loads import STANDARD_GRAVITY, DirectedLoad, FaceLoad, weighed
-from softmodels.fitting.curves.memory import Spectrum, remembering
-from softmodels.fitting.outlines.shapes import OutlineFitError
-from softmodels.fitting.outlines.silhouette import Silhouette, crest, edge_heights
+from softmodels.fitting.curves.residuals import Spectrum, remembering
+from softmodels.fitting.outlines.shapes import OutlineFitError, Silhouette, crest, edge_heights
 from softmodels.fitting.problem import CannotEvaluate, FitError, LawChoice
 from softmodels.materials.laws import Material, MaterialError
 from softmodels.materials.silicones import SILICONE_DENSITY

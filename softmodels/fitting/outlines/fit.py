@@ -30,8 +30,15 @@ from softmodels.fitting.comparison import (
 )
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
 from softmodels.fitting.curves.fit import Curves, prepared
-from softmodels.fitting.curves.memory import SEVERAL_HOLDS, Spectrum, remembering, spectrum
-from softmodels.fitting.curves.residuals import StressError, residuals_of, stretches_of
+from softmodels.fitting.curves.residuals import (
+    SEVERAL_HOLDS,
+    Spectrum,
+    StressError,
+    remembering,
+    residuals_of,
+    spectrum,
+    stretches_of,
+)
 from softmodels.fitting.least_squares import Judgement, LeastSquaresFit, fit_parameters, profile, settled
 from softmodels.fitting.outlines.checks import (
     HeightRow,

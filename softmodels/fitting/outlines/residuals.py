@@ -31,8 +31,7 @@ from softmodels.common.tables import Line, pick, read_sheets, records
 from softmodels.common.units import WATER_DENSITY, UnitError, number
 from softmodels.fitting.least_squares import LeastSquaresFit, fit_parameters
 from softmodels.fitting.outlines.device import DeviceModel
-from softmodels.fitting.outlines.shapes import FLOOR, TALLEST, OutlineFitError, Shape, kept
-from softmodels.fitting.outlines.silhouette import shadow_of
+from softmodels.fitting.outlines.shapes import FLOOR, TALLEST, OutlineFitError, Shape, kept, shadow_of
 from softmodels.fitting.problem import BENCH, CannotEvaluate, Changes, FitError, Parameter, Prior
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.system import State

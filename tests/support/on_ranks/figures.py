@@ -237,7 +237,7 @@ def rates(equations, added: float) -> list[float]:
     """Derivatives of a state's pressure and of its outline, and the outline's distances from some points."""
     import numpy as np
 
-    from softmodels.fitting.outlines.silhouette import Silhouette
+    from softmodels.fitting.outlines.shapes import Silhouette
     from softmodels.mechanics.controls import volume_control
     from softmodels.mechanics.sensitivity import MeshMotion, Sensitivity
     from softmodels.path.continuation import Continuation, trace
