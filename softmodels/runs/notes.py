@@ -116,19 +116,17 @@ def cycles(rows: Sequence[Row]) -> list[Cycle]:
     return found
 
 
-def time_notes(case: Case, rows: Sequence[Row]) -> list[str]:
-    """Return sentences on the last cycle of a load in time, or on times and memories that do nothing without each other."""
+def time_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
+    """Yield sentences on the last cycle of a load in time, or on times and memories that do nothing without each other."""
     if case.remembers and not case.timed:
-        return [
+        yield (
             "the silicone has a memory, but the load has no times: every state is that after a long time; add --rate or --hold "
             "for what happens before"
-        ]
-    if case.inertia:
-        return []
-    if not case.timed or not case.remembers:
-        return ["the load has times, but the silicone has no memory ([material.memory]): they change nothing"] * (
-            case.timed and case.supply is None
         )
+    if case.timed and not (case.inertia or case.remembers or case.supply):
+        yield "the load has times, but the silicone has no memory ([material.memory]): they change nothing"
+    if case.inertia or not (case.timed and case.remembers):
+        return
     found, gauge = cycles(rows), f"{case.actuator.gauge}_mm"
     told = []
     if found and found[-1].closed and found[-1].work:
@@ -142,7 +140,7 @@ def time_notes(case: Case, rows: Sequence[Row]) -> list[str]:
                 f"held at {first['pressure_cm']:.4g} cm for {seconds:.4g} s, {of} creeps from {first[gauge]:+.4g} to "
                 f"{last[gauge]:+.4g} mm ({last[gauge] / first[gauge] - 1:+.1%})"
             )
-    return told[:1] + told[-1:] if len(told) > 1 else told
+    yield from dict.fromkeys(told[:1] + told[-1:])
 
 
 def _holds(rows: Sequence[Row]) -> list[tuple[Row, Row]]:
@@ -152,24 +150,22 @@ def _holds(rows: Sequence[Row]) -> list[tuple[Row, Row]]:
     return [(a, b) for a, b in pairs if 0.0 < a["pressure_Pa"] == b["pressure_Pa"] and b["time_s"] > a["time_s"]]
 
 
-def motion_notes(case: Case, rows: Sequence[Row]) -> list[str]:
-    """Return the density that inertia has, and the balance of energy, as sentences; none without inertia."""
+def motion_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
+    """Yield the density that inertia has, and the balance of energy, as sentences; none without inertia."""
     if not case.inertia or not rows:
-        return []
+        return
     work = supplied_work(case, rows)
     stored = rows[-1]["stored_energy_mJ"] - rows[0]["stored_energy_mJ"]
     lost, kinetic = (rows[-1].get(f"{name}_energy_mJ", 0.0) for name in ("dissipated", "kinetic"))
     left = work - stored - lost - kinetic
     most = max(abs(work), *(row["kinetic_energy_mJ"] for row in rows))
-    told = f"the silicone's inertia is that of {density_of_main(case):g} kg/m^3"
-    if not most:
-        return [told]
-    return [
-        told,
-        f"work of the supply and loads {work:.4g} mJ = {stored:.4g} mJ stored + {lost:.4g} mJ dissipated by the silicone + "
-        f"{kinetic:.4g} mJ kinetic + {left:.2g} mJ ({abs(left) / most:.2g} of the largest) for numerical damping "
-        f"(--spectral-radius {case.spectral_radius:g}), friction and the error of the steps",
-    ]
+    yield f"the silicone's inertia is that of {density_of_main(case):g} kg/m^3"
+    if most:
+        yield (
+            f"work of the supply and loads {work:.4g} mJ = {stored:.4g} mJ stored + {lost:.4g} mJ dissipated by the silicone + "
+            f"{kinetic:.4g} mJ kinetic + {left:.2g} mJ ({abs(left) / most:.2g} of the largest) for numerical damping "
+            f"(--spectral-radius {case.spectral_radius:g}), friction and the error of the steps"
+        )
 
 
 def density_of_main(case: Case) -> float:
@@ -192,17 +188,16 @@ def supplied_work(case: Case, rows: Sequence[Row]) -> float:
     return found
 
 
-def supply_notes(case: Case, rows: Sequence[Row]) -> list[str]:
-    """Return sentences on a supply in time: how long it fills the device, how the device leaks, and whether a tube's flow is
+def supply_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
+    """Yield sentences on a supply in time: how long it fills the device, how the device leaks, and whether a tube's flow is
     turbulent."""
     supply = case.supply
     if not isinstance(supply, Reservoir) or not rows:
-        return []
-    found = []
+        return
     time, pressure = (np.array([row[name] for row in rows]) for name in ("time_s", "pressure_cm"))
     if (seconds := fill_time(rows)) is not None:
         most = max(row["source_pressure_cm"] for row in rows)
-        found.append(f"the device takes {seconds:.3g} s to {FILLED:.0%} of the source's {most:.4g} cm")
+        yield f"the device takes {seconds:.3g} s to {FILLED:.0%} of the source's {most:.4g} cm"
     opening = any(series.target == VALVE for series in case.program)
     closed = np.array([opening and value_at(case.program, VALVE, row["load_step"]) == 0.0 for row in rows])
     if supply.leak is not None and closed.any():
@@ -211,17 +206,16 @@ def supply_notes(case: Case, rows: Sequence[Row]) -> list[str]:
         left, since = pressure[first : first + length], time[first : first + length] - time[first]
         if left[0] > 0.0 and left.min() <= left[0] / 2:
             half = float(np.interp(-left[0] / 2, -left, since))
-            found.append(f"with the valve closed the leak takes {half:.3g} s to half of {left[0]:.4g} cm")
+            yield f"with the valve closed the leak takes {half:.3g} s to half of {left[0]:.4g} cm"
         elif left[0] > 0.0 and since[-1] > 0.0:
             lost = 1 - left[-1] / left[0]
-            found.append(f"with the valve closed the leak takes {lost:.1%} of {left[0]:.4g} cm in {since[-1]:.3g} s")
+            yield f"with the valve closed the leak takes {lost:.1%} of {left[0]:.4g} cm in {since[-1]:.3g} s"
     most = max(abs(row["flow_ml_per_min"]) for row in rows) * supply.ambient / 60e6
     if supply.tube is not None and (number := supply.tube.reynolds(most)) > TURBULENT_FROM:
-        found.append(
+        yield (
             f"the flow in the tube has a Reynolds number up to {number:.0f} and is turbulent above "
             f"{TURBULENT_FROM:.0f}; it is computed as laminar, which is too fast"
         )
-    return found
 
 
 FILLED = 0.9
@@ -240,84 +234,78 @@ def fill_time(rows: Sequence[Row]) -> float | None:
     return None
 
 
-def typed_notes(case: Case) -> list[str]:
-    """Return a sentence on an ambiguous text of requested values, or none."""
+def typed_notes(case: Case) -> Iterator[str]:
+    """Yield a sentence on an ambiguous text of requested values, or none."""
     asked = (case.pressures_cm, case.volumes_ml, case.strokes_ml)
-    return [doubt for values in asked if (doubt := getattr(values, "doubt", ""))]
+    yield from filter(None, (getattr(values, "doubt", "") for values in asked))
 
 
-def vacuum_notes(case: Case) -> list[str]:
-    """Return a sentence on a vacuum that few sources reach, or none."""
+def vacuum_notes(case: Case) -> Iterator[str]:
+    """Yield a sentence on a vacuum that few sources reach, or none."""
     lowest = case.load.lowest_cm(case.actuator.ratios)
-    if lowest * case.cm > REACHED:
-        return []
-    return [
-        f"{lowest:.4g} cm are {lowest * case.cm / 1e3:.4g} kPa: at sea level ejectors reach about -85 kPa, single-stage pumps "
-        "-90 kPa; check the source's data sheet"
-    ]
+    if lowest * case.cm <= REACHED:
+        yield (
+            f"{lowest:.4g} cm are {lowest * case.cm / 1e3:.4g} kPa: at sea level ejectors reach about -85 kPa, single-stage "
+            "pumps -90 kPa; check the source's data sheet"
+        )
 
 
-def lifted_notes(case: Case, rows: Sequence[Row]) -> list[str]:
-    """Return where a face that only stands on its plane lifts off, as a sentence; none if it does not."""
+def lifted_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
+    """Yield where a face that only stands on its plane lifts off, as a sentence; none if it does not."""
     role = case.actuator.standing
     forces = [row[f"{role}_force_N"] for row in rows if f"{role}_force_N" in row]
     at = next((k for k, (one, two) in enumerate(itertools.pairwise(forces)) if one > 0.0 >= two), None)
-    if at is None:
-        return []
-    share = forces[at] / (forces[at] - forces[at + 1])
-    before, after = (rows[k][case.column] for k in (at, at + 1))
-    return [
-        f"the {role} LIFTS OFF at about {before + share * (after - before):.4g} {case.unit}, between states {at} and {at + 1} "
-        f"({role}_force_N falls to 0): beyond it the seal leaks, and the states are invalid"
-    ]
+    if at is not None:
+        share = forces[at] / (forces[at] - forces[at + 1])
+        before, after = (rows[k][case.column] for k in (at, at + 1))
+        yield (
+            f"the {role} LIFTS OFF at about {before + share * (after - before):.4g} {case.unit}, between states {at} and "
+            f"{at + 1} ({role}_force_N falls to 0): beyond it the seal leaks, and the states are invalid"
+        )
 
 
-def sealing_notes(case: Case, rows: Sequence[Row]) -> list[str]:
-    """Return what each seal holds in the last state, as sentences."""
-    found = []
+def sealing_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
+    """Yield what each seal holds in the last state, as sentences."""
     for part in case.components if rows else ():
         last, label = rows[-1], part.label
         if part.sealing and (hold := last[f"{label}_hold_N"]) > 0.0:
             shear = f"; its lip slides at a lateral force of {last[f'{label}_shear_N']:.4g} N" if part.remembers else ""
-            found.append(
+            yield (
                 f"in the last state the holding force of {part.where} is {hold:.4g} N (vacuum times "
                 f"{last[f'{label}_sealed_mm2']:.4g} mm2 inside the seal){shear}"
             )
-    return found
 
 
-def law_notes(case: Case, rows: Sequence[Row]) -> list[str]:
-    """Return a sentence if a run stretches its silicone beyond the stability of its law by Drucker's
-    criterion."""
+def law_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
+    """Yield a sentence if a run stretches its silicone beyond the stability of its law by Drucker's criterion."""
     most = max((float(row.get("max_stretch", 1.0)) for row in rows), default=1.0)
     # Of all deformations with this largest stretch, uniaxial tension has the least I1: the others reach it earlier. In the
     # other modes of tension the stretch itself is compared, because a membrane is pulled in both directions.
     strain = most**2 + 2 / most - 3
     weak = [str(one) for one in instabilities(case.material) if one.strain <= strain or 1 < one.stretch <= most]
-    if not weak:
-        return []
-    return [
-        f"by Drucker's criterion the law {case.material.name} is unstable in {'; '.join(weak)}, and the run's largest stretch "
-        f"is {most:.3g}: an instability there may come from the law, not the device; see softmodels curve, and use a "
-        "law that is stable in this range"
-    ]
+    if weak:
+        yield (
+            f"by Drucker's criterion the law {case.material.name} is unstable in {'; '.join(weak)}, and the run's largest "
+            f"stretch is {most:.3g}: an instability there may come from the law, not the device; see softmodels curve, and use "
+            "a law that is stable in this range"
+        )
 
 
-def band_notes(rows: Sequence[Row]) -> list[str]:
-    """Return the 95 % interval of the limit pressure from the material's errors, as a sentence; none if unknown."""
+def band_notes(rows: Sequence[Row]) -> Iterator[str]:
+    """Yield the 95 % interval of the limit pressure from the material's errors, as a sentence; none if unknown."""
     for row in rows:
         half = row.get("pressure_ci95_cm", math.nan)
         if row.get("limit") and not math.isnan(half):
             low, high = row["pressure_cm"] - half, row["pressure_cm"] + half
-            return [
+            yield (
                 f"limit pressure between {low:.4g} and {high:.4g} cm (95 % confidence interval from the fitted material's "
                 f"errors)"
-            ]
-    return []
+            )
+            return
 
 
-def bonded_notes(case: Case) -> list[str]:
-    """Return a sentence if plates or rings of a device are modelled as silicone, unlike real plates."""
+def bonded_notes(case: Case) -> Iterator[str]:
+    """Yield a sentence if plates or rings of a device are modelled as silicone, unlike real plates."""
     meshed = {part.name for part in case.components if isinstance(part, Region)}
     rigid = {
         name for part in case.components if isinstance(part, Rigid) for name in (*names_in(part.face), part.region)
@@ -325,68 +313,63 @@ def bonded_notes(case: Case) -> list[str]:
     rigid |= {name for part in case.components if isinstance(part, Clamp) for name in names_in(part.face)}
     soft = [name for name in case.actuator.plated if name not in meshed | rigid]
     if not soft:
-        return []
+        return
     named, first = " and ".join(soft), soft[0]
     does = "bends and stretches" if len(soft) == 1 else "bend and stretch"
     region = ", or a region of another material" if first in case.actuator.regions else ""
-    return [
+    yield (
         f"{named} {does} like the silicone in this model; for a stiff one add a rigid part to the case file ([rigid.{first}] "
         f"with face = '{first}'){region}"
-    ]
+    )
 
 
-def stretch_notes(case: Case, rows: Sequence[Row]) -> list[str]:
-    """Return sentences on stretches beyond the silicone's range or its stretch at break; none if unknown or below."""
+def stretch_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
+    """Yield a sentence on stretches beyond the silicone's range or its stretch at break; none if unknown or below."""
     if "max_stretch" not in rows[0]:
-        return []
+        return
     source, breaks = broken(case.material), stretch_at_break(case.material)
     most = max(rows, key=lambda row: float(row["max_stretch"]))
     torn = next((row for row in rows if breaks is not None and row["max_stretch"] > breaks), None)
     if torn is not None and source is not None:
-        return [
+        yield (
             f"at {state_labels(case).place(torn)} the largest stretch, {torn['max_stretch']:.3g}, passes {breaks:.3g}, at "
             f"which {named(case.material)} broke when pulled ({source.source}): the device tears there, and no state from "
             "there on is real"
-        ]
-    return list(filter(None, [extrapolated(case.material, float(most["max_stretch"]))]))
+        )
+    elif text := extrapolated(case.material, float(most["max_stretch"])):
+        yield text
 
 
-def source_notes(case: Case, sources: SourceRows = MappingProxyType({})) -> list[str]:
-    """Return the spread of a named silicone's sources, and of this device's states if solved
-    for them; none for other materials."""
-    texts = [material_spread(case.material), span_sentence(case, sources) if sources else ""]
-    return [text for text in texts if text]
+def source_notes(case: Case, sources: SourceRows) -> Iterator[str]:
+    """Yield the spread of a named silicone's sources, and of this device's states if solved for them."""
+    texts = (material_spread(case.material), span_sentence(case, sources) if sources else "")
+    yield from (text for text in texts if text)
 
 
-def weight_notes(case: Case) -> list[str]:
-    """Return the assumed density if gravity acts and none was given, as a sentence, or
-    none."""
-    if not any(isinstance(part, Gravity) and part.density is None for part in case.components):
-        return []
-    sheet = sheet_of(case.material)
-    source = f"by the {sheet.source}" if sheet else "assumed, as for most silicones, because no density was given"
-    return [
-        f"the silicone weighs {density_of(case.material):g} kg/m^3, {source} ([gravity] density, --gravity-density)"
-    ]
+def weight_notes(case: Case) -> Iterator[str]:
+    """Yield the assumed density if gravity acts and none was given, as a sentence."""
+    if any(isinstance(part, Gravity) and part.density is None for part in case.components):
+        sheet = sheet_of(case.material)
+        source = f"by the {sheet.source}" if sheet else "assumed, as for most silicones, because no density was given"
+        yield f"the silicone weighs {density_of(case.material):g} kg/m^3, {source} ([gravity] density, --gravity-density)"
 
 
-def volume_notes(rows: Sequence[Row]) -> list[str]:
-    """Return a sentence if the silicone's own volume changed more than that of rubber can."""
+def volume_notes(rows: Sequence[Row]) -> Iterator[str]:
+    """Yield a sentence if the silicone's own volume changed more than that of rubber can."""
     told = [row for row in rows if "J_min" in row]
     least, most = min((row["J_min"] for row in told), default=1.0), max((row["J_max"] for row in told), default=1.0)
-    if least >= 1 - VOLUME_CHANGE and most <= 1 + VOLUME_CHANGE:
-        return []
-    return [
-        f"the silicone's volume ratio J is {least:.3f} to {most:.3f}; rubber is nearly incompressible, so "
-        f"use a --poisson closer to 0.5"
-    ]
+    if least < 1 - VOLUME_CHANGE or most > 1 + VOLUME_CHANGE:
+        yield (
+            f"the silicone's volume ratio J is {least:.3f} to {most:.3f}; rubber is nearly incompressible, so "
+            f"use a --poisson closer to 0.5"
+        )
 
 
-def contact_notes(case: Case, rows: Sequence[Row]) -> list[str]:
-    """Return a sentence on walls that overlap; none if they do not."""
+def contact_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
+    """Yield a sentence on walls that overlap; none if they do not."""
     overlapping = [row for row in rows if row.get("walls_touch")]
     if not overlapping:
-        return []
+        return
     where, deepest = state_labels(case), min(overlapping, key=lambda row: row["least_gap_mm"])
     count = f"{len(overlapping)} of {len(rows)} states" if len(overlapping) > 1 else "one state"
     found = (
@@ -395,39 +378,41 @@ def contact_notes(case: Case, rows: Sequence[Row]) -> list[str]:
         f"and walls_touch in path.csv)"
     )
     walls = [part for part in case.components if isinstance(part, Walls) and not part.off]
-    if not walls:
+    if walls:
+        yield (
+            f"{found}; {', '.join(part.words for part in walls)} are in contact; use smaller cells (--cell-size), a "
+            "larger stiffness, or add the faces there ([walls])"
+        )
+    else:
         auto = "" if case.actuator.meeting == () else " (--walls auto)"
-        return [f"{found}; enable self-contact{auto}, or name the faces in a [walls] table of a case file"]
-    return [
-        f"{found}; {', '.join(part.words for part in walls)} are in contact; use smaller cells (--cell-size), a "
-        "larger stiffness, or add the faces there ([walls])"
-    ]
+        yield f"{found}; enable self-contact{auto}, or name the faces in a [walls] table of a case file"
 
 
-def depth_notes(case: Case, rows: Sequence[Row]) -> list[str]:
-    """Return a sentence if faces penetrate deep into the contact plane."""
+def depth_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
+    """Yield a sentence if faces penetrate deep into the contact plane."""
     deepest, size = max((row.get("contact_depth_mm", 0.0) for row in rows), default=0.0), case.actuator.size
     if deepest <= DEEPEST * size * 1e3 or (plane := obstacle_of(case.components)) is None:
-        return []
+        return
     force = max((abs(row.get("contact_force_N", 0.0)) for row in rows), default=0.0)
     # The penetration of this force if spread over the device; an edge that curls into the plane carries little of it.
     spread = force / (plane.stiffness * case.material.shear_modulus_0 * size**2)
     if spread < LOCAL * DEEPEST:
-        return [
+        yield (
             f"an edge of the faces penetrates the contact plane by {deepest:.3g} mm under a total "
             f"force of {force:.3g} N; the faces as a whole penetrate far less, so a larger --contact-stiffness "
             f"changes only that edge. Check it with smaller cells (--cell-size)"
-        ]
-    return [
-        f"faces penetrate the contact plane by {deepest:.3g} mm, more than {DEEPEST:.0%} of the device's size; use a "
-        f"--contact-stiffness above {plane.stiffness:g}"
-    ]
+        )
+    else:
+        yield (
+            f"faces penetrate the contact plane by {deepest:.3g} mm, more than {DEEPEST:.0%} of the device's size; use a "
+            f"--contact-stiffness above {plane.stiffness:g}"
+        )
 
 
-def place_notes(case: Case, rows: Sequence[Row]) -> list[str]:
-    """Return a sentence on each named point that is tracked away from its named position."""
+def place_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
+    """Yield a sentence on each named point that is tracked away from its named position."""
     away = {name: 1e-3 * rows[0].get(column) for name, column in case.gauges.off_columns.items()} if rows else {}
-    return [followed_text(name, far) for name, far in away.items() if far > FOLLOWED_DISTANCE * case.actuator.size]
+    yield from (followed_text(name, far) for name, far in away.items() if far > FOLLOWED_DISTANCE * case.actuator.size)
 
 
 def left_out(case: Case) -> str:

@@ -217,7 +217,7 @@ def test_a_fitted_material_warns_beyond_the_stretch_it_was_fitted_to(tmp_path):
     for material in (report.material, read, Case.from_toml(case_of(read).to_toml()).material):
         (note,) = stretch_notes(case_of(material), [Row({"max_stretch": 1.0}), Row({"max_stretch": 4.18})])
         assert "the largest stretch, 4.18, exceeds 3, the end of the fitted range of this yeoh law" in note
-        assert not stretch_notes(case_of(material), [Row({"max_stretch": 2.9})])
+        assert not list(stretch_notes(case_of(material), [Row({"max_stretch": 2.9})]))
 
 
 def case_of(material):
