@@ -41,8 +41,8 @@ from softmodels.common.schema import (
     number_field,
     shown,
 )
-from softmodels.materials.laws import Material
-from softmodels.materials.strain import Expression, HomogeneousStrain
+from softmodels.materials.laws import HomogeneousStrain, Material
+from softmodels.materials.memory import Expression
 from softmodels.mechanics.body import Body, cell_measure
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.component import (

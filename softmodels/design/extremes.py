@@ -22,7 +22,7 @@ from softmodels.design.quantities import (
     length,
     register_quantity,
 )
-from softmodels.materials.strain import Strain, eigenvalues
+from softmodels.materials.laws import Strain, eigenvalues
 from softmodels.mechanics.body import cell_measure, in_space
 from softmodels.mechanics.mpi import any_rank, is_root, largest, on_root
 from softmodels.runs.state_values import (

@@ -24,7 +24,7 @@ from softmodels.common.names import Registry
 from softmodels.common.units import quantity as read_quantity
 from softmodels.components.contact import FileShapeTerm, GuidedShapeTerm, Obstacle, RigidShape, ShapeTerm, force_of_all
 from softmodels.design.trials import DesignFailure, JudgedLoad
-from softmodels.materials.strain import Strain
+from softmodels.materials.laws import Strain
 from softmodels.mechanics.assembly import AssembledTerm
 from softmodels.mechanics.body import BodyError, in_section, in_space
 from softmodels.mechanics.compiling import JIT

@@ -2,7 +2,7 @@
 
 Begin with `laws`; a law added with `register_law` stands in one file.
 
-- `laws`: what a law is, and every law. `strain`: measures of strain for UFL and for numpy, and dual numbers.
+- `laws`: measures of strain for UFL and for numpy, dual numbers; what a law is, and every law.
 - `memory`: what a silicone remembers: relaxing branches and softening, as terms of one time step's energy.
 - `specimens`: closed forms: tension, shear, balloons, thick walls; where a law stops being a material.
 - `silicones`: named products with all their sources, and how they are mixed.

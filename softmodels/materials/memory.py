@@ -27,7 +27,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -35,8 +35,9 @@ from softmodels.common.errors import FieldError
 from softmodels.common.lazy import scipy, ufl
 from softmodels.common.schema import Quantity, Text
 from softmodels.common.units import brief, exact_text
-from softmodels.materials.strain import Expression
 
+Expression = Any
+"""Values of an energy's arguments: UFL expressions (untyped), numpy arrays or numbers, real or complex, or `Dual`."""
 Six = Sequence[Expression]
 
 PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))

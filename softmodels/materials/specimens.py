@@ -20,9 +20,8 @@ import numpy.typing as npt
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import scipy
 from softmodels.materials import memory
-from softmodels.materials.laws import Material, MaterialError, parameter_fields
-from softmodels.materials.memory import Branch, InNumpy, Softening
-from softmodels.materials.strain import Dual, Expression
+from softmodels.materials.laws import Dual, Material, MaterialError, parameter_fields
+from softmodels.materials.memory import Branch, Expression, InNumpy, Softening
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Closed-form solutions without a mesh: test specimens, balloons and thick-walled spheres of any law.

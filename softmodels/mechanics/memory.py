@@ -19,9 +19,8 @@ import numpy.typing as npt
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import Expr, PETSc, basix, fem, meshes, ufl
 from softmodels.materials import memory
-from softmodels.materials.laws import Material
+from softmodels.materials.laws import Material, Strain
 from softmodels.materials.memory import COUNTS, IDENTITY, Branch, InUfl, Memory, Six, six
-from softmodels.materials.strain import Strain
 from softmodels.mechanics.assembly import Inertia, mass_matrix
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body
 from softmodels.mechanics.compiling import JIT, LABEL

@@ -20,8 +20,7 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import Expr, PETSc, basix, fem, meshes, ufl
-from softmodels.materials.laws import Material
-from softmodels.materials.strain import Strain
+from softmodels.materials.laws import Material, Strain
 from softmodels.mechanics.assembly import assemble_into, jumping
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.compiling import JIT, LABEL, library

@@ -16,8 +16,7 @@ import numpy.typing as npt
 from geometries.actuator import Hold, check_closed
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import MPI, PETSc, basix, fem, la, meshes, ufl
-from softmodels.materials.laws import Material
-from softmodels.materials.strain import Strain
+from softmodels.materials.laws import Material, Strain
 from softmodels.mechanics.assembly import AssembledTerms, assembled_vector, known_to_all, mark_symmetric, matrix_of
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body, BodyError, cell_measure, in_section
 from softmodels.mechanics.compiling import JIT, begin, compile_ahead

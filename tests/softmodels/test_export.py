@@ -16,7 +16,7 @@ from geometries import ImportedMesh
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.decks.deck import silicones_of, solved
-from softmodels.materials.strain import HomogeneousStrain
+from softmodels.materials.laws import HomogeneousStrain
 from tests.support.ranks import mpirun
 
 DISK = sm.HollowDisk(fillet=0.0, cell_size=0.006, support="base")

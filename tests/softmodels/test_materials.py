@@ -11,7 +11,19 @@ import numpy as np
 import pytest
 
 from softmodels.case.materials import from_table, to_table
-from softmodels.materials.laws import LAWS, Gent, MaterialError, MooneyRivlin, NeoHookean, Ogden, Yeoh, parameter_fields
+from softmodels.materials.laws import (
+    LAWS,
+    Gent,
+    HomogeneousStrain,
+    MaterialError,
+    MooneyRivlin,
+    NeoHookean,
+    Ogden,
+    Strain,
+    Yeoh,
+    eigenvalues,
+    parameter_fields,
+)
 from softmodels.materials.silicones import (
     PRODUCTS,
     SILICONES,
@@ -24,7 +36,6 @@ from softmodels.materials.silicones import (
     stretch_at_break,
 )
 from softmodels.materials.specimens import nominal_stress
-from softmodels.materials.strain import HomogeneousStrain, Strain, eigenvalues
 
 EXAMPLES = {
     "neo-hookean": NeoHookean(30e3, 0.45),

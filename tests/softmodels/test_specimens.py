@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import erf
 
-from softmodels.materials.laws import LAWS, Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from softmodels.materials.laws import LAWS, Gent, HomogeneousStrain, MooneyRivlin, NeoHookean, Ogden, Yeoh
 from softmodels.materials.memory import Branch, Memory, Softening
 from softmodels.materials.specimens import (
     MODE_NAMES,
@@ -21,7 +21,6 @@ from softmodels.materials.specimens import (
     respond,
     stress_in_time,
 )
-from softmodels.materials.strain import HomogeneousStrain
 
 L = np.array([0.6, 0.9, 1.0, 1.3, 2.0, 3.0])
 EXAMPLES = {

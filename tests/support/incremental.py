@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 
-from softmodels.materials.strain import HomogeneousStrain
+from softmodels.materials.laws import HomogeneousStrain
 
 ORDER, POINTS = 10, 40
 

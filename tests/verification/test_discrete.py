@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk
-from softmodels.materials.laws import Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
-from softmodels.materials.strain import HomogeneousStrain
+from softmodels.materials.laws import Gent, HomogeneousStrain, MooneyRivlin, NeoHookean, Ogden, Yeoh
 from tests.support import bodies
 
 TAYLOR = "Taylor's remainder of the potential, every law, 3-D and axisymmetric"
@@ -195,7 +194,7 @@ GRADIENT = np.array([[1.3, 0.2, -0.1], [0.05, 0.9, 0.3], [-0.2, 0.1, 1.1]])
 
 
 def exactness(law):
-    """Ogden's stretches carry the smoothing of `softmodels.materials.strain.eigenvalues`, 1e-8 of the strain's own size."""
+    """Ogden's stretches carry the smoothing of `softmodels.materials.laws.eigenvalues`, 1e-8 of the strain's own size."""
     return 3e-8 if isinstance(law, Ogden) else 1e-10
 
 

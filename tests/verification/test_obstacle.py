@@ -13,8 +13,7 @@ from geometries import HollowDisk
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.components.contact import ONSET, Obstacle
-from softmodels.materials.laws import NeoHookean
-from softmodels.materials.strain import HomogeneousStrain
+from softmodels.materials.laws import HomogeneousStrain, NeoHookean
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.solver import Solver
