@@ -7,15 +7,18 @@ Each step changes either pressures, forces and the like, or volumes and travels,
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Callable, Generator, Iterator, Sequence
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
-from softmodels.mechanics.controls import Coupling, volume_control
+from softmodels.mechanics.controls import Control, Coupling, pressure_control, volume_control
+from softmodels.mechanics.memory import Inertia, Motion
+from softmodels.mechanics.mpi import largest
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
@@ -654,18 +657,30 @@ def in_drivers(
 # unloading it stays on that part until the part's own limit point: hysteresis.
 #
 # The curve is computed once under arc-length control; the states of loading and unloading are then solved on it, each at its
-# own pressure. The dynamics of a snap-through are not computed.
+# own pressure. Where the curve cannot be followed as far as the part that the device snaps to, as where walls meet in folds,
+# the device is let go: it creeps against a drag on its mass until it rests, and the curve is followed both ways from there.
 
 
 LARGEST_GROWTH_OF_CYCLE = 500.0
 """Maximum cavity volumes in the search for another stable part: a balloon of eight times its radius."""
+NUDGE = 0.01
+"""Largest displacement, in sizes of the device, by which it is pushed off a limit point."""
+FIRST_CREEP, LAST_CREEP, SHORTEST_CREEP = 0.3, 1e4, 1e-4
+"""First step of a device that is let go, the one from which on it rests, and the shortest, in times that a shear wave takes to
+cross the device."""
+MOST_CREEP = 400
+"""Maximum number of steps until it rests."""
+MOST_SNAPS = 8
+"""Maximum number of times that a device is let go in one cycle."""
 
 
 @dataclasses.dataclass(frozen=True)
 class CyclePart:
-    """A stable part of the curve: points with rising pressure, with limit points at its ends if there are any."""
+    """A stable part of the curve: points with rising pressure, with limit points at its ends if there are any, and the path
+    on which states between them are solved for."""
 
     points: tuple[Point, ...]
+    path: Continuation
 
     @property
     def lowest(self) -> float:
@@ -674,6 +689,26 @@ class CyclePart:
     @property
     def highest(self) -> float:
         return self.points[-1].state.P
+
+
+@dataclasses.dataclass(frozen=True)
+class Fall(Pressure):
+    """How far the cavity's pressure has fallen from where a path begins."""
+
+    start: float
+    ends_at_pressure_limit: ClassVar[bool] = False
+
+    def value(self, V: float, P: float) -> float:
+        return self.start - P
+
+    def slopes(self, V: float, P: float) -> tuple[float, float]:
+        return 0.0, -1.0
+
+    def curve(self, value: float) -> Control:
+        return pressure_control(self.start - value)
+
+    def exactly(self, state: State, value: float) -> State:
+        return dataclasses.replace(state, P=self.start - value)
 
 
 def cycle(path: Continuation, goals: Sequence[float]) -> Iterator[Point]:
@@ -687,27 +722,140 @@ def cycle(path: Continuation, goals: Sequence[float]) -> Iterator[Point]:
         Points with only their stable states, in the order in which they happen; the first one after a jump is marked.
 
     Raises:
-        PathEnd: There is no stable state at the highest pressure. What can be reached has been yielded.
+        PathEnd: There is no stable state at the highest pressure, or none was found where the device snaps through on its way
+            up or down. What can be reached has been yielded.
     """
-    path.control, path.largest_growth = ArcLength.name, LARGEST_GROWTH_OF_CYCLE
-    points: list[Point] = []
-    lost = None
+    whole = Cycle(path, goals[-1])
+    here = yield from whole.along(0, goals, 1)
+    yield from whole.along(here, [*goals[::-1], *([0.0] if goals[0] > 0 else [])], -1)
+
+
+class Cycle:
+    """The stable parts of a device's curve up to a pressure, in their order, as far as they are known; ``lost`` is what ended
+    the curve."""
+
+    def __init__(self, path: Continuation, most: float):
+        self.path, self.most, self.snaps = path, most, 0
+        self.lost: PathEnd | None = None
+        path.control, path.largest_growth = ArcLength.name, LARGEST_GROWTH_OF_CYCLE
+        self.parts = _stable_parts(self._curve(path, most), path)
+        if not self.parts:
+            raise self.lost or PathEnd("there is no stable state")
+
+    def _curve(self, path: Continuation, goal: float) -> list[Point]:
+        points: list[Point] = []
+        try:
+            points.extend(trace(path, [goal]))
+        except PathEnd as end:
+            self.lost = end
+        return points or list(path.trail.points)
+
+    def along(self, here: int, goals: Sequence[float], way: int) -> Generator[Point, None, int]:
+        """Yield points from the part ``here`` through the goals, up (1) or down (-1); return the last part."""
+        at = self.parts[here].points[0].state.P if way > 0 else math.inf
+        left = list(goals)
+        landed: Point | None = None
+        while True:
+            part = self.parts[here]
+            end = part.highest if way > 0 else part.lowest
+            if landed is not None:
+                yield landed
+            reached = [goal for goal in left if (goal - end) * way <= 1e-12]
+            last = reached[-1] if len(reached) == len(left) else end
+            between = [
+                p
+                for p in part.points
+                if not p.requested and (p.state.P - at) * way > 1e-9 and (last - p.state.P) * way > 1e-9
+            ]
+            stops = [(p.state.P, p) for p in between] + [(goal, None) for goal in reached]
+            for P, known in sorted(stops, key=lambda stop: stop[0] * way):
+                if known is None or not math.isclose(P, at, rel_tol=1e-9):
+                    yield dataclasses.replace(known, jump=False) if known is not None else _state(part, P)
+            left = left[len(reached) :]
+            if not left:
+                return here
+            edge = part.points[-1 if way > 0 else 0]
+            yield dataclasses.replace(edge, requested=False)
+            here, at = self._snapped(here, edge, way), end
+            landed = dataclasses.replace(_state(self.parts[here], end), requested=False, jump=True)
+
+    def _snapped(self, here: int, edge: Point, way: int) -> int:
+        """Return the part that a device snaps to at the end of another, up (1) or down (-1)."""
+        end = edge.state.P
+        if not edge.limit:
+            self.path.trail.add(edge)
+            raise self.lost or PathEnd("the curve of its stable states ends")
+        options = range(here + way, len(self.parts) if way > 0 else -1, way)
+        found = next((k for k in options if self.parts[k].lowest <= end <= self.parts[k].highest), None)
+        if found is None and (rest := self._let_go(edge, way)) is not None:
+            self.parts.insert(found := here + 1 if way > 0 else here, rest)
+        if found is None:
+            why = "the pressure has a limit point, and no stable state at that pressure was found beyond it"
+            raise PathEnd(why, edge)
+        return found
+
+    def _let_go(self, edge: Point, way: int) -> CyclePart | None:
+        """Return the stable part on which a device comes to rest that is let go at a limit point; None if it does not."""
+        path = self.path
+        if path.solver.system.potential.motion or self.snaps == MOST_SNAPS:
+            return None
+        self.snaps += 1
+        path.report(f"letting the device go at its limit point, {way * edge.state.P:.4g}")
+        state = come_to_rest(path, edge, way)
+        if state is None:
+            return None
+        both = []
+        for quantity, goal in ((Fall(state.P), state.P), (path.requested, self.most)):
+            one = dataclasses.replace(path, requested=quantity, start=state)
+            both.append(self._curve(one, goal))
+        down = [dataclasses.replace(point, tangent=-point.tangent, requested=False) for point in both[0][:0:-1]]
+        parts = _stable_parts([*down, *both[1]], one)
+        return next((part for part in parts if any(point.state is state for point in part.points)), None)
+
+
+def come_to_rest(path: Continuation, edge: Point, way: int) -> State | None:
+    """Return the stable state in which a device comes to rest that leaves a limit point at its pressure; None if it does not.
+
+    It moves against a drag, M w' = -dPi/dw, by implicit Euler's steps: each is a minimum of the potential with one more term,
+    the inertia of a step from rest, and its length grows until that term is nothing (pseudo-transient continuation, Kelley and
+    Keyes 1998, doi 10.1137/S0036142996304796). A step to a saddle is too long. What silicone remembers stays, as a snap takes
+    no time.
+    """
+    solver, system, state, P = path.solver, path.solver.system, edge.state, edge.state.P
+    potential = system.potential
+    motion = Motion(system, Inertia((1.0,) * len(system.matter)), system.stress_unit / system.length_unit**2)
+    push = way * NUDGE / largest(system.comm, float(np.abs(edge.tangent.w[: system.n]).max(initial=0.0)))
+    state = dataclasses.replace(state, w=state.w + push * edge.tangent.w)
+    potential.motion, step = motion, FIRST_CREEP
     try:
-        points.extend(trace(path, [goals[-1]]))
-    except PathEnd as end:
-        points, lost = points or list(path.trail.points), end
-    parts = _stable_parts(points)
-    here = yield from _along(path, parts, 0, goals, 1)
-    if here is None:
-        limit = next((point for point in points if point.limit), None)
-        if len(parts) > 1 or limit is None:
-            why = f"after the snap-throughs so far, {lost}" if len(parts) > 1 else str(lost)
-            raise PathEnd(why, cause=None if lost is None else lost.cause)
-        raise PathEnd("the pressure has a limit point, and no stable state at that pressure was found beyond it", limit)
-    yield from _along(path, parts, here, [*goals[::-1], *([0.0] if goals[0] > 0 else [])], -1)
+        for _ in range(MOST_CREEP):
+            motion.keep(state.w, anew=True)
+            motion.begin(step if step < LAST_CREEP else 0.0)
+            try:
+                found = solver.solve(pressure_control(P), state.w, P)
+                if (system.volumes() <= 0.0).any() or not potential.admits(state.w, found.w):
+                    raise NoConvergence("a wall passed through an obstacle")
+                solver.factorise(found)
+                if path.trail.stability.negative_eigenvalues():
+                    raise NoConvergence("a saddle")
+            except NoConvergence:
+                step /= 3.0
+                if step < SHORTEST_CREEP:
+                    return None
+                continue
+            state = found
+            potential.keep(state.w)
+            if step >= LAST_CREEP:
+                return state
+            if abs(state.V) > LARGEST_GROWTH_OF_CYCLE * path.plane.V_scale:
+                return None
+            step = LAST_CREEP if not found.iterations else 1.5 * step
+    finally:
+        potential.motion = None
+    return None
 
 
-def _stable_parts(points: Sequence[Point]) -> list[CyclePart]:
+def _stable_parts(points: Sequence[Point], path: Continuation) -> list[CyclePart]:
     """Return the curve's stable parts in order; limit points belong to the part they end."""
     parts: list[list[Point]] = []
     current: list[Point] = []
@@ -726,47 +874,13 @@ def _stable_parts(points: Sequence[Point]) -> list[CyclePart]:
             current = []
     if len(current) > 1:
         parts.append(current)
-    return [CyclePart(tuple(part)) for part in parts]
+    return [CyclePart(tuple(part), path) for part in parts]
 
 
-def _along(path: Continuation, parts: list[CyclePart], here: int, goals: Sequence[float], way: int):  # type: ignore[no-untyped-def]
-    """Points from the part ``here`` through the goals, up (1) or down (-1); returns the last part, or None if stuck."""
-    at = parts[here].points[0].state.P if way > 0 else math.inf
-    left = list(goals)
-    landed: Point | None = None
-    while True:
-        part = parts[here]
-        end = part.highest if way > 0 else part.lowest
-        if landed is not None:
-            yield landed
-        reached = [goal for goal in left if (goal - end) * way <= 1e-12]
-        last = reached[-1] if len(reached) == len(left) else end
-        between = [
-            p
-            for p in part.points
-            if not p.requested and (p.state.P - at) * way > 1e-9 and (last - p.state.P) * way > 1e-9
-        ]
-        stops = [(p.state.P, p) for p in between] + [(goal, None) for goal in reached]
-        for P, known in sorted(stops, key=lambda stop: stop[0] * way):
-            if known is None or not math.isclose(P, at, rel_tol=1e-9):
-                yield dataclasses.replace(known, jump=False) if known is not None else _state(path, part, P)
-        left = left[len(reached) :]
-        if not left:
-            return here
-        edge = part.points[-1 if way > 0 else 0]
-        yield dataclasses.replace(edge, requested=False)
-        options = range(here + way, len(parts) if way > 0 else -1, way)
-        found = next((k for k in options if parts[k].lowest <= end <= parts[k].highest), None)
-        if found is None or not edge.limit:
-            return None
-        here, at = found, end
-        landed = dataclasses.replace(_state(path, parts[here], end), requested=False, jump=True)
-
-
-def _state(path: Continuation, part: CyclePart, P: float) -> Point:
-    for before, after in zip(part.points, part.points[1:], strict=False):
+def _state(part: CyclePart, P: float) -> Point:
+    for before, after in itertools.pairwise(part.points):
         if before.state.P <= P <= after.state.P:
             if P == before.state.P and not before.limit:
                 return dataclasses.replace(before, requested=True)
-            return path.between(before, after, P)
+            return part.path.between(before, after, P)
     return dataclasses.replace(part.points[-1], requested=True)

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.materials.specimens import balloon_pressure
 from softmodels.path.continuation import Continuation
-from softmodels.path.schedule import cycle
+from softmodels.path.schedule import Cycle, come_to_rest, cycle
 from softmodels.path.stability import PathEnd
 from tests.support import bodies
 
@@ -69,6 +69,39 @@ def test_limit_points_and_jumps(balloon, ridden, theory, way, figure):
     figure(SHELL, "pressure before and after a jump", after.state.P / before.state.P - 1, 1e-12)
     figure(SHELL, "stretch at the limit points", stretch(balloon, before) / limit - 1, 6e-5)
     figure(SHELL, "stretch where it lands", stretch(balloon, after) / landing - 1, 1e-4)
+
+
+@pytest.mark.parametrize("way", ["up", "down"])
+def test_a_balloon_let_go_at_its_limit_point_rests_where_the_curve_leads(balloon, ridden, theory, way, figure):
+    """A second route to the same state, for devices whose curve cannot be followed that far."""
+    points, _ = ridden
+    limit = [k for k, point in enumerate(points) if point.jump][0 if way == "up" else 1] - 1
+    path = Continuation(balloon)
+    path.begin()
+    state = come_to_rest(path, points[limit], 1 if way == "up" else -1)
+    assert balloon.system.potential.motion is None
+    figure(SHELL, "volume where it comes to rest", state.V / points[limit + 1].state.V - 1, 1e-8)
+
+
+def test_a_cycle_whose_curve_is_lost_is_the_same(balloon, ridden, monkeypatch):
+    """With all behind the first limit point cut off, the device is let go there, and its curve followed from where it rests."""
+    points, top = ridden
+    whole, cut = Cycle._curve, []
+
+    def lost(self, path, goal):
+        found = whole(self, path, goal)
+        if not cut:
+            first = next(k for k, point in enumerate(found) if point.limit)
+            cut.append(len(found) - first)
+            return found[: first + 2]
+        return found
+
+    monkeypatch.setattr(Cycle, "_curve", lost)
+    again = list(cycle(Continuation(balloon), [0.5 * top, top]))
+    assert cut[0] > 10
+    for wanted, found in zip(*([p for p in some if p.requested or p.jump] for some in (points, again)), strict=True):
+        assert pytest.approx(wanted.state.P, rel=1e-9, abs=1e-12) == found.state.P
+        assert pytest.approx(wanted.state.V, rel=1e-6) == found.state.V and found.jump == wanted.jump
 
 
 def test_the_way_back_is_another(balloon, ridden):
