@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
@@ -43,6 +44,8 @@ from softmodels.runs.states import Line, States, round_steps, row_at, told
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import XAxis, YAxis
+    from matplotlib.backend_bases import RendererBase
     from matplotlib.typing import ColorType
 
     from softmodels.case.case import Case
@@ -115,28 +118,32 @@ def drawing(figure: Figure, pascal_per_cm: float) -> str:
     figure are in cm of water, as their labels say; ``pascal_per_cm`` is Pa in one cm of the column."""
     stream = io.StringIO()
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": "softmodels"}):
-        for axes in list(figure.axes):
-            _add_units(axes, pascal_per_cm)
+        for axes in figure.axes:
+            for axis in (axes.xaxis, axes.yaxis):
+                if "cm of water" in axis.label.get_text():
+                    axis.set_gid("pu-cm")
+                    axes.add_artist(_OtherUnits(axis, pascal_per_cm))
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
     return inline_svg(stream.getvalue())
 
 
-def _add_units(axes: Axes, pascal_per_cm: float) -> None:
-    """Mark the axes of pressure with their unit, and lay others over them, which the page shows in their place."""
-    for axis in (axes.xaxis, axes.yaxis):
-        if "cm of water" not in (label := axis.label.get_text()):
-            continue
-        axis.set_gid("pu-cm")
-        for unit in UNITS:
-            low, high = (end * pascal_per_cm / pascal(unit) for end in axis.get_view_interval())
-            twin = axes.twiny() if axis is axes.xaxis else axes.twinx()
-            other, side = (twin.xaxis, "bottom") if axis is axes.xaxis else (twin.yaxis, "left")
-            other.set_view_interval(low, high, ignore=True)
-            other.set_ticks_position(side)  # type: ignore[arg-type]
-            other.set_label_position(side)  # type: ignore[arg-type]
-            other.set_label_text(label.replace("cm of water", unit))
-            other.set_gid(f"pu-{unit}")
-            twin.spines[:].set_visible(False)
+class _OtherUnits(Artist):
+    """An axis of pressure drawn again for each other unit, one over the other; the page shows one of them."""
+
+    def __init__(self, axis: XAxis | YAxis, pascal_per_cm: float):
+        super().__init__()
+        self._axis, self._pascal = axis, pascal_per_cm
+        self.set_zorder(axis.get_zorder())
+        self.set_in_layout(False)
+
+    def draw(self, renderer: RendererBase) -> None:
+        axis, label, (low, high) = self._axis, self._axis.label.get_text(), self._axis.get_view_interval()
+        for unit, share in {**{unit: self._pascal / pascal(unit) for unit in UNITS}, "cm": 1.0}.items():
+            axis.set_view_interval(share * low, share * high, ignore=True)
+            axis.set_label_text(label.replace("cm of water", unit) if unit in UNITS else label)
+            axis.set_gid(f"pu-{unit}")
+            if unit in UNITS:  # the figure draws its own
+                axis.draw(renderer)
 
 
 def curves(

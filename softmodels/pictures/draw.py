@@ -74,7 +74,7 @@ def draw(
         own.check_names(picture_files(states.actuator.gauge))
         own.remove(own.files)
         own.claim(picture_files(states.actuator.gauge))
-        with DrawnFolder(folder, report.shrunk, each) as out, matplotlib.rc_context(STYLE):
+        with DrawnFolder(folder, each) as out, matplotlib.rc_context(STYLE):
             _draw(look(states, wanted.colormap), out, wanted, at_rest or AtRest(), say)
         own.forget_unwritten()
         return out.written
@@ -102,7 +102,8 @@ def _draw(shown: Look, out: DrawnFolder, wanted: DrawingOptions, at_rest: AtRest
             out.drew(path)
         if left_out:
             say(left_out)
-    out.drew(page.write(out.pages()))
+    out.wait()
+    out.drew(page.write())
 
 
 def _curves(states: States, out: DrawnFolder) -> None:
@@ -165,13 +166,12 @@ def _solids(shown: Look, out: DrawnFolder, few: bool) -> None:
     }
     for k, (step, image) in enumerate(images, 1):
         caption = shown.caption(step, camera)
-        out.save(f"stress-{k}", solid.page(image, caption, scale), {**texts, "Title": caption.title})
+        again = "cut" if k == len(images) and shown.opened and not few else ""
+        out.save(f"stress-{k}", solid.page(image, caption, scale), {**texts, "Title": caption.title}, again)
     out.save("stress", solid.sheet(images, shown, camera), texts)
     if few:
         return
-    if shown.opened:
-        out.save("cut", solid.page(image, caption, scale), texts)  # of the last state
-    else:
+    if not shown.opened:
         out.save("cut", solid.cut(shown))
     if len(states.skin.planes):
         out.save("slice", solid.slice_stress(shown))

@@ -606,12 +606,13 @@ def hot_spot(states: States, step: int) -> HotSpot:
     )  # fmt: skip
 
 
-def outlined(image: Image, covered: Image) -> Image:
-    """Return an image with the outline of what covers a part of it; ``covered`` as of `Look.at_rest`."""
+def outlined(images: Sequence[Image], covered: Image) -> list[Image]:
+    """Return images with the outline of what covers a part of them; ``covered`` as of `Look.at_rest`."""
     soft = np.asarray(Picture.fromarray(covered).filter(ImageFilter.BoxBlur(1)), dtype=np.float32) / 255
     line = 1 - np.abs(2 * soft - 1)
-    on, found = line > 0.02, image.copy()
-    found[on] = image[on] + line[on, None] * (np.array(OUTLINE) - image[on])
+    on, found = line > 0.02, [image.copy() for image in images]
+    for image in found:
+        image[on] = image[on] + line[on, None] * (np.array(OUTLINE) - image[on])
     return found
 
 

@@ -8,11 +8,10 @@ from __future__ import annotations
 import base64
 import dataclasses
 import gzip
-import io
 import json
 import math
 import shlex
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import matplotlib
@@ -20,13 +19,13 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 from matplotlib.colors import to_hex
-from PIL import Image  # without it Pillow imports all of its formats to save a WebP
+from PIL import Image
 
 from geometries import registry as geometry_table
 from softmodels.case import materials
 from softmodels.common import schema
 from softmodels.common.arrays import Array
-from softmodels.common.files import check_file, data_uri, image_uri, read_text, render, write_text
+from softmodels.common.files import data_uri, image_uri, read_text, render, write_text
 from softmodels.common.pages import (
     Bullets,
     Cell,
@@ -52,7 +51,7 @@ from softmodels.path.program import named
 from softmodels.pictures import curves
 from softmodels.pictures.curves import drawing
 from softmodels.pictures.offscreen import Look, ViewCamera
-from softmodels.pictures.style import STYLE, headline, load, subject
+from softmodels.pictures.style import DPI, STYLE, encoded, headline, load, subject
 from softmodels.runs.columns import StateLabels, overlap_text, term
 from softmodels.runs.fields import Cell as Value, Row
 from softmodels.runs.grid import CUT, OUTSIDE, QUARTERS, SECTOR, Cells, turn
@@ -228,8 +227,6 @@ def _bytes(column: npt.NDArray[np.number]) -> bytes:
     return np.asarray(column).astype(np.int64).astype("<u2").view(np.uint8).reshape(-1, 2).T.tobytes()
 
 
-WIDEST = 1280
-"""Maximum width in pixels of pictures inside the page; the files keep their size."""
 CAPTIONS = {
     "undeformed.png": "The device at rest",
     "stress.png": "Von Mises stress on the deformed device: same camera, same colour scale",
@@ -281,14 +278,10 @@ class Report:
             {"path.csv": read_text(folder / "path.csv")} if (folder / "path.csv").exists() else {}, states.case.cm,
         )  # fmt: skip
 
-    def write(self, ready: Mapping[str, str]) -> Path:
-        """Write the report with the pictures that are ready, by the names of their files, as `shrunk` makes them; return its
-        file."""
-        shown = [file for file in CAPTIONS if (self.folder / file).exists()]
-        pictures = [
-            Picture(ready.get(file) or _source(self.folder / file), CAPTIONS[file], _last_frame(self.folder / file))
-            for file in shown
-        ]
+    def write(self) -> Path:
+        """Write the report with the pictures that are in the folder; return its file."""
+        shown = [self.folder / name for name in CAPTIONS if (self.folder / name).exists()]
+        pictures = [Picture(image_uri(file), CAPTIONS[file.name], _last_frame(file)) for file in shown]
         page = dataclasses.replace(self._page, sections=[*self._head, ("Pictures", pictures), *self._tail])
         write_text(self.folder / REPORT, page.html())
         return self.folder / REPORT
@@ -444,26 +437,7 @@ def _last_frame(path: Path) -> str:
         return ""
     with Image.open(path) as film:
         film.seek(getattr(film, "n_frames", 1) - 1)
-        return shrunk(film)
-
-
-def _source(path: Path) -> str:
-    """Return a picture's file as embedded in the page."""
-    if path.suffix == ".webp":
-        return image_uri(path)
-    check_file(path)
-    with Image.open(path) as image:
-        return shrunk(image)
-
-
-def shrunk(image: Image.Image) -> str:
-    """Return a picture as embedded in the page, at most `WIDEST` wide."""
-    small = image.convert("RGB")
-    if small.width > WIDEST:
-        small = small.resize((WIDEST, round(small.height * WIDEST / small.width)), Image.Resampling.HAMMING)
-    stream = io.BytesIO()
-    small.save(stream, "WEBP", quality=88, method=1)  # 2 takes a quarter more time and saves a sixth
-    return data_uri(stream.getvalue(), "image/webp")
+        return data_uri(encoded(film.convert("RGB"), DPI), "image/png")
 
 
 def _notes(states: States) -> list[str]:

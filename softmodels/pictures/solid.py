@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
-from matplotlib.collections import LineCollection
-from matplotlib.colors import ListedColormap
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 from PIL import Image as Picture, ImageDraw, ImageFont
@@ -56,6 +55,7 @@ from softmodels.pictures.style import (
     STYLE,
     WARNING,
     WIDTH,
+    Pixels,
     Scale,
     headline,
     load,
@@ -66,7 +66,18 @@ from softmodels.pictures.style import (
     title_colour,
     wrapped,
 )
-from softmodels.runs.grid import CUT, OUTSIDE, Cells, Surface, edge_curves, fine_triangles, outer_faces, outline
+from softmodels.runs.grid import (
+    CUT,
+    EDGES,
+    OUTSIDE,
+    Cells,
+    Surface,
+    edge_curves,
+    fine_triangles,
+    outer_faces,
+    outline,
+    parabolas,
+)
 from softmodels.runs.states import States, StoredStates
 from softmodels.runs.store import ResultsError
 
@@ -83,9 +94,8 @@ def section_mesh(look: Look) -> Figure:
     """Draw the undeformed half section with the edges of its cells."""
     flat, cells = look.states.points[:, ::2] * 1e3, look.states.cells
     figure, axes = _section_axes(flat, 0.0, f"Undeformed half section, {len(cells)} cells", look.caption(0).subject)
-    fine, triangles = fine_triangles(flat, cells)
-    axes.tripcolor(Triangulation(fine[:, 0], fine[:, 1], triangles), np.zeros(len(fine)), cmap=ListedColormap([SOLID]))
-    axes.add_collection(LineCollection(list(edge_curves(flat, cells)), colors=EDGE, linewidths=0.9))
+    around = parabolas(flat[cells[:, EDGES]].reshape(-1, 3, 2), 8).reshape(len(cells), -1, 2)
+    axes.add_collection(PolyCollection(list(around), facecolors=SOLID, edgecolors=EDGE, linewidths=0.9, zorder=2))
     return figure
 
 
@@ -406,7 +416,8 @@ def stress(look: Look) -> tuple[list[tuple[float, Image]], ViewCamera]:
     camera = look.camera([0, *steps])
     with studio(camera) as shoot:
         rest = look.at_rest(shoot, look.kept)
-        return [(step, outlined(shoot(look.coloured(step, scale)), rest)) for step in steps], camera
+        images = outlined([shoot(look.coloured(step, scale)) for step in steps], rest)
+    return list(zip(steps, images, strict=True)), camera
 
 
 def sheet(images: list[tuple[float, Image]], look: Look, camera: ViewCamera) -> Figure:
@@ -434,7 +445,7 @@ def tiled(images: Sequence[tuple[str, Image]], foot: float = 0.0, name: str = ""
     for k, (_, image) in enumerate(images):
         left, top = k % columns * wide, whole - above - k // columns * (tall + head)
         small = Picture.fromarray(image).resize((round(wide * DPI), round(tall * DPI)), Picture.Resampling.BOX)
-        figure.figimage(np.asarray(small), round(left * DPI), round((top - head - tall) * DPI), origin="upper")
+        figure.add_artist(Pixels(np.asarray(small), round(left * DPI), round((top - head - tall) * DPI)))
         place = (left + wide / 2) / WIDTH, (top - 0.6 * head) / whole
         figure.text(*place, titles[k], ha="center", va="center", color=title_colour(titles[k]))
     return figure
@@ -478,7 +489,7 @@ def hot_spots(look: Look) -> Figure:
     circle = ring(nearest, look.direction, 0.05 * camera.scale)  # in front of everything
     layers += [(circle, {"color": colour, "line_width": wide}) for colour, wide in (("white", 7.0), ("black", 3.0))]
     with studio(camera) as shoot:
-        image = outlined(shoot(layers), look.at_rest(shoot, everything))
+        (image,) = outlined([shoot(layers)], look.at_rest(shoot, everything))
     return page(image, look.caption(step, camera, title=hot_title(hot), note=hot.note), scale)
 
 

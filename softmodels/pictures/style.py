@@ -9,6 +9,7 @@ import dataclasses
 import io
 import math
 import textwrap
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
@@ -17,12 +18,14 @@ from typing import TYPE_CHECKING, Any
 import matplotlib
 import numpy as np
 import numpy.typing as npt
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, PowerNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.transforms import Bbox
 from PIL import Image as Picture
 from PIL.PngImagePlugin import PngInfo
 
@@ -34,6 +37,8 @@ from softmodels.runs.columns import OVERLAP_MARK, StateLabels, overlap_text
 from softmodels.runs.fields import Row, coloured
 
 if TYPE_CHECKING:
+    from matplotlib.backend_bases import RendererBase
+
     from softmodels.case.case import Case
 
 DPI = 128
@@ -149,7 +154,7 @@ def page(image: npt.NDArray[np.uint8], caption: Caption, scale: Scale | None = N
     foot = FOOT if scale is not None else LOW_FOOT if caption.metres is not None else 0.0
     whole = head + image.shape[0] / DPI + foot
     figure = Figure((WIDTH, whole), dpi=DPI)
-    figure.figimage(image, 0, round(foot * DPI), origin="upper")
+    figure.add_artist(Pixels(image, 0, round(foot * DPI)))
     for above, text, size, colour in placed:
         figure.text(0.5, 1 - above / whole, text, ha="center", va="top", fontsize=size, color=colour)
     if scale is not None:
@@ -157,6 +162,24 @@ def page(image: npt.NDArray[np.uint8], caption: Caption, scale: Scale | None = N
     if caption.metres is not None and caption.axes is not None:
         rulers(figure, caption.metres, caption.axes)
     return figure
+
+
+class Pixels(Artist):
+    """An image that stands in a figure as it is, ``left`` and ``below`` pixels off its corner: `Figure.figimage` resamples it,
+    which takes as long as all else on a page."""
+
+    zorder = 0
+
+    def __init__(self, image: npt.NDArray[np.uint8], left: int, below: int):
+        super().__init__()
+        self._image, self._corner = image, (left, below)
+
+    def get_window_extent(self, renderer: RendererBase | None = None) -> Bbox:
+        return Bbox.from_bounds(*self._corner, *self._image.shape[1::-1])
+
+    def draw(self, renderer: RendererBase) -> None:
+        upwards = np.asarray(Picture.fromarray(self._image).convert("RGBA"))[::-1]
+        renderer.draw_image(renderer.new_gc(), *self._corner, upwards)
 
 
 def rulers(figure: Figure, metres: float, axes: Array) -> None:
@@ -258,27 +281,17 @@ def _round_up(value: float) -> float:
 # A folder for pictures, and a record of the written files.
 
 
-COMPRESSION = 2
-"""Compression level of a PNG: 5 takes a third longer and saves a sixth."""
-
-
 class DrawnFolder:
     """A folder for pictures that records the written files; as a context manager it waits until all are on disk.
 
-    Pictures are encoded beside what draws the next one: encoders are written in C and let Python run on. ``shrink`` makes of
-    a picture what a page holds of it; ``each`` is called with each file once it is drawn.
+    Pictures are encoded beside what draws the next one: encoders are written in C and let Python run on. ``each`` is called
+    with each file once it is drawn.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        shrink: Callable[[Picture.Image], str] = lambda image: "",
-        each: Callable[[Path], object] = lambda path: None,
-    ):
-        self.path, self._shrink, self._each = path, shrink, each
+    def __init__(self, path: Path, each: Callable[[Path], object] = lambda path: None):
+        self.path, self._each = path, each
         self.written: list[Path] = []
-        self._beside = ThreadPoolExecutor(1)
-        self._pages: dict[str, Future[str]] = {}
+        self._beside, self._pending = ThreadPoolExecutor(1), list[Future[None]]()
 
     def __enter__(self) -> DrawnFolder:
         return self
@@ -286,26 +299,21 @@ class DrawnFolder:
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         self._beside.shutdown()  # pictures drawn before an error are written too
         if kind is None:
-            self.pages()
+            self.wait()
 
-    def save(self, name: str, figure: Figure, metadata: Mapping[str, str] | None = None) -> None:
-        """Write a figure as NAME.png, with texts in its header."""
-        image, dpi = drawn(figure), figure.dpi
-        self._write(name, lambda: (image, encoded(image, dpi, metadata)))
+    def save(self, name: str, figure: Figure, metadata: Mapping[str, str] | None = None, again: str = "") -> None:
+        """Write a figure as NAME.png, and as AGAIN.png if that is given, with texts in its header."""
+        picture = self._beside.submit(encoded, drawn(figure), figure.dpi, metadata)
+        for stem in filter(None, (name, again)):
+            self._write(stem, picture.result)
 
     def add(self, name: str, picture: bytes) -> None:
         """Write a picture as NAME.png."""
-        self._write(name, lambda: (Picture.open(io.BytesIO(picture)), picture))
+        self._write(name, lambda: picture)
 
-    def _write(self, name: str, make: Callable[[], tuple[Picture.Image, bytes]]) -> None:
+    def _write(self, name: str, picture: Callable[[], bytes]) -> None:
         path = self.path / f"{name}.png"
-
-        def write() -> str:
-            image, data = make()
-            write_bytes(path, data)
-            return self._shrink(image)
-
-        self._pages[path.name] = self._beside.submit(write)
+        self._pending.append(self._beside.submit(lambda: write_bytes(path, picture())))
         self.drew(path)
 
     def drew(self, path: Path) -> None:
@@ -313,17 +321,19 @@ class DrawnFolder:
         self.written.append(path)
         self._each(path)
 
-    def pages(self) -> dict[str, str]:
-        """Wait for pending files; return the data of each picture for the report, by file name. OSError if one could not be
-        written."""
-        return {name: page.result() for name, page in self._pages.items()}
+    def wait(self) -> None:
+        """Wait for pending files. OSError if one could not be written."""
+        for file in self._pending:
+            file.result()
 
 
 def drawn(figure: Figure) -> Picture.Image:
     """Return a figure's pixels, without transparency, which would double the time."""
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
-    return Picture.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+    return Picture.frombuffer("RGBA", canvas.get_width_height(), canvas.buffer_rgba(), "raw", "RGBA", 0, 1).convert(
+        "RGB"
+    )
 
 
 def encoded(image: Picture.Image, dpi: float, texts: Mapping[str, str] | None = None) -> bytes:
@@ -332,7 +342,8 @@ def encoded(image: Picture.Image, dpi: float, texts: Mapping[str, str] | None = 
     for key, text in {"Software": "softmodels", **(texts or {})}.items():
         header.add_itxt(key, text)
     stream = io.BytesIO()
-    image.save(stream, "PNG", compress_level=COMPRESSION, pnginfo=header, dpi=(dpi, dpi))
+    # Run lengths: fields and white are even, so that no other way of zlib packs them better in this time.
+    image.save(stream, "PNG", compress_level=1, compress_type=zlib.Z_RLE, pnginfo=header, dpi=(dpi, dpi))
     return stream.getvalue()
 
 

@@ -15,7 +15,7 @@ from geometries import SeminarActuator
 from softmodels.pictures import offscreen, solid
 from softmodels.pictures.offscreen import look
 from softmodels.pictures.solid import cut_open
-from softmodels.pictures.style import DPI, FOOT, STYLE, Caption, Scale, drawn, load, page
+from softmodels.pictures.style import DPI, FOOT, STYLE, Caption, Pixels, Scale, drawn, load, page
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.fields import Row
 from softmodels.runs.grid import fine_triangles, outline
@@ -196,7 +196,7 @@ def test_titles_of_three_cavities_stay_within_their_pictures():
     for figure, columns in ((page(image, caption), 1), (solid.tiled([(title, image)] * 3, 1.0, "HollowDisk"), 3)):
         figure.draw_without_rendering()
         wide, tall = figure.bbox.width, figure.bbox.height
-        top = max(image.get_extent()[3] for image in figure.images)
+        top = max(image.get_window_extent().y1 for image in figure.artists if isinstance(image, Pixels))
         boxes = [text.get_window_extent() for text in figure.texts]
         boxes = [box for box in boxes if box.width > 1]
         assert all(box.width < 0.99 * wide / columns and box.y1 <= tall and box.y0 >= top for box in boxes)

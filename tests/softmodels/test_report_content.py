@@ -23,7 +23,7 @@ SOFT = ("--variant", "shadow", "--material", "ecoflex-00-30", "--volume-ml", "0:
 
 def page(folder):
     """The report of a folder, written anew without pictures."""
-    return report.Report(look(StoredStates(folder, "disk")), folder, "disk").write({}).read_text()
+    return report.Report(look(StoredStates(folder, "disk")), folder, "disk").write().read_text()
 
 
 @pytest.fixture(scope="module")
