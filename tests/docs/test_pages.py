@@ -60,8 +60,12 @@ def test_examples_assert_a_number_and_draw_a_picture(example, run, tmp_path):
     assert run(tmp_path / example.name, tmp_path).strip() and (tmp_path / f"{example.stem}.png").stat().st_size > 10_000
 
 
-FEW = "from measurement import photographer\nphotographer.HEIGHTS = photographer.HEIGHTS[[0, 4, 9]]\n"
-"""Three of the demonstration's thirteen photographs."""
+FEW = """from measurement import photographer
+from tests.support.photographs.scenes import COARSE
+
+photographer.HEIGHTS, photographer.SCENE = photographer.HEIGHTS[[0, 4, 9]], COARSE
+"""
+"""Three of the demonstration's thirteen photographs, with a quarter of their pixels."""
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)

@@ -17,9 +17,9 @@ def figures(comm, folder) -> dict[str, list[float]]:
     found = {}
     for section, pressures, times in (
         ("axisymmetric", ["25 cm", "25 cm", "5 cm"], [5.0, 8.0, 10.0]),
-        ("wedge", ["25 cm", "5 cm"], [5.0, 7.0]),
+        ("wedge", ["10 cm", "5 cm"], [2.0, 3.0]),
     ):
-        disk = sm.HollowDisk(section=section, angle=45.0, cell_size=6e-3)
+        disk = sm.HollowDisk(section=section, angle=15.0, cell_size=6e-3, fillet=0.0, base_fillet=0.0)
         run = sm.inflate(disk, LAW, pressures=pressures, times=times)
         found |= {f"{column}, {section}": [float(value) for value in run.path[column]] for column in COLUMNS}
     return found

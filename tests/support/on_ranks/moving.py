@@ -10,7 +10,7 @@ RUBBER = sm.Gent(30e3, 25.0, 0.5).with_memory(branches=[(0.3, "2 ms")])
 RESERVOIR = sm.Reservoir(tube_length="0.1 m", tube_bore="8 mm", dead_volume="5 l")
 BEAM = sm.Beam(length=0.05, width=0.005, thickness=0.005, cell_size=0.005)
 FORCE = sm.Force("tip", "-z")
-BENT = from_tables({"force": {"force_N": [1e-3, 1e-3]}, "time_s": [0.0, 0.02]})
+BENT = from_tables({"force": {"force_N": [1e-3, 1e-3]}, "time_s": [0.0, 0.01]})
 COLUMNS = {
     "balloon": ("time_s", "pressure_Pa", "added_volume_ml", "stored_energy_mJ", "kinetic_energy_mJ"),
     "beam": ("time_s", "moved_mm", "stored_energy_mJ", "kinetic_energy_mJ"),

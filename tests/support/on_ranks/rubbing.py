@@ -21,7 +21,7 @@ def figures(comm, device, mesh: Path) -> list[float]:
     solver = Solver(System(Body.from_file(device, mesh, comm), NeoHookean(30e3, 0.49), components=[plate]))
     system, found = solver.system, []
     (key, _) = KEYS
-    for come, point in follow(solver, (Series(key, (40.0, 15.0)),), Settings(95.1)):
+    for come, point in follow(solver, (Series(key, (25.0, 10.0)),), Settings(95.1)):
         if point.requested and come >= 1.0:
             system.load(point.state)
             found += [point.state.V, *system.potential.terms["plate"].figures(system).values()]
