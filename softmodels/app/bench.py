@@ -27,7 +27,7 @@ from softmodels.app.replies import Handles
 from softmodels.case.case import Case, in_unit
 from softmodels.case.entries import INPUT_ERRORS, CaseError
 from softmodels.common.errors import FieldError, reason
-from softmodels.common.files import read_file, read_text, replace_text, write_bytes
+from softmodels.common.files import read_file, read_text, write_bytes, write_text
 from softmodels.common.tables import TomlError, read_toml
 from softmodels.common.units import pascal_per_cm
 from softmodels.materials.silicones import silicone
@@ -136,7 +136,7 @@ class Project:
             raise CaseError(f"another program has changed {CASE}, which is shown now; change it again")
 
     def _take(self, case: Case, text: str) -> None:
-        replace_text(self / CASE, text)
+        write_text(self / CASE, text)
         self.case, self._text, self.case_error = case, text, ""
         self.changed.emit(CASE)
 
@@ -292,7 +292,7 @@ class Photographs:
         table = csv.DictWriter(text, names, extrasaction="ignore", lineterminator="\n")
         table.writeheader()
         table.writerows(rows)
-        replace_text(self.project / PHOTOS, text.getvalue())
+        write_text(self.project / PHOTOS, text.getvalue())
 
     def pressure_of(self, one: Listed) -> float:
         """Return the pressure in Pa as typed; NaN where there is none. ColumnError if it cannot be read."""
@@ -338,7 +338,7 @@ class Photographs:
     async def find_plane(self, grid: str, pitch: str, lens: str) -> None:
         """Find the screen's plane in the photograph of its grid, and trace all anew; AnswerError if there is no such grid."""
         found: Plane = await self.tracer.ask("plane", str(self.listed[grid].file), pitch, self._lens(lens))
-        replace_text(self.project / SETUP, found.setup)
+        write_text(self.project / SETUP, found.setup)
         self.plane, self.grid, self.pitch, self.lens = found, grid, pitch, lens
         self._write_bench()
         self.handles = Handles()
@@ -348,7 +348,7 @@ class Photographs:
 
     def _write_bench(self) -> None:
         known = {"grid": self.grid, "pitch": self.pitch, "lens": self.lens, "tone": self.tone}
-        replace_text(self.project / BENCH, tomli_w.dumps(known))
+        write_text(self.project / BENCH, tomli_w.dumps(known))
 
     async def take_tone(self, tone: str) -> None:
         """Take how the photographs store light, and trace them anew; OSError if it cannot be written."""
@@ -388,7 +388,7 @@ class Photographs:
 
     async def move(self, handles: Handles) -> None:
         """Take handles that were dragged, and trace anew; AnswerError if they cannot be where they are: the old ones stay."""
-        replace_text(self.project / SETUP, await self.tracer.ask("moved", self.setup, handles))
+        write_text(self.project / SETUP, await self.tracer.ask("moved", self.setup, handles))
         self.handles = handles
         self.changed.emit("")
         await self.trace_all()

@@ -17,7 +17,7 @@ from typing import Any
 from nicegui import Event
 
 from softmodels.common.errors import reason
-from softmodels.common.files import replace_text
+from softmodels.common.files import write_text
 from softmodels.common.processes import Answer, DiedError, Worker, end_with_parent
 from softmodels.runs import outcomes
 
@@ -114,7 +114,7 @@ class Jobs:
     def _set(self, job: Job, state: str) -> None:
         job.state = state
         with contextlib.suppress(OSError):  # a full disk must not end the job
-            replace_text(self.folder / f"{job.number}.json", json.dumps(dataclasses.asdict(job)))
+            write_text(self.folder / f"{job.number}.json", json.dumps(dataclasses.asdict(job)))
         self.changed.emit(job)
 
     def _launch(self, job: Job) -> None:

@@ -17,7 +17,7 @@ from softmodels.case.case import Case
 from softmodels.case.materials import band_of, material_from
 from softmodels.casting.settings import Workshop
 from softmodels.common.errors import FieldError
-from softmodels.common.files import read_text, replace_text
+from softmodels.common.files import read_text, write_text
 from softmodels.common.schema import about, shown
 from softmodels.common.units import number, readable
 from softmodels.materials.laws import LAWS
@@ -122,7 +122,7 @@ class MaterialPage(TabPage):
 
     def _use(self) -> None:
         with self.saying():
-            replace_text(self.project / FITTED, read_text(self.project / FIT / FITTED))
+            write_text(self.project / FITTED, read_text(self.project / FIT / FITTED))
             file = str(self.project / FITTED)
             self.project.change(material=material_from(file, {}), band=band_of(file))
             self.say("")
@@ -249,7 +249,7 @@ class DesignPage(TabPage):
         }
 
     def _command(self) -> Command:
-        replace_text(self.project / PROBLEM, tomli_w.dumps(self._problem()))
+        write_text(self.project / PROBLEM, tomli_w.dumps(self._problem()))
         return ["softmodels", "design", PROBLEM, "-o", DESIGN], DESIGN, True
 
     def _problem(self) -> dict[str, object]:

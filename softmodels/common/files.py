@@ -148,12 +148,6 @@ def replaced_whole(path: Path, aside: Path | None = None) -> Iterator[Path]:
             aside.unlink(missing_ok=True)
 
 
-def replace_text(path: Path, text: str) -> None:
-    """Write a small file whole or not at all."""
-    with replaced_whole(path, path.with_name(f"{path.name}.part")) as aside:
-        aside.write_text(text, encoding="utf-8")
-
-
 def is_inside(name: Any) -> bool:
     """Return whether a recorded name is of a file or folder in the folder, or of a file in a folder there: a record may have
     come from elsewhere."""
@@ -255,8 +249,8 @@ def csv_text(head: Iterable[str], rows: Iterable[Mapping[str, object] | Sequence
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a small text file atomically."""
-    replace(path, lambda aside: aside.write_text(text))
+    """Write a small text file atomically, in UTF-8."""
+    replace(path, lambda aside: aside.write_text(text, encoding="utf-8"))
 
 
 def write_bytes(path: Path, data: bytes) -> None:

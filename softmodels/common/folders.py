@@ -29,9 +29,9 @@ from softmodels.common.files import (
     is_step,
     read_text,
     remove_steps,
-    replace_text,
     some,
     version,
+    write_text,
 )
 
 if TYPE_CHECKING:
@@ -161,7 +161,7 @@ class Record:
         """Write it whole or not at all."""
         own = dataclasses.replace(self, version=version(), format=FORMAT)
         table = {"written_by": "softmodels", **{name: value for name, value in vars(own).items() if value is not None}}
-        replace_text(path, json.dumps(table, indent=1) + "\n")
+        write_text(path, json.dumps(table, indent=1) + "\n")
 
 
 def _inside(folders: Mapping[str, list[str]]) -> list[str]:

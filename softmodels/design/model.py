@@ -19,7 +19,7 @@ from softmodels.case.case import Case, in_equations, of_shape, value_of, varied
 from softmodels.case.entries import INPUT_ERRORS
 from softmodels.common.arrays import Array
 from softmodels.common.errors import reason
-from softmodels.common.files import read_text, replace_text, replaced_whole
+from softmodels.common.files import read_text, write_bytes, write_text
 from softmodels.common.folders import InUseError, OwnFolder, OwnFolderError, take_default
 from softmodels.common.lazy import MPI
 from softmodels.components.loads import weighed
@@ -731,16 +731,16 @@ class DesignFolder:
         if self._new:
             self.own.remove(self.own.files)
             self.own.claim([TABLE, DESIGN, START, f"{ITERATES}/"], {"inputs": self.identity})
-            replace_text(self.path / START, case_text(self.problem, self.problem.case))
+            write_text(self.path / START, case_text(self.problem, self.problem.case))
             self._new = False
         (self.path / ITERATES).mkdir(exist_ok=True)
         trial = trials[-1]
         names = [f"{trial.number:04d}.json", f"{trial.number:04d}.toml"]
         self._iterates.claim(names)
         with contextlib.suppress(*INPUT_ERRORS):  # an invalid device has no case
-            replace_text(self.path / ITERATES / names[1], case_text(self.problem, case_of(self.problem, trial)))
-        replace_text(self.path / ITERATES / names[0], trial.to_json())
-        replace_text(self.path / TABLE, table(self.problem, trials, form))
+            write_text(self.path / ITERATES / names[1], case_text(self.problem, case_of(self.problem, trial)))
+        write_text(self.path / ITERATES / names[0], trial.to_json())
+        write_text(self.path / TABLE, table(self.problem, trials, form))
         # Compare only values of one mesh: those of the previous one may satisfy limits that are violated on a fresh one.
         if form is None:
             return
@@ -756,7 +756,7 @@ class DesignFolder:
 
     def _write_best(self, best: Trial) -> None:
         if best.number != self._best:
-            replace_text(self.path / DESIGN, case_text(self.problem, case_of(self.problem, best)))
+            write_text(self.path / DESIGN, case_text(self.problem, case_of(self.problem, best)))
             self._best = best.number
 
     def write(self, files: Mapping[str, str | bytes]) -> None:
@@ -764,10 +764,9 @@ class DesignFolder:
         self.own.claim(list(files))
         for name, content in files.items():
             if isinstance(content, str):
-                replace_text(self.path / name, content)
+                write_text(self.path / name, content)
             else:
-                with replaced_whole(self.path / name, self.path / f"{name}.part") as aside:
-                    aside.write_bytes(content)
+                write_bytes(self.path / name, content)
 
     def leave(self) -> None:
         """Release the folder."""

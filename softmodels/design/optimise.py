@@ -18,7 +18,7 @@ from scipy.stats import qmc
 from softmodels.case.case import value_of, varied
 from softmodels.case.entries import INPUT_ERRORS
 from softmodels.common.arrays import Array
-from softmodels.common.files import replace_text
+from softmodels.common.files import write_text
 from softmodels.common.lazy import MPI
 from softmodels.common.names import callback, checked, flag, place, several, whole as whole_number, wrong
 from softmodels.common.processes import one_at_a_time
@@ -696,8 +696,8 @@ def _opened(problem: DesignProblem, words: str, folder: DesignFolder | None, how
 def _settle(folder: DesignFolder, best: Variant, found: list[Variant]) -> Path:
     """Write the best design, the table of all choices, and that of all designs; return the folder."""
     assert best.result is not None
-    replace_text(folder.path / START, case_text(best.problem, best.result.given))
-    replace_text(folder.path / DESIGN, case_text(best.problem, best.result.case))
+    write_text(folder.path / START, case_text(best.problem, best.result.given))
+    write_text(folder.path / DESIGN, case_text(best.problem, best.result.case))
     out = io.StringIO()
     rows = csv.writer(out, lineterminator="\n")
     asked = best.problem.terms[0].quantity
@@ -707,8 +707,8 @@ def _settle(folder: DesignFolder, best: Variant, found: list[Variant]) -> Path:
             in_words(asked, one.result.end.objective, 7), int(one.result.feasible), len(one.result.trials),
         ]  # fmt: skip
         rows.writerow([one.words, *told, one.trouble])
-    replace_text(folder.path / VARIANTS, out.getvalue())
-    replace_text(folder.path / TABLE, "".join(_all_designs(found)))
+    write_text(folder.path / VARIANTS, out.getvalue())
+    write_text(folder.path / TABLE, "".join(_all_designs(found)))
     return folder.path
 
 

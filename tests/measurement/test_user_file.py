@@ -23,7 +23,7 @@ from softmodels.common.files import (
     is_drawn,
     read_file,
     read_text,
-    replace_text,
+    write_text,
 )
 from softmodels.common.folders import FolderLock
 from softmodels.common.tables import TomlError, numbers, read_toml
@@ -89,7 +89,7 @@ def test_a_link_from_elsewhere_is_not_written_through(tmp_path):
     with pytest.raises(OSError, match=r"its lock folder.lock is a link; remove that"):
         FolderLock(lock).take()
     (tmp_path / "case.toml.part").symlink_to(mine)
-    replace_text(tmp_path / "case.toml", "theirs")
+    write_text(tmp_path / "case.toml", "theirs")
     assert mine.read_text() == "mine" and (tmp_path / "case.toml").read_text() == "theirs"
 
 
