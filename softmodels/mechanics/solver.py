@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,7 +13,6 @@ from softmodels.common import errors
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import PETSc
 from softmodels.mechanics.controls import Control, Coupling, Curve, Tangent, pressure_control
-from softmodels.mechanics.iterative import PER_UNKNOWN, Multigrid, RigidCycle
 from softmodels.mechanics.mpi import GIGA, TooLargeError, available, needed, total
 from softmodels.mechanics.newton import (
     LOOSEST,
@@ -26,6 +26,9 @@ from softmodels.mechanics.newton import (
     weakly,
 )
 from softmodels.mechanics.system import State, System, spread
+
+if TYPE_CHECKING:
+    from softmodels.mechanics.iterative import Multigrid
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Selection of the linear solver: a factorisation, or iterations with multigrid.
@@ -72,6 +75,8 @@ class SolverMethod:
 
 def cycle_of(system: System) -> type[Multigrid]:
     """Return the kind of cycle that a system takes."""
+    from softmodels.mechanics.iterative import Multigrid, RigidCycle  # most models are factorised
+
     return RigidCycle if system.unknowns.moving else Multigrid
 
 
@@ -88,6 +93,8 @@ def select_solver(system: System, method: str) -> SolverMethod:
     unknowns, room = system.K.getSize()[0], available(system.comm)
     if AMPLE * unknowns ** (4 / 3) < room * system.comm.size:
         return SolverMethod("direct" if method == "auto" else method)
+    from softmodels.mechanics.iterative import PER_UNKNOWN
+
     system.rest()
     system.assemble_tangent()
     remembered = sum(history.step_bytes for history in system.potential.histories)
