@@ -557,10 +557,9 @@ class Region(RegionPart):
 
 Parts = tuple[Component, ...]
 
-OWN_KINDS: tuple[type[Component], ...] = (
-    Sheet, Obstacle, RigidShape, Walls, Rigid, Region, Clamp, Fabric, Fibres, Gravity, Mass, Force, Moment,
-)  # fmt: skip
-"""The library's kinds, registered by this import."""
+COMPONENTS.put_first(
+    (Gravity, Mass, Force, Moment, Region, RigidShape, Obstacle, Walls, Sheet, Fibres, Fabric, Rigid, Clamp)
+)  # the order of a case's tables and options
 
 
 class PartsEntry(Entry[Parts]):

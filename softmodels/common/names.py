@@ -247,6 +247,10 @@ class Registry[T](MutableMapping[str, T]):
         self._made_known(entry)  # type: ignore[arg-type]
         return entry
 
+    def put_first(self, entries: Iterable[T]) -> None:
+        """Put registered entries before all others, in this order, whatever was imported first."""
+        self.loaded = {self._name(entry): entry for entry in entries} | self.loaded
+
     def __getitem__(self, name: str) -> T:
         if name not in self.loaded and name in self._places:
             importlib.import_module(self._places[name])
