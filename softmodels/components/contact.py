@@ -69,7 +69,7 @@ from softmodels.components.pressing import (
     scattered,
     together,
 )
-from softmodels.mechanics.assembly import AssembledTerm, FaceNodes, check_mesh_faces
+from softmodels.mechanics.assembly import AssembledTerm, FaceNodes, RememberingTerm, check_mesh_faces
 from softmodels.mechanics.body import Body, in_section, in_space
 from softmodels.mechanics.component import (
     ALONG,
@@ -377,10 +377,7 @@ class RigidShape(ContactPart):
         return self.friction > 0.0
 
     def undesigned(self, actuator: Actuator) -> str:
-        why = "whose forces depend on the path that leads to a state, so that no gradient is exact; set friction = 0"
-        if self.seal:
-            return "which seals a cavity, and gradients do not know where it seals"
-        return f"with friction, {why}" if self.friction else ""
+        return "which seals a cavity, and gradients do not know where it seals" if self.seal else ""
 
     @property
     def onset(self) -> float:
@@ -1306,10 +1303,8 @@ class GuidedShapeTerm(AssembledTerm[GivingWay]):
         return self.standing.figures_of(equations, self._pressed.here) | {f"{self.shape.label}_travel_mm": travel}
 
 
-class RubbingShapeTerm(AssembledTerm[Rubbed]):
+class RubbingShapeTerm(RememberingTerm[Rubbed]):
     """The energy of contact with such a shape, and its friction; ``standing`` is its term without."""
-
-    remembers: ClassVar[bool] = True
 
     def __init__(self, shape: RigidShape, standing: StandingTerm, setting: FormContext):
         super().__init__(standing.nodes)
@@ -1321,6 +1316,12 @@ class RubbingShapeTerm(AssembledTerm[Rubbed]):
         self.grip = Grip.of_free(self.standing.pressed(places))
 
     def take(self, part: Component) -> None:
+        """Where the shape moves, what sticks to it moves with it."""
+        assert isinstance(part, RigidShape)
+        moved = (
+            in_section(np.asarray(part.at) - np.asarray(self.shape.at), self.actuator.dimension) / self.actuator.size
+        )
+        self.shape, self.grip = part, dataclasses.replace(self.grip, held=self.grip.held + moved)
         self.standing.take(part)
         self.forget_state()
 
@@ -1337,6 +1338,32 @@ class RubbingShapeTerm(AssembledTerm[Rubbed]):
             self._take(w)
             self.grip = self._pressed.kept()
         self.forget_state()  # the following calls use the current history
+
+    def remembered(self) -> Grip:
+        return self.grip
+
+    def recall(self, remembered: object) -> None:
+        assert isinstance(remembered, Grip)
+        self.grip = remembered
+        self.forget_state()
+
+    def rest_rates(self, places: Array) -> Array:
+        samples = self.standing.surface.places(places)
+        gaps = self.standing.pressed(self.nodes.places).gap_rates(samples)
+        return np.column_stack([samples, gaps])
+
+    def kept_rates(self, w: Array, places: Array, remembered: Array) -> Array:
+        self._take(w)
+        samples = self.standing.surface.places(places)
+        return np.column_stack(self._pressed.kept_rates(samples, remembered[:, :-1], remembered[:, -1]))
+
+    def history_rates(self, w: Array, remembered: Array) -> Array:
+        self._take(w)
+        on, surface, found = self._pressed.touching, self.standing.surface, np.zeros_like(self.nodes.places)
+        still = np.zeros((int(on.sum()), found.shape[1]))
+        pulls = self._pressed.pull_rates(still, remembered[on, :-1], remembered[on, -1])
+        np.add.at(found, surface.facets[surface.owner[on]], np.einsum("sa,si->sai", surface.shapes[on], pulls))
+        return found
 
     def admits(self, before: Array, after: Array) -> bool:
         return self.standing.admits(before, after)

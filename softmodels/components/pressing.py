@@ -632,6 +632,10 @@ class PressedSamples(abc.ABC):
         """Return the second derivative by the place of each sample that touches, shape (t, d, d)."""
 
     @abc.abstractmethod
+    def gap_rates(self, places: Array) -> Array:
+        """Return the derivative of the gaps along a motion of the samples, shapes (s,) and (s, d); zero of infinite ones."""
+
+    @abc.abstractmethod
     def soon(self, share: float) -> np.ndarray:
         """Return the samples that touch or soon may, a mask of shape (s,); ``share`` is relative to the kind's near
         distance."""
@@ -724,6 +728,9 @@ class PressedByDistance(PressedSamples):
         along = self._second[on, None, None] * g[:, :, None] * g[:, None, :]
         return np.asarray(along - self._first[on, None, None] * self._seconds[on])
 
+    def gap_rates(self, places: Array) -> Array:
+        return _dot(self._gradients, places)
+
     def soon(self, share: float) -> np.ndarray:
         return np.asarray(self.gaps < share * self._near)
 
@@ -804,7 +811,7 @@ class PressedOn(PressedSamples):
         self.N, self.S = near.sums(len(places))
         self.gaps = gaps_of(self.N, self.S)
         self.touching = self.gaps < 0.0
-        self.near = near.of_points(self.touching)
+        self._all_near, self.near = near, near.of_points(self.touching)
 
     @functools.cached_property
     def _energies(self) -> PointEnergies:
@@ -825,6 +832,13 @@ class PressedOn(PressedSamples):
         np.add.at(own, points, pair_curvatures(near, self._energies.first)[:, :d, :d])
         np.add.at(rates, points, sum_rates(near)[:, :, :d])
         return np.asarray(own + np.einsum("sai,sab,sbj->sij", rates, self._energies.second[touching], rates))
+
+    def gap_rates(self, places: Array) -> Array:
+        near, D = self._all_near, np.linalg.norm(self.S, axis=1) + TINY
+        rates = np.einsum("pai,pi->pa", sum_rates(near)[:, :, : places.shape[1]], places[near.i])
+        rates = _summed(near.i, rates, len(D))
+        found = rates[:, 0] / D - self.N / D**3 * _dot(self.S, rates[:, 1:])
+        return np.where(np.isfinite(self.gaps), found, 0.0)
 
     def soon(self, share: float) -> np.ndarray:
         """Return the samples nearer than ``share`` radii of the kernel."""
@@ -920,9 +934,11 @@ class Rubbed(PressedSamples):
         self._far = (self._places - grip.held)[on]
         # A sample in contact since then is anchored where it touched, after a free motion. For a body from
         # a file its earlier distance is unknown, but at most that motion.
-        gone, depth = np.clip(grip.gaps[on], 0.0, np.linalg.norm(self._far, axis=1)), -self.gaps[on]
-        self._share = np.where(gone > 0.0, depth / (gone + depth + TINY), 1.0)
-        self._share_rate = np.where(gone > 0.0, gone / (gone + depth + TINY) ** 2, 0.0)
+        before, self._moved, self._depth = grip.gaps[on], np.linalg.norm(self._far, axis=1), -self.gaps[on]
+        self._gone = np.clip(before, 0.0, self._moved)
+        self._new, self._unknown = self._gone > 0.0, before >= self._moved
+        self._whole = self._gone + self._depth + TINY
+        self._share = np.where(self._new, self._depth / self._whole, 1.0)
         self._way = self._share[:, None] * self._far
         s = self._way - self._normal * _dot(self._normal, self._way)[:, None]
         self._size = np.linalg.norm(s, axis=1)
@@ -946,7 +962,10 @@ class Rubbed(PressedSamples):
         d)."""
         n, a = self._normal, self._along
         flat = np.eye(n.shape[1]) - _outer(n, n)
-        return np.asarray(self.pressed.curvatures() + self._share[:, None, None] * (self._drawn(a) @ flat))
+        return np.asarray(self._pressing + self._share[:, None, None] * (self._drawn(a) @ flat))
+
+    def gap_rates(self, places: Array) -> Array:
+        return self.pressed.gap_rates(places)
 
     def _drawn(self, a: Array) -> Array:
         """Return the derivative of the pulls by s, the limits held, shape (t, d, d)."""
@@ -958,16 +977,44 @@ class Rubbed(PressedSamples):
 
     def whole_curvatures(self) -> Array:
         """Return the derivative of the forces itself, not symmetric, shape (t, d, d)."""
-        n, a, way = self._normal, self._along, self._way
-        eye = np.eye(n.shape[1])
-        pressing = self.pressed.curvatures()
+        rest, still = np.zeros_like(self._way), np.zeros(len(self._way))
+        ways = (np.broadcast_to(way, rest.shape) for way in np.eye(rest.shape[1]))
+        return np.asarray(self._pressing + np.stack([self.pull_rates(way, rest, still) for way in ways], axis=2))
+
+    def pull_rates(self, places: Array, held: Array, gaps: Array) -> Array:
+        """Return the derivative of `pulls` along motions against the body of the samples that touch and of where they were
+        held, shape (t, d) each, and along changes of their earlier distances, shape (t,)."""
+        drawn = np.einsum("tij,tj->ti", self._drawn(self._along), self._way_rates(places, held, gaps))
+        harder = self.rubbing.coefficient * _dot(self._normal, self._push_rates(places))
+        return np.asarray(drawn + (self._grip * harder)[:, None] * self._along)
+
+    @functools.cached_property
+    def _pressing(self) -> Array:
+        return self.pressed.curvatures()
+
+    def _push_rates(self, places: Array) -> Array:
+        return np.asarray(np.einsum("tij,tj->ti", self._pressing, places))
+
+    def _way_rates(self, places: Array, held: Array, gaps: Array) -> Array:
+        """Return the same of s."""
+        n, far = self._normal, places - held
         # The normal rotates with the normal force, and the share depends on the penetration, whose gradient is n.
-        turn = (eye - _outer(n, n)) @ pressing / (self._push + TINY)[:, None, None]
-        moved = self._share[:, None, None] * eye + (self._share_rate[:, None] * self._far)[:, :, None] * n[:, None, :]
-        s = (eye - _outer(n, n)) @ moved - _dot(n, way)[:, None, None] * turn
-        s -= n[:, :, None] * np.einsum("ti,tij->tj", way, turn)[:, None, :]
-        harder = self.rubbing.coefficient * np.einsum("ti,tij->tj", n, pressing)
-        return np.asarray(pressing + self._drawn(a) @ s + (self._grip[:, None] * a)[:, :, None] * harder[:, None, :])
+        turn = self._push_rates(places)
+        turn = (turn - n * _dot(n, turn)[:, None]) / (self._push + TINY)[:, None]
+        gone = np.where(self._unknown, _dot(self._far, far) / (self._moved + TINY), gaps)
+        share = np.where(self._new, (self._gone * _dot(n, places) - self._depth * gone) / self._whole**2, 0.0)
+        way = self._share[:, None] * far + share[:, None] * self._far
+        return np.asarray(
+            way - n * (_dot(n, way) + _dot(turn, self._way))[:, None] - turn * _dot(n, self._way)[:, None]
+        )
+
+    def kept_rates(self, places: Array, held: Array, gaps: Array) -> tuple[Array, Array]:
+        """Return the derivatives of `Grip.held` and `Grip.gaps` of `kept` along the same, of all samples."""
+        on, kept = self.touching, places.copy()
+        way, a = self._way_rates(places[on], held[on], gaps[on]), self._along
+        across = (way - a * _dot(a, way)[:, None]) * (self.rubbing.onset / (self._size + TINY))[:, None]
+        kept[on] -= np.where((self._size < self.rubbing.onset)[:, None], way, across)
+        return kept, self.pressed.gap_rates(places)
 
     @functools.cached_property
     def whole_stiffness(self) -> scipy.sparse.csr_array:

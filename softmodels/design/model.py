@@ -133,8 +133,8 @@ class MeshedDesign:
             made = cls(DesignedBody(solver), question, case)
         try:
             made.show(case)
-            if before is None or not made._taken_over(before):
-                made.states.trace()
+            if before is None or made.states.depend_on_path or not made._taken_over(before):
+                made._trace()
         except BaseException:
             made.release()
             raise
@@ -173,6 +173,9 @@ class MeshedDesign:
         states = self.states
         start, first = self.case, states.known
         self._move(case)
+        if states.depend_on_path:
+            self._retrace(case, start, first)
+            return
         way, step, earlier = 0.0, 1.0, list[tuple[float, Known]]()
         while way < 1.0:
             goal = min(way + step, 1.0)
@@ -195,10 +198,13 @@ class MeshedDesign:
         """Solve the states of a case along the whole path, on the current mesh."""
         self.show(case)
         try:
-            self.states.trace()
+            self._trace()
         except DesignFailure:
             self._restore(start, first)
             raise
+
+    def _trace(self) -> None:
+        self.states.trace(self.adjoint.sensitivity, [*self.question.shape, *self._others])
 
     def _move(self, case: Case) -> None:
         """Move the mesh, unless its cells would become poor."""
@@ -224,7 +230,7 @@ class MeshedDesign:
             except UnstableState:
                 if not self.states.carried:
                     raise
-                self.states.trace()
+                self._trace()
                 found = self._judged(gradients)
         except DesignFailure:
             if self._stable is not None:
@@ -272,6 +278,7 @@ class MeshedDesign:
     def _settled(self, load: JudgedLoad) -> State:
         """Return the state at a load, its tangent factorised; UnstableState where the device leaves it by itself."""
         state = self.states.states[load]
+        self.states.recall(load)
         self.adjoint.prepare(state)
         if load.kind == PRESSURE:
             negative = Stability.of(self.solver).negative_eigenvalues()
@@ -285,15 +292,28 @@ class MeshedDesign:
         columns = []
         for name in self.question.names:
             along = {name: 1.0} if name in velocities else in_equations(self.case, name)
-            ways = [(velocities.get(one, one), rate) for one, rate in along.items()]
-            moved = [rate * measure.moved(state, *self.adjoint.rates(load.kind, way)) for way, rate in ways]
+            rates = {one: self._rates(load, velocities.get(one, one), one) for one in along}
+            moved = [along[one] * measure.moved(state, w, X) for one, (w, X) in rates.items()]
             columns.append(sum(moved, np.zeros(len(measure.residuals(state)))))
         return Squares.of(measure.residuals(state), np.array(columns).T, measure.run, measure.sigma)
+
+    def _rates(self, load: JudgedLoad, way: Array | str, name: str) -> tuple[Array, Array]:
+        """Return the derivatives of the settled state's dofs and of the mesh's nodes by a parameter."""
+        if not self.states.depend_on_path:
+            return self.adjoint.rates(load.kind, way)
+        rate, motion = self.states.followed[load].rates[name], self.design.motion
+        still = np.zeros((motion.entries // motion.dimension, motion.dimension))
+        return rate.w[: len(self.design.system.w.x.array)], still if rate.X is None else rate.X
 
     def _whole(self, part: DesignQuantity, slopes: Slopes, velocities: dict[str, Array]) -> Judged:
         """Return a part with its total derivatives at the settled state."""
         names, load = self._others, part.load
         direct = self.adjoint.by_material(self.measures[part], names) if names and load else dict.fromkeys(names, 0.0)
+        if load is not None and self.states.depend_on_path:
+            followed, measure = self.states.followed[load], self.measures[part]
+            rates = {name: self.adjoint.along_path(measure, slopes, followed, name) for name in followed.rates}
+            by_length = {name: rates[name] for name in self.question.shape}
+            return self._gathered(slopes.value, by_length, {name: rates[name] + direct[name] for name in names})
         by_length, by_other = self.adjoint.gradient(
             slopes, PRESSURE if load is None else load.kind, velocities, direct if load else {}
         )
@@ -407,7 +427,8 @@ class DesignModel:
         case = self.at(theta)
         if finer != 1.0:
             case = dataclasses.replace(case, actuator=_finer(case.actuator, finer))
-        meshed = MeshedDesign.fresh(case, self.question, self.comm)
+        values_only = dataclasses.replace(self.question, names=(), shape=(), materials=())
+        meshed = MeshedDesign.fresh(case, values_only, self.comm)
         try:
             found, notes = meshed.judge(gradients=False)
             values = {key: judged.value for key, judged in self._gathered(found, notes).items()}

@@ -23,7 +23,7 @@ from softmodels.common.names import checked, place
 from softmodels.common.schema import Choice, about
 from softmodels.common.tables import TomlError, parse_toml, read_toml
 from softmodels.common.units import UnitError, brief, number_and_unit, quantity
-from softmodels.design.quantities import PROBE, QUANTITIES, DesignQuantity
+from softmodels.design.quantities import PROBE, QUANTITIES, DesignQuantity, InflationWork, OfLimit, StoredEnergy
 from softmodels.design.trials import (
     PRESSURE,
     VOLUME,
@@ -38,6 +38,7 @@ from softmodels.design.trials import (
     shown_unit,
     text,
 )
+from softmodels.mechanics.dead_loads import LoadPart
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Objectives and limits of a design, from tables or as values.
@@ -592,6 +593,7 @@ class DesignProblem:
         dataclasses.replace(case, name=self.name)  # a valid file name
         for keep in self.limits:
             _check_walls(case, keep)
+        _check_path(case, self.quantities)
         if not self.working and any(one.name == MARGIN for one in self.quantities):
             raise DesignError(
                 f"{MARGIN} is relative to the highest pressure of the problem, but no quantity has a pressure"
@@ -757,6 +759,23 @@ def _check_load(case: Case) -> None:
     for part in case.components:
         if why := part.undesigned(case.actuator):
             raise DesignError(f"the case has a {part.where}, {why}; leave it out")
+
+
+def _check_path(case: Case, quantities: Sequence[DesignQuantity]) -> None:
+    """Reject what is not available where states depend on their path, which is followed in fixed steps of the pressure."""
+    rubbing = next((part.where for part in case.components if part.remembers), "")
+    if not rubbing:
+        return
+    loads = [part.where for part in case.components if isinstance(part, LoadPart)]
+    if loads:
+        raise DesignError(f"{rubbing} has friction, and designs with friction take no loads; leave out {loads[0]}")
+    for asked in (part for one in quantities for part in getattr(one, "parts", (one,))):
+        if isinstance(asked, OfLimit | StoredEnergy | InflationWork):
+            raise DesignError(
+                f"{asked.name} is not available with friction ({rubbing}); leave it out, or set friction = 0"
+            )
+        if asked.load is not None and asked.load.kind == VOLUME:
+            raise DesignError(f"{asked.title} is at a volume, but with friction ({rubbing}) designs need pressures")
 
 
 def _keeps(reader: Reader, entry: object, where: str) -> list[Keep]:

@@ -22,7 +22,15 @@ from softmodels.common.arrays import Array
 from softmodels.common.lazy import Expr, PETSc, fem, ufl
 from softmodels.common.names import Registry
 from softmodels.common.units import quantity as read_quantity
-from softmodels.components.contact import FileShapeTerm, GuidedShapeTerm, Obstacle, RigidShape, ShapeTerm, force_of_all
+from softmodels.components.contact import (
+    FileShapeTerm,
+    GuidedShapeTerm,
+    Obstacle,
+    RigidShape,
+    RubbingShapeTerm,
+    ShapeTerm,
+    force_of_all,
+)
 from softmodels.design.trials import DesignFailure, JudgedLoad
 from softmodels.materials.laws import Strain
 from softmodels.mechanics.assembly import AssembledTerm
@@ -30,7 +38,7 @@ from softmodels.mechanics.body import BodyError, in_section, in_space
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.component import ComponentError, direction
 from softmodels.mechanics.mpi import largest, total
-from softmodels.mechanics.sensitivity import MeshMotion
+from softmodels.mechanics.sensitivity import GripDirection, HistoryDirection, MeshMotion
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import face_load
 from softmodels.runs.state_values import Grid, displacement_maps
@@ -65,6 +73,11 @@ class Measure(abc.ABC):
     def value(self, state: State | None) -> float:
         """Return only the value, after `slopes` on this mesh."""
         return self.slopes(state).value
+
+    def by_history(self, histories: Sequence[HistoryDirection]) -> float:
+        """Return the derivative at the loaded state along directions in which what is remembered changes; see
+        `Sensitivity.histories`. Most quantities are of the state alone."""
+        return 0.0
 
 
 class TargetMeasure(Measure):
@@ -702,6 +715,10 @@ class PressedMeasure(Measure):
         by_X = motion.by_nodes(self.term.nodes.by_mesh(rates))
         return Slopes(self.value(state), system.by_unknowns(by_w).copy(), 0.0, by_X)
 
+    def by_history(self, histories: Sequence[HistoryDirection]) -> float:
+        own = next((one for one in histories if isinstance(one, GripDirection) and one.term is self.term), None)
+        return 0.0 if own is None else self.design.system.stress_unit * float(own.at_nodes().sum(axis=0) @ self.along)
+
 
 @register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -725,7 +742,7 @@ class ForceOn(DesignQuantity):
 
     def measure(self, design: DesignedBody) -> Measure:
         system, terms = design.system, design.system.potential.terms
-        kinds = ShapeTerm | FileShapeTerm | GuidedShapeTerm
+        kinds = ShapeTerm | FileShapeTerm | GuidedShapeTerm | RubbingShapeTerm
         shapes = {label: term for label, term in terms.items() if isinstance(term, kinds)}
         if self.of not in shapes:
             raise ValueError(f"the case has no rigid shape {self.of!r}; it has {', '.join(shapes) or 'none'}")

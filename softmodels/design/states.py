@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -15,10 +16,11 @@ from softmodels.common.arrays import Array
 from softmodels.common.lazy import fem, ufl
 from softmodels.design.quantities import FormMeasure, Slopes, check_apart
 from softmodels.design.trials import PRESSURE, VOLUME, DesignFailure, JudgedLoad
+from softmodels.mechanics.assembly import RememberingTerm
 from softmodels.mechanics.controls import Tangent, pressure_control, volume_control
 from softmodels.mechanics.mpi import on_root, total
 from softmodels.mechanics.newton import NoConvergence
-from softmodels.mechanics.sensitivity import Sensitivity
+from softmodels.mechanics.sensitivity import InTime, Rate, Sensitivity
 from softmodels.path.continuation import Continuation, trace
 from softmodels.path.schedule import LARGEST_GROWTH_OF_CYCLE, HangingEnd, hang, inflate_from
 from softmodels.path.stability import AddedVolume, Mode, PathEnd, Point, Stability
@@ -215,6 +217,22 @@ def _in_order(loads: Iterable[JudgedLoad], kind: str) -> list[JudgedLoad]:
     return sorted((load for load in loads if load.kind == kind), key=lambda load: abs(load.value))
 
 
+STEPS = 12
+"""Steps of the pressure up to the highest load where states depend on the path. They are the same for every design, so that
+values are smooth; where Newton's method fails there are twice as many from then on."""
+MOST_STEPS = 96
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Followed:
+    """What a state that depends on its path needs beside itself: what friction remembered where its step began, and of each
+    parameter the state's rate and how that changes."""
+
+    remembered: tuple[object, ...]
+    rates: dict[str, Rate]
+    histories: dict[str, list[Array]]
+
+
 class WorkingStates:
     """States of a device at given loads, and if wanted its limit point and first bifurcation up to a ``highest`` pressure in
     Pa, of the device that the mesh shows. ``newton`` counts iterations since it was last set to zero; states are ``carried``
@@ -236,19 +254,67 @@ class WorkingStates:
         self.newton = 0
         self.carried = False
         self._rest_volume = 0.0
+        self.followed: dict[JudgedLoad, Followed] = {}
+        """Of states that depend on their path."""
+        self._steps = STEPS
+        self._grips = [term for term in self.system.potential.terms.values() if isinstance(term, RememberingTerm)]
 
     # -- along the path -------------------------------------------------------------------------------------------------
 
-    def trace(self) -> None:
-        """Solve all states along paths from the undeformed state; DesignFailure if a load is not met."""
+    @property
+    def depend_on_path(self) -> bool:
+        """Whether states depend on those before."""
+        return bool(self._grips)
+
+    def trace(self, rates: Sensitivity, names: Sequence[str]) -> None:
+        """Solve all states along paths from the undeformed state; DesignFailure if a load is not met. Where they depend on
+        that path, their rates come from it, by lengths and parameters of `Sensitivity.force`."""
         self.states, self.limit, self.bifurcation = {}, None, None
         start = self._preloaded()
         self._rest_volume, self.carried = self.design.volume_at_rest(), False
+        if self.depend_on_path:
+            self._follow(rates, names)
+            return
         by_pressure = _in_order(self.loads, PRESSURE)
         self._trace_pressures(by_pressure, start)
         by_volume = _in_order(self.loads, VOLUME)
         if by_volume:
             self._trace_volumes(by_volume, start)
+
+    def _follow(self, rates: Sensitivity, names: Sequence[str]) -> None:
+        """Solve the states in fixed steps of the pressure, with their rates."""
+        while True:
+            try:
+                self._in_steps(InTime(rates, names))
+                return
+            except NoConvergence as failure:
+                if self._steps >= MOST_STEPS:
+                    load = _in_order(self.loads, PRESSURE)[len(self.states)]
+                    raise DesignFailure(f"the path ends before {load}: {failure}") from failure
+                self._steps *= 2
+
+    def _in_steps(self, rates: InTime) -> None:
+        potential, here, before = self.system.potential, self.system.rest(), None
+        potential.keep(here.w, anew=True)
+        self.states, self.followed = {}, {}
+        loads = _in_order(self.loads, PRESSURE)
+        pressures = [self.design.direction * load.value / self.system.stress_unit for load in loads]
+        for load, start, end in zip(loads, [0.0, *pressures], pressures, strict=False):
+            for P in np.linspace(start, end, 1 + math.ceil(self._steps * (end - start) / pressures[-1] - 1e-9))[1:]:
+                control, guess = pressure_control(float(P)), here.w
+                if before is not None:
+                    guess = here.w + (P - here.P) / (here.P - before.P) * (here.w - before.w)
+                before, here = here, self.solver.solve(control, guess, float(P))
+                self.newton += here.iterations
+                remembered, histories = tuple(term.remembered() for term in self._grips), rates.remembered()
+                found = rates.step(here, control)[1] if rates.names else {}
+                potential.keep(here.w)
+            self.states[load], self.followed[load] = here, Followed(remembered, found, histories)
+
+    def recall(self, load: JudgedLoad) -> None:
+        """Let friction remember what it did where the step to a load began."""
+        for term, remembered in zip(self._grips, self.followed[load].remembered, strict=True) if self._grips else ():
+            term.recall(remembered)
 
     def _preloaded(self) -> State | None:
         """Return the state under the dead loads, from which the path begins; None without any."""
@@ -401,7 +467,7 @@ class Adjoint:
         self._forces = [compiled(ufl.action(force, self._lambda)) for force in potential.forces]
         self._loads = [[compiled(ufl.action(form, self._lambda)) for form in forms] for forms in system.dead.integrals]
         self._volume = compiled(potential.cavity_volume - design.rest_volume)
-        self._sensitivity = Sensitivity(self.solver, design.motion)
+        self.sensitivity = Sensitivity(self.solver, design.motion)
 
     def prepare(self, state: State) -> None:
         """Factorise the tangent at a state, for the following gradients."""
@@ -436,7 +502,7 @@ class Adjoint:
         system, motion = self.system, self.design.motion
         found = sum((motion.assembled(form) for form in self._forces), np.zeros(motion.entries))
         drives = system.pressures[len(system.pressures) - len(self._loads) :]
-        for drive, forms, own in zip(drives, self._loads, self._sensitivity.measured, strict=True):
+        for drive, forms, own in zip(drives, self._loads, self.sensitivity.measured, strict=True):
             for form in forms:
                 found -= drive * motion.assembled(form)
             for one in own:
@@ -471,7 +537,7 @@ class Adjoint:
             by_X -= eta * self.design.sign * motion.assembled(self._volume)
         by_material = {}
         for name, direct in materials.items():
-            own = self._sensitivity.force(name)
+            own = self.sensitivity.force(name)
             kept = own.opened if kind == VOLUME else self._state.P * own.stress / self.system.stress_unit
             inner = total(self.system.comm, float(lam @ own.residual))
             by_material[name] = direct - inner - eta * kept
@@ -485,14 +551,14 @@ class Adjoint:
         if isinstance(along, str):
             nodes, own = (
                 np.zeros((motion.entries // motion.dimension, motion.dimension)),
-                self._sensitivity.force(along),
+                self.sensitivity.force(along),
             )
             force, opened = own.residual, own.opened
             if kind != VOLUME:  # constant in Pa, so P falls as the shear modulus rises
                 force = force + self._state.P * own.stress / self.system.stress_unit * q
         else:
             nodes = motion.nodes_rate(along)
-            force = self._sensitivity.motion_force(nodes)[0]
+            force = self.sensitivity.motion_force(nodes)[0]
             owned = slice(0, motion.owned_entries)
             there = float(motion.assembled(self._volume)[owned] @ nodes.ravel()[owned])
             opened = self.design.sign * total(comm, there)
@@ -503,27 +569,42 @@ class Adjoint:
         self._set(w)
         return self._lambda.x.array.copy(), nodes
 
+    def along_path(self, measure: Measure, slopes: Slopes, followed: Followed, name: str) -> float:
+        """Return the whole derivative of a quantity at the prepared state by a parameter, without the partial one at fixed
+        unknowns, from the state's rate and that of what friction remembered where its step began."""
+        system, motion, rate = self.system, self.design.motion, followed.rates[name]
+        found = 0.0
+        if slopes.w is not None:
+            found += total(system.comm, float(slopes.w @ system.unknowns.nearest(rate.w)))
+        if slopes.P:
+            stress = 0.0 if rate.X is not None else self.sensitivity.force(name).stress
+            found += slopes.P * (rate.P - self._state.P * stress) / system.stress_unit
+        if slopes.X is not None and rate.X is not None:
+            owned = slice(0, motion.owned_entries)
+            found += total(system.comm, float(slopes.X[owned] @ rate.X.ravel()[owned]))
+        for one, values in zip(self.sensitivity.histories, followed.histories[name], strict=True):
+            one.begin(rate.w, values)
+        found += measure.by_history(self.sensitivity.histories)
+        for one in self.sensitivity.histories:
+            one.rest()
+        return found
+
     def by_material(self, measure: Measure, names: Sequence[str]) -> dict[str, float]:
         """Return the partial derivatives of a quantity by parameters that are no lengths at the loaded unknowns, by
         central differences."""
         found = {}
         for name in names:
-            number, own = self._sensitivity.value(name), name.rpartition(".")[2]
-            step = STEP * (abs(number) or (self.system.material.shear_modulus_0 if own in self._moduli else 1.0))
+            own, step = name.rpartition(".")[2], STEP * self.sensitivity.scale(name)
             weights = BACKWARD if own == "poisson" else CENTRAL  # which must not exceed 0.5
             found[name] = 0.0
             for shift, weight in weights.items():
-                with self._sensitivity.shifted(name, shift * step):
+                with self.sensitivity.shifted(name, shift * step):
                     found[name] += weight / step * measure.value(self._state)
         return found
 
-    @property
-    def _moduli(self) -> tuple[str, ...]:
-        return tuple(self.system.material.parameters)
-
     def stress_by(self, name: str) -> float:
         """Return the derivative of the shear modulus by a parameter that is no length."""
-        return self._sensitivity.force(name).stress
+        return self.sensitivity.force(name).stress
 
     def limit_gradient(
         self, state: State, tangent: Tangent, velocities: Mapping[str, Array], materials: Sequence[str] = ()
@@ -538,7 +619,7 @@ class Adjoint:
         lengths = self.design.motion.gradient(unit * by_X, dict(velocities))
         by_material = {}
         for name in materials:
-            own = self._sensitivity.force(name)
+            own = self.sensitivity.force(name)
             rate = total(system.comm, float(v @ own.residual))
             by_material[name] = unit * rate + self.design.direction * state.P * own.stress
         return lengths, by_material

@@ -11,7 +11,7 @@ import copy
 import dataclasses
 import functools
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -365,7 +365,12 @@ class AssembledTerm[P: Pressing](EnergyTerm):
         as the displacements do."""
         self._take(w)
         moved = self.nodes.values(x) @ self.nodes.skew.T
-        return np.asarray(self.stiffness_here().T @ moved.ravel()).reshape(moved.shape)
+        return np.asarray(self._force_rates().T @ moved.ravel()).reshape(moved.shape)
+
+    def _force_rates(self) -> scipy.sparse.csr_array:
+        """Return the derivative of the forces, shape (n d, n d)."""
+        whole = self.whole_stiffness_here()
+        return self.stiffness_here() if whole is None else whole
 
     def force(self, w: Array) -> Array:
         """Return the sum of the forces on what faces press on, of the slice in the mesh's coordinates, shape (d,)."""
@@ -376,7 +381,7 @@ class AssembledTerm[P: Pressing](EnergyTerm):
         """Return the derivative of `force` along a vector by the nodes' deformed places, shape (n, d)."""
         self._take(w)
         motion = np.tile(along, len(self.nodes.places))
-        return np.asarray(self.stiffness_here() @ motion).reshape(self.nodes.places.shape)
+        return np.asarray(self._force_rates().T @ motion).reshape(self.nodes.places.shape)
 
     def at_places(self, w: Array) -> Array:
         """Return the derivative of the energy by the nodes' undeformed places, shape (n, d): as by the deformed ones."""
@@ -399,7 +404,7 @@ class AssembledTerm[P: Pressing](EnergyTerm):
         return b
 
     def _add_moved(self, motion: Array, b: Array) -> None:
-        self.add_rates((self.stiffness_here() @ motion.ravel()).reshape(motion.shape), b)
+        self.add_rates((self._force_rates() @ motion.ravel()).reshape(motion.shape), b)
 
     def matrix(self, w: Array, whole: bool = False) -> scipy.sparse.csr_array:
         """Return the second derivative of the energy by the nodes' components of w, zero where they are held, shape (n d, n
@@ -408,8 +413,7 @@ class AssembledTerm[P: Pressing](EnergyTerm):
         if whole not in self._matrices:
             turn = scipy.sparse.kron(scipy.sparse.eye_array(len(self.nodes.places)), self.nodes.skew, format="csr")
             free = scipy.sparse.diags_array(self._free.ravel().astype(float))
-            stiffness = self.whole_stiffness_here() if whole else None
-            stiffness = self.stiffness_here() if stiffness is None else stiffness
+            stiffness = self._force_rates() if whole else self.stiffness_here()
             self._matrices[whole] = scipy.sparse.csr_array(free @ (turn.T @ stiffness @ turn) @ free)
         return self._matrices[whole]
 
@@ -451,6 +455,33 @@ class AssembledTerm[P: Pressing](EnergyTerm):
             self._known = scipy.sparse.csr_array(self._known + new)
         d = self.nodes.dofs.shape[1]
         return scipy.sparse.kron(self._known, np.ones((d, d), dtype=np.bool_), format="csr")
+
+
+class RememberingTerm[P: Pressing](AssembledTerm[P]):
+    """A term whose forces depend on what it remembers of the states before, and the derivatives of that: flat arrays, by places
+    of the faces' nodes against what they press on."""
+
+    remembers: ClassVar[bool] = True
+
+    @abc.abstractmethod
+    def remembered(self) -> object:
+        """Return what it remembers of the last accepted state, a value for `recall`."""
+
+    @abc.abstractmethod
+    def recall(self, remembered: object) -> None:
+        """Go back to what it remembered."""
+
+    @abc.abstractmethod
+    def rest_rates(self, places: Array) -> Array:
+        """Return how what it remembers where a path begins changes with the nodes' places, shape (n, d)."""
+
+    @abc.abstractmethod
+    def kept_rates(self, w: Array, places: Array, remembered: Array) -> Array:
+        """Return how what it will remember of a state changes with the nodes' places and with what it remembers now."""
+
+    @abc.abstractmethod
+    def history_rates(self, w: Array, remembered: Array) -> Array:
+        """Return how its forces in a state change with what it remembers, shape (n, d)."""
 
 
 class AssembledTerms:

@@ -11,8 +11,8 @@ regular at limit points wherever the line crosses the path (Michaleris, Tortorel
 dR/dtheta by material parameters is one compiled form per law, for all parameters: the derivative along a direction
 whose components are Constants. Of a length it is the derivative by the mesh's coordinates along the motion of its nodes.
 
-Silicone with a memory adds dR/dh dh/dtheta, h being what a step in time has of its beginning. It follows from the step before
-by the derivatives of the same update (`InTime`): exact for the discrete steps, one solve per parameter and step.
+Silicone with a memory and friction add dR/dh dh/dtheta, h being what a step has of its beginning. It follows from the step
+before by the derivatives of the same update (`InTime`): exact for the discrete steps, one solve per parameter and step.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ import math
 import types
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -35,7 +36,14 @@ from softmodels.common.errors import GeometryError
 from softmodels.common.lazy import Expr, PETSc, basix, fem, la, meshes, ufl
 from softmodels.materials.laws import Material, parameter_fields
 from softmodels.materials.specimens import SOFTENING, nudged
-from softmodels.mechanics.assembly import AssembledTerm, assembled_matrix, assembled_vector, held_dofs, numbered
+from softmodels.mechanics.assembly import (
+    AssembledTerm,
+    RememberingTerm,
+    assembled_matrix,
+    assembled_vector,
+    held_dofs,
+    numbered,
+)
 from softmodels.mechanics.body import Body, in_section
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.component import Component
@@ -361,6 +369,8 @@ def scale_of(device: Actuator, name: str) -> float:
 
 
 TOLERANCE = 1e-10  # of the linear solves
+DEPTH = 0.02
+"""Of a contact, in sizes."""
 _STEP = 1e-30  # into the complex plane: exact to rounding
 
 
@@ -423,10 +433,16 @@ class Sensitivity:
         self._of_terms: dict[str, _TermDirection] = {}
 
     @functools.cached_property
-    def histories(self) -> list[_HistoryDirection]:
-        """Directions in which what the silicone remembers changes; none for silicone without a memory."""
+    def histories(self) -> list[HistoryDirection]:
+        """Directions in which what the silicone and friction remember changes; none without a memory."""
         eq = self.solver.system
-        return [_HistoryDirection(eq, law) for law in self._along.laws if law.history is not None]
+        laws = [LawHistory(eq, law) for law in self._along.laws if law.history is not None]
+        return [*laws, *self._grips]
+
+    @functools.cached_property
+    def _grips(self) -> list[GripDirection]:
+        terms = self.solver.system.potential.terms.items()
+        return [GripDirection(self, label, term) for label, term in terms if isinstance(term, RememberingTerm)]
 
     @functools.cached_property
     def _moving(self) -> tuple[fem.Function, list[fem.Form], list[list[fem.Form]], fem.Form]:
@@ -464,6 +480,15 @@ class Sensitivity:
         if (part := self._part(where)) is not None:
             return part.number(own)
         return number_of(eq.material, own)
+
+    def scale(self, name: str) -> float:
+        """Return over which change of a parameter forces change by as much as they are: its value, or one like it where that is
+        0; of a place the depth of a contact."""
+        eq, (where, _, own) = self.solver.system, name.rpartition(".")
+        part = self._part(where)
+        if part is not None and part.variable.get(own) == "m":
+            return DEPTH * eq.length_unit
+        return abs(self.value(name)) or (eq.stress_unit if own in eq.material.parameters else 1.0)
 
     @contextlib.contextmanager
     def shifted(self, name: str, by: float) -> Iterator[None]:
@@ -536,8 +561,18 @@ class Sensitivity:
         return self._of_terms[part.label]
 
     def turn(self, name: str) -> None:
-        """Point `histories` along a parameter; see `material_force`."""
-        self._along.turn(self.solver.system.material, name)
+        """Point `histories` along a parameter; see `material_force` and `force`."""
+        if len(self.histories) > len(self._grips):
+            self._along.turn(self.solver.system.material, name)
+        where, _, own = name.rpartition(".")
+        part, X = self._part(where), self._velocity(name)
+        for one in self._grips:
+            one.turn(part.nudged(own, 1j * _STEP) if part is not None and part.label == one.label else None, X)
+
+    def _velocity(self, name: str) -> Array | None:
+        """Return the motion of the mesh's nodes with a length; None of other parameters."""
+        of_shape = self.motion is not None and name in self.motion.device.variable
+        return self.motion.velocity(name) if of_shape and self.motion is not None else None
 
     def material_force(self, name: str) -> tuple[Array, float]:
         """Return the derivative of the residual (owned entries, shape (n,), dimensionless per SI unit) and of the shear
@@ -581,20 +616,27 @@ class Sensitivity:
         return [[MeasuredSlope(eq, self.motion, one, forms) for one in own] for own, forms in loads]
 
     def rate(self, state: State, control: Control, name: str, rise: float = 0.0) -> Rate:
-        """Return one of `rates`, which must have been called at this state; an empty name for no change of the device.
+        """Return one of `rates`, which must have been called at this state, by a length or any parameter of `force`; an empty
+        name for no change of the device.
 
         ``rise`` is the derivative of the line's left side, dimensionless, beside what the line in Pa and m3 has itself.
         """
-        eq = self.solver.system
-        mu, dmu, opened, X = eq.stress_unit, 0.0, 0.0, None
-        if self.motion is not None and name in self.motion.device.variable:
-            X = self.motion.velocity(name)
-            force, opened = self.motion_force(X)
+        eq, X = self.solver.system, self._velocity(name)
+        if X is None:
+            own = self.force(name)
+            force, dmu, opened = own.residual, own.stress, own.opened
         else:
-            force, dmu = self.material_force(name)
+            dmu, (force, opened) = 0.0, self.motion_force(X)
+        for one in self._grips:
+            force = force + one.force()
+        mu = eq.stress_unit
         # The line is fixed in Pa and m3; in shear moduli it moves with the shear modulus.
         gap = rise - control.volume_coefficient * opened - control.pressure_coefficient * state.P * dmu / mu
-        moved = self.solver.linear_response(-force, gap, TOLERANCE)
+        eq.assembled.whole = True
+        try:
+            moved = self.solver.linear_response(-force, gap, TOLERANCE)
+        finally:
+            eq.assembled.whole = False
         return Rate(moved.w, moved.P * mu + state.P * dmu, (moved.V + opened) * eq.volume_unit, X)
 
 
@@ -632,10 +674,8 @@ class _TermDirection:
             self.turns[constant].value = np.imag(value) / _STEP
         found = eq.assemble(self._forms).copy()
         if isinstance(self.term, AssembledTerm):
-            motion = in_section(
-                np.imag(getattr(moved, "at", np.zeros(3))) / _STEP / eq.length_unit, eq.body.mesh.topology.dim
-            )
-            found += eq.by_unknowns(self.term.add_relocated(eq.w.x.array, motion, np.zeros(eq.n)))
+            b = self.term.add_relocated(eq.w.x.array, _relocation(moved, eq), np.zeros(eq.n))
+            found += eq.by_unknowns(b)
         return found
 
 
@@ -685,18 +725,21 @@ class MeasuredSlope:
 
 
 class InTime:
-    """Derivatives of a device's states through its steps in time, from rest on, by ``names`` of `known_parameters` or
-    `memory_parameters`; and by ``loads``, by which only the control's values change.
+    """Derivatives of a device's states through steps that remember those before, from rest on: of silicone with a memory by
+    ``names`` of `known_parameters` or `memory_parameters`, of friction by lengths and all parameters of `Sensitivity.force`;
+    and by ``loads``, by which only the control's values change.
 
     Viscosity that depends on stress has none at rest where its exponent is below 1.
     """
 
     def __init__(self, sensitivity: Sensitivity, names: Sequence[str], loads: Sequence[str] = ()):
         self.sensitivity, self._own = sensitivity, {**{name: name for name in names}, **dict.fromkeys(loads, "")}
-        histories = [one.history for one in sensitivity.histories]
-        names = tuple(self._own)
-        self._values = {name: [np.zeros_like(one.values.x.array) for one in histories] for name in names}
-        self._before = {name: np.zeros_like(sensitivity.solver.system.w.x.array) for name in names}
+        self.names = tuple(self._own)
+        self._values: dict[str, list[Array]] = {}
+        for name, own in self._own.items():
+            sensitivity.turn(own)
+            self._values[name] = [one.at_rest() for one in sensitivity.histories]
+        self._before = {name: np.zeros_like(sensitivity.solver.system.w.x.array) for name in self._own}
 
     def begin(self, state: State, rates: Mapping[str, Rate]) -> None:
         """Begin in a state that has lasted, with its derivatives, 0 by other parameters: the potential has begun a step there
@@ -735,6 +778,10 @@ class InTime:
         for one in known.histories:
             one.rest()
         return along, rates
+
+    def remembered(self) -> dict[str, list[Array]]:
+        """Return a copy of how what is remembered now changes with each parameter, for `GripDirection.begin`."""
+        return {name: [values.copy() for values in own] for name, own in self._values.items()}
 
 
 class _Directions:
@@ -820,7 +867,17 @@ class _LawDirection:
                 constant.value = np.imag(value) / _STEP
 
 
-class _HistoryDirection:
+class HistoryDirection(Protocol):
+    """How what is remembered changes over one step: with where the step begins (dofs ``before``, with ghosts, and remembered
+    values), and with the state that ends it."""
+
+    def at_rest(self) -> Array: ...
+    def begin(self, before: Array, values: Array) -> None: ...
+    def end(self, w: Array) -> Array: ...
+    def rest(self) -> None: ...
+
+
+class LawHistory:
     """How what a region's silicone remembers changes over one step in time, along the direction of its law."""
 
     def __init__(self, eq: System, law: _LawDirection):
@@ -837,6 +894,10 @@ class _HistoryDirection:
         ]
         slopes[1] += ufl.derivative(end, eq.w, self._w) + ufl.derivative(end, self.history.begun, self._begun)
         self._begin, self._end = (fem.Expression(one, self.history.points, jit_options=JIT) for one in slopes)
+
+    def at_rest(self) -> Array:
+        """Return the derivative of what is remembered at rest."""
+        return np.zeros_like(self.history.values.x.array)
 
     def begin(self, before: Array, values: Array) -> None:
         """Set how the beginning of the step changes: derivatives of the dofs there, with ghosts, and of what is remembered
@@ -858,3 +919,53 @@ class _HistoryDirection:
     def rest(self) -> None:
         """Let the beginning of a step stay as it is, for `Sensitivity.rates`."""
         self._begun.x.array[:] = 0.0
+
+
+class GripDirection:
+    """The same of friction on a rigid shape: how what its samples remember changes with where they are on the shape."""
+
+    def __init__(self, sensitivity: Sensitivity, label: str, term: RememberingTerm):
+        self.label, self.term, self._known = label, term, sensitivity
+        self._values: Array | None = None
+        self.turn(None, None)
+
+    def turn(self, part: Component | None, X: Array | None) -> None:
+        """Point it along the imaginary place of the nudged shape, or along a motion of the mesh's nodes."""
+        nodes, eq = self.term.nodes, self._known.solver.system
+        self._motion = np.zeros(nodes.places.shape)
+        if part is not None:
+            self._motion -= _relocation(part, eq)
+        if X is not None and self._known.motion is not None:
+            self._motion += nodes.motion(self._known.motion.at_nodes(X))
+
+    def at_rest(self) -> Array:
+        return self.term.rest_rates(self._motion)
+
+    def begin(self, before: Array, values: Array) -> None:
+        self._values = values
+
+    def force(self) -> Array:
+        """Return the derivative of the residual, owned entries; 0 where a step's beginning stays."""
+        eq, b = self._known.solver.system, np.zeros(self._known.solver.system.n)
+        if self._values is not None:
+            self.term.add_rates(self.at_nodes(), b)
+        return eq.by_unknowns(b)
+
+    def at_nodes(self) -> Array:
+        """Return the derivative of the forces by the nodes' places, shape (n, d)."""
+        assert self._values is not None
+        return self.term.history_rates(self._known.solver.system.w.x.array, self._values)
+
+    def end(self, w: Array) -> Array:
+        assert self._values is not None
+        nodes, here = self.term.nodes, self._known.solver.system.w.x.array
+        return self.term.kept_rates(here, self._motion + nodes.values(w) @ nodes.skew.T, self._values)
+
+    def rest(self) -> None:
+        self._values = None
+
+
+def _relocation(moved: Component, eq: System) -> Array:
+    """Return the motion in sizes of a shape along the imaginary part of a nudged one's place, shape (d,)."""
+    along = np.imag(getattr(moved, "at", np.zeros(3))) / _STEP
+    return in_section(along / eq.length_unit, eq.body.mesh.topology.dim)

@@ -59,7 +59,7 @@ class HeldTerm(RubbingShapeTerm):
     def place(self, moved: Array, turn: Array, grip: Grip) -> None:
         """Set where the shape is, and the friction's history."""
         self.moved, self.turn, self.grip = moved, turn, grip
-        self._state[:] = np.nan
+        self.forget_state()
 
     def _back(self, places: Array) -> Array:
         """Return places as the shape in its first place sees them."""

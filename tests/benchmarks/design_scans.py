@@ -1,19 +1,22 @@
-"""Searches of designs against scans of their parameter: fibre angles, chambers in contact, and even stress.
+"""Searches of designs against scans of their parameters: fibre angles, a tube's wall, contact, friction, and even stress.
 
-    uv run python tests/benchmarks/design_scans.py [twist] [elongation] [finger] [even]
+    uv run python tests/benchmarks/design_scans.py [twist] [elongation] [cylinder] [winding] [finger] [rod] [even]
 
-Each line has the best of a scan (15 values, refined between the best three), that of the search, and how much it missed.
+Each line has the best of a scan (15 values of each parameter, then twice as many between the neighbours of the best), that
+of the search, and how much it missed.
 """
 
 from __future__ import annotations
 
+import itertools
 import sys
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import numpy.typing as npt
 
 import softmodels as sm
 from geometries import Cylinder, HollowDisk, PneuNet
+from softmodels.components.contact import RigidShape
 from softmodels.components.fibres import Fibres
 from softmodels.design.model import DesignModel
 from softmodels.mechanics.mpi import start
@@ -22,33 +25,45 @@ VALUES = 15
 LAW = sm.NeoHookean(30e3, 0.49)
 
 
-def compare(name: str, problem: sm.DesignProblem) -> None:
-    """Print the best of a scan over the only parameter, and that of the search."""
-    (free,), sign, asked = problem.free, problem.sign, problem.terms[0].quantity
-    model = DesignModel(problem.case, (free.name,), (asked,), start())
+def compare(name: str, problem: sm.DesignProblem, values: int = VALUES, rounds: int = 3) -> None:
+    """Print the best of a scan over all parameters, again and again around its best within a cell, and that of the search."""
+    sign, asked = problem.sign, problem.terms[0].quantity
+    model = DesignModel(problem.case, problem.names, problem.quantities, start())
+    lows, widths = np.array([one.low for one in problem.free]), np.array([one.width for one in problem.free])
+    known: dict[bytes, float] = {}
 
-    def value(theta: float) -> float:
-        return sign * model.evaluate(np.array([theta])).values[asked.key]
+    def value(x: npt.NDArray[np.float64]) -> float:
+        if (key := x.round(9).tobytes()) not in known:
+            found = model.evaluate(lows + x * widths).values
+            kept = all(
+                (keep.at_least is None or found[keep.quantity.key] >= keep.at_least)
+                and (keep.at_most is None or found[keep.quantity.key] <= keep.at_most)
+                for keep in problem.limits
+            )
+            known[key] = sign * found[asked.key] if kept else np.inf
+        return known[key]
 
-    places = np.linspace(free.low, free.high, VALUES)
-    k = int(np.argmin([value(place) for place in places]))
-    ends = places[max(k - 1, 0)], places[min(k + 1, len(places) - 1)]
-    found = minimize_scalar(value, bounds=ends, method="bounded", options={"xatol": 1e-4 * free.width})
-    scanned = min((found.fun, found.x), *((value(end), end) for end in ends))
+    middle, reach = np.full(len(lows), 0.5), 0.5
+    for _ in range(rounds):
+        axes = [np.unique(np.clip(np.linspace(x - reach, x + reach, values), 0.0, 1.0)) for x in middle]
+        middle = min((np.array(x) for x in itertools.product(*axes)), key=value)
+        reach *= 2.0 / (values - 1)
+    scanned, at = value(middle), lows + middle * widths
     shown = model.meshed.design.system
     contact = {
         key: one
         for term in shown.potential.terms.values()
         for key, one in term.figures(shown).items()
-        if key.endswith("_contact_N")
+        if key.endswith(("_contact_N", "_sliding"))
     }
     model.release()
     result = sm.optimise(problem)
     best = sign * result.best.values[asked.key]
-    missed = (best - scanned[0]) / abs(scanned[0])
+    missed = (best - scanned) / abs(scanned)
     print(
-        f"{name}: scan {sign * scanned[0]:.5g} at {scanned[1]:.5g}, search {sign * best:.5g} at {result.best.theta[0]:.5g} in "
-        f"{len(result.trials)} designs, {missed:.3%} missed; fresh mesh {result.values[asked.key]:.5g} {contact}",
+        f"{name}: scan {sign * scanned:.5g} at {' '.join(f'{x:.5g}' for x in at)} of {len(known)}, search {sign * best:.5g} at "
+        f"{' '.join(f'{x:.5g}' for x in result.best.theta)} in {len(result.trials)} designs, {missed:.3%} missed; fresh mesh "
+        f"{result.values[asked.key]:.5g} {contact}",
         flush=True,
     )
 
@@ -69,6 +84,27 @@ def elongation() -> None:
     compare("elongation, %", sm.DesignProblem(case, {"fibres.angle": (40.0, 90.0)}, maximise=asked))
 
 
+def cylinder() -> None:
+    """Wall and angle of two helices for the largest elongation of a tube whose stress is limited (`problems/wound.toml`)."""
+    tube = Cylinder(length=0.040, wall=0.003)
+    thread = Fibres(angle=50.0, modulus=100e3, name="thread")
+    case = sm.Case("wound", tube, LAW, pressures_cm=(110.0,), components=(thread,))
+    asked = {"quantity": "figure", "of": "elongation_percent", "at": "10 kPa"}
+    limit = {"quantity": "von_mises_norm", "at": "10 kPa", "at_most": 20e3}
+    bounds = {"wall": (0.002, 0.004), "fibres.thread.angle": (30.0, 85.0)}
+    compare("elongation, %", sm.DesignProblem(case, bounds, maximise=asked, keep=[limit]))
+
+
+def winding() -> None:
+    """Wall and angle of one helix for the largest twist of a tube whose stretch is limited."""
+    tube = Cylinder(section="whole", length=0.020, cell_size=0.006)
+    case = sm.Case("twist", tube, LAW, pressures_cm=(32.0,), components=(Fibres(angle=30.0, modulus=3e5, helices=1),))
+    asked = {"quantity": "figure", "of": "twist_deg", "at": "3 kPa"}
+    limit = {"quantity": "peak_stretch", "at": "3 kPa", "at_most": 1.12}
+    bounds = {"wall": (0.0015, 0.003), "fibres.angle": (10.0, 80.0)}
+    compare("twist, deg", sm.DesignProblem(case, bounds, minimise=asked, keep=[limit]), 9)
+
+
 def finger() -> None:
     """The base of a finger whose chambers press on each other at 30 kPa, for the largest bend."""
     device = PneuNet(
@@ -77,6 +113,17 @@ def finger() -> None:
     case = sm.Case("finger", device, sm.NeoHookean(150e3, 0.49), pressures_cm=(320.0,))
     asked = {"quantity": "figure", "of": "bend_angle_deg", "at": "30 kPa"}
     compare("bend, deg", sm.DesignProblem(case, {"base": (0.0008, 0.004)}, maximise=asked))
+
+
+def rod() -> None:
+    """Where a rod with friction stands under a finger that presses on it most."""
+    device = PneuNet(chambers=2, cell_size=0.006)
+    place = (device.length - 0.004, 0.0, -0.5 * device.base - 0.0065)
+    shape = RigidShape("cylinder", "bottom", place, 0.006, (0.0, 1.0, 0.0), friction=0.5, name="rod")
+    case = sm.Case("rod", device, sm.silicone("ecoflex-00-30"), pressures_cm=(15.0,), components=(shape,))
+    asked = {"quantity": "force_on", "of": "rod", "along": "-z", "at": "1.2 kPa"}
+    bounds = {"contact.rod.x": (0.6 * device.length, device.length)}
+    compare("force on a rod with friction, N", sm.DesignProblem(case, bounds, maximise=asked), 9)
 
 
 def even() -> None:
@@ -95,5 +142,5 @@ def even() -> None:
 
 
 if __name__ == "__main__":
-    for name in sys.argv[1:] or ("twist", "elongation", "finger", "even"):
+    for name in sys.argv[1:] or ("twist", "elongation", "cylinder", "winding", "finger", "rod", "even"):
         globals()[name]()

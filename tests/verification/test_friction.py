@@ -55,7 +55,8 @@ def _faces(numbers, rng):
 @pytest.mark.parametrize("numbers", [ROUND, FLAT])
 @pytest.mark.parametrize("way", [0.001, 0.05])
 def test_forces_of_a_step_have_their_derivative(numbers, way, figure):
-    """What newly touches, sticks or slides; and the symmetric matrix is the same but for the pressing force."""
+    """What newly touches, sticks or slides; and the symmetric matrix is the same but for the pressing force. Forces, and what
+    will be remembered, change with the places and with what is remembered now."""
     rng = np.random.default_rng(3)
     nodes, pressed = _faces(numbers, rng)
     rubbing, moved = Rubbing(0.4, 0.003), nodes - np.array([-0.01, 0.02, 0.06])
@@ -63,12 +64,21 @@ def test_forces_of_a_step_have_their_derivative(numbers, way, figure):
     places = moved + way * np.array([-0.5, 1.0, -0.2]) + 0.1 * way * rng.normal(size=nodes.shape)
     here = Rubbed(pressed(places), rubbing, grip)
     assert here.touching.any() and here.slides.any() == (way > 0.01)
-    along = rng.normal(size=nodes.shape)
+    along, held, gaps = (rng.normal(size=size) for size in (nodes.shape, grip.held.shape, grip.gaps.shape))
+    samples, on = here.surface.places(along), here.touching
+    pulls, (kept, far) = here.pull_rates(samples[on], held[on], gaps[on]), here.kept_rates(samples, held, gaps)
     errors = []
     for h in (2e-6, 1e-6):
         after, before = (Rubbed(pressed(places + sign * h * along), rubbing, grip).forces for sign in (1, -1))
         numbered, product = (after - before).ravel() / (2 * h), here.whole_stiffness @ along.ravel()
         errors.append(np.abs(numbered - product).max() / np.abs(numbered).max())
+        grips = (dataclasses.replace(grip, held=grip.held + by * held, gaps=grip.gaps + by * gaps) for by in (h, -h))
+        a, b = (Rubbed(pressed(places + by * along), rubbing, one) for by, one in zip((h, -h), grips, strict=True))
+        for before, after, rate in (
+            (b.pulls, a.pulls, pulls), (b.kept().held, a.kept().held, kept), (b.kept().gaps, a.kept().gaps, far),
+        ):  # fmt: skip
+            apart = np.abs((after - before) / (2 * h) - rate).max() / np.abs(rate).max()
+            figure("differences", "derivative of what friction pulls and remembers, through a step", apart, 2e-6)
     figure("differences", "derivative of the forces of friction", errors[1], 1e-4)
     assert errors[0] > 2.5 * errors[1]  # of second order
     held = dataclasses.replace(rubbing, coefficient=0.0)
