@@ -38,7 +38,7 @@ from softmodels.design.trials import (
     shown_unit,
     text,
 )
-from softmodels.mechanics.dead_loads import LoadPart
+from softmodels.mechanics.controls import LoadPart
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Objectives and limits of a design, from tables or as values.
