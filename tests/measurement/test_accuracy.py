@@ -29,7 +29,7 @@ def bench(seed):
     oblique = np.radians(rng.uniform(0.0, 40.0))
     towards = rng.uniform(0.0, 2.0 * np.pi)
     scene = Scene(
-        width=3000, height=1900, focal_px=8000.0, pixel_size=10e-6, distortion=LENS if seed % 2 else (),
+        width=2600, height=1700, focal_px=8000.0, pixel_size=10e-6, distortion=LENS if seed % 2 else (),
         # Two angles whose screen normal stands `oblique` away from the optical axis.
         tilt=np.degrees(np.arcsin(np.sin(oblique) * np.sin(towards))),
         pan=np.degrees(np.arctan(np.tan(oblique) * np.cos(towards))),

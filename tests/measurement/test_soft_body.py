@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import functools
 import re
 
 import numpy as np
@@ -32,6 +33,12 @@ def body(height, moved=0.0):
     return np.vstack([surface, [[HALF_WIDTH, -0.2], [-HALF_WIDTH, -0.2]]])
 
 
+@functools.cache
+def picture(number, height, moved):
+    """Photograph of the body, with the noise of its number."""
+    return photograph(SCENE, body(height, moved), 10 + number)[0]
+
+
 @pytest.fixture(scope="module")
 def setup():
     camera = Camera.ideal(SCENE.width, SCENE.height, SCENE.focal_px)
@@ -46,7 +53,7 @@ def measured(setup, folder, moved):
     """Outlines of a run; ``moved`` is how far the body was moved before each photograph in m."""
     photographs = []
     for number, (height, by) in enumerate(zip(HEIGHTS, moved, strict=True)):
-        file = save(folder / f"IMG_{number:04d}.JPG", photograph(SCENE, body(height, by), 10 + number)[0])
+        file = save(folder / f"IMG_{number:04d}.JPG", picture(number, height, by))
         photographs.append(Photograph(file, 1000.0 * number, 5.0))
     zero = zero_line(photographs, setup)
     return [result.outcome for result in measure_all(photographs, setup, zero)]

@@ -99,8 +99,8 @@ def test_tolerances_scatter_the_limit_under_a_weight(tmp_path, comm):
     coarse = dataclasses.replace(THIN, cell_size=0.004)
     (tmp_path / "case.toml").write_text(case_of(coarse, heavy).to_toml())
     done = runs.run("-m", "softmodels", "limit", tmp_path / "case.toml",
-                    "--vary", "membrane=2mm+-0.2mm", "--samples", "3", "--output", tmp_path / "limit")  # fmt: skip
-    assert done.status == 0 and "3 devices" in done.out
+                    "--vary", "membrane=2mm+-0.2mm", "--samples", "2", "--output", tmp_path / "limit")  # fmt: skip
+    assert done.status == 0 and "2 devices" in done.out
     with (tmp_path / "limit" / "scatter.csv").open() as file:
         rows = [(float(row["membrane"]), float(row["limit_cm"])) for row in csv.DictReader(file)]
     for thickness, limit in rows:

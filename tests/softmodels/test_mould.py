@@ -310,11 +310,9 @@ def _same_path(part, device, gauge):
     """That a cast is as large as its device and moves as it does, within 0.5 %."""
     assert part.solid_volume == pytest.approx(device.solid_volume, rel=1e-6)
     assert part.cavity_volume == pytest.approx(device.cavity_volume, rel=1e-5)
-    cast, drawn = (sm.inflate(one, sm.Yeoh(8e3, 100.0), "0,20,40 cm") for one in (part, device))
-    for pressure in ("20 cm", "40 cm"):
-        one, other = cast.at(pressure).row, drawn.at(pressure).row
-        assert one["tip_mm"] == pytest.approx(other[gauge], rel=5e-3)
-        assert one["added_volume_ml"] == pytest.approx(other["added_volume_ml"], rel=5e-3)
+    one, other = (sm.inflate(each, sm.Yeoh(8e3, 100.0), "40 cm").last.row for each in (part, device))
+    assert one["tip_mm"] == pytest.approx(other[gauge], rel=5e-3)
+    assert one["added_volume_ml"] == pytest.approx(other["added_volume_ml"], rel=5e-3)
 
 
 def test_a_cast_imported_as_a_part_goes_the_device_path(tmp_path):

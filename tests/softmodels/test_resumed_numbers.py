@@ -31,7 +31,7 @@ CASES = {
     "along = [0, 0, -1]\nfriction = 0.5\n[load]\ncavity1.pressure_cm = [30, 10]\n",
     "a wedge": f'{SHADOW}base = "5 mm"\n{COARSE}angle = "15 deg"\n{SOFT}[load]\nvolume_ml = "0:45:15"\n',
 }
-EVERY = {"a wedge": 5, "past a bifurcation": 8}
+EVERY = {"a wedge": 9, "past a bifurcation": 9}
 """Of how many states one is stopped at; every fourth where nothing else is stated."""
 
 
