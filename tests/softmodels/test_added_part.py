@@ -81,6 +81,12 @@ def test_one_and_several_in_a_case_file():
     assert "[springs.soft]" in text and "[springs.hard]" in text
 
 
+def test_the_librarys_own_kinds_come_first_in_files_and_help():
+    """In a stated order, whatever is imported first; an added kind follows."""
+    own = ["gravity", "mass", "force", "moment", "region", "contact.", "contact", "walls", "sheet", "fibres", "fabric"]
+    assert list(COMPONENTS)[:13] == [*own, "rigid", "hold"] and len(COMPONENTS) > 13
+
+
 @pytest.mark.parametrize(
     ("table", "words"),
     [
