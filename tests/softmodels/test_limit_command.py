@@ -250,11 +250,11 @@ def test_every_option_makes_another_question(ended, monkeypatch):
     """Else the answer would replace that of the question before, in results/limit."""
     asked = []
 
-    def opened(comm, output, default, kind, options, files):
+    def opened(output, default, kind, options, files):
         asked.append({name: value for name, value in options.items() if name not in NO_INPUT})
         raise CaseError("asked")
 
-    monkeypatch.setattr(analyses, "open_on_root", opened)
+    monkeypatch.setattr(analyses, "open_folder", opened)
     more = [
         [],
         ["--vacuum"],
