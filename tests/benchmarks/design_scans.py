@@ -1,6 +1,6 @@
 """Searches of designs against scans of their parameters: fibre angles, a tube's wall, contact, friction, and even stress.
 
-    uv run python tests/benchmarks/design_scans.py [twist] [elongation] [cylinder] [winding] [finger] [rod] [even]
+    uv run python tests/benchmarks/design_scans.py [twist] [elongation] [cylinder] [finger] [rod] [even]
 
 Each line has the best of a scan (15 values of each parameter, then twice as many between the neighbours of the best), that
 of the search, and how much it missed.
@@ -95,16 +95,6 @@ def cylinder() -> None:
     compare("elongation, %", sm.DesignProblem(case, bounds, maximise=asked, keep=[limit]))
 
 
-def winding() -> None:
-    """Wall and angle of one helix for the largest twist of a tube whose stretch is limited."""
-    tube = Cylinder(section="whole", length=0.020, cell_size=0.006)
-    case = sm.Case("twist", tube, LAW, pressures_cm=(32.0,), components=(Fibres(angle=30.0, modulus=3e5, helices=1),))
-    asked = {"quantity": "figure", "of": "twist_deg", "at": "3 kPa"}
-    limit = {"quantity": "peak_stretch", "at": "3 kPa", "at_most": 1.12}
-    bounds = {"wall": (0.0015, 0.003), "fibres.angle": (10.0, 80.0)}
-    compare("twist, deg", sm.DesignProblem(case, bounds, minimise=asked, keep=[limit]), 9)
-
-
 def finger() -> None:
     """The base of a finger whose chambers press on each other at 30 kPa, for the largest bend."""
     device = PneuNet(
@@ -142,5 +132,5 @@ def even() -> None:
 
 
 if __name__ == "__main__":
-    for name in sys.argv[1:] or ("twist", "elongation", "cylinder", "winding", "finger", "rod", "even"):
+    for name in sys.argv[1:] or ("twist", "elongation", "cylinder", "finger", "rod", "even"):
         globals()[name]()
