@@ -127,7 +127,7 @@ def test_two_short_numbers_are_told_of(text):
 
 @pytest.mark.parametrize("load", ['"2, 8"', '"2:8"', '"0,40"', '"2,8,9"', '"2,800"', '"2.0,8.0"', "[2, 8]"])
 def test_nothing_is_said_of_series_that_are_no_decimals(load):
-    assert not typed_notes(Case.from_toml(CASE.format(membrane="6 mm", load=f"pressure_cm = {load}", more="")))
+    assert not list(typed_notes(Case.from_toml(CASE.format(membrane="6 mm", load=f"pressure_cm = {load}", more=""))))
 
 
 def test_texts_that_pick_faces_and_points():
