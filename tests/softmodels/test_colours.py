@@ -50,9 +50,9 @@ def test_the_bar_and_the_surface_have_the_same_colours():
     assert np.all(np.diff([float(scale.norm(tick)) for tick in ticks]) >= 0.08)
 
 
-def read_off(picture, bar, places, scale):
+def read_off(picture, places, scale):
     """Values of places of a picture, by its own colour bar: pixels to the right and downwards, shape (n, 2)."""
-    left, low, right, high = bar.bbox.extents  # without the arrow at its end
+    left, low, right, high = scale.foot[0].bbox.extents  # without the arrow at its end
     columns = np.arange(round(left) + 2, round(right) - 1)
     row = picture[round(picture.shape[0] - (low + high) / 2), columns].astype(int)
     found = []
@@ -85,7 +85,7 @@ def test_ten_values_are_read_off_a_section(half_section):
     with matplotlib.rc_context(STYLE):
         figure = solid.section_stress(shown, states.main)
         picture = np.asarray(drawn(figure))
-    axes, bar = figure.axes
+    (axes,) = figure.axes
     moved, values = states.moved(states.main)[:, ::2], states.field(states.main, "von_mises")
     fine, _ = fine_triangles(np.column_stack([moved, values]), states.cells)
     lines = np.concatenate([outline(at, states.cells).reshape(-1, 2) for at in (moved, states.points[:, ::2])])
@@ -94,7 +94,7 @@ def test_ten_values_are_read_off_a_section(half_section):
     chosen = np.flatnonzero(clear & centred(places))
     chosen = chosen[np.argsort(fine[chosen, 2])][np.linspace(0, len(chosen) - 1, 10).astype(int)]
     pixels = places[chosen] * (1, -1) + (0, picture.shape[0])
-    compare(read_off(picture, bar, pixels, scale), fine[chosen, 2] * scale.factor, scale)
+    compare(read_off(picture, pixels, scale), fine[chosen, 2] * scale.factor, scale)
 
 
 @pytest.mark.skipif(not offscreen.can_render(), reason="this machine cannot render")
@@ -134,7 +134,7 @@ def test_ten_values_are_read_off_a_solid(kind, name, request):
         if len(places) == 10:
             break
     pixels = (flat[places, :2] + middle) * (1, -1) + (0, picture.shape[0] - round(FOOT * DPI))
-    found = read_off(picture, figure.axes[0], pixels, scale)
+    found = read_off(picture, pixels, scale)
     nodes = np.tile(states.skin.nodes, len(shown.kept))[places]
     compare(found, states.field(step, "von_mises")[nodes] * scale.factor, scale)
 
