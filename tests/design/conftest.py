@@ -66,7 +66,7 @@ def taylor():
         i, found = model.names.index(name), {}
         step = share * start[i]
         left = []
-        for part in (0.5, 0.25):
+        for part in (1.0, 0.5, 0.25):
             theta = start.copy()
             theta[i] += part * step
             there = model.evaluate(theta)
@@ -75,7 +75,7 @@ def taylor():
             )
         for key, gradient in here.gradients.items():
             linear = abs(0.25 * step * gradient[i])
-            before, last = (abs(one[key]) for one in left)
+            last, before = abs(left[2][key]), abs(left[1][key])
             if max(linear, last) > 1e-8 * abs(here.values[key]):  # states are solved to about 1e-11
                 found[key] = np.log2(before / last) if last else np.inf, last / linear
         return found

@@ -36,7 +36,7 @@ from softmodels.design.trials import DesignError, JudgedLoad
 TAYLOR = "Taylor's remainder of new quantities by numbers of parts, loads and pressures"
 LAW = sm.NeoHookean(20e3, 0.49)
 SHARE = 0.04
-"""Relative change of a parameter of which Taylor's remainder is taken at a half and a quarter."""
+"""First step of Taylor's remainder, relative to the parameter."""
 NOISE = 2e-4
 """Remainder over the linear part at the smallest step below which the order says nothing."""
 
