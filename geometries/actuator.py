@@ -161,6 +161,7 @@ class Recipe:
         inlets: From where outside of the device to where in its cavity each tube runs, m.
         steps: Sentences on what is particular of it for the bench, before its pieces are bonded.
         seamless: How it is cast instead where cores are lost, if that needs no bond.
+        wound: Of a tube around z: radius, and heights between which fibres on its face "outer" lie, m.
     """
 
     pours: tuple[Pour, ...]
@@ -168,6 +169,7 @@ class Recipe:
     inlets: tuple[tuple[Vector, Vector], ...] = ()
     steps: tuple[str, ...] = ()
     seamless: Recipe | None = None
+    wound: tuple[float, float, float] | None = None
 
 
 def in_halves(up: Vector, level: float | None, why: str, *inlets: tuple[Vector, Vector]) -> Recipe:

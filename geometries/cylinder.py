@@ -455,6 +455,7 @@ class Cylinder(Sectioned, Halved):
         tube = Pour(name="tube", up=self.lift, level=0.0, sideways=(0.0, 1.0, 0.0), gate=self.height)
         return Recipe(
             pours=(tube,),
+            wound=(self.outer_radius, 0.0, self.straight),
             why="The outside opens in two halves; the cavity's rod stands on the lid and leaves through the open end.",
         )  # fmt: skip
 

@@ -18,6 +18,7 @@ from geometries import Actuator
 from geometries.actuator import Castable, Pour, Recipe, Vector
 from geometries.imported import face_names, named_surfaces
 from geometries.meshing import private_model
+from softmodels.casting.grooves import Winding, groove_solids, winding
 from softmodels.casting.settings import MouldError, Workshop
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshingError
@@ -93,6 +94,8 @@ class Tooling:
         low, high: Corners of the block that all bodies make together, mm; only the head of an inlet pin is outside.
         drafted: Pins and holes along the pull.
         jig: A ring around the lid's plane, in which the piece is bonded to others.
+        wound: Threads in grooves around the piece.
+        grooved: Volume of their grooves, mm3.
     """
 
     pour: Pour
@@ -109,6 +112,8 @@ class Tooling:
     high: Array
     drafted: list[Hole]
     jig: Solid
+    wound: Winding | None
+    grooved: float
 
     @property
     def size(self) -> float:
@@ -211,8 +216,19 @@ def _within(solids: Sequence[Solid], low: Array, high: Array) -> list[Solid]:
     return list(occ.intersect(occ.copy(list(solids)), [_block(low, high)])[0]) if solids else []
 
 
-def _merged(solids: Sequence[Solid]) -> list[Solid]:
-    return list(gmsh.model.occ.fuse(list(solids[:1]), list(solids[1:]))[0]) if len(solids) > 1 else list(solids)
+def merged(solids: Sequence[Solid], unify: bool = True) -> list[Solid]:
+    """Return what solids are together; merging their faces across the joint is optional, takes time, and fails at times."""
+    if len(solids) < 2:
+        return list(solids)
+    gmsh.option.setNumber("Geometry.OCCUnionUnify", float(unify))
+    try:
+        return list(gmsh.model.occ.fuse(list(solids[:1]), list(solids[1:]))[0])
+    except Exception:  # Gmsh raises bare Exception
+        if not unify:
+            raise
+        return merged(solids, unify=False)
+    finally:
+        gmsh.option.setNumber("Geometry.OCCUnionUnify", 1)
 
 
 def tooling(device: Castable, recipe: Recipe, pour: Pour, workshop: Workshop) -> Tooling:
@@ -248,6 +264,16 @@ class _Maker:
         self.plugs: list[Solid] = []
         self.drafted: list[Hole] = []
         self.inlets = [inlet for ends in recipe.inlets if workshop.tube and (inlet := self._inlet(ends))]
+        self.wound = None if pour.wax else winding(workshop, recipe.wound)
+        self.grooved = self._groove(self.wound) if self.wound else 0.0
+
+    def _groove(self, wound: Winding) -> float:
+        """Cut the grooves for threads; return their volume."""
+        before = self.occ.getMass(*self.whole)
+        tools = groove_solids(wound, self._split[0], self.workshop.scale)
+        self.whole = _one(list(self.occ.cut([self.whole], tools)[0]), "the grooved tube")
+        self.occ.synchronize()
+        return float(before - self.occ.getMass(*self.whole))
 
     def _heights(self, boxes: Array, outer: int) -> tuple[float, float]:
         """Return the heights between which the piece lies, mm."""
@@ -282,13 +308,13 @@ class _Maker:
         around, cores, recesses = self._complement(piece)
         jig = self._ring(around)
         floor = _block(np.array([*self.low[:2], self.top]), self.high + wall * UP)
-        cup = _merged([around, floor, *recesses, *(inlet.core for inlet in self.inlets if inlet.part == "cup")])
+        cup = merged([around, floor, *recesses, *(inlet.core for inlet in self.inlets if inlet.part == "cup")])
         lid = [_block(self.low - wall * UP, np.array([*self.high[:2], self.level]))] if self.pour.lid else []
         cup, lid = self._pierce(cup, lid, target)
         kept = occ.copy(cores) if cores else []
         fused = [*cores, *(inlet.core for inlet in self.inlets if inlet.part == "lid")]
         if self.pour.lost and cores:
-            lid = self._peg(cores, lid)
+            lid = self._peg(merged(fused), lid)
         elif fused:
             lid = self._carry(lid, fused)
         if self.pour.lid:
@@ -297,7 +323,8 @@ class _Maker:
         self._divide(cup)
         low = self.low - (wall if self.pour.lid else 0.0) * UP
         return Tooling(self.pour, self.frame, self.bodies, target, kept, self.cavities, self.plugs, self.openings,
-                       self.level, self.top, low, self.high + wall * UP, self.drafted, jig)  # fmt: skip
+                       self.level, self.top, low, self.high + wall * UP, self.drafted, jig, self.wound,
+                       self.grooved)  # fmt: skip
 
     def _add(self, kind: str, solids: list[Solid], pull: Array) -> None:
         name = f"{self.pour.name} {kind}"
@@ -335,7 +362,7 @@ class _Maker:
         base = self.occ.copy(flat)
         self.occ.translate(base, 0, 0, -half)
         ring = [solid for solid in self.occ.extrude(base, 0, 0, 2.0 * half) if solid[0] == 3]
-        return _one(_merged(ring), "the jig")
+        return _one(merged(ring), "the jig")
 
     def _pierce(self, cup: list[Solid], lid: list[Solid], target: list[Solid]) -> tuple[list[Solid], list[Solid]]:
         """Cut the pour opening and the vents, the bolts' holes and the inlet pins' bores."""
@@ -412,7 +439,7 @@ class _Maker:
 
     def _carry(self, lid: list[Solid], cores: list[Solid]) -> list[Solid]:
         """Put cores on the lid."""
-        found = _merged([*lid, *cores])
+        found = merged([*lid, *cores])
         if len(found) > 1:
             loose = min(found, key=lambda solid: float(self.occ.getMass(*solid)))
             place = self.frame.drawn(np.array(self.occ.getCenterOfMass(*loose))).round(3)
@@ -426,6 +453,7 @@ class _Maker:
         """Give the lost core a peg that stands in the lid."""
         workshop = self.workshop
         line = self._split if self.pour.sideways is not None else None
+        self.occ.synchronize()
         places, room = _places(_edge(cores, self.level), line)
         radius = min(0.6 * float(room.max()), 1.5 * MM * workshop.pin)
         length, gap = MM * workshop.pin_length, MM * workshop.clearance
@@ -433,7 +461,7 @@ class _Maker:
         peg = _cone(at, self.level, -length, radius, radius - length * workshop.slope)
         socket = _cone(at, self.level, -length - gap, radius + gap, radius - length * workshop.slope + gap)
         self.openings.append(socket)
-        self._add("core", _merged([*cores, peg]), np.zeros(3))
+        self._add("core", merged([*cores, peg]), np.zeros(3))
         return list(self.occ.cut(lid, [socket], removeTool=False)[0])
 
     def _join(self, cup: list[Solid], lid: list[Solid]) -> tuple[list[Solid], list[Solid]]:
@@ -450,7 +478,7 @@ class _Maker:
         gap, root = MM * workshop.clearance, 0.5 * MM * workshop.pin
         (x, y), (X, Y) = self.low[:2] + half, self.high[:2] - half
         tip, places = root - length * workshop.slope, ((x, y), (X, y), (x, Y))
-        upper = _merged([*upper, *(_cone(place, level, -length, root, tip) for place in places)])
+        upper = merged([*upper, *(_cone(place, level, -length, root, tip) for place in places)])
         end = root + gap - deep * workshop.slope
         sockets = [_cone(place, level, -deep, root + gap, end) for place in places]
         self.openings += sockets
@@ -501,7 +529,7 @@ class _Maker:
             dowels.append((3, int(self.occ.addCone(*at, *(length * along), root, tip))))
             sockets.append((3, int(self.occ.addCone(*at, *((length + gap) * along), root + gap, tip + gap))))
         self.openings += sockets
-        return _merged([*one, *dowels]), list(self.occ.cut(other, sockets, removeTool=False)[0])
+        return merged([*one, *dowels]), list(self.occ.cut(other, sockets, removeTool=False)[0])
 
     def _inlet(self, ends: tuple[Vector, Vector]) -> Inlet | None:
         """Return the inlet if it runs through this piece."""
@@ -542,7 +570,7 @@ class _Maker:
         head = self._rod(begin - (reach + HANDLE) * along, begin - reach * along, outer + HANDLE, outer + HANDLE)
         gap = MM * workshop.clearance
         bore = self._rod(begin - reach * along, begin, outer + 0.5 * self._cone_of * reach + gap, outer + gap)
-        core = _one(_merged([occ.copy([room])[0], pin, head]), "the inlet pin")
+        core = _one(merged([occ.copy([room])[0], pin, head]), "the inlet pin")
         return Inlet(part, room, core, bore, -along, begin, outer + 0.5 * self._cone_of * reach + gap)
 
     @property

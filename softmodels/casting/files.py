@@ -122,6 +122,7 @@ def checks(asked: Asked, made: Made) -> dict[str, object]:
         "device_volume_mm3": made.volume * 1e9,
         "cast_volume_in_mould_mm3": made.cast_volume * 1e9,
         "inlet_volume_mm3": made.plug * 1e9,
+        "groove_volume_mm3": made.grooved * 1e9,
         "device_less_cast_share": made.differs,
         "block_less_bodies_openings_casts_share": made.balance,
         "smallest_silicone_wall_mm": made.thinnest * 1e3,
@@ -181,6 +182,9 @@ def mould(
     inlet: str | None = None,
     core: str | None = None,
     wax_shrinkage: float | str | None = None,
+    thread: float | str | None = None,
+    spacing: float | str | None = None,
+    lay: str | None = None,
     bolt: float | str | None = None,
     bed_width: float | str | None = None,
     bed_depth: float | str | None = None,
@@ -196,9 +200,9 @@ def mould(
         folder: Where STEP and STL of each body, the sheet and the pictures go: empty, not there, or an earlier mould's.
         silicone: Product that is cast, such as ``"ecoflex-00-30"``; the case's if not given.
         wall, rim, draft, shrinkage, clearance, least_wall, least_gap, pin, pour, vent, vents, tube, inlet, core,
-            wax_shrinkage, bolt, bed_width, bed_depth, layer, layer_time, chord, surplus, pull, split: Fields of
-            `softmodels.casting.settings.Workshop`: numbers in SI units (angles in degrees), or texts with a unit, such as
-            ``draft="2 deg"``; the case file's, or that class' own, if None.
+            wax_shrinkage, thread, spacing, lay, bolt, bed_width, bed_depth, layer, layer_time, chord, surplus, pull,
+            split: Fields of `softmodels.casting.settings.Workshop`: numbers in SI units (angles in degrees), or texts with
+            a unit, such as ``draft="2 deg"``; the case file's, or that class' own, if None.
 
     Returns:
         The bodies, what they cast, and what was checked.
@@ -211,7 +215,8 @@ def mould(
     asked = asked_of(
         device, silicone, wall=wall, rim=rim, draft=draft, shrinkage=shrinkage, clearance=clearance, least_wall=least_wall,
         least_gap=least_gap, pin=pin, pour=pour, vent=vent, vents=vents, tube=tube, chord=chord, surplus=surplus, pull=pull,
-        split=split, inlet=inlet, core=core, wax_shrinkage=wax_shrinkage, bolt=bolt, bed_width=bed_width,
+        split=split, inlet=inlet, core=core, wax_shrinkage=wax_shrinkage, thread=thread, spacing=spacing, lay=lay,
+        bolt=bolt, bed_width=bed_width,
         bed_depth=bed_depth, layer=layer, layer_time=layer_time,
     )  # fmt: skip
     if folder is None:
@@ -385,7 +390,33 @@ def _steps(asked: Asked, made: Made) -> list[str]:
             "Spread a 0.1 mm film of the same silicone on the bonding faces, clear of the channels' edges. "
             f"Align the pieces edge to edge in the jig, put a light weight on them, and let cure for {cure}."
         )
-    return [*steps, *_tube_steps(asked, made)]
+    return [*steps, *_thread_steps(made), *_tube_steps(asked, made)]
+
+
+def _thread_steps(made: Made) -> list[str]:
+    """Return how a tube is wound."""
+    wound = made.wound
+    if wound is None:
+        return []
+    found = []
+    for lay in wound.lays:
+        length = f"{lay.length(wound.radius, wound.end - wound.begin):.2f} m in all"
+        if lay.threads:
+            hand = "right" if lay.angle > 0.0 else "left"
+            threads = f"{lay.threads} thread{'s side by side, each' if lay.threads > 1 else ','} one turn every"
+            found.append(
+                f"at {abs(lay.angle):g} deg, {hand}-handed: {threads} {shown(_brief(lay.advance), 'm')}, {length}"
+            )
+        else:
+            found.append(f"rings every {shown(_brief(lay.spacing), 'm')}, {length}")
+    return [
+        f"Wind thread of {shown(wound.width, 'm')} into the grooves without stretching the tube ({'; '.join(found)}). Hold its "
+        "ends with a drop of silicone, then brush a thin coat of silicone over all of it."
+    ]
+
+
+def _brief(value: float) -> float:
+    return float(f"{value:.3g}")
 
 
 def _list(values: Sequence[float]) -> str:
@@ -488,6 +519,9 @@ def _walls(asked: Asked, made: Made) -> SheetTable:
         ("pins, diameter at their root", f"{workshop.pin * MM:.2f}", ""),
         ("gap around a pin", f"{workshop.clearance * MM:.2f}", ""),
     ]
+    if made.wound:
+        size = f"{made.wound.width * MM:.2f} x {made.wound.depth * MM:.2f}"
+        rows.append(("groove for the thread, width and depth", size, f"{workshop.least_wall * MM:g} (printer's wall)"))
     if workshop.bolt:
         rows.append(("holes for bolts, diameter", f"{workshop.bolt * MM:.2f}", ""))
     return SheetTable("Thicknesses", ("what", "mm", "at least, mm"), rows)

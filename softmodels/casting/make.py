@@ -24,12 +24,14 @@ from softmodels.casting.bodies import (
     face_namer,
     imported,
     left,
+    merged,
     recipe_of,
     scaled,
     tooling,
     turned,
 )
 from softmodels.casting.facets import Facets, coupon_solids, facets_of
+from softmodels.casting.grooves import Winding
 from softmodels.casting.settings import MouldError, Workshop
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
@@ -100,7 +102,7 @@ def check_body(name: str, found: Surfaces, workshop: Workshop, named: Name) -> C
     if facets.open_edges:
         raise MeshingError(f"the {name} is not watertight ({facets.open_edges} open edges); change a length slightly")
     lean, own = _leans(name, found, workshop, named)
-    wall, gap = thicknesses(facets)
+    wall, gap = thicknesses(facets, _flanks(facets, found.made))
     allowed = 2.0 * facets.chord
     for what, (value, place), limit, field in (
         ("thin", wall, workshop.least_wall, "least_wall"), ("wide", gap, workshop.least_gap, "least_gap"),
@@ -120,6 +122,18 @@ def check_body(name: str, found: Surfaces, workshop: Workshop, named: Name) -> C
     return Checked(
         float(angles[0]), float(angles[1]), wall[0] / MM, gap[0] / MM, facets.chord / MM, differs, math.nan,
     )  # fmt: skip
+
+
+def _flanks(facets: Facets, made: Tooling) -> npt.NDArray[np.bool_] | None:
+    """Return which triangles are on the flanks of grooves for threads, whose widths `winding` checks; None without any."""
+    if made.wound is None:
+        return None
+    near, scale = 1e-3, MM * made.frame.scale
+    outer, inner = scale * made.wound.radius, scale * (made.wound.radius - made.wound.depth)
+    radius = np.linalg.norm(facets.corners[:, :, :2], axis=2)
+    between = ((radius > inner - near) & (radius < outer + near)).all(axis=1)
+    on_one = [(np.abs(radius - one) < near).all(axis=1) for one in (outer, inner)]
+    return np.asarray(between & ~on_one[0] & ~on_one[1])
 
 
 def check_core(facets: Facets, foot: float, workshop: Workshop, named: Name) -> float:
@@ -363,7 +377,8 @@ class Made(Shown):
         differs: How far casts and device differ in volume, centre and moments of inertia, as a share.
         balance: What a piece's block has more than bodies, openings and cast, over its volume.
         volume: Of the device's solid, m3.
-        plug: Volume that the tube takes from it, m3.
+        plug, grooved: Volumes that the tube and the grooves for a thread take from it, m3.
+        wound: Threads around it, in its own size.
         thinnest: Smallest wall of silicone, m.
         channel: Smallest width of the cavity, m; NaN without one.
     """
@@ -378,6 +393,8 @@ class Made(Shown):
     balance: float
     volume: float
     plug: float
+    grooved: float
+    wound: Winding | None
     thinnest: float
     channel: float
 
@@ -479,9 +496,14 @@ def _made(device: Actuator, recipe: Recipe, workshop: Workshop) -> Made:
         pieces = [_piece(device, one, inside, workshop) for one in drawn]
         waxes = [_piece(LostCore(one.file("cast")), one, np.zeros((0, 3)), workshop) for one in molten]
         shrunk = workshop.scale**-3 / MM**3
-        plug = sum(one.plug for one in drawn) * shrunk
+        plug, grooved = (
+            sum(volumes) * shrunk for volumes in zip(*((one.plug, one.tools.grooved) for one in drawn), strict=True)
+        )
         casts = tuple(piece.cast for piece in pieces)
-        silicone = min(thicknesses(cast.facets)[0][0] for cast in casts)
+        silicone = min(
+            thicknesses(cast.facets, _flanks(cast.facets, one.tools))[0][0]
+            for cast, one in zip(casts, drawn, strict=True)
+        )
         channels = [width for width in (*channels, *(piece.channel for piece in pieces)) if math.isfinite(width)]
         first = {one.tools.pour.name.removesuffix(" core"): one.tools.pour for one in molten}
         pours = [pour for one in recipe.pours for pour in (first.get(one.name), one) if pour]
@@ -491,7 +513,8 @@ def _made(device: Actuator, recipe: Recipe, workshop: Workshop) -> Made:
             tuple(piece.cast for piece in waxes), _bonded(drawn, Path(place)),
             max(one.differs for one in (*drawn, *molten)),
             max((piece.balance for piece in (*pieces, *waxes)), key=abs),
-            sum(cast.facets.volume for cast in casts) * shrunk + plug, plug, silicone / MM / workshop.scale,
+            sum(cast.facets.volume for cast in casts) * shrunk + plug + grooved, plug, grooved,
+            next((one.tools.wound for one in drawn), None), silicone / MM / workshop.scale,
             min(channels, default=math.nan),
         )  # fmt: skip
 
@@ -631,7 +654,7 @@ def _difference(one: list[Solid], other: list[Solid], size: float) -> float:
 
 def _bonded(pieces: Sequence[_Drawn], folder: Path) -> bytes:
     """Return the STEP of the pieces merged, with the tube's hole filled, in the device's own size and place."""
-    occ, file = gmsh.model.occ, folder / "device.step"
+    file = folder / "device.step"
     with private_model():
         parts: list[Solid] = []
         for piece in pieces:
@@ -639,11 +662,7 @@ def _bonded(pieces: Sequence[_Drawn], folder: Path) -> bytes:
                 solids = imported(piece.file(name))
                 turned(solids, piece.tools.frame.turn.T)
                 parts += solids
-        if len(parts) > 1:
-            # Merging faces across the bond is optional, fails at times, and takes as long as the rest.
-            gmsh.option.setNumber("Geometry.OCCUnionUnify", 0)
-            parts = list(occ.fuse(parts[:1], parts[1:])[0])
-            gmsh.option.setNumber("Geometry.OCCUnionUnify", 1)
+        parts = merged(parts, unify=False)
         if len(parts) != 1:
             raise MeshingError("the CAD kernel cannot merge the pieces; change a length slightly")
         scaled(1.0 / pieces[0].tools.frame.scale)

@@ -32,7 +32,9 @@ from softmodels.common.schema import (
 )
 from softmodels.common.tables import TomlError, read_toml
 from softmodels.common.units import UnitError, brief, quantity
+from softmodels.components.fibres import Fibres
 from softmodels.materials.silicones import CASTING, Casting, casting_of, named, product_of
+from softmodels.mechanics.component import names_in
 
 STEEPEST = 15.0
 """Largest accepted draft in degrees."""
@@ -84,6 +86,14 @@ class Workshop:
     wax_shrinkage: float = number_field(
         0.0, "linear shrinkage of a wax core as it sets, 0.01 for 1 %; its mould is enlarged by it"
     )
+    thread: float = length_field(
+        0.0, "diameter of the thread around a tube; grooves as wide and half as deep hold it; 0 for none", zero=True
+    )
+    spacing: float = length_field(0.004, "distance along the tube of neighbouring threads, at most about")
+    lay: str = text_field(
+        "",
+        "angles of the threads from the tube's axis, such as '75 deg, -75 deg'; default: those of the case's fibres",
+    )
     bolt: float = length_field(0.0034, "diameter of the bolts' holes; 0 for clamps only", zero=True)
     bed_width: float = length_field(0.192, "width of the printer's plate")
     bed_depth: float = length_field(0.120, "depth of the printer's plate")
@@ -101,7 +111,7 @@ class Workshop:
         self._check_shares()
         self._check_pins()
         self._check_printer()
-        _ = self.direction, self.level
+        _ = self.direction, self.level, self.angles
 
     def _check_shares(self) -> None:
         if not 0.0 <= self.draft <= STEEPEST:
@@ -207,6 +217,14 @@ class Workshop:
         return x, y, z
 
     @property
+    def angles(self) -> tuple[float, ...]:
+        """The given angles of threads from the axis in degrees; empty if not given."""
+        try:
+            return tuple(float(quantity(text, "degree")) for text in self.lay.split(",") if text.strip())
+        except UnitError as error:
+            raise MouldError(f"lay: {error}") from None
+
+    @property
     def level(self) -> float | None:
         """The given height of the parting plane along the pull in m; None if not given."""
         if not self.split.strip():
@@ -286,7 +304,21 @@ def _asked(
             f"{min(unknown)!r} is not a setting of a mould; {known_are(min(unknown), sorted(Workshop.__dataclass_fields__))}"
         )
     values |= given
-    return Asked(device, Workshop(**values), product, name)
+    workshop = Workshop(**values)
+    if workshop.thread and not workshop.lay and case:
+        workshop = dataclasses.replace(workshop, lay=_lay_of(case))
+    return Asked(device, workshop, product, name)
+
+
+def _lay_of(case: Case) -> str:
+    """Return the angles of a case's fibres on the face "outer"; `MouldError` for ones around another axis than z."""
+    angles: list[float] = []
+    for part in case.components:
+        if isinstance(part, Fibres) and "outer" in names_in(part.on):
+            if part.axis[0] or part.axis[1]:
+                raise MouldError(f"{part.where}: axis is not along z; threads are wound around the tube's axis")
+            angles += [part.angle, -part.angle][: part.helices if part.angle < 90.0 else 1]
+    return ", ".join(f"{angle:g} deg" for angle in dict.fromkeys(angles))
 
 
 def _product(name: object, case: Case | None) -> str:

@@ -101,9 +101,10 @@ def mould_summary(found: Made) -> list[str]:
             f"{body.name}: watertight, {leaves}, smallest wall "
             f"{body.checked.wall * 1e3:.3g} mm{gap}, STL within {body.checked.chord * 1e6:.3g} um"
         )
+    grooves = f" and grooves {found.grooved * 1e6:.2g} ml" if found.grooved else ""
     lines.append(
         f"casts: {found.cast_volume * 1e6:.5g} ml in the mould; shrunk and bonded they are the device "
-        f"({found.volume * 1e6:.5g} ml, of which the tube takes {found.plug * 1e6:.2g} ml) to {found.differs:.2g}"
+        f"({found.volume * 1e6:.5g} ml, of which the tube takes {found.plug * 1e6:.2g} ml{grooves}) to {found.differs:.2g}"
     )
     return lines
 

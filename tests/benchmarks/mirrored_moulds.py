@@ -64,7 +64,7 @@ DEVICES: dict[str, Mirrored] = {
          "cell_size": 0.002},
     ),
     "finger": Mirrored(
-        sm.PneuNet.variant("ribbed", chambers=2), "5,10 cm", "tip_mm", half,
+        sm.PneuNet.variant("ribbed", chambers=2, cell_size=0.001), "5,10 cm", "tip_mm", half,
         {"cavities": ("at 7, 0.5, 6 mm",), "support": "x = 0 mm", "planes": ("y = 0 mm",), "cell_size": 0.0012,
          "gauge_point": "at 18, 0, -1.5 mm"},
     ),
