@@ -108,7 +108,12 @@ def _lay(workshop: Workshop, angle: float, radius: float) -> Lay:
 
 
 def _check(found: Winding, lay: Lay, workshop: Workshop) -> None:
-    """Check that something is left between neighbouring grooves, where they are widest."""
+    """Check that there are grooves, and something is left between neighbours where they are widest."""
+    if lay.spacing > (straight := found.end - found.begin) - found.width:
+        raise MouldError(
+            f"threads at {shown(lay.angle, 'degree')} lie {shown(float(f'{lay.spacing:.3g}'), 'm')} apart along the tube, of "
+            f"which only {shown(float(f'{straight:.3g}'), 'm')} can be wound; choose a smaller spacing"
+        )
     across = found.width / math.sin(math.radians(abs(lay.angle))) + _widening(found, lay)
     if lay.spacing - across < workshop.least_gap:
         raise MouldError(
@@ -133,10 +138,10 @@ def groove_solids(found: Winding, axis: int, scale: float) -> list[Entity]:
         faces = list[Entity]()
         for lay in found.lays:
             climb = math.copysign(1.0, lay.angle) * side * (1.0 if axis == 1 else -1.0) * lay.advance / (2.0 * math.pi)
-            reach = math.pi * abs(climb) + found.width
+            reach = math.pi * abs(climb) + found.width if climb else -0.5 * found.width  # whole rings only
             first, last = ((height + way * reach) / lay.spacing for height, way in ((found.begin, -1), (found.end, 1)))
             half = 0.5 * found.width / math.sin(math.radians(abs(lay.angle)))
-            for k in range(math.floor(first), math.ceil(last) + 1):
+            for k in range(math.ceil(first), math.floor(last) + 1):
                 faces.append(_face(_outline(found, climb, half), k * lay.spacing, axis, unit))
         faces = list(occ.fuse(faces[:1], faces[1:])[0]) if len(faces) > 1 else faces
         corners = np.array([[beyond, found.begin], [-beyond, found.begin], [-beyond, found.end], [beyond, found.end]])

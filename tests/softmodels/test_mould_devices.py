@@ -23,11 +23,12 @@ from geometries import (
 )
 from geometries.actuator import Castable
 from geometries.meshing import private_model
-from softmodels.casting.bodies import imported, recipe_of, tooling
+from softmodels.casting.bodies import imported, left, recipe_of, tooling
 from softmodels.casting.facets import BETWEEN, arranged, laid_flat, print_estimate
 from softmodels.casting.files import _pour_steps, _steps
-from softmodels.casting.make import _made, common_thickness, manifold_of
-from softmodels.casting.settings import Asked, MouldError, Workshop
+from softmodels.casting.make import _difference, _made, common_thickness, manifold_of
+from softmodels.casting.settings import Asked, MouldError, Workshop, asked_of
+from softmodels.components.fibres import helix_at
 from tests.support.moments import mirror_gap
 
 COARSE = Workshop(chord=2e-4, least_gap=8e-4, pour=0.002, vents=1, bolt=0.0, shrinkage=0.01)
@@ -106,6 +107,103 @@ def test_a_balloon_is_cast_without_a_seam_around_wax(tmp_path):
     assert wax.facets.volume == pytest.approx((device.cavity_volume * 1e9 / 0.99**3 + peg) / 0.98**3, rel=1e-5)
     steps = " ".join(_steps(Asked(device, WAX, "", "balloon"), found))
     assert steps.index("pour through the open end") < steps.index("Weigh A and B") < steps.index("Melt the wax out")
+
+
+WOUND = """
+name = "wound"
+[geometry]
+device = "Cylinder"
+length = "12 mm"
+section = "whole"
+[fibres.thread]
+on = "outer"
+angle = "75 deg"
+helices = 1
+stiffness = "1 kN/m"
+"""
+THREAD = {"thread": 8e-4, "chord": 1e-4, "shrinkage": 0.01, "vents": 1, "bolt": 0.0}
+
+
+def test_grooves_lie_where_the_fibres_are(tmp_path):
+    """Small cubes along the model's own direction are in the ridges of the mould's halves, and half-way to the next thread they
+    are not; nothing is undercut, nothing collides, and tube, casts and grooves add up."""
+    (tmp_path / "case.toml").write_text(WOUND)
+    asked = asked_of(tmp_path / "case.toml", **THREAD)
+    (tmp_path / "again.toml").write_text(asked.to_toml())
+    assert asked_of(tmp_path / "again.toml").workshop == asked.workshop and asked.workshop.angles == (75.0,)
+    tube, found = asked.device, _made(asked.device, recipe_of(asked.device, asked.workshop), asked.workshop)
+    assert found.differs < 1e-6 and abs(found.balance) < 1e-6
+    assert found.volume == pytest.approx(tube.solid_volume, rel=2e-6)
+    assert found.cast_volume * 0.99**3 == pytest.approx(found.volume - found.grooved, rel=2e-6)
+    for body in found.bodies:
+        assert body.checked.overlap * 1e3 < 0.1 and body.checked.lean > -0.1 and body.facets.open_edges == 0
+    (lay,) = found.wound.lays
+    assert lay.advance == pytest.approx(2 * np.pi * tube.outer_radius / np.tan(np.radians(75)))
+    assert lay.threads == 3 and lay.spacing == pytest.approx(lay.advance / 3)
+    square = lay.length(tube.outer_radius - 2e-4, found.wound.end - found.wound.begin) * 8e-4 * 4e-4
+    assert square < found.grooved < 1.5 * square
+
+    place, path = np.array([[tube.outer_radius, 0.0, 0.0]]), []
+    while place[0, 2] < 8e-3:
+        path.append(place[0])
+        place = place + 1e-4 * helix_at(place, (0.0, 0.0, 1.0), 75.0)
+        place[:, :2] *= tube.outer_radius / np.hypot(*place[0, :2])
+    path = np.array([point for point in path if point[2] > 2e-3]) * [1 - 2e-4 / tube.outer_radius] * 1e3 / 0.99
+    halves = [manifold_of(body.facets) for body in found.bodies if "cup" in body.name]
+    turn = np.degrees(np.arctan2(path[:, 1], path[:, 0])) % 180.0
+    between = path[(turn > 30.0) & (turn < 150.0)] + [0.0, 0.0, 0.5e3 / 0.99 * lay.spacing]
+    assert _share_inside(path, halves) > 0.99 and _share_inside(between, halves) < 0.01 and len(between) > 100
+
+
+def _share_inside(points, bodies):
+    """Volume of cubes of 0.05 mm around points that is in bodies, as a share."""
+    from manifold3d import Manifold, OpType
+
+    cubes = Manifold.batch_boolean([Manifold.cube([0.05] * 3, True).translate(point) for point in points], OpType.Add)
+    return sum((cubes ^ body).volume() for body in bodies) / cubes.volume()
+
+
+def test_rings_are_as_large_as_their_closed_form():
+    tube = DEVICES[Cylinder][0]
+    workshop = Workshop(thread=6e-4, lay="90 deg", spacing=3e-3, vents=1, bolt=0.0)
+    recipe = recipe_of(tube, workshop)
+    with private_model():
+        tools = tooling(tube, recipe, recipe.pours[0], workshop)
+    ring = np.pi * (tube.outer_radius**2 - (tube.outer_radius - 3e-4) ** 2) * 6e-4
+    assert tools.grooved * 1e-9 == pytest.approx(3 * ring, rel=1e-9)  # at 3, 6 and 9 mm of 11 mm
+
+
+@pytest.mark.parametrize(
+    ("device", "settings", "told"),
+    [
+        (Beam, {"lay": "75 deg"}, r"thread is 0.8 mm; grooves for it are made on tubes only"),
+        (Cylinder, {}, r"no fibres on the face outer; give the case \[fibres\] there, or the angles"),
+        (Cylinder, {"lay": "10 deg"}, r"lay has 10 deg; threads between 20 and 90 deg"),
+        (
+            Cylinder,
+            {"lay": "35 deg"},
+            r"at 35 deg lie 3\.\d+ mm apart .* grooves are 5\.\d+ mm wide where the halves part",
+        ),
+        (
+            Cylinder,
+            {"lay": "75 deg", "least_wall": 1e-3},
+            r"ridges for it must be at least as wide as .* 1 mm \(least_wall\)",
+        ),
+    ],
+)
+def test_threads_that_no_mould_can_hold_are_a_sentence(device, settings, told):
+    tube = DEVICES[device][0]
+    workshop = dataclasses.replace(COARSE, thread=8e-4, **settings)
+    with private_model(), pytest.raises(MouldError, match=told):
+        tooling(tube, recipe_of(tube, workshop), recipe_of(tube, workshop).pours[0], workshop)
+
+
+def test_a_lost_core_takes_the_inlet_of_its_lid_with_it():
+    disk, workshop = HollowDisk.variant("shadow"), dataclasses.replace(COARSE, core="lost", tube=0.002)
+    recipe = recipe_of(disk, workshop)
+    with private_model():
+        tools = tooling(disk, recipe, recipe.pours[1], workshop)
+        assert tools.plugs and _difference(left(tools), tools.target, tools.size) < 1e-6
 
 
 def test_wax_that_has_no_way_in_is_refused():
