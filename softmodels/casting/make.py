@@ -666,12 +666,12 @@ def _bonded(pieces: Sequence[_Drawn], folder: Path) -> bytes:
         if len(parts) != 1:
             raise MeshingError("the CAD kernel cannot merge the pieces; change a length slightly")
         scaled(1.0 / pieces[0].tools.frame.scale)
+        gmsh.model.occ.synchronize()
         _export(file)
     return file.read_bytes()
 
 
 def _export(file: Path) -> None:
-    gmsh.model.occ.synchronize()
     gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
     gmsh.write(str(file))
     gmsh.option.setString("Geometry.OCCTargetUnit", "")
@@ -679,12 +679,11 @@ def _export(file: Path) -> None:
 
 def _write_steps(named: Mapping[str, Solid], drawn: _Drawn) -> None:
     """Write each of some solids of the current Gmsh model into a file of its own."""
-    occ, file = gmsh.model.occ, str(drawn.folder / "all.brep")
-    occ.synchronize()
-    every = sorted(occ.getEntities(3), key=lambda solid: solid[1])  # as Gmsh writes them
-    gmsh.write(file)
+    gmsh.model.occ.synchronize()
+    gmsh.option.setNumber("Geometry.OCCExportOnlyVisible", 1)
+    gmsh.model.setVisibility(gmsh.model.getEntities(), 0)
     for name, solid in named.items():
-        with private_model():
-            solids = occ.importShapes(file, format="brep")
-            occ.remove([one for one, known in zip(solids, every, strict=True) if known != solid], recursive=True)
-            _export(drawn.file(name))
+        gmsh.model.setVisibility([solid], 1, recursive=True)
+        _export(drawn.file(name))
+        gmsh.model.setVisibility([solid], 0, recursive=True)
+    gmsh.option.setNumber("Geometry.OCCExportOnlyVisible", 0)
