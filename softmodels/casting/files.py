@@ -216,16 +216,16 @@ def mould(
         device, silicone, wall=wall, rim=rim, draft=draft, shrinkage=shrinkage, clearance=clearance, least_wall=least_wall,
         least_gap=least_gap, pin=pin, pour=pour, vent=vent, vents=vents, tube=tube, chord=chord, surplus=surplus, pull=pull,
         split=split, inlet=inlet, core=core, wax_shrinkage=wax_shrinkage, thread=thread, spacing=spacing, lay=lay,
-        bolt=bolt, bed_width=bed_width,
-        bed_depth=bed_depth, layer=layer, layer_time=layer_time,
+        bolt=bolt, bed_width=bed_width, bed_depth=bed_depth, layer=layer, layer_time=layer_time,
     )  # fmt: skip
+    return _made_into(folder, asked)
+
+
+def _made_into(folder: str | Path | None, asked: Asked) -> Made:
+    """Make a mould, and write it into a folder if one is given."""
     if folder is None:
         return made(asked.device, asked.workshop)
-    return _made_into(place("folder", folder, "a folder"), asked)
-
-
-def _made_into(output: Path, asked: Asked) -> Made:
-    """Make a mould and write it into a folder."""
+    output = place("folder", folder, "a folder")
     own = ResultFolder(output, output, "mould", {"silicone": asked.silicone, "workshop": asked.workshop})
     try:
         found = made(asked.device, asked.workshop)
