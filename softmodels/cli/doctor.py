@@ -6,6 +6,7 @@ import importlib
 import importlib.metadata
 import os
 import platform
+import shlex
 import shutil
 import sys
 import tempfile
@@ -23,6 +24,7 @@ from softmodels.cli.options import command, fail
 from softmodels.common.commands import status_of
 from softmodels.common.errors import reason
 from softmodels.common.lazy import MPI, PETSc
+from softmodels.mechanics.compiling import compiler
 from softmodels.mechanics.mpi import mpich_file, start
 
 PACKAGES = {
@@ -120,13 +122,14 @@ def _program(what: str, *names: str) -> str:
 
 
 def _compiler() -> str:
-    names = [os.environ["CC"].split()[0]] if os.environ.get("CC") else ["cc", "gcc", "clang"]
     try:
-        return _program("a C compiler", *names)
-    except RuntimeError:
+        words = compiler()
+    except Exception as error:
         raise RuntimeError(
-            "no C compiler; the equations are compiled at run time, so install one (Debian: apt-get install gcc)"
+            f"no C compiler ({error}); the equations are compiled at run time, so install one (Debian: apt-get install gcc; "
+            "uv sync --extra compiler)"
         ) from None
+    return shutil.which(words[0]) or words[0] if len(words) == 1 else shlex.join(words)
 
 
 def _cache() -> str:

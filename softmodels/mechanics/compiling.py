@@ -7,12 +7,14 @@ mark behind; the next one would wait for it in vain and fail.
 from __future__ import annotations
 
 import contextlib
+import errno
 import functools
 import hashlib
 import importlib.util
 import os
 import platform
 import shlex
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -154,19 +156,30 @@ _ahead = False
 """Whether kernels are compiled ahead, so that nothing waits for them yet."""
 
 
+def compiler() -> list[str]:
+    """Return the words that call the C compiler: the one that Python was built with or ``CC`` names, or else that of the
+    package ziglang, if it is installed; `cffi.VerificationError` if there is none."""
+    import cffi  # type: ignore[import-untyped]
+
+    words = shlex.split(os.environ.get("CC") or sysconfig.get_config_vars()["LDSHARED"].partition(" ")[0])
+    if shutil.which(words[0]):
+        return words
+    if not os.environ.get("CC") and importlib.util.find_spec("ziglang"):
+        return [sys.executable, "-m", "ziglang", "cc"]
+    raise cffi.VerificationError(f"{words[0]}: {os.strerror(errno.ENOENT)}")
+
+
 def compiler_words() -> list[str]:
     """Return the command that makes a module of a source, as setuptools would, without input and output."""
     known, own = sysconfig.get_config_vars(), os.environ
-    words = shlex.split(known["LDSHARED"])
-    if "CC" in own:
-        words[:1] = shlex.split(own["CC"])
+    words = [*compiler(), *shlex.split(known["LDSHARED"])[1:]]
     flags = [known["CFLAGS"], known["CCSHARED"], own.get("CFLAGS", ""), own.get("LDFLAGS", "")]
     return [*words, *(word for flag in flags for word in shlex.split(flag)), f"-I{sysconfig.get_path('include')}"]
 
 
 def start_compiler(source: Path, module: Path, *words: str) -> subprocess.Popen[str]:
     """Start the C compiler; `cffi.VerificationError` if there is none."""
-    import cffi  # type: ignore[import-untyped]
+    import cffi
 
     command = [*compiler_words(), *words, str(source), "-o", str(module), "-lm"]
     try:
@@ -291,7 +304,8 @@ def compiling() -> Iterator[None]:
             raise
         reason = (str(error).strip() or type(error).__name__).splitlines()[0]
         raise CompilingError(
-            f"the kernels cannot be compiled ({reason}); a C compiler is needed, and softmodels doctor lists what is missing"
+            f"the kernels cannot be compiled ({reason}); a C compiler is needed (uv sync --extra compiler brings one), and "
+            "softmodels doctor lists what is missing"
         ) from error
     finally:
         for name in [*_running]:  # after an error

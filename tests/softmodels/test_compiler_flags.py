@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import shlex
 import subprocess
+import sys
 import sysconfig
 
+import cffi
 import pytest
 
 from softmodels.mechanics import compiling as asked, compiling as c_library
-from softmodels.mechanics.compiling import CompilingError, compiler_flags, compiling
+from softmodels.mechanics.compiling import CompilingError, compiler, compiler_flags, compiler_words, compiling
 
 X86 = "processor\t: 0\nmodel name\t: Some\nflags\t\t: fpu sse2 avx2\nbugs\t: flags\n"
 ARM = "processor\t: 0\nBogoMIPS\t: 50\nFeatures\t: fp asimd\n"
@@ -48,9 +50,26 @@ def test_the_compiler_takes_them_and_keeps_what_is_no_number(tmp_path):
         "#include <math.h>\n#include <stdio.h>\nint main(int n, char **v) { double x = sqrt(-1.0 * n) + log(0.0 * n);\n"
         'printf("%d %d", isfinite(x), isnan(sqrt(-1.0 * n))); return 0; }\n'
     )
-    compiler = shlex.split(sysconfig.get_config_var("CC"))[0]
-    subprocess.run([compiler, *compiler_flags(), source, "-o", tmp_path / "nan", "-lm"], check=True)
+    subprocess.run([*compiler(), *compiler_flags(), source, "-o", tmp_path / "nan", "-lm"], check=True)
     assert subprocess.check_output([tmp_path / "nan"], text=True) == "0 1"
+
+
+def test_without_a_compiler_that_of_a_package_is_taken(monkeypatch):
+    """Only where none is found, and none is asked for."""
+    monkeypatch.delenv("CC", raising=False)
+    (own,) = compiler()
+    assert own == shlex.split(sysconfig.get_config_var("LDSHARED"))[0]
+    monkeypatch.setattr(asked.shutil, "which", lambda word: None)
+    monkeypatch.setattr(asked.importlib.util, "find_spec", lambda name: name == "ziglang" or None)
+    assert compiler() == [sys.executable, "-m", "ziglang", "cc"]
+    assert compiler_words()[:4] == compiler() and "-shared" in compiler_words()
+    monkeypatch.setenv("CC", "/no/compiler")
+    with pytest.raises(cffi.VerificationError, match="/no/compiler"):
+        compiler()
+    monkeypatch.delenv("CC")
+    monkeypatch.setattr(asked.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(cffi.VerificationError, match=own):
+        compiler()
 
 
 # -- The C code that multiplies with second derivatives, compiled on first use ---------------------------------------
