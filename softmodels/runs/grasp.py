@@ -300,7 +300,7 @@ class Grasp:
                     columns.append((self.imbalance(nudged) - wrong) / NUDGE)
                 J = np.array(columns).T
             step = -np.linalg.lstsq(J, wrong, rcond=1e-6)[0]
-            if not np.abs(step).max() < 0.2:
+            if not 0.0 < np.abs(step).max() < 0.2:  # 0 where no finger resists
                 raise NoConvergence("the object leaves the fingers")
             after = self.at(self._pose(held) + step, P, load, held)
             found = self.imbalance(after)
