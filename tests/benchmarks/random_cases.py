@@ -3,6 +3,7 @@
     OMP_NUM_THREADS=1 uv run python tests/benchmarks/random_cases.py --count 300
     OMP_NUM_THREADS=1 uv run python tests/benchmarks/random_cases.py --count 30 --solid
     OMP_NUM_THREADS=1 uv run python tests/benchmarks/random_cases.py --count 300 --vacuum
+    OMP_NUM_THREADS=1 uv run python tests/benchmarks/random_cases.py --count 40 --grasps
 
 Devices are those that are registered, with every length up to a third off its default and other choices; sections unless
 ``--solid``. `random_draws.py` draws them, with regions in other materials, fibres, fabrics, sheets, walls that meet, rigid
@@ -41,17 +42,20 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from random_draws import case_of
+from random_draws import case_of, grasp_of
 
 import softmodels as sm
 from geometries import MeshingError
 from softmodels.case.case import Case
 from softmodels.mechanics.controls import LoadPart
+from softmodels.runs.grasp import grasp
 from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM
 
 BALANCE = 0.05
 """Share of the largest energy by which work and stored energy may differ: paths have twelve steps or more."""
 DENSER = 8
+BALANCED = 1e-6
+"""Share of the fingers' forces that a held object may be out of balance by."""
 LEAST = 1e-9
 """Energy below which a device counts as locked: in shear moduli of a cube of its size, for mJ."""
 PHYSICAL = ("the cavity has grown", "lock at stretch", "itself is unstable there", "almost no freedom")
@@ -127,6 +131,21 @@ def outcome(case: Case) -> tuple[str, str]:
         return "crashed", f"{type(error).__name__}: {error}"
 
 
+def outcome_of_grasp(case: Case, asked: dict[str, Any]) -> tuple[str, str]:
+    """How equal fingers around a cylinder end, in a word, and what is wrong with that, or nothing: every state balances."""
+    try:
+        made, held = grasp(case, **asked)
+    except (sm.GeometryError, MeshingError) as error:
+        return "refused", str(error)
+    except sm.RunError as error:
+        return ("limit", "") if error.status == NO_EQUILIBRIUM else ("lost", str(error))
+    except Exception as error:
+        return "crashed", f"{type(error).__name__}: {error}"
+    off = max(np.abs(made.imbalance(one)).max() / max(one.press.sum(), abs(one.load), 1e-6) for one in held)
+    ended = "reached" if abs(held[-1].load - asked["load"]) <= 1e-9 * asked["load"] else "slipped"
+    return ended, f"forces on the object are off by {off:.1e} of the fingers'" if off > BALANCED else ""
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=100)
@@ -134,16 +153,20 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="number of the case to begin with")
     parser.add_argument("--solid", action="store_true", help="solid slices in place of sections")
     parser.add_argument("--vacuum", action="store_true", help="draw air out")
+    parser.add_argument("--grasps", action="store_true", help="fingers around a cylinder, with a load on it or without")
     given = parser.parse_args()
     endings: collections.Counter[str] = collections.Counter()
     refused: collections.Counter[str] = collections.Counter()
     began, faults, number = time.perf_counter(), 0, given.first
     while endings.total() < given.count:
-        case, sentences = case_of(number, given.seed, given.solid, given.vacuum)
+        if given.grasps:
+            case, asked_of, sentences = grasp_of(number, given.seed)
+        else:
+            case, sentences = case_of(number, given.seed, given.solid, given.vacuum)
         refused += sentences
         components = ", ".join(part.where for part in case.components) or "alone"
         started = time.perf_counter()
-        ended, fault = outcome(case)
+        ended, fault = outcome_of_grasp(case, asked_of) if given.grasps else outcome(case)
         took = time.perf_counter() - started
         law, asked = (
             type(case.material).__name__,

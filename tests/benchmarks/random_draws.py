@@ -302,3 +302,43 @@ def case_of(number: int, seed: int, solid: bool, vacuum: bool = False) -> tuple[
             return Case(f"case{number}", draw.device, draw.material, components=tuple(components), **whole), refused
         except REFUSED as error:
             refused[str(error)[:80]] += 1
+
+
+FINGERS: dict[str, dict[str, Any]] = {"PneuNet": {"chambers": 2, "cell_size": 5e-3}, "BendingBellows": {"folds": 2}}
+"""Devices that close around an object, few cells each."""
+
+
+def grasp_of(number: int, seed: int) -> tuple[Case, dict[str, Any], collections.Counter[str]]:
+    """The case of a finger at a cylinder, what `softmodels.runs.grasp.grasp` asks besides, and what was refused before."""
+    chance = random.Random(f"{seed} {number} grasp")
+    refused = collections.Counter[str]()
+    while True:
+        kind = chance.choice(sorted(FINGERS))
+        base = ACTUATORS[kind](**FINGERS[kind])
+        lengths = {
+            name: getattr(base, name) * chance.uniform(0.85, 1.15)
+            for name, field in about(type(base)).items()
+            if isinstance(field.kind, Length) and name != "cell_size" and getattr(base, name) > 0.0
+        }
+        try:
+            device = dataclasses.replace(base, **lengths)
+            if device.expected_cells > MOST_CELLS[True]:
+                raise GeometryError("more cells than are wanted here")
+            material = material_of(chance)
+            tip = np.array(device.probes[device.gauge])
+            radius = float(np.linalg.norm(tip)) * chance.uniform(0.1, 0.5)
+            low = min(point[2] for point in device.probes.values())
+            at = (float(tip[0]) * chance.uniform(0.6, 1.05), 0.0, low - radius - device.size * chance.uniform(0.0, 0.1))
+            rod = sm.RigidShape(
+                "cylinder", "bottom, tip", at=at, radius=radius, along=(0.0, 1.0, 0.0), name="rod",
+                friction=chance.choice([0.0, 0.2, 0.5, 0.8]),
+            )  # fmt: skip
+            mu = float(material.shear_modulus_0)
+            cm = mu * 10 ** chance.uniform(-1.8, -0.8) / CM
+            case = Case(f"grasp{number}", device, material, components=(rod,), pressures_cm=(cm / 2, cm))
+            turn = chance.uniform(0.0, 2.0 * np.pi)
+            load = chance.choice([0.0, 1.0]) * mu * device.size**2 * 10 ** chance.uniform(-4.5, -3.0)
+            asked = {"fingers": chance.choice([2, 3, 3, 4]), "load": load, "steps": 4}
+            return case, asked | {"direction": np.array([np.cos(turn), 0.0, np.sin(turn)])}, refused
+        except REFUSED as error:
+            refused[str(error)[:80]] += 1
