@@ -35,7 +35,7 @@ asserted ten times wider."""
 
 
 # Tests of several ranks run beside other tests, whatever the number of cores: who waits looks seldom.
-os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", "64")
+os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", "4")
 
 if sys.dont_write_bytecode:
     # Many images set PYTHONDONTWRITEBYTECODE. Tests start hundreds of commands, and each would translate all it imports anew,

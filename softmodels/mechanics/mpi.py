@@ -74,8 +74,6 @@ def start(petsc_options: Sequence[str] = ()) -> MPI.Intracomm:
     # MPICH's ranks busy-wait; with more ranks than cores that is ten times slower.
     os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE", "1")
     os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", str(_looks()))
-    # From version 5 on a waiting rank sleeps only with this.
-    os.environ.setdefault("MPIR_CVAR_ENABLE_HEAVY_YIELD", "1")
     if launched() in (None, _beside()):
         # UCX, which MPICH sends by, watches all changes of memory for network cards; to begin that takes longer than MPI's
         # start itself, and no card is used on one machine.
