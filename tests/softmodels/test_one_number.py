@@ -10,6 +10,7 @@ from softmodels.cli import run
 from softmodels.common.units import exact_text, quantity, readable
 from softmodels.pictures import curves, offscreen, report, solid
 from softmodels.pictures.offscreen import look
+from softmodels.pictures.style import Pixels
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.notes import events, jumps_text, unlocated
 from softmodels.runs.states import StoredStates
@@ -59,10 +60,12 @@ def test_the_largest_stress_and_stretch_are_the_same_everywhere(inflated):
     assert f"{nodal:.4g}" != stress  # or this shows nothing
     assert f"stretch {stretch} and von Mises stress {stress} kPa (at integration points)" in done.out
     assert f"the largest stretch is {stretch}" in report.Report(look(states), folder, "disk").write().read_text()
-    scale = look(states).scales["von_mises"]
+    seen = look(states)
+    scale = seen.scales["von_mises"]
     assert (f"{scale.largest:.4g}", scale.defined) == (stress, "at an integration point")
-    figure = solid.section_stress(look(states), states.main)
-    assert f"largest, at an integration point: {stress} kPa" in texts(figure)
+    assert f"largest, at an integration point: {stress} kPa" in texts(scale.foot[0].figure)
+    shown = [artist._image for artist in solid.section_stress(seen, states.main).artists if isinstance(artist, Pixels)]
+    assert any(picture is scale.foot[1] for picture in shown)
     assert f"largest stretch {stretch} at 177 cm" in offscreen.hot_spot(states, states.main).note
 
 

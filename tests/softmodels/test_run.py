@@ -216,7 +216,7 @@ from softmodels.{module} import {names}
 DISK = {"module": "disk", "names": "command, main", "main": "main(command)"}
 WHOLE = {"module": "__main__", "names": "main", "main": "main()"}
 SMALL = ("--pressure-cm", "0:20", "--section", "axisymmetric", "--no-pictures")
-NO_MEMORY = "softmodels.mechanics.iterative.OUT_OF_MEMORY = (0,)"  # what MUMPS reports where all is well
+NO_MEMORY = "softmodels.mechanics.newton.OUT_OF_MEMORY = (0,)"  # what MUMPS reports where all is well
 NO_SHARED_MEMORY = "softmodels.mechanics.mpi.SHARED_MEMORY = Path('/proc/none')"
 
 
