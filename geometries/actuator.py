@@ -114,6 +114,7 @@ class Presented:
 
 
 Vector = tuple[float, float, float]
+AXES = ("x", "y", "z")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from geometries.actuator import Vector
+from geometries.actuator import AXES, Vector
 from softmodels.common import units
 from softmodels.common.errors import GeometryError
 
@@ -27,7 +27,6 @@ UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "inch": 0.0254}
 Colour = tuple[int, int, int]
 
 LONGEST_TEXT = 300
-AXES = "xyz"
 NUMBER = r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*"
 FORMS = "'x = 0 mm', 'normal 1, -1, 0 at 2 mm', 'in -1..31, -5..5, 0..2 mm', 'named lid' or 'coloured #ff0000'"
 

@@ -21,8 +21,19 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import Actuator, CutPlane, Hold, Recipe, Vector, check_slice, in_halves, joined, reflected
-from geometries.faces import AXES, FORMATS, UNITS, Colour, Faces, faces, point
+from geometries.actuator import (
+    AXES,
+    Actuator,
+    CutPlane,
+    Hold,
+    Recipe,
+    Vector,
+    check_slice,
+    in_halves,
+    joined,
+    reflected,
+)
+from geometries.faces import FORMATS, UNITS, Colour, Faces, faces, point
 from geometries.mesh_arrays import TO_GMSH, Ints, Tetrahedra
 from geometries.meshing import apart, private_model
 from geometries.registry import register_device

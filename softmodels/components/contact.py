@@ -30,7 +30,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator, GeometryError
-from geometries.actuator import Vector, cavity_roles, reflected
+from geometries.actuator import AXES, Vector, cavity_roles, reflected
 from geometries.faces import UNITS, faces as plane_faces
 from softmodels.common.arrays import Array
 from softmodels.common.errors import whole_path
@@ -156,7 +156,6 @@ MOST = 3.0
 SAME = 1e-6
 """Tolerance relative to an STL shape's extent for mirror images of its corners."""
 
-AXES = ("x", "y", "z")
 
 type Numbers = tuple[Array, Array, float | None, float, float]
 """Place of its middle, direction of its line, radius, half the line's length, and 1 or, of a hollow one, -1; in sizes.

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from geometries.actuator import AXES
 from softmodels.case.entries import CaseError
 from softmodels.common.arrays import Array
 from softmodels.common.errors import known_are, required
@@ -26,7 +27,6 @@ from softmodels.decks.deck import WRITTEN
 from softmodels.decks.reduction import SAME, ReducedModel, TipState, across
 from softmodels.runs.outcomes import RunError
 
-AXES = ("x", "y", "z")
 MOTIONS = (*AXES, *(f"turn_{axis}" for axis in AXES))
 LOADS = (*(f"f{axis}" for axis in AXES), *(f"m{axis}" for axis in AXES))
 

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator, GeometryError
-from geometries.actuator import cavity_roles, changed, is_length, parameter
+from geometries.actuator import AXES, cavity_roles, changed, is_length, parameter
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import Expr, PETSc, fem, ufl
 from softmodels.common.names import Registry
@@ -375,7 +375,6 @@ class Mass(DesignQuantity):
 # Positions of named points: rises, coordinates, and figures of a device derived from them.
 
 
-AXES = ("x", "y", "z")
 STEP = 1e-5
 """Step of the central differences of a device's figures by probe positions, relative to the size."""
 

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from geometries.actuator import AXES
 from softmodels.common.arrays import Array
 from softmodels.common.errors import reason
 from softmodels.common.lazy import fem, la
 from softmodels.common.tables import Line, Worksheet, pick, read_sheets, records
 from softmodels.common.units import UnitError, number, quantity
 from softmodels.design.quantities import (
-    AXES,
     DesignQuantity,
     FacePlace,
     Measure,

@@ -281,12 +281,13 @@ class Corrector:
             signature = self.stability.signature(stale, negative)
         return Point(state, tangent, requested, limit, step, self.trail.line, stiffest, signature)
 
-    def check_whole(self, state: State) -> None:
-        """Reject a converged state that is inverted or on the other side of a wall; see `check_branch`."""
+    def check_whole(self, state: State, since: State | None = None) -> None:
+        """Reject a converged state that is inverted, or behind a wall as seen from another one, by default the last; see
+        `check_branch`."""
         system = self.solver.system
         if (system.volumes() <= 0.0).any():
             raise Emptied("a cavity would collapse to zero volume")
-        if not system.potential.admits(self.trail.last.state.w, state.w):
+        if not system.potential.admits((since or self.trail.last.state).w, state.w):
             raise NoConvergence("a wall passed through an obstacle")
 
     def check_branch(self, state: State, line: Curve) -> None:

@@ -66,7 +66,8 @@ SHAKEN = 1.25
 KEPT = 1.6
 """With inertia, the change of the step that is not worth it: vibrations keep their energy best in equal steps."""
 LARGEST_GROWTH = 500.0
-"""Cavity volumes at which a moving device has burst."""
+"""Cavity volumes at which a moving device has burst, and at which the search for another stable part ends: a balloon of eight
+times its radius."""
 GROWTH, MOST_GROWTH = 1e-3, 1.0
 """First and last volume, over the cavity's, that a lost equilibrium is looked for at beyond its last state."""
 
@@ -661,8 +662,6 @@ def in_drivers(
 # the device is let go: it creeps against a drag on its mass until it rests, and the curve is followed both ways from there.
 
 
-LARGEST_GROWTH_OF_CYCLE = 500.0
-"""Maximum cavity volumes in the search for another stable part: a balloon of eight times its radius."""
 NUDGE = 0.01
 """Largest displacement, in sizes of the device, by which it is pushed off a limit point."""
 FIRST_CREEP, LAST_CREEP, SHORTEST_CREEP = 0.3, 1e4, 1e-4
@@ -737,7 +736,7 @@ class Cycle:
     def __init__(self, path: Continuation, most: float):
         self.path, self.most, self.snaps = path, most, 0
         self.lost: PathEnd | None = None
-        path.control, path.largest_growth = ArcLength.name, LARGEST_GROWTH_OF_CYCLE
+        path.control, path.largest_growth = ArcLength.name, LARGEST_GROWTH
         self.parts = _stable_parts(self._curve(path, most), path)
         if not self.parts:
             raise self.lost or PathEnd("there is no stable state")
@@ -800,7 +799,7 @@ class Cycle:
         if path.solver.system.potential.motion or self.snaps == MOST_SNAPS:
             return None
         self.snaps += 1
-        path.report(f"letting the device go at its limit point, {way * edge.state.P:.4g}")
+        path.report("no stable state was met behind a limit point; letting the device go there")
         state = come_to_rest(path, edge, way)
         if state is None:
             return None
@@ -833,8 +832,7 @@ def come_to_rest(path: Continuation, edge: Point, way: int) -> State | None:
             motion.begin(step if step < LAST_CREEP else 0.0)
             try:
                 found = solver.solve(pressure_control(P), state.w, P)
-                if (system.volumes() <= 0.0).any() or not potential.admits(state.w, found.w):
-                    raise NoConvergence("a wall passed through an obstacle")
+                path.corrector.check_whole(found, state)
                 solver.factorise(found)
                 if path.trail.stability.negative_eigenvalues():
                     raise NoConvergence("a saddle")
@@ -847,7 +845,7 @@ def come_to_rest(path: Continuation, edge: Point, way: int) -> State | None:
             potential.keep(state.w)
             if step >= LAST_CREEP:
                 return state
-            if abs(state.V) > LARGEST_GROWTH_OF_CYCLE * path.plane.V_scale:
+            if abs(state.V) > LARGEST_GROWTH * path.plane.V_scale:
                 return None
             step = LAST_CREEP if not found.iterations else 1.5 * step
     finally:
