@@ -879,14 +879,19 @@ def _deeper(pairs: Pairs, shapes: list[Array], slack: float) -> bool:
     start, end = a[i] - pairs.of_all(a)[j], b[i] - pairs.of_all(b)[j]
     limit = -DEEPEST * pairs.radius[j % count]
     above = [np.einsum("pi,pi->p", r, v[j]) / np.linalg.norm(v[j], axis=1) for r, v in ((start, m), (end, n))]
-    crossed = (above[0] > limit) & (above[1] <= limit)
-    i, j, start, end, limit = i[crossed], j[crossed], start[crossed], end[crossed], limit[crossed]
-    high, low = above[0][crossed], above[1][crossed]
-    t = ((high - limit) / (high - low))[:, None]
-    place = start + t * (end - start)
-    aside = np.sqrt(np.maximum(np.einsum("pi,pi->p", place, place) - limit**2, 0.0))
-    own = aside < OWN * surface.edges[j % count]
-    return bool(own.any())
+    for k in np.flatnonzero((above[0] > limit) & (above[1] <= limit)):
+        t = (above[0][k] - limit[k]) / (above[0][k] - above[1][k])
+        place = start[k] + t * (end[k] - start[k])
+        if place @ place - limit[k] ** 2 > (OWN * surface.edges[j[k] % count]) ** 2:
+            continue
+        # Beside a sharp edge of the wall a point is behind one of its faces and in front of the other, nearer one.
+        same = slice(*np.searchsorted(i, [i[k], i[k] + 1]))
+        ways = start[same] + t * (end[same] - start[same])
+        nearest = int(np.einsum("pi,pi->p", ways, ways).argmin())
+        height = (1 - t) * above[0][same][nearest] + t * above[1][same][nearest]
+        if height < limit[k] / 2:
+            return True
+    return False
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -19,6 +19,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.lazy import fem, meshes, scipy, ufl
 from softmodels.mechanics.component import EnergyTerm, PathFailure
 from softmodels.mechanics.controls import Control, Curve, Tangent, volume_control
+from softmodels.mechanics.memory import Inertia, Motion
 from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import TANGENT_TOLERANCE, Solver
@@ -157,7 +158,9 @@ class PathHistory:
         return self.add(point)
 
     def add(self, point: Point) -> Point:
-        """Make a point the last one that they remember already."""
+        """Make a point the last one that they remember already; what lies before a jump predicts nothing behind it."""
+        if point.jump:
+            self.points, self.modes = [], []
         self.points = [*self.points[-1:], point]
         return point
 
@@ -169,8 +172,8 @@ class PathHistory:
 LARGEST_MODE_SHARE = 0.5
 """Amplitude of a bifurcation's mode in the predictor's error, relative to the step, above which the state is on another
 branch."""
-FARTHEST = 4.0
-"""Maximum travel of a dead load in one step, relative to the predicted one."""
+LOST, ROUNDED = 0.25, 1e-9
+"""Share of a step's work that may be missing in the stored energy, and rounding of that energy."""
 MOST_SECANTS = 25
 """Maximum secant iterations to locate a value between two points."""
 ALONG = 0.9
@@ -188,12 +191,28 @@ class Emptied(NoConvergence):
     """A cavity has negative volume: its walls have passed through each other."""
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class Drawn:
+    """The energy stored in a state, magnitudes of all drivers there and what they work on, shape (k,)."""
+
+    state: State
+    energy: float
+    drives: Array
+    driven: Array
+
+    @classmethod
+    def at(cls, system: System, state: State) -> Drawn:
+        system.load(state)
+        return cls(state, system.stored_energy(), system.drives_at(state), system.driven())
+
+
 class Corrector:
     """Newton's method along a path, from its last points, with the scales of volume and pressure."""
 
     def __init__(self, solver: Solver, trail: PathHistory, plane: ArcLengthMetric):
         self.solver, self.trail, self.plane = solver, trail, plane
         self.stability = trail.stability
+        self._drawn: Drawn | None = None
 
     def tangent(self, state: State, tolerance: float = TANGENT_TOLERANCE) -> Tangent:
         """Return the tangent at a state, oriented forwards; scaled along the last direction, so it is regular at
@@ -290,24 +309,53 @@ class Corrector:
         if not system.potential.admits((since or self.trail.last.state).w, state.w):
             raise NoConvergence("a wall passed through an obstacle")
 
-    def check_branch(self, state: State, line: Curve) -> None:
+    def check_branch(self, state: State) -> None:
         """Reject a converged state on the wrong branch: behind the last one, inverted, or through a wall.
-
-        A dead load's magnitude may be given beyond a limit point and met again far behind it, on a part that stiffens.
 
         Raises:
             NoConvergence: It lies there.
             Emptied: A cavity's walls have passed through each other, which no short step mends.
         """
         s, t = self.trail.last.state, self.trail.last.tangent
-        system, plane = self.solver.system, self.plane.stiffened(self.trail.last.stiffest)
+        plane = self.plane.stiffened(self.trail.last.stiffest)
         self.check_whole(state)
         if plane.product((state.V - s.V, state.P - s.P), (t.V, t.P)) <= 0.0:
             raise NoConvergence("Newton converged to another branch")
-        if not (line.needs_volume or system.drives_cavities):
-            predicted = t.V * (state.P - s.P) / t.P if t.P else math.inf
-            if abs(state.V - s.V) > FARTHEST * abs(predicted):
-                raise NoConvergence("the travel was too large for one step")
+
+    def check_work(self, point: Point) -> None:
+        """Reject a point whose stored energy has not grown from the last one by the work done: on a curve of equilibrium states
+        it does (the cubic through both and their tangents is taken for the curve), and a leap to another part of the curve, or
+        to another curve, loses some. A short step follows the curve, or finds that it leads elsewhere.
+
+        Raises:
+            NoConvergence: It lost some.
+        """
+        system, last = self.solver.system, self.trail.last
+        if system.potential.remembers or system.body.seal:
+            return
+        known = self._drawn
+        before = known if known is not None and known.state is last.state else Drawn.at(system, last.state)
+        after = self._drawn = Drawn.at(system, point.state)
+        moved, gained = after.driven - before.driven, after.energy - before.energy
+        chord = 0.5 * float((before.drives + after.drives) @ moved)
+        scale = 0.5 * float((np.abs(before.drives) + np.abs(after.drives)) @ np.abs(moved))
+        scale = max(scale, abs(gained), ROUNDED * max(abs(after.energy), self.plane.V_scale))
+        missing = [abs(gained - chord - bulge) for bulge in self._bulges(last, point)]
+        if missing and min(missing) > LOST * scale:
+            raise NoConvergence("the stored energy has not changed by the work done: the state has leapt")
+
+    def _bulges(self, before: Point, after: Point) -> list[float]:
+        """Return the areas between a curve through two points in the volume-pressure plane and its chord: of the pressure as a
+        cubic of the volume, and of the volume as one of the pressure, where it can be that."""
+        s, t, a, b = before.state, after.state, before.tangent, after.tangent
+        found = []
+        for change, first, second, sign in (
+            (t.V - s.V, (a.V, a.P), (b.V, b.P), 1.0),
+            (t.P - s.P, (a.P, a.V), (b.P, b.V), -1.0),
+        ):
+            if change * first[0] > 0.0 and change * second[0] > 0.0:
+                found.append(sign * change**2 * (first[1] / first[0] - second[1] / second[0]) / 12)
+        return found
 
     # -- between two points -------------------------------------------------------------------------------------------
 
@@ -409,8 +457,8 @@ class PassedLimits:
 
 EMPTIED = PathFailure(
     "a cavity collapses to zero volume, so that its walls would pass through each other",
-    "Reduce the load, use a stiffer silicone or thicker walls, or enable contact of the cavity's walls ([walls] "
-    "with faces = 'cavity')",
+    "Reduce the load, or use a stiffer silicone or thicker walls; where the cavity's walls are not in contact yet, enable that "
+    "([walls] with faces = 'cavity')",
 )
 LOCKED = PathFailure(
     "the requested volume or travel cannot change at any pressure or force: the supports prevent any change",
@@ -811,6 +859,7 @@ class Continuation:
         largest_growth: Cavity volumes at which a path to a pressure is given up.
         start: Where the path begins; the undeformed state if None.
         report: Takes sentences on what is going on.
+        lets_go: Whether a device that is lost is let go, to go on from where it comes to rest; see `come_to_rest`.
         recall: Lets parts remember what they do where a path goes on.
 
     Attributes:
@@ -824,6 +873,7 @@ class Continuation:
     largest_growth: float = LARGEST_GROWTH
     start: State | None = None
     report: Callable[[str], None] = lambda text: None
+    lets_go: bool = False
     recall: Callable[[], None] = lambda: None
 
     def __post_init__(self) -> None:
@@ -864,6 +914,8 @@ class Continuation:
         was stored of it."""
         self.begin()
         self.recall()
+        landed = max((k for k, point in enumerate(points) if point.jump), default=0)
+        points = points[landed:]  # what lies before a jump predicts nothing behind it
         solver, trail, stability = self.solver, self.trail, self.trail.stability
         trail.modes += [Mode(stability.mass, point.mode) for point in points if point.mode is not None]
         trail.points = [point for point in points if point.mode is None][-2:]
@@ -956,6 +1008,34 @@ class Continuation:
             return dataclasses.replace(self.corrector.point(state), requested=False), end
         return None
 
+    def at(self, state: State) -> Point:
+        """Return the point of a state that no other leads to; the tangent there is factorised."""
+        self.solver.factorise(state)
+        tangent = self.solver.tangent(state, Control(1 / self.plane.V_scale, 1.0, 0.0))
+        if not self.requested.starts_forward(state, tangent):
+            tangent = -tangent
+        stiffest = min(self.last.stiffest, self.plane.felt(tangent.compliance))
+        signature = self.trail.stability.signature(exact=True)
+        return Point(state, tangent, False, False, self.first_step, self.trail.line, stiffest, signature)
+
+    def let_go(self, goal: float, end: PathEnd) -> Point:
+        """Let the device go at its last point, where the path was lost for a reason; return where it comes to rest.
+
+        Raises:
+            PathEnd: It does not; the reason stays, but where it collapses.
+        """
+        last = self.last
+        value = min(self.value(last.state) + AHEAD * self.requested.first_step(self.plane, self.V0), goal)
+        self.report(f"{end.cause.clause if end.cause else end}; letting the device go there")
+        try:
+            state = come_to_rest(self, self.requested.curve(value), last.state)
+        except NoConvergence as failure:
+            self.report(f"it finds no state of rest ({failure})")
+            raise PathEnd(str(end), cause=EMPTIED) if isinstance(failure, Emptied) else end from failure
+        self.trail.line = self.requested.name if self.control == "auto" else self.control
+        landed = self.at(self.requested.exactly(state, value))
+        return self.keep(dataclasses.replace(landed, requested=value == goal, jump=True))
+
     def advance(self, step: float, goal: float) -> Point:
         """Take a step towards the requested value ``goal``, shortened until it converges; `PathEnd` if not even the shortest
         one did."""
@@ -988,12 +1068,14 @@ class Continuation:
         last = self.last
         line = self.followed.ahead(last.state, last.tangent, share) if goal is None else self.requested.curve(goal)
         state = self.corrector.solve(line, self.trail.points)
-        self.corrector.check_branch(state, line)
+        self.corrector.check_branch(state)
         state = state if goal is None else self.requested.exactly(state, goal)
         count = state.iterations - self.solver.system.assembled.slack
         change = STEP_GROWTH if count <= QUICK else 1.0 if count < SLOW else 0.6
         following = max(step, share) * change if change > 1 else share * change
-        return self.corrector.point(state, requested=goal is not None, step=following)
+        point = self.corrector.point(state, requested=goal is not None, step=following)
+        self.corrector.check_work(point)
+        return point
 
     def _longest(self) -> float:
         s, t = self.last.state, self.last.tangent
@@ -1039,6 +1121,64 @@ class Continuation:
         return self.may_follow_volume and self.requested.ends_at_pressure_limit
 
 
+# ----------------------------------------------------------------------------------------------------------------------
+# Let a device go: from a state that is none of equilibrium it creeps against a drag on its mass until it rests.
+#
+# A small part of a device may snap where neither its pressure nor its volume show it: a compressed surface creases, a stiff
+# sheet wrinkles, walls that meet slide off an edge. The curve of equilibrium states turns back there in all that is controlled,
+# perhaps more sharply than any step follows, but a real device jumps to the next stable state and goes on from it.
+
+
+AHEAD = 0.01
+"""How far beyond the last state a device is let go, in first steps."""
+FIRST_CREEP, LAST_CREEP, SHORTEST_CREEP = 0.3, 1e4, 1e-4
+"""First step of a device that is let go, the one from which on it rests, and the shortest, in times that a shear wave takes to
+cross the device."""
+MOST_CREEP = 1000
+"""Maximum number of steps until it rests."""
+
+
+def come_to_rest(path: Continuation, curve: Curve, state: State) -> State:
+    """Return the stable state on a control's curve in which a device comes to rest that is let go in a state near it.
+
+    It moves against a drag, M w' = -dPi/dw, by implicit Euler's steps: each is a minimum of the potential with one more term,
+    the inertia of a step from rest, and its length grows until that term is nothing (pseudo-transient continuation, Kelley and
+    Keyes 1998, doi 10.1137/S0036142996304796). A step to a saddle is too long. What silicone remembers stays, as a snap takes
+    no time.
+
+    Raises:
+        NoConvergence: It does not come to rest; `Emptied` if a cavity collapses.
+    """
+    system, potential = path.solver.system, path.solver.system.potential
+    motion = Motion(system, Inertia((1.0,) * len(system.matter)), system.stress_unit / system.length_unit**2)
+    potential.motion, step = motion, FIRST_CREEP
+    try:
+        for _ in range(MOST_CREEP):
+            motion.keep(state.w, anew=True)
+            motion.begin(step if step < LAST_CREEP else 0.0)
+            try:
+                found = path.corrector.solve_from(curve, state.w, state.P, state)
+                path.corrector.check_whole(found, state)
+                if not path.at(found).stable_under(curve.line(found.V, found.P)):
+                    raise NoConvergence("a saddle")
+            except NoConvergence:
+                step /= 2.0
+                if step < SHORTEST_CREEP:
+                    raise
+                continue
+            state = found
+            potential.keep(state.w)
+            if step >= LAST_CREEP:
+                return state
+            if abs(state.V) > LARGEST_GROWTH * path.plane.V_scale:
+                break
+            quick, slow = found.iterations <= QUICK, found.iterations >= SLOW
+            step = LAST_CREEP if not found.iterations else step * (2.0 if quick else 1.0 if slow else 1.3)
+    finally:
+        potential.motion = None
+    raise NoConvergence("the device did not come to rest")
+
+
 def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = ()) -> Iterator[Point]:
     """Follow a device through the requested values, in rising order, and yield every point of the path.
 
@@ -1076,8 +1216,13 @@ def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = (
             step = min(step, PAST_LIMIT / 2 * (passed.limit.state.V - path.V0))
         try:
             stops, leak = path.stops(step, left[0])
-        except PathEnd as end:
-            raise passed.ended(end, path.requested) from end
+        except PathEnd as lost_there:
+            end = passed.ended(lost_there, path.requested)
+            if end.physical or not path.lets_go:
+                raise end from lost_there
+            yield (landed := path.let_go(left[0], end))
+            left = left[1:] if landed.requested else left
+            continue
         yield from _up_to(path, before, stops, left, passed)
         if leak:
             raise leak

@@ -16,13 +16,13 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
+from softmodels.mechanics.component import PathFailure
 from softmodels.mechanics.controls import Control, Coupling, pressure_control, volume_control
-from softmodels.mechanics.memory import Inertia, Motion
 from softmodels.mechanics.mpi import largest
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
-from softmodels.path.continuation import Continuation, trace
+from softmodels.path.continuation import AHEAD, EMPTIED, Continuation, Emptied, come_to_rest, trace
 from softmodels.path.program import (
     SOURCE,
     SOURCE_KEYS,
@@ -426,7 +426,7 @@ class Stage:
         """
         start = solver.couple(self.coupling, self.start.state, self.start.drives)
         largest = self.goal / POINTS_PER_STAGE
-        path = Continuation(solver, self.requested, control, largest, start=start, report=report)
+        path = Continuation(solver, self.requested, control, largest, start=start, report=report, lets_go=True)
         if (motion := solver.system.potential.motion) and not self.duration:
             motion.jump()
             first = path.begin()
@@ -664,22 +664,24 @@ def in_drivers(
 
 NUDGE = 0.01
 """Largest displacement, in sizes of the device, by which it is pushed off a limit point."""
-FIRST_CREEP, LAST_CREEP, SHORTEST_CREEP = 0.3, 1e4, 1e-4
-"""First step of a device that is let go, the one from which on it rests, and the shortest, in times that a shear wave takes to
-cross the device."""
-MOST_CREEP = 400
-"""Maximum number of steps until it rests."""
 MOST_SNAPS = 8
 """Maximum number of times that a device is let go in one cycle."""
+
+
+BUCKLED = PathFailure(
+    "the device buckles: its stable states end at a bifurcation, and none was found in which it would come to rest",
+    "Stay below; smaller cells (--cell-size) may resolve the folds into which it collapses",
+)
 
 
 @dataclasses.dataclass(frozen=True)
 class CyclePart:
     """A stable part of the curve: points with rising pressure, with limit points at its ends if there are any, and the path
-    on which states between them are solved for."""
+    on which states between them are solved for; ``buckles``: whether unstable states follow on it without a limit point."""
 
     points: tuple[Point, ...]
     path: Continuation
+    buckles: bool
 
     @property
     def lowest(self) -> float:
@@ -736,7 +738,7 @@ class Cycle:
     def __init__(self, path: Continuation, most: float):
         self.path, self.most, self.snaps = path, most, 0
         self.lost: PathEnd | None = None
-        path.control, path.largest_growth = ArcLength.name, LARGEST_GROWTH
+        path.control, path.largest_growth, path.lets_go = ArcLength.name, LARGEST_GROWTH, False
         self.parts = _stable_parts(self._curve(path, most), path)
         if not self.parts:
             raise self.lost or PathEnd("there is no stable state")
@@ -775,33 +777,47 @@ class Cycle:
                 return here
             edge = part.points[-1 if way > 0 else 0]
             yield dataclasses.replace(edge, requested=False)
-            here, at = self._snapped(here, edge, way), end
-            landed = dataclasses.replace(_state(self.parts[here], end), requested=False, jump=True)
+            at = (
+                end if edge.limit else end + way * AHEAD * self.path.requested.first_step(self.path.plane, self.path.V0)
+            )
+            here = self._snapped(here, edge, at, way)
+            landed = dataclasses.replace(_state(self.parts[here], at), requested=False, jump=True)
 
-    def _snapped(self, here: int, edge: Point, way: int) -> int:
-        """Return the part that a device snaps to at the end of another, up (1) or down (-1)."""
-        end = edge.state.P
-        if not edge.limit:
-            self.path.trail.add(edge)
-            raise self.lost or PathEnd("the curve of its stable states ends")
-        options = range(here + way, len(self.parts) if way > 0 else -1, way)
-        found = next((k for k in options if self.parts[k].lowest <= end <= self.parts[k].highest), None)
-        if found is None and (rest := self._let_go(edge, way)) is not None:
+    def _snapped(self, here: int, edge: Point, P: float, way: int) -> int:
+        """Return the part that a device snaps to at a pressure from the end of another, up (1) or down (-1)."""
+        options = range(here + way, len(self.parts) if way > 0 else -1, way) if edge.limit else ()
+        found = next((k for k in options if self.parts[k].lowest <= P <= self.parts[k].highest), None)
+        if found is None and (rest := self._let_go(edge, P, way)) is not None:
             self.parts.insert(found := here + 1 if way > 0 else here, rest)
-        if found is None:
+        if found is None and edge.limit:
             why = "the pressure has a limit point, and no stable state at that pressure was found beyond it"
             raise PathEnd(why, edge)
+        if found is None:
+            self.path.trail.add(edge)
+            why = "the curve of its stable states ends"
+            if way > 0 and self.parts[here].buckles:
+                raise PathEnd(why, cause=BUCKLED)
+            raise self.lost or PathEnd(why)
         return found
 
-    def _let_go(self, edge: Point, way: int) -> CyclePart | None:
-        """Return the stable part on which a device comes to rest that is let go at a limit point; None if it does not."""
-        path = self.path
+    def _let_go(self, edge: Point, P: float, way: int) -> CyclePart | None:
+        """Return the stable part on which a device comes to rest that is let go at a pressure from the end of another; None if
+        it does not."""
+        path, state = self.path, edge.state
         if path.solver.system.potential.motion or self.snaps == MOST_SNAPS:
             return None
         self.snaps += 1
-        path.report("no stable state was met behind a limit point; letting the device go there")
-        state = come_to_rest(path, edge, way)
-        if state is None:
+        path.report("no stable state was met behind the end of a stable part; letting the device go there")
+        if edge.limit:
+            system, rate = path.solver.system, edge.tangent.w
+            push = way * NUDGE / largest(system.comm, float(np.abs(rate[: system.n]).max(initial=0.0)))
+            state = dataclasses.replace(state, w=state.w + push * rate)
+        try:
+            state = come_to_rest(path, pressure_control(P), dataclasses.replace(state, P=P))
+        except NoConvergence as failure:
+            path.report(f"it finds no state of rest ({failure})")
+            if isinstance(failure, Emptied):
+                raise PathEnd(str(failure), cause=EMPTIED) from failure
             return None
         both = []
         for quantity, goal in ((Fall(state.P), state.P), (path.requested, self.most)):
@@ -812,55 +828,14 @@ class Cycle:
         return next((part for part in parts if any(point.state is state for point in part.points)), None)
 
 
-def come_to_rest(path: Continuation, edge: Point, way: int) -> State | None:
-    """Return the stable state in which a device comes to rest that leaves a limit point at its pressure; None if it does not.
-
-    It moves against a drag, M w' = -dPi/dw, by implicit Euler's steps: each is a minimum of the potential with one more term,
-    the inertia of a step from rest, and its length grows until that term is nothing (pseudo-transient continuation, Kelley and
-    Keyes 1998, doi 10.1137/S0036142996304796). A step to a saddle is too long. What silicone remembers stays, as a snap takes
-    no time.
-    """
-    solver, system, state, P = path.solver, path.solver.system, edge.state, edge.state.P
-    potential = system.potential
-    motion = Motion(system, Inertia((1.0,) * len(system.matter)), system.stress_unit / system.length_unit**2)
-    push = way * NUDGE / largest(system.comm, float(np.abs(edge.tangent.w[: system.n]).max(initial=0.0)))
-    state = dataclasses.replace(state, w=state.w + push * edge.tangent.w)
-    potential.motion, step = motion, FIRST_CREEP
-    try:
-        for _ in range(MOST_CREEP):
-            motion.keep(state.w, anew=True)
-            motion.begin(step if step < LAST_CREEP else 0.0)
-            try:
-                found = solver.solve(pressure_control(P), state.w, P)
-                path.corrector.check_whole(found, state)
-                solver.factorise(found)
-                if path.trail.stability.negative_eigenvalues():
-                    raise NoConvergence("a saddle")
-            except NoConvergence:
-                step /= 3.0
-                if step < SHORTEST_CREEP:
-                    return None
-                continue
-            state = found
-            potential.keep(state.w)
-            if step >= LAST_CREEP:
-                return state
-            if abs(state.V) > LARGEST_GROWTH * path.plane.V_scale:
-                return None
-            step = LAST_CREEP if not found.iterations else 1.5 * step
-    finally:
-        potential.motion = None
-    return None
-
-
 def _stable_parts(points: Sequence[Point], path: Continuation) -> list[CyclePart]:
     """Return the curve's stable parts in order; limit points belong to the part they end."""
-    parts: list[list[Point]] = []
+    parts: list[CyclePart] = []
     current: list[Point] = []
     for point in points:
         if point.limit:
             if current:
-                parts.append([*current, point])
+                parts.append(CyclePart((*current, point), path, buckles=False))
                 current = []
             else:
                 current = [point]  # a minimum of the pressure: a stable part may start here
@@ -868,17 +843,17 @@ def _stable_parts(points: Sequence[Point], path: Continuation) -> list[CyclePart
             current.append(point)
         elif current:
             if len(current) > 1:
-                parts.append(current)
+                parts.append(CyclePart(tuple(current), path, buckles=True))
             current = []
     if len(current) > 1:
-        parts.append(current)
-    return [CyclePart(tuple(part), path) for part in parts]
+        parts.append(CyclePart(tuple(current), path, buckles=False))
+    return parts
 
 
 def _state(part: CyclePart, P: float) -> Point:
+    if known := next((point for point in part.points if point.state.P == P and not point.limit), None):
+        return dataclasses.replace(known, requested=True)
     for before, after in itertools.pairwise(part.points):
         if before.state.P <= P <= after.state.P:
-            if P == before.state.P and not before.limit:
-                return dataclasses.replace(before, requested=True)
             return part.path.between(before, after, P)
     return dataclasses.replace(part.points[-1], requested=True)

@@ -504,7 +504,7 @@ def unlocated(rows: Sequence[Row], words: StateLabels) -> str:
     side."""
     cyclic = any(row.get("jump") for row in rows)
     for before, after in itertools.pairwise(rows):
-        told = before.get("limit") or before.get("bifurcation") or (cyclic and after.get("limit"))
+        told = before.get("limit") or before.get("bifurcation") or after.get("jump") or (cyclic and after.get("limit"))
         if before["negative_eigenvalues"] != after["negative_eigenvalues"] and not told:
             return (
                 f"a bifurcation between {_between(before, after, words)} could not be "

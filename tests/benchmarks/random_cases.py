@@ -81,13 +81,18 @@ def work_of(case: Case, rows: Any) -> tuple[np.ndarray, np.ndarray]:
     return np.array(work), np.array(stored)
 
 
-def denser(case: Case) -> Case:
-    """The same with `DENSER` values for each that is asked, between it and the one before."""
+def denser(case: Case, rows: Any) -> Case:
+    """The same with `DENSER` values for each that is asked, between it and the one before; where a device gives way under a
+    pressure, for each volume that its path came by, as its steps there are not those of the pressure."""
 
     def between(values: Sequence[float]) -> tuple[float, ...]:
         known = [0.0, *values] if values[0] else list(values)
         return tuple(np.interp(np.arange(1, DENSER * (len(known) - 1) + 1) / DENSER, range(len(known)), known))
 
+    volumes = [row["added_volume_ml"] for row in rows]
+    one_way = case.load.direction * np.diff(volumes) > 0.0
+    if case.pressures_cm and not case.load_unload and not case.program and volumes[0] == 0.0 and one_way.all():
+        return dataclasses.replace(case, pressures_cm=(), volumes_ml=between(volumes), control="auto")
     names = ("pressures_cm", "volumes_ml", "strokes_ml")
     changes: dict[str, Any] = {name: between(values) for name in names if (values := getattr(case, name))}
     if case.program:
@@ -115,7 +120,7 @@ def fault_of(case: Case, run: Any) -> tuple[str, str]:
         return "lost", message
     off = imbalance(case, run.rows)
     if off > BALANCE:  # either long steps on a curved path, or a fault
-        off = min(off, imbalance(case, sm.run(denser(case)).rows))
+        off = min(off, imbalance(case, sm.run(denser(case, run.rows)).rows))
     ended = "reached" if status == DONE else "limit" if status == NO_EQUILIBRIUM else str(physical)
     return ended, f"work and energy differ by {off:.1%}" if off > BALANCE else ""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 KEPT = 6
@@ -47,6 +48,8 @@ def equilibrium(body_of):
         while len(known) > KEPT:
             known.pop(next(iter(known)))
         equations.system.set_material(material)
+        equations.system.direction = 1
+        equations.system.coupling = equations.system.inflating(np.empty(0))
         return equations
 
     return make
