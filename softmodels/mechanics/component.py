@@ -49,11 +49,12 @@ from softmodels.mechanics.body import WITHIN, Body, condition_of, pieces_in
 
 @dataclasses.dataclass(frozen=True)
 class PathFailure:
-    """A cause (a clause on what happens there), with its advice, a sentence without its full stop. Where it is ``of_mesh``,
-    the device may well go on: no limit of the device is known then."""
+    """A cause (a clause on what happens there), with its advice, a sentence without its full stop. Where it ``snaps``, stable
+    states may lie beyond to which no step leads; where it is ``of_mesh``, no limit of the device is known."""
 
     clause: str
     advice: str
+    snaps: bool = False
     of_mesh: bool = False
 
 

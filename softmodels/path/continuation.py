@@ -469,6 +469,7 @@ SNAPPED = PathFailure(
     "the device snaps back: pressures and forces have a limit point, and their volumes and travels turn "
     "back there too, so neither can be raised further",
     "Stay below, or remove the cause of the snap-back",
+    snaps=True,
 )
 
 
@@ -482,6 +483,7 @@ def folded(cells: float, place: str, at: str) -> PathFailure:
         "Round that edge (--fillet, --rounding or --clamp-rounding, as the device has it), add contact to the faces "
         "beside it, or use larger cells there (--cell-size, fewer cells --through); the states up to here are not "
         "affected",
+        snaps=True,
         of_mesh=True,
     )
 
@@ -1218,7 +1220,7 @@ def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = (
             stops, leak = path.stops(step, left[0])
         except PathEnd as lost_there:
             end = passed.ended(lost_there, path.requested)
-            if end.physical or not path.lets_go:
+            if not (path.lets_go and end.snaps):
                 raise end from lost_there
             yield (landed := path.let_go(left[0], end))
             left = left[1:] if landed.requested else left

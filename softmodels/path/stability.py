@@ -728,6 +728,11 @@ class PathEnd(Exception):
         """Whether no equilibrium exists beyond it, as opposed to a failure of the method."""
         return self.limit is not None or (self.cause is not None and not self.cause.of_mesh)
 
+    @property
+    def snaps(self) -> bool:
+        """Whether the device, or a part of it, may snap there to a state that no step leads to."""
+        return self.limit is None and (self.cause is None or self.cause.snaps)
+
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Requested quantities and controls of a path: functions of cavity volume and pressure with prescribed values.

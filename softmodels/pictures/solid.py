@@ -133,19 +133,20 @@ def section_sheet(look: Look) -> Figure:
     flat = np.concatenate([states.points, *(states.moved(step) for step in steps)])[:, ::2] * 1e3
     low, (wide, tall) = flat.min(axis=0), np.ptp(flat, axis=0)
     columns = COLUMNS[len(steps)] if tall < 1.2 * wide else len(steps)
-    inner, head = WIDTH / columns - 0.4, 0.55
+    titles = [wrapped(load(states.row(step), states.words), WIDTH / columns, 11) for step in steps]
+    inner = WIDTH / columns - 0.4
+    head = max(0.55, 0.15 + 1.25 * 11 / 72 * max(1 + title.count("\n") for title in titles))
     height = min(inner * tall / wide, 5.0)
     used, rows = height * wide / tall, -(-len(steps) // columns)
     whole = rows * (height + head) + 0.35 + FOOT
     figure = Figure((WIDTH, whole), dpi=DPI)
-    for k, step in enumerate(steps):
+    for k, (step, title) in enumerate(zip(steps, titles, strict=True)):
         left, down = (k % columns + 0.5) * WIDTH / columns - used / 2, 0.3 + (height + head) * (k // columns + 1)
         axes = figure.add_axes((left / WIDTH, 1 - down / whole, used / WIDTH, height / whole))
         _coloured_section(axes, states, step, scale)
         axes.set(xlim=(low[0], low[0] + wide), ylim=(low[1], low[1] + tall))
         axes.set_axis_off()
-        text = load(states.row(step), states.words)
-        axes.set_title(wrapped(text, WIDTH / columns, 11), fontsize=11, color=title_colour(text))
+        axes.set_title(title, fontsize=11, color=title_colour(title))
     name = look.caption(states.main).subject
     figure.text(0.5, 1 - 0.08 / whole, name, ha="center", va="top", fontsize=11, color=EDGE)
     scale.bar(figure)

@@ -215,3 +215,19 @@ def test_a_shell_that_snaps_back_has_its_limit_named(equilibrium, solved, figure
         -end.limit.state.P * equations.system.stress_unit / limit - 1,
         1e-6,
     )
+
+
+def test_a_thin_balloon_collapses_onto_its_neck(figure):
+    """A cusp first, where long steps would leap to a part of the curve that has lost energy; then the edge of the neck presses
+    into the wall above, which is beside that edge and not behind it."""
+    balloon = Balloon(
+        radius=7.13e-3, wall=0.729e-3, neck_radius=2.68e-3, neck_length=3.73e-3, fillet=0.484e-3, held="end",
+        cell_size=0.42e-3, section="axisymmetric",
+    )  # fmt: skip
+    walls = Walls("auto, cavity")
+    run = sm.inflate(balloon, NeoHookean(50.9e3, 0.49), "-40 cm", control="arc-length", components=walls)
+    V, P, energy = (run.path[name] for name in ("added_volume_ml", "pressure_Pa", "stored_energy_mJ"))
+    touching = int(np.flatnonzero(run.path["walls_contact_N"] > 0.0)[0])
+    assert P.min() < -1700.0 and V[-1] < -1.43 and not run.path["jump"].any() and 10 < touching < len(V) - 10
+    work = np.cumsum(np.diff(V) * (P[:-1] + P[1:]) / 2e3)
+    figure("work of the pressure", "stored energy of a balloon that collapses", (energy[1:] - work) / energy[-1], 1e-2)
