@@ -1400,7 +1400,7 @@ SEEPS = 1e-6
 """Contact pressure in that of the facet that is pressed most, below which gas passes freely."""
 OPENS = 1e-6
 """Depth in sizes of the last contact at which a seal opens."""
-SETTLED = 1e-7
+SETTLED = 1e-9
 """Change of the share of the pressure below which it is that of the state."""
 RESTS, RESTING = 1e-5, 0.1
 """Depth in sizes up to which faces hardly press, and their stiffness in a factorisation then, in that of the contact: nothing

@@ -21,8 +21,8 @@ from softmodels.mechanics.controls import Tangent, pressure_control, volume_cont
 from softmodels.mechanics.mpi import on_root, total
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.sensitivity import InTime, Rate, Sensitivity
-from softmodels.path.continuation import Continuation, trace
-from softmodels.path.schedule import LARGEST_GROWTH, HangingEnd, hang, inflate_from
+from softmodels.path.continuation import FREE_GROWTH, Continuation, trace
+from softmodels.path.schedule import HangingEnd, hang, inflate_from
 from softmodels.path.stability import AddedVolume, Mode, PathEnd, Point, Stability
 from softmodels.runs.state_values import Grid, displacement_maps
 
@@ -365,7 +365,7 @@ class WorkingStates:
         limit = forked = end = None
         # A step of the pressure up to a limit point may end behind it, on the other branch; one of the volume does not.
         try:
-            path = Continuation(self.solver, control=AddedVolume.name, start=start, largest_growth=LARGEST_GROWTH)
+            path = Continuation(self.solver, control=AddedVolume.name, start=start, largest_growth=FREE_GROWTH)
             for point in trace(path, goals):
                 self.newton += point.state.iterations
                 limit = point if point.limit and limit is None else limit

@@ -172,6 +172,8 @@ class PathHistory:
 LARGEST_MODE_SHARE = 0.5
 """Amplitude of a bifurcation's mode in the predictor's error, relative to the step, above which the state is on another
 branch."""
+FARTHEST = 4.0
+"""Maximum travel of a dead load in one step, relative to the predicted one."""
 LOST, ROUNDED = 0.25, 1e-9
 """Share of a step's work that may be missing in the stored energy, and rounding of that energy."""
 MOST_SECANTS = 25
@@ -270,7 +272,10 @@ class Corrector:
         except NoConvergence:
             if not self.solver.system.potential.predicted_stiffness:
                 raise
-            return self.solver.solve(line, w, P, since=last.w)
+            try:
+                return self.solver.solve(line, w, P, since=last.w)
+            except NoConvergence:
+                return self.solver.solve(line, last.w, last.P, since=last.w)
 
     def point(self, state: State, requested: bool = False, limit: bool = False, step: float | None = None) -> Point:
         """Return the point of a state near the last one, with tangent and signature, factorised if these need it, and with the
@@ -309,18 +314,24 @@ class Corrector:
         if not system.potential.admits((since or self.trail.last.state).w, state.w):
             raise NoConvergence("a wall passed through an obstacle")
 
-    def check_branch(self, state: State) -> None:
+    def check_branch(self, state: State, line: Curve) -> None:
         """Reject a converged state on the wrong branch: behind the last one, inverted, or through a wall.
+
+        A dead load's magnitude may be given beyond a limit point and met again far behind it, on a part that stiffens.
 
         Raises:
             NoConvergence: It lies there.
             Emptied: A cavity's walls have passed through each other, which no short step mends.
         """
         s, t = self.trail.last.state, self.trail.last.tangent
-        plane = self.plane.stiffened(self.trail.last.stiffest)
+        system, plane = self.solver.system, self.plane.stiffened(self.trail.last.stiffest)
         self.check_whole(state)
         if plane.product((state.V - s.V, state.P - s.P), (t.V, t.P)) <= 0.0:
             raise NoConvergence("Newton converged to another branch")
+        if not (line.needs_volume or system.drives_cavities):
+            predicted = t.V * (state.P - s.P) / t.P if t.P else math.inf
+            if abs(state.V - s.V) > FARTHEST * abs(predicted):
+                raise NoConvergence("the travel was too large for one step")
 
     def check_work(self, point: Point) -> None:
         """Reject a point whose stored energy has not grown from the last one by the work done: on a curve of equilibrium states
@@ -395,11 +406,11 @@ class Corrector:
         signature, tangent = self.stability.signature(exact=True), self.tangent(found.state)
         return dataclasses.replace(found, tangent=tangent, limit=False, signature=signature)
 
-    def root(self, low: Point, high: Point, f: Callable[[Point], float]) -> State:
+    def root(self, low: Point, high: Point, f: Callable[[Point], float], tolerance: float = 1e-7) -> State:
         """Return the root of f between two points by the Illinois variant of the secant, on lines of given volume.
 
         Each value is a solve, started from the bracket's own two points, which a root finder for plain numbers does not know;
-        and it ends as soon as f is small beside its ends.
+        and it ends as soon as f is small beside its ends, by the tolerance.
         """
         f_low, f_high = f(low), f(high)
         scale = max(abs(f_low), abs(f_high))
@@ -409,7 +420,7 @@ class Corrector:
             state = self.solve(volume_control(V), (low, high))
             best = dataclasses.replace(high, state=state, tangent=self.tangent(state, 1e-9))
             value = f(best)
-            if abs(value) <= 1e-7 * scale or abs(high.state.V - low.state.V) <= 1e-9 * self.plane.V_scale:
+            if abs(value) <= tolerance * scale or abs(high.state.V - low.state.V) <= 1e-9 * self.plane.V_scale:
                 break
             if (value > 0) == (f_high > 0):
                 high, f_high = best, value
@@ -1004,7 +1015,7 @@ class Continuation:
                 system.load(point.state)
                 return term.margin(system)
 
-            state = self.corrector.root(before, after, margin) if margin(before) > 0.0 else before.state
+            state = self.corrector.root(before, after, margin, 1e-9) if margin(before) > 0.0 else before.state
             system.load(state)
             end = PathEnd("a seal opens", cause=term.opened(system))
             return dataclasses.replace(self.corrector.point(state), requested=False), end
@@ -1070,7 +1081,7 @@ class Continuation:
         last = self.last
         line = self.followed.ahead(last.state, last.tangent, share) if goal is None else self.requested.curve(goal)
         state = self.corrector.solve(line, self.trail.points)
-        self.corrector.check_branch(state)
+        self.corrector.check_branch(state, line)
         state = state if goal is None else self.requested.exactly(state, goal)
         count = state.iterations - self.solver.system.assembled.slack
         change = STEP_GROWTH if count <= QUICK else 1.0 if count < SLOW else 0.6
@@ -1138,6 +1149,9 @@ FIRST_CREEP, LAST_CREEP, SHORTEST_CREEP = 0.3, 1e4, 1e-4
 cross the device."""
 MOST_CREEP = 1000
 """Maximum number of steps until it rests."""
+FREE_GROWTH = 500.0
+"""Cavity volumes at which a device that moves freely has burst, and at which the search for another stable part ends: a balloon
+of eight times its radius."""
 
 
 def come_to_rest(path: Continuation, curve: Curve, state: State) -> State:
@@ -1172,7 +1186,7 @@ def come_to_rest(path: Continuation, curve: Curve, state: State) -> State:
             potential.keep(state.w)
             if step >= LAST_CREEP:
                 return state
-            if abs(state.V) > LARGEST_GROWTH * path.plane.V_scale:
+            if abs(state.V) > FREE_GROWTH * path.plane.V_scale:
                 break
             quick, slow = found.iterations <= QUICK, found.iterations >= SLOW
             step = LAST_CREEP if not found.iterations else step * (2.0 if quick else 1.0 if slow else 1.3)

@@ -22,7 +22,7 @@ from softmodels.mechanics.mpi import largest
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
-from softmodels.path.continuation import AHEAD, EMPTIED, Continuation, Emptied, come_to_rest, trace
+from softmodels.path.continuation import AHEAD, EMPTIED, FREE_GROWTH, Continuation, Emptied, come_to_rest, trace
 from softmodels.path.program import (
     SOURCE,
     SOURCE_KEYS,
@@ -65,9 +65,6 @@ SHAKEN = 1.25
 """Change of the step from which on K with the mass needs a new factorisation."""
 KEPT = 1.6
 """With inertia, the change of the step that is not worth it: vibrations keep their energy best in equal steps."""
-LARGEST_GROWTH = 500.0
-"""Cavity volumes at which a moving device has burst, and at which the search for another stable part ends: a balloon of eight
-times its radius."""
 GROWTH, MOST_GROWTH = 1e-3, 1.0
 """First and last volume, over the cavity's, that a lost equilibrium is looked for at beyond its last state."""
 
@@ -297,8 +294,8 @@ def _shortest(path: Continuation, drive: Drive, time: float) -> float:
 def _check_growth(path: Continuation) -> None:
     """Raise `PathEnd` for a moving device that has grown far beyond any stable state."""
     growth = path.last.state.V / path.plane.V_scale
-    if growth > LARGEST_GROWTH and path.solver.system.potential.motion:
-        raise PathEnd(f"the cavity has grown {LARGEST_GROWTH:g}-fold and finds no state of rest")
+    if growth > FREE_GROWTH and path.solver.system.potential.motion:
+        raise PathEnd(f"the cavity has grown {FREE_GROWTH:g}-fold and finds no state of rest")
 
 
 def _none(path: Continuation, pressure: float, step: float) -> bool:
@@ -738,7 +735,7 @@ class Cycle:
     def __init__(self, path: Continuation, most: float):
         self.path, self.most, self.snaps = path, most, 0
         self.lost: PathEnd | None = None
-        path.control, path.largest_growth, path.lets_go = ArcLength.name, LARGEST_GROWTH, False
+        path.control, path.largest_growth, path.lets_go = ArcLength.name, FREE_GROWTH, False
         self.parts = _stable_parts(self._curve(path, most), path)
         if not self.parts:
             raise self.lost or PathEnd("there is no stable state")

@@ -29,9 +29,10 @@ CASES = {
     "friction, there and back": f'{SECTION}{SOFT}[contact.plate]\nshape = "plane"\nfaces = "top"\n'
     'at = ["0 mm", "0 mm", "13 mm"]\n'
     "along = [0, 0, -1]\nfriction = 0.5\n[load]\ncavity1.pressure_cm = [30, 10]\n",
-    "a part that snaps": '[geometry]\ndevice = "Bellows"\nconvolutions = 1\ninner_radius = "6.276 mm"\nouter_radius = "10.77 mm"\n'
-    'wall = "0.95 mm"\npitch = "5.261 mm"\nrounding = "0.845 mm"\ncap = "2.73 mm"\ntip = "free"\ncell_size = "1 mm"\nthrough = 1\n'
-    '[material]\nlaw = "gent"\nshear_modulus = "17.95 kPa"\nlimit = 57\npoisson = 0.5\n[contact]\nfaces = "tip"\n'
+    "a part that snaps": '[geometry]\ndevice = "Bellows"\nconvolutions = 1\ninner_radius = "6.276 mm"\n'
+    'outer_radius = "10.77 mm"\nwall = "0.95 mm"\npitch = "5.261 mm"\n'
+    'rounding = "0.845 mm"\ncap = "2.73 mm"\ntip = "free"\ncell_size = "1 mm"\n'
+    'through = 1\n[material]\nlaw = "gent"\nshear_modulus = "17.95 kPa"\nlimit = 57\npoisson = 0.5\n[contact]\nfaces = "tip"\n'
     'plane = "z = 14.126 mm"\n[walls]\nfaces = "none"\n[load]\nvolume_ml = "0:12:6"\n',
     "a wedge": f'{SHADOW}base = "5 mm"\n{COARSE}angle = "15 deg"\n{SOFT}[load]\nvolume_ml = "0:45:15"\n',
 }

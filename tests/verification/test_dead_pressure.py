@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.materials.specimens import balloon_pressure
-from softmodels.path.continuation import Continuation
-from softmodels.path.schedule import Cycle, come_to_rest, cycle
+from softmodels.mechanics.controls import pressure_control
+from softmodels.path.continuation import Continuation, come_to_rest
+from softmodels.path.schedule import NUDGE, Cycle, cycle
 from softmodels.path.stability import PathEnd
 from tests.support import bodies
 
@@ -78,7 +81,9 @@ def test_a_balloon_let_go_at_its_limit_point_rests_where_the_curve_leads(balloon
     limit = [k for k, point in enumerate(points) if point.jump][0 if way == "up" else 1] - 1
     path = Continuation(balloon)
     path.begin()
-    state = come_to_rest(path, points[limit], 1 if way == "up" else -1)
+    edge = points[limit]
+    pushed = edge.state.w + (1 if way == "up" else -1) * NUDGE / np.abs(edge.tangent.w).max() * edge.tangent.w
+    state = come_to_rest(path, pressure_control(edge.state.P), dataclasses.replace(edge.state, w=pushed))
     assert balloon.system.potential.motion is None
     figure(SHELL, "volume where it comes to rest", state.V / points[limit + 1].state.V - 1, 1e-8)
 
