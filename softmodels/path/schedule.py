@@ -661,7 +661,7 @@ def in_drivers(
 
 NUDGE = 0.01
 """Largest displacement, in sizes of the device, by which it is pushed off a limit point."""
-MOST_SNAPS = 8
+MOST_SNAPS = 30
 """Maximum number of times that a device is let go in one cycle."""
 
 
