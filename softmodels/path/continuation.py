@@ -176,6 +176,9 @@ FARTHEST = 4.0
 """Maximum travel of a dead load in one step, relative to the predicted one."""
 LOST, ROUNDED = 0.25, 1e-9
 """Share of a step's work that may be missing in the stored energy, and rounding of that energy."""
+STEEPEST = 3.0
+"""Slope at the ends of a cubic, over its chord's, up to which it rises throughout (Fritsch and Carlson 1980, doi
+10.1137/0717021)."""
 MOST_SECANTS = 25
 """Maximum secant iterations to locate a value between two points."""
 ALONG = 0.9
@@ -357,15 +360,13 @@ class Corrector:
 
     def _bulges(self, before: Point, after: Point) -> list[float]:
         """Return the areas between a curve through two points in the volume-pressure plane and its chord: of the pressure as a
-        cubic of the volume, and of the volume as one of the pressure, where it can be that."""
+        cubic of the volume, and of the volume as one of the pressure, where it can be that and the cubic does not turn back."""
         s, t, a, b = before.state, after.state, before.tangent, after.tangent
-        found = []
-        for change, first, second, sign in (
-            (t.V - s.V, (a.V, a.P), (b.V, b.P), 1.0),
-            (t.P - s.P, (a.P, a.V), (b.P, b.V), -1.0),
-        ):
-            if change * first[0] > 0.0 and change * second[0] > 0.0:
-                found.append(sign * change**2 * (first[1] / first[0] - second[1] / second[0]) / 12)
+        dV, dP, found = t.V - s.V, t.P - s.P, []
+        if dV * a.V > 0.0 and dV * b.V > 0.0:
+            found.append(dV**2 * (a.P / a.V - b.P / b.V) / 12)
+        if dP * a.P > 0.0 and dP * b.P > 0.0 and max(abs(a.V / a.P), abs(b.V / b.P)) * abs(dP) <= STEEPEST * abs(dV):
+            found.append(dP**2 * (b.V / b.P - a.V / a.P) / 12)
         return found
 
     # -- between two points -------------------------------------------------------------------------------------------
@@ -877,6 +878,7 @@ class Continuation:
 
     Attributes:
         trail: Its last points, once it has begun; with it ``plane``, its scales, and ``corrector``, which finds its states.
+        snaps: How often the device has been let go.
     """
 
     solver: Solver
@@ -892,6 +894,7 @@ class Continuation:
     def __post_init__(self) -> None:
         if self.control not in CONTROLS:
             raise ValueError(f"control {self.control!r} is not one of {', '.join(CONTROLS)}")
+        self.snaps = 0
 
     def begin(self) -> Point:
         """Return the path's first point; sets the scales of the plane in which arc lengths are measured."""
@@ -1039,12 +1042,9 @@ class Continuation:
         """
         last = self.last
         value = min(self.value(last.state) + AHEAD * self.requested.first_step(self.plane, self.V0), goal)
-        self.report(f"{end.cause.clause if end.cause else end}; letting the device go there")
-        try:
-            state = come_to_rest(self, self.requested.curve(value), last.state)
-        except NoConvergence as failure:
-            self.report(f"it finds no state of rest ({failure})")
-            raise PathEnd(str(end), cause=EMPTIED) if isinstance(failure, Emptied) else end from failure
+        state = come_to_rest(self, self.requested.curve(value), last.state, end.cause.clause if end.cause else str(end))
+        if state is None:
+            raise end
         self.trail.line = self.requested.name if self.control == "auto" else self.control
         landed = self.at(self.requested.exactly(state, value))
         return self.keep(dataclasses.replace(landed, requested=value == goal, jump=True))
@@ -1144,6 +1144,8 @@ class Continuation:
 
 AHEAD = 0.01
 """How far beyond the last state a device is let go, in first steps."""
+MOST_SNAPS = 30
+"""Maximum number of times that a device is let go on one path."""
 FIRST_CREEP, LAST_CREEP, SHORTEST_CREEP = 0.3, 1e4, 1e-4
 """First step of a device that is let go, the one from which on it rests, and the shortest, in times that a shear wave takes to
 cross the device."""
@@ -1154,8 +1156,34 @@ FREE_GROWTH = 500.0
 of eight times its radius."""
 
 
-def come_to_rest(path: Continuation, curve: Curve, state: State) -> State:
-    """Return the stable state on a control's curve in which a device comes to rest that is let go in a state near it.
+def come_to_rest(path: Continuation, curve: Curve, state: State, why: str) -> State | None:
+    """Return the stable state on a control's curve in which a device comes to rest that is let go in a state near it; None if
+    it does not, or has inertia of its own.
+
+    Args:
+        path: The path that was lost there; it counts how often.
+        curve: What is controlled, and where.
+        state: Where the device is let go.
+        why: The reason, a clause, for the report.
+
+    Raises:
+        PathEnd: A cavity collapses.
+    """
+    if path.solver.system.potential.motion or path.snaps == MOST_SNAPS:
+        return None
+    path.snaps += 1
+    path.report(f"{why}; letting the device go there")
+    try:
+        return creep(path, curve, state)
+    except NoConvergence as failure:
+        path.report(f"it finds no state of rest ({failure})")
+        if isinstance(failure, Emptied):
+            raise PathEnd(why, cause=EMPTIED) from failure
+        return None
+
+
+def creep(path: Continuation, curve: Curve, state: State) -> State:
+    """Return the stable state on a control's curve to which a device creeps from a state near it.
 
     It moves against a drag, M w' = -dPi/dw, by implicit Euler's steps: each is a minimum of the potential with one more term,
     the inertia of a step from rest, and its length grows until that term is nothing (pseudo-transient continuation, Kelley and

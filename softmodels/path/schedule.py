@@ -22,7 +22,7 @@ from softmodels.mechanics.mpi import largest
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
-from softmodels.path.continuation import AHEAD, EMPTIED, FREE_GROWTH, Continuation, Emptied, come_to_rest, trace
+from softmodels.path.continuation import AHEAD, FREE_GROWTH, Continuation, come_to_rest, trace
 from softmodels.path.program import (
     SOURCE,
     SOURCE_KEYS,
@@ -661,8 +661,6 @@ def in_drivers(
 
 NUDGE = 0.01
 """Largest displacement, in sizes of the device, by which it is pushed off a limit point."""
-MOST_SNAPS = 30
-"""Maximum number of times that a device is let go in one cycle."""
 
 
 BUCKLED = PathFailure(
@@ -733,7 +731,7 @@ class Cycle:
     the curve."""
 
     def __init__(self, path: Continuation, most: float):
-        self.path, self.most, self.snaps = path, most, 0
+        self.path, self.most = path, most
         self.lost: PathEnd | None = None
         path.control, path.largest_growth, path.lets_go = ArcLength.name, FREE_GROWTH, False
         self.parts = _stable_parts(self._curve(path, most), path)
@@ -800,29 +798,21 @@ class Cycle:
     def _let_go(self, edge: Point, P: float, way: int) -> CyclePart | None:
         """Return the stable part on which a device comes to rest that is let go at a pressure from the end of another; None if
         it does not."""
-        path, state = self.path, edge.state
-        if path.solver.system.potential.motion or self.snaps == MOST_SNAPS:
-            return None
-        self.snaps += 1
-        path.report("no stable state was met behind the end of a stable part; letting the device go there")
+        path, state, why = self.path, edge.state, "no stable state was met behind the end of a stable part"
         if edge.limit:
             system, rate = path.solver.system, edge.tangent.w
             push = way * NUDGE / largest(system.comm, float(np.abs(rate[: system.n]).max(initial=0.0)))
             state = dataclasses.replace(state, w=state.w + push * rate)
-        try:
-            state = come_to_rest(path, pressure_control(P), dataclasses.replace(state, P=P))
-        except NoConvergence as failure:
-            path.report(f"it finds no state of rest ({failure})")
-            if isinstance(failure, Emptied):
-                raise PathEnd(str(failure), cause=EMPTIED) from failure
+        rest = come_to_rest(path, pressure_control(P), dataclasses.replace(state, P=P), why)
+        if rest is None:
             return None
         both = []
-        for quantity, goal in ((Fall(state.P), state.P), (path.requested, self.most)):
-            one = dataclasses.replace(path, requested=quantity, start=state)
+        for quantity, goal in ((Fall(rest.P), rest.P), (path.requested, self.most)):
+            one = dataclasses.replace(path, requested=quantity, start=rest)
             both.append(self._curve(one, goal))
         down = [dataclasses.replace(point, tangent=-point.tangent, requested=False) for point in both[0][:0:-1]]
         parts = _stable_parts([*down, *both[1]], one)
-        return next((part for part in parts if any(point.state is state for point in part.points)), None)
+        return next((part for part in parts if any(point.state is rest for point in part.points)), None)
 
 
 def _stable_parts(points: Sequence[Point], path: Continuation) -> list[CyclePart]:

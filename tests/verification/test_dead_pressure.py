@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.materials.specimens import balloon_pressure
 from softmodels.mechanics.controls import pressure_control
-from softmodels.path.continuation import Continuation, come_to_rest
+from softmodels.path.continuation import Continuation, creep
 from softmodels.path.schedule import NUDGE, Cycle, cycle
 from softmodels.path.stability import PathEnd
 from tests.support import bodies
@@ -83,7 +83,7 @@ def test_a_balloon_let_go_at_its_limit_point_rests_where_the_curve_leads(balloon
     path.begin()
     edge = points[limit]
     pushed = edge.state.w + (1 if way == "up" else -1) * NUDGE / np.abs(edge.tangent.w).max() * edge.tangent.w
-    state = come_to_rest(path, pressure_control(edge.state.P), dataclasses.replace(edge.state, w=pushed))
+    state = creep(path, pressure_control(edge.state.P), dataclasses.replace(edge.state, w=pushed))
     assert balloon.system.potential.motion is None
     figure(SHELL, "volume where it comes to rest", state.V / points[limit + 1].state.V - 1, 1e-8)
 
