@@ -894,7 +894,7 @@ class Continuation:
     def __post_init__(self) -> None:
         if self.control not in CONTROLS:
             raise ValueError(f"control {self.control!r} is not one of {', '.join(CONTROLS)}")
-        self.snaps = 0
+        self.snaps, self._ahead = 0, AHEAD
 
     def begin(self) -> Point:
         """Return the path's first point; sets the scales of the plane in which arc lengths are measured."""
@@ -1034,6 +1034,12 @@ class Continuation:
         signature = self.trail.stability.signature(exact=True)
         return Point(state, tangent, False, False, self.first_step, self.trail.line, stiffest, signature)
 
+    def ahead(self, again: bool) -> float:
+        """Return how far beyond its last state a device is let go, in the requested quantity: twice as far as before where no
+        step has led on since then."""
+        self._ahead = 2.0 * self._ahead if again else AHEAD
+        return self._ahead * self.requested.first_step(self.plane, self.V0)
+
     def let_go(self, goal: float, end: PathEnd) -> Point:
         """Let the device go at its last point, where the path was lost for a reason; return where it comes to rest.
 
@@ -1041,7 +1047,7 @@ class Continuation:
             PathEnd: It does not; the reason stays, but where it collapses.
         """
         last = self.last
-        value = min(self.value(last.state) + AHEAD * self.requested.first_step(self.plane, self.V0), goal)
+        value = min(self.value(last.state) + self.ahead(again=last.jump), goal)
         state = come_to_rest(self, self.requested.curve(value), last.state, end.cause.clause if end.cause else str(end))
         if state is None:
             raise end
@@ -1143,7 +1149,7 @@ class Continuation:
 
 
 AHEAD = 0.01
-"""How far beyond the last state a device is let go, in first steps."""
+"""How far beyond the last state a device is let go first, in first steps."""
 MOST_SNAPS = 30
 """Maximum number of times that a device is let go on one path."""
 FIRST_CREEP, LAST_CREEP, SHORTEST_CREEP = 0.3, 1e4, 1e-4

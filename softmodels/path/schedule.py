@@ -22,7 +22,7 @@ from softmodels.mechanics.mpi import largest
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
-from softmodels.path.continuation import AHEAD, FREE_GROWTH, Continuation, come_to_rest, trace
+from softmodels.path.continuation import FREE_GROWTH, Continuation, come_to_rest, trace
 from softmodels.path.program import (
     SOURCE,
     SOURCE_KEYS,
@@ -771,10 +771,9 @@ class Cycle:
             if not left:
                 return here
             edge = part.points[-1 if way > 0 else 0]
-            yield dataclasses.replace(edge, requested=False)
-            at = (
-                end if edge.limit else end + way * AHEAD * self.path.requested.first_step(self.path.plane, self.path.V0)
-            )
+            if landed is None or edge.state is not landed.state:
+                yield dataclasses.replace(edge, requested=False)
+            at = end if edge.limit else end + way * self.path.ahead(again=len(part.points) == 1)
             here = self._snapped(here, edge, at, way)
             landed = dataclasses.replace(_state(self.parts[here], at), requested=False, jump=True)
 
@@ -812,7 +811,8 @@ class Cycle:
             both.append(self._curve(one, goal))
         down = [dataclasses.replace(point, tangent=-point.tangent, requested=False) for point in both[0][:0:-1]]
         parts = _stable_parts([*down, *both[1]], one)
-        return next((part for part in parts if any(point.state is rest for point in part.points)), None)
+        alone = CyclePart((both[1][0],), one, buckles=False)  # where the curve is lost at once, to be let go again
+        return next((part for part in parts if any(point.state is rest for point in part.points)), alone)
 
 
 def _stable_parts(points: Sequence[Point], path: Continuation) -> list[CyclePart]:
@@ -843,4 +843,5 @@ def _state(part: CyclePart, P: float) -> Point:
     for before, after in itertools.pairwise(part.points):
         if before.state.P <= P <= after.state.P:
             return part.path.between(before, after, P)
-    return dataclasses.replace(part.points[-1], requested=True)
+    nearest = min(part.points, key=lambda point: abs(point.state.P - P))  # rounding puts P beyond the part's end
+    return dataclasses.replace(nearest, requested=True)

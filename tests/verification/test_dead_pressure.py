@@ -11,8 +11,8 @@ from scipy.optimize import brentq
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.materials.specimens import balloon_pressure
 from softmodels.mechanics.controls import pressure_control
-from softmodels.path.continuation import Continuation, creep
-from softmodels.path.schedule import NUDGE, Cycle, cycle
+from softmodels.path.continuation import AHEAD, Continuation, creep
+from softmodels.path.schedule import NUDGE, Cycle, CyclePart, _state, cycle
 from softmodels.path.stability import PathEnd
 from tests.support import bodies
 
@@ -88,8 +88,10 @@ def test_a_balloon_let_go_at_its_limit_point_rests_where_the_curve_leads(balloon
     figure(SHELL, "volume where it comes to rest", state.V / points[limit + 1].state.V - 1, 1e-8)
 
 
-def test_a_cycle_whose_curve_is_lost_is_the_same(balloon, ridden, monkeypatch):
-    """With all behind the first limit point cut off, the device is let go there, and its curve followed from where it rests."""
+@pytest.mark.parametrize("again", [0, 2], ids=["once", "and where it rests too"])
+def test_a_cycle_whose_curve_is_lost_is_the_same(balloon, ridden, monkeypatch, again):
+    """With all behind the first limit point cut off, the device is let go there, and its curve followed from where it rests.
+    Where that is lost at once, the device is let go again, each time twice as far on."""
     points, top = ridden
     whole, cut = Cycle._curve, []
 
@@ -99,14 +101,27 @@ def test_a_cycle_whose_curve_is_lost_is_the_same(balloon, ridden, monkeypatch):
             first = next(k for k, point in enumerate(found) if point.limit)
             cut.append(len(found) - first)
             return found[: first + 2]
-        return found
+        cut.append(len(found))
+        return found[:1] if len(cut) <= 1 + 2 * again else found
 
     monkeypatch.setattr(Cycle, "_curve", lost)
-    again = list(cycle(Continuation(balloon), [0.5 * top, top]))
-    assert cut[0] > 10
-    for wanted, found in zip(*([p for p in some if p.requested or p.jump] for some in (points, again)), strict=True):
-        assert pytest.approx(wanted.state.P, rel=1e-9, abs=1e-12) == found.state.P
-        assert pytest.approx(wanted.state.V, rel=1e-6) == found.state.V and found.jump == wanted.jump
+    path = Continuation(balloon)
+    found = list(cycle(path, [0.5 * top, top]))
+    assert cut[0] > 10 and path.snaps >= 1 + again
+    landed = [point for point in found if point.jump][: 1 + again]
+    on = np.diff([point.state.P for point in landed]) / (AHEAD * path.requested.first_step(path.plane, path.V0))
+    assert on == pytest.approx([2.0, 4.0][:again], rel=1e-6)
+    others = [point for point in found if point not in landed[1:]]
+    for wanted, other in zip(*([p for p in some if p.requested or p.jump] for some in (points, others)), strict=True):
+        assert pytest.approx(wanted.state.P, rel=1e-9, abs=1e-12) == other.state.P
+        assert pytest.approx(wanted.state.V, rel=1e-6) == other.state.V and other.jump == wanted.jump
+
+
+def test_a_pressure_beyond_a_part_by_rounding_is_that_of_its_end(ridden):
+    rising = tuple(point for point in ridden[0][:8] if not point.limit and not point.requested)
+    part = CyclePart(rising, Continuation(None), buckles=False)
+    for end, away in ((rising[0], -1e-15), (rising[-1], 1e-15)):
+        assert _state(part, end.state.P + away).state is end.state
 
 
 def test_the_way_back_is_another(balloon, ridden):

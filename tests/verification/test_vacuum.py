@@ -19,7 +19,7 @@ from scipy.optimize import root
 import softmodels as sm
 from geometries import Balloon, HollowDisk
 from softmodels.components.contact import Walls
-from softmodels.materials.laws import NeoHookean, Yeoh
+from softmodels.materials.laws import MooneyRivlin, NeoHookean, Yeoh
 from softmodels.materials.specimens import sphere_pressure
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
@@ -231,3 +231,18 @@ def test_a_thin_balloon_collapses_onto_its_neck(figure):
     assert P.min() < -1700.0 and V[-1] < -1.43 and not run.path["jump"].any() and 10 < touching < len(V) - 10
     work = np.cumsum(np.diff(V) * (P[:-1] + P[1:]) / 2e3)
     figure("work of the pressure", "stored energy of a balloon that collapses", (energy[1:] - work) / energy[-1], 1e-2)
+
+
+def test_a_step_beyond_a_limit_point_does_not_leap_to_where_the_walls_have_met(figure):
+    """The volume at given pressure turns so sharply there that a smooth curve through both ends of a long step, which loses an
+    eighth of the energy, would turn back."""
+    balloon = Balloon(
+        radius=25.03e-3, wall=1.095e-3, neck_radius=7.23e-3, neck_length=8.91e-3, fillet=1.765e-3, held="end",
+        cell_size=1.65e-3, section="axisymmetric",
+    )  # fmt: skip
+    law, walls = MooneyRivlin(5461.0, 1365.0, 0.45), Walls("auto, cavity")
+    run = sm.inflate(balloon, law, "-7 cm", control="pressure", components=walls)
+    V, P, energy = (run.path[name] for name in ("added_volume_ml", "pressure_Pa", "stored_energy_mJ"))
+    assert P.min() < -82.5 and V[-1] < -2.95
+    work = np.cumsum(np.diff(V) * (P[:-1] + P[1:]) / 2e3)
+    figure("work of the pressure", "stored energy beside a cusp of the path", (energy[1:] - work) / energy[-1], 1e-2)
