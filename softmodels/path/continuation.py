@@ -1035,9 +1035,9 @@ class Continuation:
         return Point(state, tangent, False, False, self.first_step, self.trail.line, stiffest, signature)
 
     def ahead(self, again: bool) -> float:
-        """Return how far beyond its last state a device is let go, in the requested quantity: twice as far as before where no
-        step has led on since then."""
-        self._ahead = 2.0 * self._ahead if again else AHEAD
+        """Return how far beyond its last state a device is let go, in the requested quantity: ten times as far as before where
+        no step has led on since then."""
+        self._ahead = 10.0 * self._ahead if again else AHEAD
         return self._ahead * self.requested.first_step(self.plane, self.V0)
 
     def let_go(self, goal: float, end: PathEnd) -> Point:

@@ -773,7 +773,8 @@ class Cycle:
             edge = part.points[-1 if way > 0 else 0]
             if landed is None or edge.state is not landed.state:
                 yield dataclasses.replace(edge, requested=False)
-            at = end if edge.limit else end + way * self.path.ahead(again=len(part.points) == 1)
+            ahead = 0.0 if edge.limit else self.path.ahead(again=len(part.points) == 1)
+            at = end + way * min(ahead, (left[0] - end) * way)
             here = self._snapped(here, edge, at, way)
             landed = dataclasses.replace(_state(self.parts[here], at), requested=False, jump=True)
 
