@@ -1036,15 +1036,15 @@ class Continuation:
 
     def ahead(self, again: bool) -> float:
         """Return how far beyond its last state a device is let go, in the requested quantity: ten times as far as before where
-        no step has led on since then."""
-        self._ahead = 10.0 * self._ahead if again else AHEAD
+        no step has led on since then, else a tenth."""
+        self._ahead = 10.0 * self._ahead if again else max(self._ahead / 10.0, AHEAD)
         return self._ahead * self.requested.first_step(self.plane, self.V0)
 
     def let_go(self, goal: float, end: PathEnd) -> Point:
         """Let the device go at its last point, where the path was lost for a reason; return where it comes to rest.
 
         Raises:
-            PathEnd: It does not; the reason stays, but where it collapses.
+            PathEnd: It does not; the reason stays, but where it collapses or crumples.
         """
         last = self.last
         value = min(self.value(last.state) + self.ahead(again=last.jump), goal)
@@ -1149,9 +1149,14 @@ class Continuation:
 
 
 AHEAD = 0.01
-"""How far beyond the last state a device is let go first, in first steps."""
+"""How far beyond the last state a device is let go at least, in first steps."""
 MOST_SNAPS = 30
 """Maximum number of times that a device is let go on one path."""
+CRUMPLED = PathFailure(
+    f"the device crumples: it has snapped {MOST_SNAPS} times, each time into further folds",
+    "Stay below, or use smaller cells (--cell-size), which resolve the folds; the device came to rest in each state up to here",
+    of_mesh=True,
+)
 FIRST_CREEP, LAST_CREEP, SHORTEST_CREEP = 0.3, 1e4, 1e-4
 """First step of a device that is let go, the one from which on it rests, and the shortest, in times that a shear wave takes to
 cross the device."""
@@ -1173,10 +1178,12 @@ def come_to_rest(path: Continuation, curve: Curve, state: State, why: str) -> St
         why: The reason, a clause, for the report.
 
     Raises:
-        PathEnd: A cavity collapses.
+        PathEnd: A cavity collapses, or the device has been let go too often.
     """
-    if path.solver.system.potential.motion or path.snaps == MOST_SNAPS:
+    if path.solver.system.potential.motion:
         return None
+    if path.snaps == MOST_SNAPS:
+        raise PathEnd(why, cause=CRUMPLED)
     path.snaps += 1
     path.report(f"{why}; letting the device go there")
     try:

@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.materials.specimens import balloon_pressure
 from softmodels.mechanics.controls import pressure_control
+from softmodels.path import continuation
 from softmodels.path.continuation import AHEAD, Continuation, creep
 from softmodels.path.schedule import NUDGE, Cycle, CyclePart, _state, cycle
 from softmodels.path.stability import PathEnd
@@ -88,24 +89,27 @@ def test_a_balloon_let_go_at_its_limit_point_rests_where_the_curve_leads(balloon
     figure(SHELL, "volume where it comes to rest", state.V / points[limit + 1].state.V - 1, 1e-8)
 
 
+def lose_curves(monkeypatch, again):
+    """Cut off all behind the first limit point of a cycle, and what is followed from the first places of rest, ``again`` of
+    them. Return the numbers of points that were cut off or found."""
+    whole, found = Cycle._curve, []
+
+    def lost(self, path, goal):
+        points = whole(self, path, goal)
+        first = next(k for k, point in enumerate(points) if point.limit) if not found else 0
+        found.append(len(points) - first)
+        return points[: first + 2] if len(found) == 1 else points[:1] if len(found) <= 1 + 2 * again else points
+
+    monkeypatch.setattr(Cycle, "_curve", lost)
+    return found
+
+
 @pytest.mark.parametrize("again", [0, 2], ids=["once", "and where it rests too"])
 def test_a_cycle_whose_curve_is_lost_is_the_same(balloon, ridden, monkeypatch, again):
     """With all behind the first limit point cut off, the device is let go there, and its curve followed from where it rests.
     Where that is lost at once, the device is let go again, each time ten times as far on."""
     points, top = ridden
-    whole, cut = Cycle._curve, []
-
-    def lost(self, path, goal):
-        found = whole(self, path, goal)
-        if not cut:
-            first = next(k for k, point in enumerate(found) if point.limit)
-            cut.append(len(found) - first)
-            return found[: first + 2]
-        cut.append(len(found))
-        return found[:1] if len(cut) <= 1 + 2 * again else found
-
-    monkeypatch.setattr(Cycle, "_curve", lost)
-    path = Continuation(balloon)
+    cut, path = lose_curves(monkeypatch, again), Continuation(balloon)
     found = list(cycle(path, [0.5 * top, top]))
     assert cut[0] > 10 and path.snaps >= 1 + again
     landed = [point for point in found if point.jump][: 1 + again]
@@ -117,6 +121,16 @@ def test_a_cycle_whose_curve_is_lost_is_the_same(balloon, ridden, monkeypatch, a
     for wanted, other in zip(*([p for p in some if p.requested or p.jump] for some in (points, others)), strict=True):
         assert pytest.approx(wanted.state.P, rel=1e-9, abs=1e-12) == other.state.P
         assert pytest.approx(wanted.state.V, rel=1e-6) == other.state.V and other.jump == wanted.jump
+
+
+def test_a_device_that_snaps_too_often_is_said_to_crumple(balloon, ridden, monkeypatch):
+    lose_curves(monkeypatch, 5)
+    monkeypatch.setattr(continuation, "MOST_SNAPS", 1)
+    points, path = [], Continuation(balloon)
+    with pytest.raises(PathEnd) as end:
+        points.extend(cycle(path, [ridden[1]]))
+    assert end.value.cause is continuation.CRUMPLED and not end.value.physical
+    assert path.snaps == 1 and points[-1].jump and points[-1].stable_under_pressure
 
 
 def test_a_pressure_beyond_a_part_by_rounding_is_that_of_its_end(ridden):
