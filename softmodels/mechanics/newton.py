@@ -375,11 +375,11 @@ class LaggedPreconditioner:
         self.worn = iterations > inverse.most_of_a_solve
 
     def solve(self, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> bool:
-        """Solve with a linear solver; if that of an earlier state fails, make it anew and retry once. Return whether it got to
-        its tolerance."""
+        """Solve with a linear solver; if a multigrid cycle of an earlier state fails, set it up anew and retry once. Return
+        whether it got to its tolerance."""
         ksp.solve(b, x)
         self.count(ksp)
-        if not ksp.is_converged:
+        if not ksp.is_converged and not self.bordered.inverse.exact:
             self.spoil()
             self.make(None)
             x.set(0.0)

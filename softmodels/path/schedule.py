@@ -843,6 +843,7 @@ def _state(part: CyclePart, P: float) -> Point:
         return dataclasses.replace(known, requested=True)
     for before, after in itertools.pairwise(part.points):
         if before.state.P <= P <= after.state.P:
+            part.path.trail.points = [before, after]  # the curve's last points predict nothing here
             return part.path.between(before, after, P)
     nearest = min(part.points, key=lambda point: abs(point.state.P - P))  # rounding puts P beyond the part's end
     return dataclasses.replace(nearest, requested=True)
