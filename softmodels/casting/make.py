@@ -667,11 +667,12 @@ def _bonded(pieces: Sequence[_Drawn], folder: Path) -> bytes:
             raise MeshingError("the CAD kernel cannot merge the pieces; change a length slightly")
         scaled(1.0 / pieces[0].tools.frame.scale)
         gmsh.model.occ.synchronize()
-        _export(file)
+        write_step(file)
     return file.read_bytes()
 
 
-def _export(file: Path) -> None:
+def write_step(file: Path) -> None:
+    """Write the solids of the current Gmsh model, in mm."""
     gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
     gmsh.write(str(file))
     gmsh.option.setString("Geometry.OCCTargetUnit", "")
@@ -684,6 +685,6 @@ def _write_steps(named: Mapping[str, Solid], drawn: _Drawn) -> None:
     gmsh.model.setVisibility(gmsh.model.getEntities(), 0)
     for name, solid in named.items():
         gmsh.model.setVisibility([solid], 1, recursive=True)
-        _export(drawn.file(name))
+        write_step(drawn.file(name))
         gmsh.model.setVisibility([solid], 0, recursive=True)
     gmsh.option.setNumber("Geometry.OCCExportOnlyVisible", 0)

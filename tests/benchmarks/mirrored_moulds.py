@@ -21,7 +21,9 @@ import gmsh
 import softmodels as sm
 from geometries import Actuator
 from geometries.meshing import private_model
+from softmodels.casting.bodies import imported
 from softmodels.casting.files import mould
+from softmodels.casting.make import write_step
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,18 +78,10 @@ def part(asked: Mirrored, whole: Path) -> sm.ImportedActuator:
     """Return the piece to model of a STEP file's solid, as a part with tetrahedra of its own."""
     piece = whole.with_name(f"{whole.stem}-piece.step")
     with private_model():
-        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
-        gmsh.model.occ.intersect(gmsh.model.occ.importShapes(str(whole)), [(3, asked.piece())])
-        write(piece)
+        gmsh.model.occ.intersect(imported(whole), [(3, asked.piece())])
+        gmsh.model.occ.synchronize()
+        write_step(piece)
     return sm.ImportedActuator(file=str(piece), **asked.reading)
-
-
-def write(file: Path) -> None:
-    """Write the solids of the current Gmsh model, in mm."""
-    gmsh.model.occ.synchronize()
-    gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
-    gmsh.write(str(file))
-    gmsh.option.setString("Geometry.OCCTargetUnit", "")
 
 
 def compare(name: str, folder: Path) -> None:
@@ -96,7 +90,8 @@ def compare(name: str, folder: Path) -> None:
     (folder / "cast.step").write_bytes(mould(asked.device, chord="0.1 mm", shrinkage=0.01).device)
     with private_model():
         asked.device.build_whole()
-        write(folder / "drawn.step")
+        gmsh.model.occ.synchronize()
+        write_step(folder / "drawn.step")
     models = {
         "cast": part(asked, folder / "cast.step"),
         "drawn": part(asked, folder / "drawn.step"),
