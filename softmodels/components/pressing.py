@@ -154,6 +154,8 @@ OPPOSED = -0.2
 """Largest scalar product of the undeformed normals of neighbours on one wall that may come into contact."""
 NEIGHBOURS = 3.0
 """Distance at rest, in radii, up to which samples are neighbours on one wall."""
+CORNER = 0.3
+"""Minimum sine of the angle under which a chord leaves a wall at both ends, for neighbours that face each other."""
 MOST_IMAGES = 100
 """Maximum number of mirror images of a slice; a wedge of 15 degrees has 24."""
 SKIN = 0.4
@@ -195,7 +197,8 @@ class Pairs:
         """Return whether samples i may touch samples j of any image.
 
         It depends only on the undeformed shape, so that the energy is a function of the displacement. Left out are
-        neighbours on one wall that do not face each other, and two sides of a wall, between which there is silicone.
+        neighbours on one wall that do not face each other, as those across a corner do that are farther apart than a kernel
+        reaches, and two sides of a wall, between which there is silicone.
         """
         owner, walls, count = self.surface.owner, self.surface.walls, len(self.surface.owner)
         may = self.meets[walls[owner[i]], walls[owner[j % count]]]
@@ -205,8 +208,10 @@ class Pairs:
         length = np.linalg.norm(chord, axis=1)
         out, back = np.einsum("pi,pi->p", chord, N[i]), -np.einsum("pi,pi->p", chord, N[j])
         through = (out < -BEHIND * length) & (back < -BEHIND * length)
-        close = length < NEIGHBOURS * self.radius[j % count]
-        may[may] = ~(through | (close & (np.einsum("pi,pi->p", N[i], N[j]) > OPPOSED)))
+        radius = self.radius[j % count]
+        across = (np.minimum(out, back) > CORNER * length) & (length > radius)
+        across |= np.einsum("pi,pi->p", N[i], N[j]) < OPPOSED
+        may[may] = ~(through | ((length < NEIGHBOURS * radius) & ~across))
         return may
 
     def within(self, places: Array, reach: float) -> tuple[Numbers, Numbers]:

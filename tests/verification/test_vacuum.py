@@ -17,8 +17,9 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import root
 
 import softmodels as sm
-from geometries import Balloon, HollowDisk
+from geometries import Balloon, Cylinder, HollowDisk
 from softmodels.components.contact import Walls
+from softmodels.components.rigid import Rigid
 from softmodels.materials.laws import MooneyRivlin, NeoHookean, Yeoh
 from softmodels.materials.specimens import sphere_pressure
 from softmodels.mechanics.solver import Solver
@@ -246,3 +247,16 @@ def test_a_step_beyond_a_limit_point_does_not_leap_to_where_the_walls_have_met(f
     assert P.min() < -82.5 and V[-1] < -2.95
     work = np.cumsum(np.diff(V) * (P[:-1] + P[1:]) / 2e3)
     figure("work of the pressure", "stored energy beside a cusp of the path", (energy[1:] - work) / energy[-1], 1e-2)
+
+
+def test_a_cap_is_sucked_along_a_stiff_tube(figure):
+    """It lies against the wall from the corner on, in which it does not run into it."""
+    tube = Cylinder(
+        inner_radius=13.2e-3, wall=3e-3, length=96e-3, cap=6.4e-3, fillet=1.3e-3, section="axisymmetric", end="free",
+        cell_size=3.75e-3,
+    )  # fmt: skip
+    parts = Walls("auto, cavity"), Rigid(name="wall", kind="held", region="wall")
+    run = sm.inflate(tube, MooneyRivlin(22043.0, 5511.0, 0.49), "-160 cm", components=parts)
+    assert run.path["pressure_cm"][-1] == pytest.approx(-160.0) and run.path["end_mm"][-1] < -7.0
+    figure("a gap of 0", "overlap of a cap with its tube, per wall", -run.path["least_gap_mm"].min() / 3.0, 5e-2)
+    assert not run.path["walls_touch"].any()

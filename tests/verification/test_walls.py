@@ -77,6 +77,29 @@ def test_flat_walls_are_exact_whatever_their_facets(sheets):
     assert rest.energy == 0.0 and not rest.forces.any() and not rest.stiffness.nnz
 
 
+@pytest.mark.parametrize("angle", [4.0, -4.0])
+def test_a_corner_closes_onto_itself(angle):
+    """A wall and a ceiling of one cavity press on each other by their distance, but for where a kernel reaches at rest."""
+    wall, ceiling = sheet(2, 12, 0.0, -5.0), sheet(2, 12, 0.0, -5.0)
+    upright = np.column_stack([ceiling[0][:, 1], ceiling[0][:, 0]])
+    nodes = np.vstack([wall[0], upright])
+    inside = np.vstack([wall[2], np.tile([-5.0, 0.5], (12, 1))])
+    surface = Surface(nodes, np.vstack([wall[1], ceiling[1] + 25]), np.zeros(24, dtype=int), inside)
+    pairs = Pairs(surface, np.ones((1, 1), dtype=bool), np.eye(2)[None])
+    rest = Pressed(pairs, PENALTY, nodes)
+    assert rest.energy == 0.0 and np.isinf(rest.gaps).all()
+    size, turn = upright[:, 1], math.radians(angle)
+    closed = Pressed(
+        pairs, PENALTY, np.vstack([wall[0], np.column_stack([math.cos(turn) * size, math.sin(turn) * size])])
+    )
+    along = surface.places(np.concatenate([wall[0][:, 0], size])[:, None] * [1.0, 0.0])[:, 0]
+    radius = pairs.radius[0]
+    near = (along > 2.0 * radius) & (along * abs(math.sin(turn)) < 0.3 * radius)
+    assert near.sum() > 6
+    assert closed.gaps[near] == pytest.approx(math.sin(turn) * along[near], rel=1e-10)
+    assert (closed.energy > 0.0) == (angle < 0.0)
+
+
 def test_derivatives_and_balances(sheets):
     """Taylor's remainders fall quadratically; neither a push nor a turn is left over."""
     pairs, upper = sheets
