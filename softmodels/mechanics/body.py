@@ -377,12 +377,21 @@ class Body:
         dx = ufl.Measure("dx", self.mesh, metadata={"quadrature_degree": QUADRATURE_DEGREE})
         return dx, self._on_facets(self.cavity)(CAVITY)
 
-    def sheet_face(self, role: str) -> tuple[ufl.Measure, Expr]:
-        """Return the UFL measure over the facets of a role, and their undeformed normal with three components; `BodyError` if
-        it has none."""
+    @property
+    def normal(self) -> Expr:
+        """Undeformed normal of facets, out of the solid, with three components."""
         N = ufl.FacetNormal(self.mesh)
-        normal = ufl.as_vector([N[0], 0, N[1]]) if self.axisymmetric else N
-        return self._on_facets(self._tags(role, self.mesh.topology.dim - 1))(SHEET), normal
+        return ufl.as_vector([N[0], 0, N[1]]) if self.axisymmetric else N
+
+    @property
+    def faces(self) -> list[str]:
+        """Roles of its faces, without those that symmetry cuts."""
+        cut = {plane.name for plane in self.actuator.cut_planes} | {"axis"}
+        return [name for name, (of, _) in self.entities.items() if of == self.mesh.topology.dim - 1 and name not in cut]
+
+    def sheet_face(self, role: str) -> tuple[ufl.Measure, Expr]:
+        """Return the UFL measure over the facets of a role, and their `normal`; `BodyError` if it has none."""
+        return self._on_facets(self._tags(role, self.mesh.topology.dim - 1))(SHEET), self.normal
 
     def measure(self, role: str) -> ufl.Measure:
         """Return the UFL measure over the facets or the edges of a role; `BodyError` if it has neither."""
@@ -445,21 +454,20 @@ class Body:
         plane that seals it is the sum of columns on the plane, so that no part of it depends on a rim that lifts.
         """
         F = self.deformation_gradient(w)
-        X, N = ufl.SpatialCoordinate(self.mesh), ufl.FacetNormal(self.mesh)
+        X = ufl.SpatialCoordinate(self.mesh)
         x = X + self.displacement(w)
         if self.seal:
             normal, point = (ufl.as_vector(list(map(float, v))) for v in (self.seal.normal, self.seal.point))
             return -ufl.dot(x - point, normal) * self.flow(w, normal) * self.hoop
         if self.axisymmetric:
-            x, N = ufl.as_vector([x[0], 0, x[1]]), ufl.as_vector([N[0], 0, N[1]])
-        return -ufl.dot(x, ufl.dot(ufl.cofac(F), N)) / 3 * self.hoop
+            x = ufl.as_vector([x[0], 0, x[1]])
+        return -ufl.dot(x, ufl.dot(ufl.cofac(F), self.normal)) / 3 * self.hoop
 
     def flow(self, w: Expr, direction: Expr) -> Expr:
         """Return the deformed area per undeformed area of a wall, projected along a direction of the mesh, out of the solid."""
-        N = ufl.FacetNormal(self.mesh)
         if self.axisymmetric:
-            direction, N = (ufl.as_vector([v[0], 0, v[1]]) for v in (direction, N))
-        return ufl.dot(direction, ufl.dot(ufl.cofac(self.deformation_gradient(w)), N))
+            direction = ufl.as_vector([direction[0], 0, direction[1]])
+        return ufl.dot(direction, ufl.dot(ufl.cofac(self.deformation_gradient(w)), self.normal))
 
     def on_walls(self, integrand: Expr, number: int) -> ufl.Form:
         """Return an integral over a cavity's walls, and its share over the faces that seal the first one."""

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import fem, meshes, scipy, ufl
+from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.component import EnergyTerm, PathFailure
 from softmodels.mechanics.controls import Control, Curve, Tangent, volume_control
 from softmodels.mechanics.memory import Inertia, Motion
@@ -500,6 +501,22 @@ def folded(cells: float, place: str, at: str) -> PathFailure:
     )
 
 
+CREASED = 0.647**2
+"""Product of a surface's smaller stretch squared and its larger one below which neo-Hookean silicone creases (Hong, Zhao and
+Suo 2009, doi 10.1063/1.3211917)."""
+
+
+def creased(stretch: float, least: float, place: str, at: str) -> PathFailure:
+    """Return the end of a path at which the surface creases; the rest is as for `folded`."""
+    return PathFailure(
+        f"the silicone's surface creases at {place} of the undeformed device{at}: it is compressed to a stretch of "
+        f"{stretch:.2f}, and from about {least:.2f} on it folds into itself",
+        "Stay below, or round that edge more (--fillet, --rounding or --clamp-rounding, as the device has it), so that its "
+        "surface is compressed less; smaller cells there (--cell-size) resolve what follows",
+        snaps=True,
+    )
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Diagnose a path on which no step converges: the device is locked, snaps back, or fails locally.
 #
@@ -520,6 +537,8 @@ TOLERANCE = 1e-10
 """Relative tolerance of the directions, whose local part may be a thousandth of the whole motion."""
 FEW = (6.0, 0.1)
 """Maximum number and fraction of cells in a motion that counts as a mesh fold."""
+PART = 0.1
+"""Share of the largest part that a cell has of a motion, above which it takes part."""
 FALLING = 2
 """Consecutive decreases after which the requested quantity counts as turned back."""
 
@@ -545,7 +564,11 @@ def _cause_of(corrector: Corrector, requested: PathQuantity, failure: NoConverge
     if part is None:
         return None
     fold = Concentration(system, part)
-    return folded(fold.cells, *fold.place) if fold.local else SNAPPED
+    if not fold.local:
+        return SNAPPED
+    system.load(corrector.trail.last.state)
+    compressed, place = fold.compressed(), fold.place
+    return creased(*compressed, *place) if compressed else folded(fold.cells, *place)
 
 
 def snapping(corrector: Corrector, requested: PathQuantity) -> Array | None:
@@ -663,6 +686,27 @@ class Concentration:
         """Whether the motion is local: in a few of many cells."""
         return self.cells <= min(FEW[0], FEW[1] * total(self.system.comm, float(len(self.system.cells))))
 
+    def compressed(self) -> tuple[float, float] | None:
+        """Return the stretch of the most compressed surface of the cells that take part, in the loaded state, and the one below
+        which it creases, the same on all ranks; None if it is not below."""
+        system, body = self.system, self.system.body
+        F, N = body.deformation_gradient(system.potential.displacement), body.normal
+        area = ufl.dot(ufl.cofac(F), N)
+        both, product = ufl.inner(F, F) - ufl.inner(F * N, F * N), ufl.inner(area, area)
+        smaller = ufl.sqrt((both - ufl.sqrt(ufl.max_value(both**2 - 4 * product, 0.0))) / 2)
+        d, topology = body.mesh.topology.dim, body.mesh.topology
+        stretches = fem.Expression(
+            ufl.as_vector([smaller, ufl.sqrt(product) / smaller]), np.full((1, d - 1), 1 / d), jit_options=JIT
+        )
+        topology.create_connectivity(d, d - 1)
+        facets = np.unique(np.concatenate([body.entities[role][1] for role in body.faces]))
+        pairs = fem.compute_integration_domains(fem.IntegralType.exterior_facet, topology, facets).reshape(-1, 2)
+        most = largest(system.comm, float(self._shares.max(initial=0.0)))
+        found = stretches.eval(body.mesh, pairs[self._shares[pairs[:, 0]] > PART * most])[:, 0]
+        worst = min(((a**2 * b, a, b) for a, b in found.tolist()), default=(math.inf, 1.0, 1.0))
+        worst = min(system.comm.allgather(worst))
+        return (worst[1], math.sqrt(CREASED / worst[2])) if worst[0] < CREASED else None
+
     @property
     def place(self) -> tuple[str, str]:
         """Undeformed centre in mm of the cell with the largest part, and its faces; the same on all ranks."""
@@ -679,13 +723,10 @@ class Concentration:
                 topology.connectivity(d - 1, 0).links,
                 set(topology.connectivity(d, 0).links(mine).tolist()),
             )
-            cut = {plane.name for plane in body.actuator.cut_planes} | {"axis"}
             faces = [
                 role
-                for role, (dimension, facets) in body.entities.items()
-                if dimension == d - 1
-                and role not in cut
-                and any(not corners.isdisjoint(links(facet).tolist()) for facet in facets)
+                for role in body.faces
+                if any(not corners.isdisjoint(links(facet).tolist()) for facet in body.entities[role][1])
             ]
             found = (f"({place}) mm", f", where it is at {' and '.join(faces)}" if faces else "")
         return next(one for one in comm.allgather(found) if one[0])
@@ -894,7 +935,7 @@ class Continuation:
     def __post_init__(self) -> None:
         if self.control not in CONTROLS:
             raise ValueError(f"control {self.control!r} is not one of {', '.join(CONTROLS)}")
-        self.snaps, self._ahead = 0, AHEAD
+        self.snaps, self._ahead, self._let_go_at = 0, AHEAD, math.inf
 
     def begin(self) -> Point:
         """Return the path's first point; sets the scales of the plane in which arc lengths are measured."""
@@ -1034,11 +1075,13 @@ class Continuation:
         signature = self.trail.stability.signature(exact=True)
         return Point(state, tangent, False, False, self.first_step, self.trail.line, stiffest, signature)
 
-    def ahead(self, again: bool) -> float:
-        """Return how far beyond its last state a device is let go, in the requested quantity: ten times as far as before where
-        no step has led on since then, else a tenth."""
-        self._ahead = 10.0 * self._ahead if again else max(self._ahead / 10.0, AHEAD)
-        return self._ahead * self.requested.first_step(self.plane, self.V0)
+    def ahead(self, value: float) -> float:
+        """Return how far beyond a requested value, at which it is lost, a device is let go: ten times as far as the last time
+        where it has come less far since then, else a tenth."""
+        unit = self.requested.first_step(self.plane, self.V0)
+        slow = abs(value - self._let_go_at) < 10.0 * self._ahead * unit
+        self._let_go_at, self._ahead = value, 10.0 * self._ahead if slow else max(self._ahead / 10.0, AHEAD)
+        return self._ahead * unit
 
     def let_go(self, goal: float, end: PathEnd) -> Point:
         """Let the device go at its last point, where the path was lost for a reason; return where it comes to rest.
@@ -1047,7 +1090,8 @@ class Continuation:
             PathEnd: It does not; the reason stays, but where it collapses or crumples.
         """
         last = self.last
-        value = min(self.value(last.state) + self.ahead(again=last.jump), goal)
+        value = self.value(last.state)
+        value = min(value + self.ahead(value), goal)
         state = come_to_rest(self, self.requested.curve(value), last.state, end.cause.clause if end.cause else str(end))
         if state is None:
             raise end

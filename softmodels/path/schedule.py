@@ -773,7 +773,7 @@ class Cycle:
             edge = part.points[-1 if way > 0 else 0]
             if landed is None or edge.state is not landed.state:
                 yield dataclasses.replace(edge, requested=False)
-            ahead = 0.0 if edge.limit else self.path.ahead(again=len(part.points) == 1)
+            ahead = 0.0 if edge.limit else self.path.ahead(end)
             at = end + way * min(ahead, (left[0] - end) * way)
             here = self._snapped(here, edge, at, way)
             landed = dataclasses.replace(_state(self.parts[here], at), requested=False, jump=True)
@@ -788,7 +788,6 @@ class Cycle:
             why = "the pressure has a limit point, and no stable state at that pressure was found beyond it"
             raise PathEnd(why, edge)
         if found is None:
-            self.path.trail.add(edge)
             why = "the curve of its stable states ends"
             if way > 0 and self.parts[here].buckles:
                 raise PathEnd(why, cause=BUCKLED)
@@ -799,6 +798,7 @@ class Cycle:
         """Return the stable part on which a device comes to rest that is let go at a pressure from the end of another; None if
         it does not."""
         path, state, why = self.path, edge.state, "no stable state was met behind the end of a stable part"
+        path.trail.add(edge)  # the last state, if this fails
         if edge.limit:
             system, rate = path.solver.system, edge.tangent.w
             push = way * NUDGE / largest(system.comm, float(np.abs(rate[: system.n]).max(initial=0.0)))

@@ -115,7 +115,7 @@ def test_a_cycle_whose_curve_is_lost_is_the_same(balloon, ridden, monkeypatch, a
     landed = [point for point in found if point.jump][: 1 + again]
     first = AHEAD * path.requested.first_step(path.plane, path.V0)
     at = [point.state.P for point in landed]
-    further = [min(on * first, top - P) for on, P in zip((10.0, 100.0), at, strict=False)][:again]  # not beyond the top
+    further = [min(on * first, top - P) for on, P in zip((1.0, 10.0), at, strict=False)][:again]  # not beyond the top
     assert np.diff(at) == pytest.approx(further, rel=1e-6)
     others = [point for point in found if point not in landed[1:]]
     for wanted, other in zip(*([p for p in some if p.requested or p.jump] for some in (points, others)), strict=True):

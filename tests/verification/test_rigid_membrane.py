@@ -5,6 +5,7 @@ The equations know no bending and no thickness; a membrane of thickness t bends 
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -21,7 +22,7 @@ from softmodels.mechanics.system import System, _nodes_of
 from softmodels.path.continuation import Concentration, Continuation, trace
 from softmodels.path.schedule import Stage, hang, inflate_from, stopped
 from softmodels.path.stability import DIRECT
-from tests.support import membrane_shooting as shooting
+from tests.support import bodies, membrane_shooting as shooting
 
 RADIUS, PLATE, MU, G = 0.020, 0.008, 30e3, 9.80665
 AT = (0, 4, 8, 14, 20)
@@ -177,3 +178,27 @@ def test_a_motion_of_the_whole_is_no_fold_of_the_mesh(body_of):
     whole, part = Concentration(system, bent), Concentration(system, one)
     assert not whole.local and whole.cells > 0.3 * len(system.cells)
     assert part.local and part.cells < 6
+
+
+@pytest.mark.parametrize(
+    "section, stretches, known",
+    [
+        ("cube", (0.6, 1.0, 1 / 0.6), (0.6, 0.647)),
+        ("cube", (0.7, 1.0, 1 / 0.7), None),
+        ("cube", (0.7, 0.8, 1 / 0.56), (0.7, 0.647 / math.sqrt(0.8))),
+        ("axisymmetric", (0.74, 0.74, 0.74**-2), (0.74, 0.647 / math.sqrt(0.74))),
+        ("axisymmetric", (0.76, 0.76, 0.76**-2), None),
+    ],
+)
+def test_a_surface_creases_from_a_compression_of_a_third_on(section, stretches, known, body_of):
+    """Of a quarter if it is compressed both ways; the face across it that is stretched does not."""
+    body = body_of(bodies.Block(section=section))
+    system = System(body, NeoHookean(MU, 0.5))
+    _, dofs, places = _nodes_of(system.space)
+    one, rest = np.zeros(system.dofs), system.rest()
+    one[dofs[places.sum(axis=1).argmax(), -1]] = 1.0
+    fold, w = Concentration(system, one), rest.w.copy()
+    moved = places * (np.array(stretches)[[0, 1, 2] if section == "cube" else [0, 2]] - 1.0)
+    w[dofs] = moved @ body.skew.T
+    system.load(dataclasses.replace(rest, w=w))
+    assert fold.compressed() == (known and pytest.approx(known, rel=1e-7))
