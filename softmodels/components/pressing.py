@@ -179,9 +179,8 @@ class Pairs:
 
     @functools.cached_property
     def radius(self) -> Array:
-        """Radius of each sample's kernel, shape (s,): that of its own facet, but none smaller than the mean."""
-        edges, measure = self.surface.edges, self.surface.measure
-        return REACH * np.maximum(edges, float(edges @ measure / measure.sum()))
+        """Radius of each sample's kernel, by the edge of its own facet, shape (s,)."""
+        return REACH * self.surface.edges
 
     def of_all(self, vectors: Array) -> Array:
         """Return the vectors of all samples of all images, shape (s, d) to (g s, d)."""

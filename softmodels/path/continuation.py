@@ -537,7 +537,7 @@ TOLERANCE = 1e-10
 """Relative tolerance of the directions, whose local part may be a thousandth of the whole motion."""
 FEW = (6.0, 0.1)
 """Maximum number and fraction of cells in a motion that counts as a mesh fold."""
-PART = 0.1
+PART = 1e-3
 """Share of the largest part that a cell has of a motion, above which it takes part."""
 FALLING = 2
 """Consecutive decreases after which the requested quantity counts as turned back."""
