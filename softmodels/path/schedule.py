@@ -656,11 +656,17 @@ def in_drivers(
 #
 # The curve is computed once under arc-length control; the states of loading and unloading are then solved on it, each at its
 # own pressure. Where the curve cannot be followed as far as the part that the device snaps to, as where walls meet in folds,
-# the device is let go: it creeps against a drag on its mass until it rests, and the curve is followed both ways from there.
+# the device is let go: it creeps against a drag on its mass until it rests, and the curve is followed up from there, and down on
+# the way back.
 
 
 NUDGE = 0.01
 """Largest displacement, in sizes of the device, by which it is pushed off a limit point."""
+
+
+APART = 1e-6
+"""Least way on in pressure, in the device's scale, of a part that a device snaps to: one on which it was let go may be the same
+as the one before, and ends at the same limit point."""
 
 
 BUCKLED = PathFailure(
@@ -672,11 +678,13 @@ BUCKLED = PathFailure(
 @dataclasses.dataclass(frozen=True)
 class CyclePart:
     """A stable part of the curve: points with rising pressure, with limit points at its ends if there are any, and the path
-    on which states between them are solved for; ``buckles``: whether unstable states follow on it without a limit point."""
+    on which states between them are solved for; ``buckles``: whether unstable states follow on it without a limit point;
+    ``rest``: where it begins, if it goes on below and was not followed there."""
 
     points: tuple[Point, ...]
     path: Continuation
     buckles: bool
+    rest: State | None = None
 
     @property
     def lowest(self) -> float:
@@ -685,6 +693,11 @@ class CyclePart:
     @property
     def highest(self) -> float:
         return self.points[-1].state.P
+
+    def leads_on(self, P: float, way: int, least: float) -> bool:
+        """Return whether it leads from a pressure on, up (1) or down (-1), by more than the least."""
+        begin, end = (self.lowest, self.highest)[::way]
+        return (P - begin) * way >= 0.0 and (end - P) * way > least
 
 
 @dataclasses.dataclass(frozen=True)
@@ -752,7 +765,7 @@ class Cycle:
         left = list(goals)
         landed: Point | None = None
         while True:
-            part = self.parts[here]
+            part = self._part(here, way)
             end = part.highest if way > 0 else part.lowest
             if landed is not None:
                 yield landed
@@ -781,7 +794,7 @@ class Cycle:
     def _snapped(self, here: int, edge: Point, P: float, way: int) -> int:
         """Return the part that a device snaps to at a pressure from the end of another, up (1) or down (-1)."""
         options = range(here + way, len(self.parts) if way > 0 else -1, way) if edge.limit else ()
-        found = next((k for k in options if self.parts[k].lowest <= P <= self.parts[k].highest), None)
+        found = next((k for k in options if self._part(k, way).leads_on(P, way, APART * self.path.plane.P_scale)), None)
         if found is None and (rest := self._let_go(edge, P, way)) is not None:
             self.parts.insert(found := here + 1 if way > 0 else here, rest)
         if found is None and edge.limit:
@@ -806,14 +819,30 @@ class Cycle:
         rest = come_to_rest(path, pressure_control(P), dataclasses.replace(state, P=P), why)
         if rest is None:
             return None
-        both = []
-        for quantity, goal in ((Fall(rest.P), rest.P), (path.requested, self.most)):
-            one = dataclasses.replace(path, requested=quantity, start=rest)
-            both.append(self._curve(one, goal))
-        down = [dataclasses.replace(point, tangent=-point.tangent, requested=False) for point in both[0][:0:-1]]
-        parts = _stable_parts([*down, *both[1]], one)
-        alone = CyclePart((both[1][0],), one, buckles=False)  # where the curve is lost at once, to be let go again
-        return next((part for part in parts if any(point.state is rest for point in part.points)), alone)
+        part = self._followed(rest, way)
+        return dataclasses.replace(part, rest=rest) if way > 0 else part
+
+    def _followed(self, rest: State, way: int) -> CyclePart:
+        """Return the stable part that leads up (1) or down (-1) from where the device is at rest."""
+        path = self.path
+        quantity, goal = (path.requested, self.most) if way > 0 else (Fall(rest.P), rest.P)
+        one = dataclasses.replace(path, requested=quantity, start=rest)
+        points = self._curve(one, goal)
+        one.requested = path.requested
+        if way < 0:
+            points = [dataclasses.replace(point, tangent=-point.tangent, requested=False) for point in points[::-1]]
+        alone = CyclePart((points[0 if way > 0 else -1],), one, buckles=False)  # where the curve is lost at once
+        return next(
+            (part for part in _stable_parts(points, one) if any(point.state is rest for point in part.points)), alone
+        )
+
+    def _part(self, k: int, way: int) -> CyclePart:
+        """Return a part, on the way down with what lies below the place where the device came to rest on it."""
+        part = self.parts[k]
+        if way < 0 and part.rest is not None:
+            below = self._followed(part.rest, way)
+            self.parts[k] = part = dataclasses.replace(part, points=(*below.points, *part.points[1:]), rest=None)
+        return part
 
 
 def _stable_parts(points: Sequence[Point], path: Continuation) -> list[CyclePart]:
