@@ -7,6 +7,7 @@ states.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import itertools
 import math
@@ -501,9 +502,10 @@ def folded(cells: float, place: str, at: str) -> PathFailure:
     )
 
 
-CREASED = 0.647**2
-"""Product of a surface's smaller stretch squared and its larger one below which neo-Hookean silicone creases (Hong, Zhao and
-Suo 2009, doi 10.1063/1.3211917)."""
+CREASED, UNSTABLE = 0.647**2, 0.544**2
+"""Product of a surface's smaller stretch squared and its larger one below which neo-Hookean silicone folds into itself where an
+edge or a defect begins it (Hong, Zhao and Suo 2009, doi 10.1063/1.3211917), and below which no smooth surface is stable (Biot
+1963, doi 10.1007/BF03184638)."""
 
 
 def creased(stretch: float, least: float, place: str, at: str) -> PathFailure:
@@ -557,18 +559,17 @@ def _cause_of(corrector: Corrector, requested: PathQuantity, failure: NoConverge
     for term in system.potential.terms.values():
         if cause := term.breakdown(system):
             return cause
-    try:
+    part = None
+    with contextlib.suppress(NoConvergence):
         part = snapping(corrector, requested)
-    except NoConvergence:
-        return None
     if part is None:
-        return None
+        system.load(corrector.trail.last.state)
+        return crease(system, np.ones(len(system.cells), dtype=np.bool_), UNSTABLE)
     fold = Concentration(system, part)
     if not fold.local:
         return SNAPPED
     system.load(corrector.trail.last.state)
-    compressed, place = fold.compressed(), fold.place
-    return creased(*compressed, *place) if compressed else folded(fold.cells, *place)
+    return crease(system, fold.part, CREASED) or folded(fold.cells, *fold.place)
 
 
 def snapping(corrector: Corrector, requested: PathQuantity) -> Array | None:
@@ -686,50 +687,58 @@ class Concentration:
         """Whether the motion is local: in a few of many cells."""
         return self.cells <= min(FEW[0], FEW[1] * total(self.system.comm, float(len(self.system.cells))))
 
-    def compressed(self) -> tuple[float, float] | None:
-        """Return the stretch of the most compressed surface of the cells that take part, in the loaded state, and the one below
-        which it creases, the same on all ranks; None if it is not below."""
-        system, body = self.system, self.system.body
-        F, N = body.deformation_gradient(system.potential.displacement), body.normal
-        area = ufl.dot(ufl.cofac(F), N)
-        both, product = ufl.inner(F, F) - ufl.inner(F * N, F * N), ufl.inner(area, area)
-        smaller = ufl.sqrt((both - ufl.sqrt(ufl.max_value(both**2 - 4 * product, 0.0))) / 2)
-        d, topology = body.mesh.topology.dim, body.mesh.topology
-        stretches = fem.Expression(
-            ufl.as_vector([smaller, ufl.sqrt(product) / smaller]), np.full((1, d - 1), 1 / d), jit_options=JIT
-        )
-        topology.create_connectivity(d, d - 1)
-        facets = np.unique(np.concatenate([body.entities[role][1] for role in body.faces]))
-        pairs = fem.compute_integration_domains(fem.IntegralType.exterior_facet, topology, facets).reshape(-1, 2)
-        most = largest(system.comm, float(self._shares.max(initial=0.0)))
-        found = stretches.eval(body.mesh, pairs[self._shares[pairs[:, 0]] > PART * most])[:, 0]
-        worst = min(((a**2 * b, a, b) for a, b in found.tolist()), default=(math.inf, 1.0, 1.0))
-        worst = min(system.comm.allgather(worst))
-        return (worst[1], math.sqrt(CREASED / worst[2])) if worst[0] < CREASED else None
+    @property
+    def part(self) -> npt.NDArray[np.bool_]:
+        """Which cells take part, shape (cells,)."""
+        return np.asarray(self._shares > PART * largest(self.system.comm, float(self._shares.max(initial=0.0))))
 
     @property
     def place(self) -> tuple[str, str]:
-        """Undeformed centre in mm of the cell with the largest part, and its faces; the same on all ranks."""
-        system, body = self.system, self.system.body
-        topology, comm, d = body.mesh.topology, system.comm, body.mesh.topology.dim
-        topology.create_connectivity(d - 1, 0)
+        """The place of the cell with the largest part."""
         mine = int(self._shares.argmax()) if len(self._shares) else 0
-        best = float(self._shares[mine]) if len(self._shares) else -math.inf
-        found = ("", "")
-        if best == largest(comm, best):
-            middle = meshes.compute_midpoints(body.mesh, d, np.array([mine], dtype=np.int32)) * system.length_unit
-            place = ", ".join(f"{x:.4g}" for x in body.actuator.device_points(middle)[0] * 1e3)
-            links, corners = (
-                topology.connectivity(d - 1, 0).links,
-                set(topology.connectivity(d, 0).links(mine).tolist()),
-            )
-            faces = [
-                role
-                for role in body.faces
-                if any(not corners.isdisjoint(links(facet).tolist()) for facet in body.entities[role][1])
-            ]
-            found = (f"({place}) mm", f", where it is at {' and '.join(faces)}" if faces else "")
-        return next(one for one in comm.allgather(found) if one[0])
+        return place_of(self.system, mine, float(self._shares[mine]) if len(self._shares) else -math.inf)
+
+
+def place_of(system: System, cell: int, amount: float) -> tuple[str, str]:
+    """Return the undeformed centre in mm of a cell, and its faces: of the rank with the largest amount, the same on all."""
+    body, comm, found = system.body, system.comm, ("", "")
+    topology, d = body.mesh.topology, body.mesh.topology.dim
+    topology.create_connectivity(d - 1, 0)
+    if amount == largest(comm, amount):
+        middle = meshes.compute_midpoints(body.mesh, d, np.array([cell], dtype=np.int32)) * system.length_unit
+        place = ", ".join(f"{x:.4g}" for x in body.actuator.device_points(middle)[0] * 1e3)
+        links, corners = topology.connectivity(d - 1, 0).links, set(topology.connectivity(d, 0).links(cell).tolist())
+        faces = [
+            role
+            for role in body.faces
+            if any(not corners.isdisjoint(links(facet).tolist()) for facet in body.entities[role][1])
+        ]
+        found = (f"({place}) mm", f", where it is at {' and '.join(faces)}" if faces else "")
+    return next(one for one in comm.allgather(found) if one[0])
+
+
+def crease(system: System, cells: npt.NDArray[np.bool_], below: float) -> PathFailure | None:
+    """Return the end of a path where a surface of some cells, a mask of shape (cells,), is compressed below `CREASED` or
+    `UNSTABLE` in the loaded state, at the most compressed one; None if none is."""
+    body, topology, d = system.body, system.body.mesh.topology, system.body.mesh.topology.dim
+    F, N = body.deformation_gradient(system.potential.displacement), body.normal
+    area = ufl.dot(ufl.cofac(F), N)
+    both, product = ufl.inner(F, F) - ufl.inner(F * N, F * N), ufl.inner(area, area)
+    smaller = ufl.sqrt((both - ufl.sqrt(ufl.max_value(both**2 - 4 * product, 0.0))) / 2)
+    middle = np.full((1, d - 1), 1 / d)
+    stretches = fem.Expression(ufl.as_vector([smaller, ufl.sqrt(product) / smaller]), middle, jit_options=JIT)
+    topology.create_connectivity(d, d - 1)
+    facets = np.unique(np.concatenate([body.entities[role][1] for role in body.faces]))
+    pairs = fem.compute_integration_domains(fem.IntegralType.exterior_facet, topology, facets).reshape(-1, 2)
+    pairs = pairs[cells[pairs[:, 0]]]
+    a, b = stretches.eval(body.mesh, pairs)[:, 0].T
+    worst = int((a**2 * b).argmin()) if len(a) else -1
+    mine = (float(a[worst] ** 2 * b[worst]), float(a[worst]), float(b[worst])) if len(a) else (math.inf, 1.0, 1.0)
+    product, stretch, other = min(system.comm.allgather(mine))
+    if product >= below:
+        return None
+    place = place_of(system, int(pairs[worst, 0]) if len(a) else 0, -mine[0])
+    return creased(stretch, math.sqrt(below / other), *place)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -1036,11 +1045,15 @@ class Continuation:
             try:
                 return [*events(self.corrector, self.requested, before, after, self.report), after], end
             except NoConvergence as failure:
-                self.report(f"an event on a step of at most {step:.3g} was not located ({failure}); halving the step")
-                step = min(step, self._longest()) / 2
-                if step < SHORTEST_STEP * self.first_step:
-                    why = "a limit point on the way was not located"
-                    raise lost(self.corrector, self.requested, why, failure) from failure
+                step = self.halved(step, "a limit point", failure)
+
+    def halved(self, step: float, what: str, failure: NoConvergence) -> float:
+        """Return half of a step on which something was not located; `PathEnd` if that is too short."""
+        self.report(f"{what} on a step of at most {step:.3g} was not located ({failure}); halving the step")
+        step = min(step, self._longest()) / 2
+        if step < SHORTEST_STEP * self.first_step:
+            raise lost(self.corrector, self.requested, f"{what} on the way was not located", failure) from failure
+        return step
 
     def _open_terms(self, state: State) -> list[EnergyTerm]:
         """Return the terms whose seal is open at a state with a pressure."""
@@ -1317,6 +1330,12 @@ def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = (
             step = min(step, PAST_LIMIT / 2 * (passed.limit.state.V - path.V0))
         try:
             stops, leak = path.stops(step, left[0])
+            try:
+                yield from _up_to(path, before, stops, left, passed)
+            except NoConvergence as failure:
+                step = path.halved(path.last.step, "a requested value", failure)
+                path.trail.points[-1] = dataclasses.replace(path.last, step=step)
+                continue
         except PathEnd as lost_there:
             end = passed.ended(lost_there, path.requested)
             if not (path.lets_go and end.snaps):
@@ -1324,7 +1343,6 @@ def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = (
             yield (landed := path.let_go(left[0], end))
             left = left[1:] if landed.requested else left
             continue
-        yield from _up_to(path, before, stops, left, passed)
         if leak:
             raise leak
         left = left[1:] if left and stops[-1].requested else left

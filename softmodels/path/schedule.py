@@ -656,8 +656,8 @@ def in_drivers(
 #
 # The curve is computed once under arc-length control; the states of loading and unloading are then solved on it, each at its
 # own pressure. Where the curve cannot be followed as far as the part that the device snaps to, as where walls meet in folds,
-# the device is let go: it creeps against a drag on its mass until it rests, and the curve is followed up from there, and down on
-# the way back.
+# the device is let go: it creeps against a drag on its mass until it rests, and the curve is followed up from there, and down
+# from there on the way back.
 
 
 NUDGE = 0.01

@@ -119,6 +119,26 @@ def test_a_step_whose_limit_point_is_not_located_is_halved(balloon, limit, solve
     assert end is not None and "a limit point on the way was not located" in str(end)
 
 
+def test_a_step_whose_requested_value_is_not_located_is_halved(balloon, limit, solved, monkeypatch):
+    """Between two states that agree the path may be lost to where a part has snapped on the way."""
+    located, least = continuation.Continuation.between, [0.0]
+
+    def on_short_steps(path, before, after, value):
+        if abs(after.state.V - before.state.V) > least[0]:
+            raise NoConvergence("as if a part had snapped")
+        return located(path, before, after, value)
+
+    monkeypatch.setattr(continuation.Continuation, "between", on_short_steps)
+    added = limit.state.V - balloon.system.rest().V
+    least[0] = 0.05 * added
+    _, points, end = solved(balloon, [0.6 * limit.state.P], control="volume", quantity="pressure")
+    assert end is None and points[-1].requested
+    assert pytest.approx(0.6 * limit.state.P, rel=1e-9) == points[-1].state.P
+    least[0] = 0.0
+    _, points, end = solved(balloon, [0.6 * limit.state.P], control="volume", quantity="pressure")
+    assert "a requested value on the way was not located" in str(end) and len(points) > 1
+
+
 # -- PETSc's SNESNEWTONAL on a residual written for it alone ----------------------------------------------------------
 
 
