@@ -7,7 +7,6 @@ states.
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import itertools
 import math
@@ -502,10 +501,9 @@ def folded(cells: float, place: str, at: str) -> PathFailure:
     )
 
 
-CREASED, UNSTABLE = 0.647**2, 0.544**2
-"""Product of a surface's smaller stretch squared and its larger one below which neo-Hookean silicone folds into itself where an
-edge or a defect begins it (Hong, Zhao and Suo 2009, doi 10.1063/1.3211917), and below which no smooth surface is stable (Biot
-1963, doi 10.1007/BF03184638)."""
+CREASED = 0.647**2
+"""Product of a surface's smaller stretch squared and its larger one below which neo-Hookean silicone folds into itself (Hong,
+Zhao and Suo 2009, doi 10.1063/1.3211917)."""
 
 
 def creased(stretch: float, least: float, place: str, at: str) -> PathFailure:
@@ -559,17 +557,17 @@ def _cause_of(corrector: Corrector, requested: PathQuantity, failure: NoConverge
     for term in system.potential.terms.values():
         if cause := term.breakdown(system):
             return cause
-    part = None
-    with contextlib.suppress(NoConvergence):
+    try:
         part = snapping(corrector, requested)
+    except NoConvergence:
+        return None
     if part is None:
-        system.load(corrector.trail.last.state)
-        return crease(system, np.ones(len(system.cells), dtype=np.bool_), UNSTABLE)
+        return None
     fold = Concentration(system, part)
     if not fold.local:
         return SNAPPED
     system.load(corrector.trail.last.state)
-    return crease(system, fold.part, CREASED) or folded(fold.cells, *fold.place)
+    return crease(system, fold.part) or folded(fold.cells, *fold.place)
 
 
 def snapping(corrector: Corrector, requested: PathQuantity) -> Array | None:
@@ -717,9 +715,9 @@ def place_of(system: System, cell: int, amount: float) -> tuple[str, str]:
     return next(one for one in comm.allgather(found) if one[0])
 
 
-def crease(system: System, cells: npt.NDArray[np.bool_], below: float) -> PathFailure | None:
-    """Return the end of a path where a surface of some cells, a mask of shape (cells,), is compressed below `CREASED` or
-    `UNSTABLE` in the loaded state, at the most compressed one; None if none is."""
+def crease(system: System, cells: npt.NDArray[np.bool_]) -> PathFailure | None:
+    """Return the end of a path where a surface of some cells, a mask of shape (cells,), is compressed until it creases in the
+    loaded state, at the most compressed one; None if none is."""
     body, topology, d = system.body, system.body.mesh.topology, system.body.mesh.topology.dim
     F, N = body.deformation_gradient(system.potential.displacement), body.normal
     area = ufl.dot(ufl.cofac(F), N)
@@ -735,10 +733,10 @@ def crease(system: System, cells: npt.NDArray[np.bool_], below: float) -> PathFa
     worst = int((a**2 * b).argmin()) if len(a) else -1
     mine = (float(a[worst] ** 2 * b[worst]), float(a[worst]), float(b[worst])) if len(a) else (math.inf, 1.0, 1.0)
     product, stretch, other = min(system.comm.allgather(mine))
-    if product >= below:
+    if product >= CREASED:
         return None
     place = place_of(system, int(pairs[worst, 0]) if len(a) else 0, -mine[0])
-    return creased(stretch, math.sqrt(below / other), *place)
+    return creased(stretch, math.sqrt(CREASED / other), *place)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

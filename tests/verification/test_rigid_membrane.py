@@ -19,7 +19,7 @@ from softmodels.components.rigid import Rigid
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System, _nodes_of
-from softmodels.path.continuation import CREASED, Concentration, Continuation, crease, trace
+from softmodels.path.continuation import Concentration, Continuation, crease, trace
 from softmodels.path.schedule import Stage, hang, inflate_from, stopped
 from softmodels.path.stability import DIRECT
 from tests.support import bodies, membrane_shooting as shooting
@@ -201,7 +201,7 @@ def test_a_surface_creases_from_a_compression_of_a_third_on(section, stretches, 
     moved = places * (np.array(stretches)[[0, 1, 2] if section == "cube" else [0, 2]] - 1.0)
     w[dofs] = moved @ body.skew.T
     system.load(dataclasses.replace(rest, w=w))
-    found = crease(system, fold.part, CREASED)
+    found = crease(system, fold.part)
     assert (found is None) == (known is None)
     if found:
         assert "stretch of {:.2f}, and from about {:.2f} on".format(*known) in found.clause
