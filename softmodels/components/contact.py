@@ -1540,15 +1540,13 @@ class SealingTerm(RubbingShapeTerm):
 def _seal_edges(shape: RigidShape, body: Body, space: fem.FunctionSpace, nodes: FaceNodes) -> tuple[Indices, Indices]:
     """Return the numbers of the nodes of faces on the cavity's edge, and on all other edges."""
     tree = scipy.spatial.cKDTree(nodes.places)
-    beside = {*shape.roles, *(plane.name for plane in body.actuator.cut_planes), "axis"}
 
     def shared(roles: Sequence[str]) -> Indices:
         places = FaceNodes(body, space, roles).places if roles else np.empty((0, nodes.places.shape[1]))
         far, found = tree.query(places, distance_upper_bound=NEAR)
         return np.asarray(np.unique(found[np.isfinite(far)]), dtype=np.int64)
 
-    fdim = body.mesh.topology.dim - 1
-    others = [name for name, (dimension, _) in body.entities.items() if dimension == fdim and name not in beside]
+    others = [name for name in body.faces if name not in shape.roles]
     walls = cavity_roles(body.actuator)
     inside, outside = shared(walls[:1]), shared([name for name in others if name != walls[0]])
     if not len(inside):

@@ -729,14 +729,12 @@ def crease(system: System, cells: npt.NDArray[np.bool_]) -> PathFailure | None:
     facets = np.unique(np.concatenate([body.entities[role][1] for role in body.faces]))
     pairs = fem.compute_integration_domains(fem.IntegralType.exterior_facet, topology, facets).reshape(-1, 2)
     pairs = pairs[cells[pairs[:, 0]]]
-    a, b = stretches.eval(body.mesh, pairs)[:, 0].T
-    worst = int((a**2 * b).argmin()) if len(a) else -1
-    mine = (float(a[worst] ** 2 * b[worst]), float(a[worst]), float(b[worst])) if len(a) else (math.inf, 1.0, 1.0)
-    product, stretch, other = min(system.comm.allgather(mine))
+    found = zip(stretches.eval(body.mesh, pairs)[:, 0].tolist(), pairs[:, 0].tolist(), strict=True)
+    mine = min(((a**2 * b, a, b, cell) for (a, b), cell in found), default=(math.inf, 1.0, 1.0, 0))
+    product, stretch, other, _ = min(system.comm.allgather(mine))
     if product >= CREASED:
         return None
-    place = place_of(system, int(pairs[worst, 0]) if len(a) else 0, -mine[0])
-    return creased(stretch, math.sqrt(CREASED / other), *place)
+    return creased(stretch, math.sqrt(CREASED / other), *place_of(system, mine[-1], -mine[0]))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
