@@ -441,22 +441,31 @@ class Corrector:
 
 @dataclasses.dataclass
 class PassedLimits:
-    """The first limit point of the pressure passed so far, the last one of the requested quantity itself, and whether the path
-    is between that one and where the device lands."""
+    """The first limit point of the pressure passed so far, the last one of the requested quantity itself, and the value at
+    that one if the path has not come to where the device lands yet, else nan."""
 
     limit: Point | None = None
     turn: Point | None = None
-    jumping: bool = False
+    level: float = math.nan
 
     @classmethod
     def among(cls, points: Sequence[Point], requested: PathQuantity) -> PassedLimits:
         """Return those of the points, in order, from which a path continues."""
         limit = next((point for point in points if point.limit), None)
         turn = next((point for point in reversed(points) if point.turn), None)
-        jumping = turn is not None and requested.value(turn.state.V, turn.state.P) > requested.value(
-            points[-1].state.V, points[-1].state.P
-        )
-        return cls(limit, turn, jumping)
+        if turn is None:
+            return cls(limit)
+        level, value = (requested.value(one.state.V, one.state.P) for one in (turn, points[-1]))
+        return cls(limit, turn, level if level > value else math.nan)
+
+    def add(self, point: Point, value: float, rising: bool) -> None:
+        """Pass a point with a value of the requested quantity, on a step that begins at a rising pressure or not."""
+        if self.limit is None and point.limit and rising:
+            self.limit = point
+        if point.turn:
+            self.turn, self.level = point, value
+        elif not value < self.level:
+            self.level = math.nan
 
     def ended(self, end: PathEnd, requested: PathQuantity) -> PathEnd:
         """Return the end of a path, with the limit point of the requested quantity."""
@@ -506,13 +515,15 @@ CREASED = 0.647**2
 Zhao and Suo 2009, doi 10.1063/1.3211917)."""
 
 
-def creased(stretch: float, least: float, place: str, at: str) -> PathFailure:
-    """Return the end of a path at which the surface creases; the rest is as for `folded`."""
+def creased(stretch: float, least: float, place: str, at: str, closed: bool) -> PathFailure:
+    """Return the end of a path at which the surface creases, or at which it has done so and the crease is ``closed``; the rest
+    is as for `folded`."""
+    what, first = ("is folded onto itself", "Round") if closed else ("creases", "Stay below, or round")
     return PathFailure(
-        f"the silicone's surface creases at {place} of the undeformed device{at}: it is compressed to a stretch of "
-        f"{stretch:.2f}, and from about {least:.2f} on it folds into itself",
-        "Stay below, or round that edge more (--fillet, --rounding or --clamp-rounding, as the device has it), so that its "
-        "surface is compressed less; smaller cells there (--cell-size) resolve what follows",
+        f"the silicone's surface {what} at {place} of the undeformed device{at}: it is compressed to a stretch of "
+        f"{stretch:.2f}, and creases from about {least:.2f} on",
+        f"{first} that edge more (--fillet, --rounding or --clamp-rounding, as the device has it), so that its surface is "
+        "compressed less; smaller cells there (--cell-size) resolve the fold",
         snaps=True,
     )
 
@@ -537,6 +548,11 @@ TOLERANCE = 1e-10
 """Relative tolerance of the directions, whose local part may be a thousandth of the whole motion."""
 FEW = (6.0, 0.1)
 """Maximum number and fraction of cells in a motion that counts as a mesh fold."""
+CLOSED = math.radians(150.0)
+"""Angle by which a facet turns from one end to the other where it is folded onto itself; a quadratic one turns by 180 degrees
+at most, and one beside a held edge by 130 without a crease."""
+NEAR_CORNERS = 0.9
+"""Where on its way from the middle of a facet to a corner the surface is looked at: on the axis itself, hoops are 0 / 0."""
 PART = 1e-3
 """Share of the largest part that a cell has of a motion, above which it takes part."""
 FALLING = 2
@@ -560,9 +576,10 @@ def _cause_of(corrector: Corrector, requested: PathQuantity, failure: NoConverge
     try:
         part = snapping(corrector, requested)
     except NoConvergence:
-        return None
+        part = None
+    system.load(corrector.trail.last.state)
     if part is None:
-        return None
+        return crease(system)
     fold = Concentration(system, part)
     if not fold.local:
         return SNAPPED
@@ -715,26 +732,34 @@ def place_of(system: System, cell: int, amount: float) -> tuple[str, str]:
     return next(one for one in comm.allgather(found) if one[0])
 
 
-def crease(system: System, cells: npt.NDArray[np.bool_]) -> PathFailure | None:
+def crease(system: System, cells: npt.NDArray[np.bool_] | None = None) -> PathFailure | None:
     """Return the end of a path where a surface of some cells, a mask of shape (cells,), is compressed until it creases in the
-    loaded state, at the most compressed one; None if none is."""
+    loaded state, at the most compressed one; None if none is. Without a mask it is that of the cells on whose surface a crease
+    has closed already, within one facet, which no contact can see."""
     body, topology, d = system.body, system.body.mesh.topology, system.body.mesh.topology.dim
     F, N = body.deformation_gradient(system.potential.displacement), body.normal
     area = ufl.dot(ufl.cofac(F), N)
     both, product = ufl.inner(F, F) - ufl.inner(F * N, F * N), ufl.inner(area, area)
     smaller = ufl.sqrt((both - ufl.sqrt(ufl.max_value(both**2 - 4 * product, 0.0))) / 2)
-    middle = np.full((1, d - 1), 1 / d)
-    stretches = fem.Expression(ufl.as_vector([smaller, ufl.sqrt(product) / smaller]), middle, jit_options=JIT)
+    values = ufl.as_vector([smaller, ufl.sqrt(product) / smaller, *(area[k] / ufl.sqrt(product) for k in range(3))])
+    middle = np.full(d - 1, 1 / d)
+    places = np.vstack([middle, middle + NEAR_CORNERS * (np.vstack([np.zeros(d - 1), np.eye(d - 1)]) - middle)])
     topology.create_connectivity(d, d - 1)
     facets = np.unique(np.concatenate([body.entities[role][1] for role in body.faces]))
     pairs = fem.compute_integration_domains(fem.IntegralType.exterior_facet, topology, facets).reshape(-1, 2)
-    pairs = pairs[cells[pairs[:, 0]]]
-    found = zip(stretches.eval(body.mesh, pairs)[:, 0].tolist(), pairs[:, 0].tolist(), strict=True)
-    mine = min(((a**2 * b, a, b, cell) for (a, b), cell in found), default=(math.inf, 1.0, 1.0, 0))
+    at = fem.Expression(values, places, jit_options=JIT).eval(body.mesh, pairs).reshape(len(pairs), len(places), 5)
+    least = (at[..., 0] ** 2 * at[..., 1]).argmin(axis=1)
+    (smaller, larger), normals = at[np.arange(len(at)), least, :2].T, at[..., 2:]
+    if cells is not None:
+        of = cells[pairs[:, 0]]
+    else:
+        of = np.einsum("fpi,fqi->fpq", normals, normals).min(axis=(1, 2), initial=1.0) < math.cos(CLOSED)
+    found = zip(smaller[of].tolist(), larger[of].tolist(), pairs[of, 0].tolist(), strict=True)
+    mine = min(((a**2 * b, a, b, cell) for a, b, cell in found), default=(math.inf, 1.0, 1.0, 0))
     product, stretch, other, _ = min(system.comm.allgather(mine))
     if product >= CREASED:
         return None
-    return creased(stretch, math.sqrt(CREASED / other), *place_of(system, mine[-1], -mine[0]))
+    return creased(stretch, math.sqrt(CREASED / other), *place_of(system, mine[-1], -mine[0]), closed=cells is None)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -1023,33 +1048,57 @@ class Continuation:
         """Return the point with a requested value that lies between two points."""
         return self.corrector.between(self.requested, before, after, value)
 
-    def stops(self, step: float, goal: float) -> tuple[list[Point], PathEnd | None]:
-        """Take a step towards the requested value ``goal``, shortened until all that lies on it is located.
+    def stops(
+        self, step: float, goals: Sequence[float] = (), level: float = math.nan
+    ) -> tuple[list[Point], PathEnd | None]:
+        """Take a step towards the first of the requested values ``goals``, shortened until all that lies on it is located.
+
+        Args:
+            step: Its length.
+            goals: Requested values ahead, rising; none if the path is followed as far as it leads.
+            level: Value at which the device lands from a limit point that the path has passed, nan if from none.
 
         Returns:
-            Limit points and bifurcations on the step, in order, and behind them its end; and what ends the path there, if
-            a seal opens.
+            Points on the step, in order: limit points, bifurcations, requested values, where the device lands, and the step's
+            end unless a last requested value lies before it; and what ends the path there, if a seal opens.
 
         Raises:
             PathEnd: Not even the shortest step succeeded.
         """
         before = self.last
         while True:
-            after, end = self.advance(step, goal), None
+            after, end = self.advance(step, goals[0] if goals else math.inf), None
             if leak := self.opened(before, after):
                 after, end = leak
             try:
-                return [*events(self.corrector, self.requested, before, after, self.report), after], end
+                found = [*events(self.corrector, self.requested, before, after, self.report), after]
+                return self._with_values(before, found, goals, level), end
             except NoConvergence as failure:
-                step = self.halved(step, "a limit point", failure)
+                what = f"what lies on a step of at most {step:.3g}"
+                self.report(f"{what} was not located ({failure}); halving the step")
+                step = min(step, self._longest()) / 2
+                if step < SHORTEST_STEP * self.first_step:
+                    why = "a limit point or a requested value on the way was not located"
+                    raise lost(self.corrector, self.requested, why, failure) from failure
 
-    def halved(self, step: float, what: str, failure: NoConvergence) -> float:
-        """Return half of a step on which something was not located; `PathEnd` if that is too short."""
-        self.report(f"{what} on a step of at most {step:.3g} was not located ({failure}); halving the step")
-        step = min(step, self._longest()) / 2
-        if step < SHORTEST_STEP * self.first_step:
-            raise lost(self.corrector, self.requested, f"{what} on the way was not located", failure) from failure
-        return step
+    def _with_values(self, here: Point, stops: list[Point], goals: Sequence[float], level: float) -> list[Point]:
+        """Return the points of a step with those where the device lands and has requested values, up to the last value; the
+        rest is as for `stops`."""
+        found, left = list[Point](), list(goals)
+        for stop in stops:
+            if self.value(here.state) < level <= self.value(stop.state):
+                # A real device snaps through from the limit point of the requested quantity to here.
+                here, level = dataclasses.replace(self.between(here, stop, level), requested=False, jump=True), math.nan
+                found.append(here)
+            # Under its own control the path stops at a value; under another it has to locate those that it passed.
+            while left and not self.direct and self.value(here.state) < left[0] <= self.value(stop.state):
+                here = self.between(here, stop, left.pop(0))
+                found.append(here)
+                if not left:
+                    return found
+            here, level = stop, self.value(stop.state) if stop.turn else level
+            found.append(here)
+        return found
 
     def _open_terms(self, state: State) -> list[EnergyTerm]:
         """Return the terms whose seal is open at a state with a pressure."""
@@ -1106,7 +1155,7 @@ class Continuation:
             raise end
         self.trail.line = self.requested.name if self.control == "auto" else self.control
         landed = self.at(self.requested.exactly(state, value))
-        return self.keep(dataclasses.replace(landed, requested=value == goal, jump=True))
+        return dataclasses.replace(landed, requested=value == goal, jump=True)
 
     def advance(self, step: float, goal: float) -> Point:
         """Take a step towards the requested value ``goal``, shortened until it converges; `PathEnd` if not even the shortest
@@ -1325,56 +1374,24 @@ def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = (
         if passed.limit is not None and path.ends_at_limit:
             step = min(step, PAST_LIMIT / 2 * (passed.limit.state.V - path.V0))
         try:
-            stops, leak = path.stops(step, left[0])
-            try:
-                yield from _up_to(path, before, stops, left, passed)
-            except NoConvergence as failure:
-                step = path.halved(path.last.step, "a requested value", failure)
-                path.trail.points[-1] = dataclasses.replace(path.last, step=step)
-                continue
+            stops, leak = path.stops(step, left, passed.level)
         except PathEnd as lost_there:
             end = passed.ended(lost_there, path.requested)
             if not (path.lets_go and end.snaps):
                 raise end from lost_there
-            yield (landed := path.let_go(left[0], end))
-            left = left[1:] if landed.requested else left
-            continue
-        if leak:
-            raise leak
-        left = left[1:] if left and stops[-1].requested else left
-
-
-def _up_to(
-    path: Continuation, before: Point, stops: list[Point], left: list[float], passed: PassedLimits
-) -> Iterator[Point]:
-    """Yield the points from one up to its neighbour, the last stop, in order; goals reached are removed from ``left``."""
-    here, after = before, stops[-1]
-    for stop in stops:
-        if passed.jumping and passed.turn:
-            level = path.value(passed.turn.state)
-            if path.value(here.state) < level <= path.value(stop.state):
-                # A real device snaps through from the limit point of the requested quantity to here.
-                landed = path.between(here, stop, level)
-                here, passed.jumping = path.keep(dataclasses.replace(landed, requested=False, jump=True)), False
-                yield here
-        # Under its own control the path stops at a goal; under another it has to locate the goals it passed.
-        while not path.direct and path.value(here.state) < left[0] <= path.value(stop.state):
-            here = path.keep(path.between(here, stop, left[0]))
-            del left[0]
+            stops, leak = [path.let_go(left[0], end)], None
+        for stop in stops:
+            if stop.mode is not None:
+                # Interpolated, and K is singular: not used to predict the next state.
+                path.trail.modes.append(Mode(path.trail.stability.mass, stop.mode))
+                yield stop
+                continue
+            here = path.keep(dataclasses.replace(stop, step=stops[-1].step))
+            passed.add(here, path.value(here.state), rising=before.tangent.P > 0)
             yield here
-            if not left:
-                return
-        if stop.mode is not None:
-            # Interpolated, and K is singular: not used to predict the next state.
-            path.trail.modes.append(Mode(path.trail.stability.mass, stop.mode))
-            here = stop
-        else:
-            here = path.keep(dataclasses.replace(stop, step=after.step))
-        if passed.limit is None and stop.limit and before.tangent.P > 0:
-            passed.limit = here
-        if stop.turn:
-            passed.turn, passed.jumping = here, True
-        yield here
+        left = left[sum(stop.requested for stop in stops) :]
+        if leak and left:
+            raise leak
 
 
 def _check_end(path: Continuation, passed: PassedLimits) -> None:
@@ -1508,7 +1525,7 @@ def follow(path: Continuation, bifurcation: Point, sign: int = 1, farthest: floa
         raise PathEnd(str(failure)) from failure
     path.trail.modes = [branch.mode]
     for _ in range(MOST_POINTS):
-        stops, leak = path.stops(min(path.last.step, 0.5), float("inf"))
+        stops, leak = path.stops(min(path.last.step, 0.5))
         for stop in stops:
             yield stop if stop.bifurcation else path.keep(dataclasses.replace(stop, step=stops[-1].step))
         if leak:

@@ -10,7 +10,8 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from softmodels.materials.laws import MooneyRivlin, NeoHookean
-from softmodels.path.continuation import follow
+from softmodels.mechanics.newton import NoConvergence
+from softmodels.path.continuation import Continuation, follow
 from softmodels.runs.fields import Fields
 from tests.support import bodies
 from tests.support.cavities import OutsideBody, TubeBody
@@ -80,6 +81,26 @@ def test_step_sizes_do_not_move_a_bifurcation(tube, bulged, solved, longest, fig
     against = "the bulge met by other steps"
     figure(against, "volume", again.state.V / first.state.V - 1, 4e-6)
     figure(against, "pressure", again.state.P / first.state.P - 1, 4e-7)
+
+
+def test_a_bifurcation_comes_once_where_a_value_behind_it_is_not_located(tube, bulged, solved, monkeypatch):
+    """Its step is halved, and it is met again."""
+    (first,), rest, failed = bifurcations(bulged[1]), tube.system.rest().V, []
+    located = Continuation.between
+
+    def once(path, before, after, value):
+        if before.bifurcation and not failed:
+            failed.append(value)
+            raise NoConvergence("as if a part had snapped")
+        return located(path, before, after, value)
+
+    monkeypatch.setattr(Continuation, "between", once)
+    wanted = first.state.V - rest + 1e-3 * first.state.V
+    path, points, end = solved(tube, [wanted, 6 * rest], "arc-length", "volume")
+    assert end is None and failed
+    assert len(bifurcations(points)) == len(path.trail.modes) == 1
+    assert (np.diff([point.state.V for point in points]) > 0).all()
+    assert [point.state.V - rest for point in points if point.requested] == pytest.approx([wanted, 6 * rest])
 
 
 def test_bulge_grows_at_a_falling_pressure(tube, bulged, figure):
