@@ -35,7 +35,7 @@ from geometries.actuator import (
 )
 from geometries.faces import FORMATS, UNITS, Colour, Faces, faces, point
 from geometries.mesh_arrays import TO_GMSH, Ints, Tetrahedra
-from geometries.meshing import apart, private_model
+from geometries.meshing import apart, drawn_in, private_model
 from geometries.registry import register_device
 from geometries.revolved import TRIANGLE
 from softmodels.common.arrays import Array
@@ -857,10 +857,10 @@ def build_part(part: ImportedActuator) -> None:
 
 def open_part(part: ImportedActuator, unit: str = "M") -> Solids:
     """Read the file in metres, or another of the CAD kernel's units, whatever its own; its solids are glued."""
-    gmsh.option.setString("Geometry.OCCTargetUnit", unit)
     gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
     try:
-        gmsh.model.occ.importShapes(part.file, format="step")
+        with drawn_in(unit):
+            gmsh.model.occ.importShapes(part.file, format="step")
         gmsh.model.occ.synchronize()
     except Exception as error:  # Gmsh raises bare Exception
         raise GeometryError(

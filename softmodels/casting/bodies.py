@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from geometries import Actuator
 from geometries.actuator import Castable, Pour, Recipe, Vector
 from geometries.imported import face_names, named_surfaces
-from geometries.meshing import private_model
+from geometries.meshing import drawn_in, private_model
 from softmodels.casting.grooves import Winding, groove_solids, winding
 from softmodels.casting.settings import MouldError, Workshop
 from softmodels.common.arrays import Array
@@ -151,10 +151,8 @@ class LostCore(Castable):
 
 def imported(file: Path) -> list[Solid]:
     """Read a STEP file into the current Gmsh model, in mm; return its solids."""
-    gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
-    solids = list(gmsh.model.occ.importShapes(str(file), format="step"))
-    gmsh.option.setString("Geometry.OCCTargetUnit", "")
-    return solids
+    with drawn_in("MM"):
+        return list(gmsh.model.occ.importShapes(str(file), format="step"))
 
 
 def rotation_up(up: Vector) -> Array:

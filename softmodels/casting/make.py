@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from geometries import Actuator
 from geometries.actuator import Castable, Pour, Recipe
-from geometries.meshing import apart, private_model
+from geometries.meshing import apart, private_model, write_step
 from softmodels.casting.bodies import (
     FLUSH,
     MM,
@@ -669,13 +669,6 @@ def _bonded(pieces: Sequence[_Drawn], folder: Path) -> bytes:
         gmsh.model.occ.synchronize()
         write_step(file)
     return file.read_bytes()
-
-
-def write_step(file: Path) -> None:
-    """Write the solids of the current Gmsh model, in mm."""
-    gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
-    gmsh.write(str(file))
-    gmsh.option.setString("Geometry.OCCTargetUnit", "")
 
 
 def _write_steps(named: Mapping[str, Solid], drawn: _Drawn) -> None:

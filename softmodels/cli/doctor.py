@@ -122,9 +122,11 @@ def _program(what: str, *names: str) -> str:
 
 
 def _compiler() -> str:
+    import cffi  # type: ignore[import-untyped]
+
     try:
         words = compiler()
-    except Exception as error:
+    except cffi.VerificationError as error:
         raise RuntimeError(
             f"no C compiler ({error}); the equations are compiled at run time, so install one (Debian: apt-get install gcc; "
             "uv sync --extra compiler)"

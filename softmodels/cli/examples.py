@@ -22,7 +22,7 @@ import click
 import numpy as np
 
 from geometries import HollowDisk
-from geometries.meshing import apart, interpreter, private_model
+from geometries.meshing import apart, interpreter, private_model, write_step
 from measurement.photographer import FLOOR, SCENE, Scene, chessboard, photograph, save
 from softmodels.case.case import Case
 from softmodels.case.materials import DEFAULT
@@ -380,11 +380,9 @@ def _square_tower(occ: gmsh.model.occ, profile: Sequence[tuple[float, float]]) -
 def _write_step(path: Path, draw: Callable[[gmsh.model.occ], None]) -> None:
     """Write what ``draw(gmsh.model.occ)`` draws in mm as a STEP file."""
     with private_model():
-        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
         draw(gmsh.model.occ)
         gmsh.model.occ.synchronize()
-        gmsh.write(str(path))
-        gmsh.option.setString("Geometry.OCCTargetUnit", "")
+        write_step(path)
 
 
 def write_examples(path: Path, tell: Callable[[str], None] = lambda text: None) -> Folder:

@@ -248,6 +248,8 @@ QUADRATURE_DEGREE = 2
 """Quadrature degree: exact for products of linear gradients, as second-order elements need for their full rate."""
 
 SURFACE_DEGREE = 4
+SAME = 1e-9
+"""Lengths below this fraction of the device's size count as zero."""
 CAVITY, SHEET = 1, 2
 """Tags of the cavity's and a sheet's facets in the forms, the same for every mesh to avoid recompiling."""
 
@@ -388,6 +390,20 @@ class Body:
         """Roles of its faces, without those that symmetry cuts."""
         cut = {plane.name for plane in self.actuator.cut_planes} | {"axis"}
         return [name for name, (of, _) in self.entities.items() if of == self.mesh.topology.dim - 1 and name not in cut]
+
+    @property
+    def outer_facets(self) -> npt.NDArray[np.int32]:
+        """This rank's facets that bound the silicone, without those on planes of symmetry and on a section's axis."""
+        topology, d = self.mesh.topology, self.mesh.topology.dim
+        topology.create_connectivity(d - 1, d)
+        planes = {plane.name for plane in self.actuator.cut_planes}
+        cut = [facets for role, (_, facets) in self.entities.items() if role in planes]
+        outer = np.setdiff1d(
+            meshes.exterior_facet_indices(topology), np.concatenate([np.empty(0, dtype=np.int32), *cut])
+        )
+        if d == 2:
+            outer = outer[meshes.compute_midpoints(self.mesh, 1, outer)[:, 0] > SAME]
+        return outer
 
     def sheet_face(self, role: str) -> tuple[ufl.Measure, Expr]:
         """Return the UFL measure over the facets of a role, and their `normal`; `BodyError` if it has none."""

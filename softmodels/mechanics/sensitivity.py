@@ -72,10 +72,7 @@ class Extension:
         mesh, tdim = body.mesh, body.mesh.topology.dim
         self.dimension = mesh.geometry.dim
         free = [plane.name for plane in body.actuator.cut_planes] + ([AXIS] if AXIS in body.entities else [])
-        mesh.topology.create_connectivity(tdim - 1, tdim)
-        outside = meshes.exterior_facet_indices(mesh.topology)
-        cut = [body.entities[name][1] for name in free]
-        true = np.setdiff1d(outside, np.concatenate(cut)) if cut else outside
+        true = body.outer_facets
         if body.actuator.carries_interfaces:
             true = np.union1d(true, _interfaces(body))
         blocks = fem.locate_dofs_topological(space, tdim - 1, true.astype(np.int32))

@@ -745,8 +745,8 @@ def crease(system: System, cells: npt.NDArray[np.bool_] | None = None) -> PathFa
     middle = np.full(d - 1, 1 / d)
     places = np.vstack([middle, middle + NEAR_CORNERS * (np.vstack([np.zeros(d - 1), np.eye(d - 1)]) - middle)])
     topology.create_connectivity(d, d - 1)
-    facets = np.unique(np.concatenate([body.entities[role][1] for role in body.faces]))
-    pairs = fem.compute_integration_domains(fem.IntegralType.exterior_facet, topology, facets).reshape(-1, 2)
+    exterior = fem.IntegralType.exterior_facet
+    pairs = fem.compute_integration_domains(exterior, topology, body.outer_facets).reshape(-1, 2)
     at = fem.Expression(values, places, jit_options=JIT).eval(body.mesh, pairs).reshape(len(pairs), len(places), 5)
     least = (at[..., 0] ** 2 * at[..., 1]).argmin(axis=1)
     (smaller, larger), normals = at[np.arange(len(at)), least, :2].T, at[..., 2:]

@@ -15,11 +15,11 @@ from geometries.actuator import Vector, reflected
 from softmodels.case.entries import NO_PROBES, CaseError, ProbeError, Probes, followed_text
 from softmodels.common.arrays import Array
 from softmodels.common.errors import known_are
-from softmodels.common.lazy import fem, meshes, ufl
+from softmodels.common.lazy import fem, ufl
 from softmodels.common.names import Registry
 from softmodels.common.units import brief
 from softmodels.components.rigid import symmetric_motions
-from softmodels.mechanics.body import in_section, in_space
+from softmodels.mechanics.body import SAME, in_section, in_space
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.mpi import largest, summed, total
@@ -185,9 +185,6 @@ class Figures:
 
 Nodes = npt.NDArray[np.int64]
 
-SAME = 1e-9
-"""Lengths below this fraction of the device's size count as zero."""
-
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class TrackedPoint:
@@ -286,18 +283,9 @@ def _surface(system: System, grid: Grid) -> Nodes:
 
     The corners come first, then the middles of the edges, each opposite to its corner.
     """
-    body = system.body
-    topology = body.mesh.topology
+    outer, topology = system.body.outer_facets, system.body.mesh.topology
     dim = topology.dim
-    topology.create_connectivity(dim - 1, dim)
     topology.create_connectivity(dim, dim - 1)
-    planes = {plane.name for plane in body.actuator.cut_planes}
-    cut = [facets for role, (_, facets) in body.entities.items() if role in planes]
-    outer = np.setdiff1d(
-        meshes.exterior_facet_indices(topology), np.concatenate(cut) if cut else np.empty(0, dtype=np.int32)
-    )
-    if dim == 2:  # a section's axis is not a surface
-        outer = outer[meshes.compute_midpoints(body.mesh, 1, outer.astype(np.int32))[:, 0] > SAME]
     cells_of, facets_of = topology.connectivity(dim - 1, dim), topology.connectivity(dim, dim - 1)
     layout = grid.space.dofmap.dof_layout
     found = np.empty((len(outer), 3 * (dim - 1)), dtype=np.int64)

@@ -20,10 +20,9 @@ import gmsh
 
 import softmodels as sm
 from geometries import Actuator
-from geometries.meshing import private_model
+from geometries.meshing import private_model, write_step
 from softmodels.casting.bodies import imported
 from softmodels.casting.files import mould
-from softmodels.casting.make import write_step
 
 
 @dataclasses.dataclass(frozen=True)
