@@ -34,7 +34,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.commands import COLORMAP
 from softmodels.common.files import write_bytes
 from softmodels.materials.silicones import named
-from softmodels.runs.columns import OVERLAP_MARK, StateLabels, overlap_text
+from softmodels.runs.columns import INVALID, StateLabels, overlap_text
 from softmodels.runs.fields import Row, coloured
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def load(row: Row, words: StateLabels, kilopascals: bool = True) -> str:
 
 def title_colour(title: str) -> str:
     """Return the colour of a state's title: the warning colour if walls overlap."""
-    return WARNING if OVERLAP_MARK in title else "black"
+    return WARNING if INVALID in title else "black"
 
 
 def headline(row: Row, words: StateLabels) -> str:

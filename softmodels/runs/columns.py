@@ -84,6 +84,11 @@ class Solved:
         """The least gap between the device's walls."""
         return self.fields.walls.least(self.nodal["displacement"])
 
+    @property
+    def overlaps(self) -> bool:
+        """Whether walls pass through each other, or a facet of the surface is folded onto itself."""
+        return (self.gap is not None and self.gap.overlaps) or self.fields.walls.folded(self.nodal["displacement"])
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class PathColumn(Output):
@@ -396,8 +401,8 @@ _COLUMNS: tuple[PathColumn | Columns, ...] = (
            "search distance if no walls are near",
            lambda s: (s.fields.walls.reach if s.gap is None else s.gap.value) * 1e3),
     PathColumn("walls_touch", "walls overlap",
-           f"1 where walls overlap by more than {OVERLAP:.0%} of their thickness: the state is invalid",
-           lambda s: int(s.gap is not None and s.gap.overlaps)),
+           f"1 where walls overlap by more than {OVERLAP:.0%} of their thickness, or where the surface is folded onto itself "
+           "within a cell: the state is invalid", lambda s: int(s.overlaps)),
     PathColumn("requested", "requested", "1 for a requested state", lambda s: int(s.point.requested)),
     PathColumn("limit", "limit point",
            "1 at a limit point of the pressure: under pressure control the device snaps through",
@@ -435,12 +440,15 @@ OF_PRESSURE = re.compile(r"pressure(_\d+|_ci95|_at_\w+_ci95)*_(cm|Pa)")
 OF_VOLUME = re.compile(r"added_volume(_\d+|_ci95)*_ml")
 
 
-OVERLAP_MARK = "WALLS OVERLAP"
+INVALID = "invalid state"
 
 
 def overlap_text(row: Row) -> str:
-    """Return a warning that walls overlap in a state, for its line, title and picture; else ""."""
-    return f"{OVERLAP_MARK} by {-row['least_gap_mm']:.3g} mm: invalid state" if row.get("walls_touch") else ""
+    """Return a warning that walls overlap in a state or its surface is folded, for its line, title and picture; else ""."""
+    if not row.get("walls_touch"):
+        return ""
+    gap = row["least_gap_mm"]
+    return f"{f'WALLS OVERLAP by {-gap:.3g} mm' if gap < 0.0 else 'SURFACE FOLDED onto itself'}: {INVALID}"
 
 
 @dataclasses.dataclass(frozen=True)

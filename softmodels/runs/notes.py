@@ -366,16 +366,22 @@ def volume_notes(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def contact_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
-    """Yield a sentence on walls that overlap; none if they do not."""
-    overlapping = [row for row in rows if row.get("walls_touch")]
-    if not overlapping:
+    """Yield a sentence on walls that overlap or a surface that is folded onto itself; none if there are none."""
+    invalid = [row for row in rows if row.get("walls_touch")]
+    if not invalid:
         return
-    where, deepest = state_labels(case), min(overlapping, key=lambda row: row["least_gap_mm"])
-    count = f"{len(overlapping)} of {len(rows)} states" if len(overlapping) > 1 else "one state"
+    where, deepest = state_labels(case), min(invalid, key=lambda row: row["least_gap_mm"])
+    count = f"{len(invalid)} of {len(rows)} states" if len(invalid) > 1 else "one state"
+    since, told = f"from {where.place(invalid[0])} on, in {count},", "these states are invalid"
+    if deepest["least_gap_mm"] >= 0.0:
+        yield (
+            f"SURFACE FOLDED: {since} the silicone's surface is folded onto itself within a cell: {told} (walls_touch in "
+            "path.csv); round its edges more, or use smaller cells there (--cell-size)"
+        )
+        return
     found = (
-        f"WALLS OVERLAP: from {where.place(overlapping[0])} on, in {count}, walls overlap by up to "
-        f"{-deepest['least_gap_mm']:.3g} mm at {where.place(deepest)}: these states are invalid (least_gap_mm "
-        f"and walls_touch in path.csv)"
+        f"WALLS OVERLAP: {since} walls overlap by up to {-deepest['least_gap_mm']:.3g} mm at {where.place(deepest)}: {told} "
+        "(least_gap_mm and walls_touch in path.csv)"
     )
     walls = [part for part in case.components if isinstance(part, Walls) and not part.off]
     if walls:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -18,6 +19,7 @@ from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.mpi import gathered, largest, scattered, total
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System, face_load
+from softmodels.path.continuation import CLOSED, CREASED
 from softmodels.runs.grid import EDGES, FACES, Cells
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -493,13 +495,10 @@ class FacingWalls:
         return place[0], -self._normal(tangents, number)[0], float(self.thickness[facet])
 
     def _normal(self, tangents: Array, facets: npt.NDArray[np.int64]) -> Array:
-        across = (
-            np.stack([tangents[:, 0, 2], np.zeros(len(tangents)), -tangents[:, 0, 0]], axis=1)
-            if self.flat
-            else np.cross(tangents[:, 0], tangents[:, 1])
-        )
-        length = np.maximum(np.linalg.norm(across, axis=1), 1e-300)
-        return np.asarray(across / length[:, None] * self._turn[facets, None])
+        first = tangents[..., 0, :]
+        across = np.cross([0.0, 1.0, 0.0], first) if self.flat else np.cross(first, tangents[..., 1, :])
+        length = np.maximum(np.linalg.norm(across, axis=-1), 1e-300)
+        return np.asarray(across / length[..., None] * self._turn[facets][..., None])
 
     def least(self, displacement: Array, reach: float | None = None) -> Gap | None:
         """Return the smallest gap, in m, for displacements of the nodes in m, shape (n, 3); None if no walls are near each
@@ -533,6 +532,33 @@ class FacingWalls:
     def cross(self, displacement: Array) -> bool:
         """Return whether walls pass through each other anywhere; quicker than `least`, which looks for the deepest place."""
         return bool((self._within(self.points + displacement, self.reach).values < 0.0).any())
+
+    def folded(self, displacement: Array) -> bool:
+        """Return whether a facet is folded onto itself, in a crease that the cells do not resolve: it turns by more than
+        `CLOSED`, and two of its places face each other or, where they have passed each other, its surface has creased."""
+        x, tangents = self._lattices(self.points + displacement)
+        n = self._normal(tangents, np.arange(len(x))[:, None])
+        turned = np.einsum("fpi,fqi->fpq", n, n) < math.cos(CLOSED)
+        few = turned.any(axis=(1, 2))
+        (at, before), x, tangents, n = (
+            (side[few] for side in self._lattices(self.points)),
+            x[few],
+            tangents[few],
+            n[few],
+        )
+        facing = np.einsum("fpi,fpqi->fpq", n, x[:, None] - x[:, :, None]) > 0.0
+        rest, now = (np.einsum("fpai,fpbi->fpab", t, t) for t in (before, tangents))
+        squares = np.linalg.eigvals(np.linalg.solve(rest, now)).real  # of the stretches in the surface
+        if self.flat:
+            hoop = np.divide(x[..., :1], at[..., :1], out=np.ones_like(at[..., :1]), where=at[..., :1] > 0.0)
+            squares = np.concatenate([squares, hoop**2], axis=2)
+        creased = squares.min(axis=2) * np.sqrt(squares.max(axis=2)) < CREASED
+        return bool((turned[few] & (facing & facing.swapaxes(1, 2) | creased.any(axis=1)[:, None, None])).any())
+
+    def _lattices(self, at: Array) -> tuple[Array, Array]:
+        """Return the places of each facet's lattice in a shape, (f, s, 3), and the tangents there, (f, s, d, 3)."""
+        every = [_patch(at[self.facets], np.tile(own, (len(self.facets), 1))) for own in self._lattice]
+        return np.stack([place for place, _ in every], axis=1), np.stack([tangents for _, tangents in every], axis=1)
 
     def shapes(self, points: npt.NDArray[np.int64]) -> Array:
         """Return the shape functions of a facet's nodes at some of the places that gaps are taken at, shape (p, 3 or 6)."""

@@ -17,7 +17,7 @@ from softmodels.mechanics.body import Body
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.system import System
 from softmodels.pictures.style import WARNING, headline, title_colour
-from softmodels.runs.columns import state_labels
+from softmodels.runs.columns import overlap_text, state_labels
 from softmodels.runs.notes import contact_notes, left_out
 from softmodels.runs.state_values import FacingWalls, _near
 from tests.support import made_up as drawings, runs
@@ -201,6 +201,33 @@ def test_states_whose_walls_overlap_are_marked_on_pictures_and_in_notes(fingers)
     (note,) = contact_notes(passing.case, passing.rows)
     assert "WALLS OVERLAP" in note and "--walls auto" in note
     assert not list(contact_notes(pressed.case, pressed.rows))
+
+
+@pytest.mark.parametrize("name", ["Triangle_6", "Tetrahedron_10"])
+@pytest.mark.parametrize(
+    ("width", "depth", "folded"),
+    [(1.0, 0.0, False), (1.0, 0.3, False), (0.5, 0.0, False), (1.0, 1.2, True), (1.0, -1.2, False), (-0.3, 0.4, True)],
+)
+def test_a_facet_that_is_folded_onto_itself_is_an_invalid_state(name, width, depth, folded, fingers):
+    """A crease deeper than wide, also one whose sides have passed each other; no shallow one, no compressed facet that is even,
+    and no ridge. Turned and scaled alike."""
+    corners = np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.5, 0.0, -1.0], [1.5, 1.0, 0.0]])[
+        : 3 if "gle" in name else 4
+    ]
+    pairs = [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)][: len(corners) * (len(corners) - 1) // 2]
+    points = np.vstack([corners, [(corners[a] + corners[b]) / 2 for a, b in pairs]])
+    moved = np.zeros_like(points)
+    edge = [0, 1, len(corners)]
+    moved[edge, 0], moved[edge[2], 2] = (width - 1.0) * (points[edge, 0] - 1.5), -depth
+    walls = FacingWalls(points, np.arange(len(points))[None], name)
+    assert walls.folded(moved) == folded
+    if name == "Tetrahedron_10":
+        turn = np.array([[0.0, 0.6, 0.8], [1.0, 0.0, 0.0], [0.0, 0.8, -0.6]])
+        assert FacingWalls(3 * points @ turn, np.arange(10)[None], name).folded(3 * moved @ turn) == folded
+    row = {**fingers[0]._source.rows[-1], "walls_touch": 1}
+    assert overlap_text(row) == "SURFACE FOLDED onto itself: invalid state"
+    (note,) = contact_notes(fingers[0]._source.case, [row])
+    assert note.startswith("SURFACE FOLDED: from 3 cm on, in one state, ")
 
 
 def test_a_state_between_two_is_judged_as_their_rows_are(fingers):
