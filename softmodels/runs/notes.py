@@ -438,7 +438,8 @@ def left_out(case: Case) -> str:
 def events(rows: Sequence[Row], words: StateLabels) -> list[dict[str, float | str]]:
     """Return the limit points, bifurcations and snap-throughs of a path in order, as in ``summary.json``.
 
-    A jump includes its starting point: volume and the gauge's rise before, and whether the device inflates or collapses.
+    A jump includes its starting point: volume and the gauge's rise before, and whether the device inflates or collapses, or a
+    part of it snaps.
     """
     kinds = ("limit", "bifurcation", "stroke_limit", "jump")
     from_keys = ("pressure_cm", "added_volume_ml", f"{words.gauge}_mm")
@@ -448,7 +449,7 @@ def events(rows: Sequence[Row], words: StateLabels) -> list[dict[str, float | st
     ]
     landed = [event for event in found if event["kind"] == "jump"]
     for event, (before, after) in zip(landed, jumps(rows), strict=True):
-        event["way"] = _way(before, after, words)
+        event["way"] = _way(before, after, words, rows)
         event |= {f"from_{key}": before[key] for key in from_keys}
     return found
 
@@ -463,8 +464,14 @@ def jumps(rows: Sequence[Row]) -> list[tuple[Row, Row]]:
     return found
 
 
-def _way(before: Row, after: Row, words: StateLabels) -> str:
+LOCAL_SNAP = 0.02
+"""Share of the volume or travel of a path up to which a snap-through is that of a part of the device."""
+
+
+def _way(before: Row, after: Row, words: StateLabels, rows: Sequence[Row]) -> str:
     moved = words.along[1]
+    if abs(after[moved] - before[moved]) < LOCAL_SNAP * np.ptp([row[moved] for row in rows]):
+        return "snaps in a part"
     onwards, back = ("inflates", "collapses") if words.pressure else ("gives way", "springs back")
     return onwards if after[moved] > before[moved] else back
 
@@ -477,8 +484,8 @@ def jumps_text(rows: Sequence[Row], words: StateLabels) -> str:
         same = not words.pressure or abs(after["pressure_cm"] - before["pressure_cm"]) < 1e-6
         volume = f", added volume {before['added_volume_ml']:.4g} to {after['added_volume_ml']:.4g} ml"
         components.append(
-            f"at {words.place(before)}{'' if same else f' to {words.place(after)}'} it {_way(before, after, words)}, {gauge} "
-            f"rise {before[column]:.4g} to {after[column]:.4g} mm{volume if words.volume else ''}"
+            f"at {words.place(before)}{'' if same else f' to {words.place(after)}'} it {_way(before, after, words, rows)}, "
+            f"{gauge} rise {before[column]:.4g} to {after[column]:.4g} mm{volume if words.volume else ''}"
         )
     return f"snap-through: {'; '.join(components)}" if components else ""
 

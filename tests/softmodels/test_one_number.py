@@ -95,6 +95,14 @@ def test_a_syringes_jump_starts_where_its_gas_still_held():
     )
 
 
+def test_a_snap_that_hardly_moves_the_device_is_that_of_a_part():
+    keys = ("pressure_cm", "added_volume_ml", "apex_mm", "jump")
+    rows = [dict(zip(keys, row, strict=True)) for row in ((0, 0, 0, 0), (-8, -9, -4, 0), (-8.1, -9.1, -4, 1))]
+    assert jumps_text(rows, StateLabels("apex")).startswith(
+        "snap-through: at -8 cm to -8.1 cm it snaps in a part, apex"
+    )
+
+
 def test_profiles_of_a_cycle_are_labelled_by_their_part_of_the_path(cycled):
     rows = runs.rows(cycled[0])
     places = curves.branches(rows, StateLabels("apex"))
