@@ -264,12 +264,17 @@ def lifted_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
         )
 
 
+BARELY = 1e-3
+"""Share of the holding force below which the lateral force at which a lip slides is not told."""
+
+
 def sealing_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
     """Yield what each seal holds in the last state, as sentences."""
     for part in case.components if rows else ():
         last, label = rows[-1], part.label
         if part.sealing and (hold := last[f"{label}_hold_N"]) > 0.0:
-            shear = f"; its lip slides at a lateral force of {last[f'{label}_shear_N']:.4g} N" if part.remembers else ""
+            slides = last[f"{label}_shear_N"] if part.remembers else 0.0  # where the seal opens, it presses no more
+            shear = f"; its lip slides at a lateral force of {slides:.4g} N" if slides > BARELY * hold else ""
             yield (
                 f"in the last state the holding force of {part.where} is {hold:.4g} N (vacuum times "
                 f"{last[f'{label}_sealed_mm2']:.4g} mm2 inside the seal){shear}"

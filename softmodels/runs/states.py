@@ -121,8 +121,8 @@ class States:
 
     @functools.cached_property
     def main(self) -> int:
-        """The last requested state under load, or the last of all if there is none."""
-        asked = [k for k in self.loaded if self.rows[k]["requested"]]
+        """The last requested state under load behind that in which the path begins, or the last of all if there is none."""
+        asked = [k for k in self.loaded if k and self.rows[k]["requested"]]
         return asked[-1] if asked else len(self.rows) - 1
 
     @functools.cached_property
