@@ -55,7 +55,7 @@ from softmodels.pictures.style import DPI, STYLE, encoded, headline, load, subje
 from softmodels.runs.columns import StateLabels, overlap_text, term
 from softmodels.runs.fields import Cell as Value, Row
 from softmodels.runs.grid import CUT, OUTSIDE, QUARTERS, SECTOR, Cells, turn
-from softmodels.runs.notes import left_out, notes_of, stability_text
+from softmodels.runs.notes import gained, left_out, notes_of, risen, stability_text
 from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM
 from softmodels.runs.states import States
 
@@ -359,7 +359,9 @@ def ending(states: States, told: dict[str, object]) -> str:
     """Return how the run ended, in a sentence or two; ``told`` is its `summary`."""
     row, words = states.rows[states.main], states.words
     stroke = f"{row['stroke_ml']:.4g} ml of stroke and " if "stroke_ml" in row else ""
-    reached = f"At {stroke}{load(row, words)} the {words.gauge} has risen {row[f'{words.gauge}_mm']:.4g} mm{_taken(row, words)}"
+    reached = (
+        f"At {stroke}{load(row, words)} the {words.gauge} has {risen(row[f'{words.gauge}_mm'])}{_taken(row, words)}"
+    )
     if "max_stretch" in row:
         reached += f"; the largest stretch is {row['max_stretch']:.4g}"
     for name in ("blocked_force_N", "contact_force_N"):
@@ -376,7 +378,7 @@ def ending(states: States, told: dict[str, object]) -> str:
 def _taken(row: Row, words: StateLabels) -> str:
     count = len(words.volumes(row))
     taker = "the cavities have together" if count > 1 else "the cavity has"
-    return f" and {taker} gained {row['added_volume_ml']:.4g} ml" if count else ""
+    return f" and {taker} {gained(row['added_volume_ml'])}" if count else ""
 
 
 def _curves(states: States) -> list[tuple[str, str]]:

@@ -702,14 +702,14 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
         return (
             f"a stroke of {asked} was not reached: {end}. The stroke has a limit point at {stroke:.4g} ml "
             f"({at.pressure / case.cm:.4g} cm), where {_risen(device, at.rises)} and the cavity has "
-            f"gained {at.added_volume * 1e6:.4g} ml; beyond it {gas} expands and the device snaps "
+            f"{gained(at.added_volume * 1e6)}; beyond it {gas} expands and the device snaps "
             f"through. Stay below{f', or use {supply.gentler}' if supply.gentler else ''}"
         )
-    gained, happens = ("gained", "balloons") if at.added_volume > 0.0 else ("lost", "collapses")
+    happens = "balloons" if at.added_volume > 0.0 else "collapses"
     return (
         f"no equilibrium at {asked} on this path: the pressure has a limit point at {at.pressure / case.cm:.4g} cm "
         f"({at.pressure:.5g} Pa), where {_risen(device, at.rises)} and the cavity has "
-        f"{gained} {abs(at.added_volume) * 1e6:.4g} ml; beyond it the device {happens}. Stay below (with 25 % margin: "
+        f"{gained(at.added_volume * 1e6)}; beyond it the device {happens}. Stay below (with 25 % margin: "
         f"{0.8 * at.pressure / case.cm:.4g} cm), use {device.stiffer} or a stiffer silicone, or drive it by volume "
         f"past the limit (--volume-ml, or --control volume)"
     )
@@ -777,7 +777,17 @@ def _or_its_travel(table: str) -> str:
 def _risen(device: Actuator, rises: dict[str, float]) -> str:
     """Return how far the device has moved: its gauge, and the other probes in brackets."""
     others = ", ".join(f"{name} {rise * 1e3:.4g} mm" for name, rise in rises.items() if name != device.gauge)
-    return f"the {device.gauge} has risen {rises[device.gauge] * 1e3:.4g} mm" + (f" ({others})" if others else "")
+    return f"the {device.gauge} has {risen(rises[device.gauge] * 1e3)}" + (f" ({others})" if others else "")
+
+
+def risen(rise: float) -> str:
+    """Return how a place has moved that has a rise in mm."""
+    return f"{'sunk' if rise < 0.0 else 'risen'} {abs(rise):.4g} mm"
+
+
+def gained(volume: float) -> str:
+    """Return what a cavity has done that has an added volume in ml."""
+    return f"{'lost' if volume < 0.0 else 'gained'} {abs(volume):.4g} ml"
 
 
 def explain_failure(case: Case, failure: Exception, last: Row | None, petsc: bool = False) -> str:

@@ -12,7 +12,7 @@ from softmodels.pictures import curves, offscreen, report, solid
 from softmodels.pictures.offscreen import look
 from softmodels.pictures.style import Pixels
 from softmodels.runs.columns import StateLabels
-from softmodels.runs.notes import events, jumps_text, unlocated
+from softmodels.runs.notes import events, gained, jumps_text, risen, unlocated
 from softmodels.runs.states import StoredStates
 from tests.support import runs
 
@@ -84,6 +84,12 @@ def test_a_cycle_tells_its_jumps(cycled):
     assert [jump["from_apex_mm"] for jump in jumps] == [rows[k - 1]["apex_mm"] for k in landed]
     # Limit points that it comes to from the other side are no bifurcations.
     assert unlocated(rows, StateLabels("apex")) == "" and "could not be located" not in done.out
+
+
+def test_what_sinks_is_said_to_sink():
+    assert (risen(-8.6946), risen(0.0), gained(-4.0041), gained(6.5)) == (
+        "sunk 8.695 mm", "risen 0 mm", "lost 4.004 ml", "gained 6.5 ml"
+    )  # fmt: skip
 
 
 def test_a_syringes_jump_starts_where_its_gas_still_held():
