@@ -552,7 +552,8 @@ CLOSED = math.radians(150.0)
 """Angle by which a facet turns from one end to the other where it is folded onto itself; a quadratic one turns by 180 degrees
 at most, and one beside a held edge by 130 without a crease."""
 NEAR_CORNERS = 0.9
-"""Where on its way from the middle of a facet to a corner the surface is looked at: on the axis itself, hoops are 0 / 0."""
+"""Where on its way from the middle of a facet to a corner its turn is taken: on the axis itself a hoop is 0 / 0, and in a sharp
+corner that is blown up a cell's own corner may turn over."""
 PART = 1e-3
 """Share of the largest part that a cell has of a motion, above which it takes part."""
 FALLING = 2
@@ -748,8 +749,7 @@ def crease(system: System, cells: npt.NDArray[np.bool_] | None = None) -> PathFa
     exterior = fem.IntegralType.exterior_facet
     pairs = fem.compute_integration_domains(exterior, topology, body.outer_facets).reshape(-1, 2)
     at = fem.Expression(values, places, jit_options=JIT).eval(body.mesh, pairs).reshape(len(pairs), len(places), 5)
-    least = (at[..., 0] ** 2 * at[..., 1]).argmin(axis=1)
-    (smaller, larger), normals = at[np.arange(len(at)), least, :2].T, at[..., 2:]
+    smaller, larger, normals = at[:, 0, 0], at[:, 0, 1], at[..., 2:]
     if cells is not None:
         of = cells[pairs[:, 0]]
     else:

@@ -19,7 +19,7 @@ from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.mpi import gathered, largest, scattered, total
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System, face_load
-from softmodels.path.continuation import CLOSED, CREASED
+from softmodels.path.continuation import CLOSED, CREASED, NEAR_CORNERS
 from softmodels.runs.grid import EDGES, FACES, Cells
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -535,30 +535,24 @@ class FacingWalls:
 
     def folded(self, displacement: Array) -> bool:
         """Return whether a facet is folded onto itself, in a crease that the cells do not resolve: it turns by more than
-        `CLOSED`, and two of its places face each other or, where they have passed each other, its surface has creased."""
-        x, tangents = self._lattices(self.points + displacement)
-        n = self._normal(tangents, np.arange(len(x))[:, None])
-        turned = np.einsum("fpi,fqi->fpq", n, n) < math.cos(CLOSED)
-        few = turned.any(axis=(1, 2))
-        (at, before), x, tangents, n = (
-            (side[few] for side in self._lattices(self.points)),
-            x[few],
-            tangents[few],
-            n[few],
-        )
-        facing = np.einsum("fpi,fpqi->fpq", n, x[:, None] - x[:, :, None]) > 0.0
-        rest, now = (np.einsum("fpai,fpbi->fpab", t, t) for t in (before, tangents))
-        squares = np.linalg.eigvals(np.linalg.solve(rest, now)).real  # of the stretches in the surface
+        `CLOSED`, and its middle is compressed until it creases (`softmodels.path.continuation.crease`)."""
+        at = self.points + displacement
+        near = self._middle + NEAR_CORNERS * (self._lattice - self._middle)
+        every = np.arange(len(self.facets))
+        n = np.stack([self._normal(self._tangents(at, own), every) for own in near], axis=1)
+        turned = (np.einsum("fpi,fqi->fpq", n, n) < math.cos(CLOSED)).any(axis=(1, 2))
+        rest, now = (self._tangents(shape, self._middle) for shape in (self.points, at))
+        squares = np.linalg.eigvals(
+            np.linalg.solve(np.einsum("fai,fbi->fab", rest, rest), np.einsum("fai,fbi->fab", now, now))
+        ).real
         if self.flat:
-            hoop = np.divide(x[..., :1], at[..., :1], out=np.ones_like(at[..., :1]), where=at[..., :1] > 0.0)
-            squares = np.concatenate([squares, hoop**2], axis=2)
-        creased = squares.min(axis=2) * np.sqrt(squares.max(axis=2)) < CREASED
-        return bool((turned[few] & (facing & facing.swapaxes(1, 2) | creased.any(axis=1)[:, None, None])).any())
+            hoop = self._middles(at)[0][:, :1] / self._rest[0][:, :1]
+            squares = np.concatenate([squares, hoop**2], axis=1)
+        return bool((turned & (squares.min(axis=1) * np.sqrt(squares.max(axis=1)) < CREASED)).any())
 
-    def _lattices(self, at: Array) -> tuple[Array, Array]:
-        """Return the places of each facet's lattice in a shape, (f, s, 3), and the tangents there, (f, s, d, 3)."""
-        every = [_patch(at[self.facets], np.tile(own, (len(self.facets), 1))) for own in self._lattice]
-        return np.stack([place for place, _ in every], axis=1), np.stack([tangents for _, tangents in every], axis=1)
+    def _tangents(self, at: Array, own: Array) -> Array:
+        """Return the tangents of a shape's facets at one place of each in its own coordinates, shape (f, d, 3)."""
+        return _patch(at[self.facets], np.tile(own, (len(self.facets), 1)))[1]
 
     def shapes(self, points: npt.NDArray[np.int64]) -> Array:
         """Return the shape functions of a facet's nodes at some of the places that gaps are taken at, shape (p, 3 or 6)."""

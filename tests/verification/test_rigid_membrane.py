@@ -210,10 +210,10 @@ def test_a_surface_creases_from_a_compression_of_a_third_on(section, stretches, 
         return
     at = "stretch of {:.2f}, and creases from about {:.2f} on".format(*known)
     assert "surface creases at" in found.clause and at in found.clause
-    # The node between two corners of a facet, moved past one of them, turns the surface over behind it.
+    # The node between two corners of a facet, moved past the other one, turns the surface over behind it.
     near = np.abs(places[:, -1] - places[corner, -1]) < 1e-12
     apart = np.linalg.norm(places - places[corner], axis=1)
     between = np.flatnonzero(near)[np.argsort(apart[near])[1]]
-    w[dofs[between]] += 0.72 * (moved + places)[[corner, between]].T @ [1.0, -1.0] @ body.skew.T
+    w[dofs[between]] -= 0.72 * (moved + places)[[corner, between]].T @ [1.0, -1.0] @ body.skew.T
     system.load(dataclasses.replace(rest, w=w))
     assert "surface is folded onto itself at" in crease(system).clause
