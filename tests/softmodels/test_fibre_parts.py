@@ -179,7 +179,7 @@ def test_a_membrane_under_its_weight_shows_its_volume_and_no_pressure(weighed):
     states = StoredStates(folder, "membrane")
     texts = [done.out, done.err, *drawn(states)]
     assert [text for text in texts if re.search(r"\d cm\b|cm of water|under pressure|a pressure,", text)] == []
-    assert " ml" in done.out.splitlines()[0] and "the cavity has gained" in report.ending(states, {})
+    assert " ml" in done.out.splitlines()[0] and "the cavity has lost" in report.ending(states, {})
 
 
 def test_a_disk_that_is_inflated_shows_both_at_rest_too(half_section):
