@@ -420,23 +420,6 @@ SETTINGS = {
 DRAWN_IN = "Geometry.OCCTargetUnit"
 """Gmsh's option with the unit of a drawing's numbers; empty for the kernel's own, mm."""
 
-
-@contextlib.contextmanager
-def drawn_in(unit: str) -> Iterator[None]:
-    """Make Gmsh read and write CAD files whose numbers are in a unit, one of the CAD kernel's names: "MM", "M"."""
-    gmsh.option.setString(DRAWN_IN, unit)
-    try:
-        yield
-    finally:
-        gmsh.option.setString(DRAWN_IN, "")
-
-
-def write_step(file: Path) -> None:
-    """Write the solids of the current Gmsh model as a STEP file, in mm."""
-    with drawn_in("MM"):
-        gmsh.write(str(file))
-
-
 LEAST_QUALITY = 0.05
 """Smallest quality (Gmsh's SICN) left alone; below it the mesher tries to improve the cells, at 0 it gives up."""
 
@@ -500,6 +483,22 @@ def _fresh_model() -> Iterator[None]:
             for name, value in before.items():
                 gmsh.option.setNumber(name, value)
             gmsh.option.setString(DRAWN_IN, unit)
+
+
+@contextlib.contextmanager
+def drawn_in(unit: str) -> Iterator[None]:
+    """Make Gmsh read and write CAD files whose numbers are in a unit, one of the CAD kernel's names: "MM", "M"."""
+    gmsh.option.setString(DRAWN_IN, unit)
+    try:
+        yield
+    finally:
+        gmsh.option.setString(DRAWN_IN, "")
+
+
+def write_step(file: Path) -> None:
+    """Write the solids of the current Gmsh model as a STEP file, in mm."""
+    with drawn_in("MM"):
+        gmsh.write(str(file))
 
 
 @one_at_a_time

@@ -495,10 +495,13 @@ class FacingWalls:
         return place[0], -self._normal(tangents, number)[0], float(self.thickness[facet])
 
     def _normal(self, tangents: Array, facets: npt.NDArray[np.int64]) -> Array:
-        first = tangents[..., 0, :]
-        across = np.cross([0.0, 1.0, 0.0], first) if self.flat else np.cross(first, tangents[..., 1, :])
-        length = np.maximum(np.linalg.norm(across, axis=-1), 1e-300)
-        return np.asarray(across / length[..., None] * self._turn[facets][..., None])
+        across = (
+            np.stack([tangents[:, 0, 2], np.zeros(len(tangents)), -tangents[:, 0, 0]], axis=1)
+            if self.flat
+            else np.cross(tangents[:, 0], tangents[:, 1])
+        )
+        length = np.maximum(np.linalg.norm(across, axis=1), 1e-300)
+        return np.asarray(across / length[:, None] * self._turn[facets, None])
 
     def least(self, displacement: Array, reach: float | None = None) -> Gap | None:
         """Return the smallest gap, in m, for displacements of the nodes in m, shape (n, 3); None if no walls are near each
