@@ -52,7 +52,7 @@ from softmodels.materials.laws import Material
 from softmodels.materials.silicones import extrapolated, publications
 from softmodels.materials.specimens import check_rest, weakest, weakness
 from softmodels.mechanics.component import direction as unit_vector
-from softmodels.mechanics.mpi import abort_on_error, is_root, kept_on_root, start
+from softmodels.mechanics.mpi import is_root, kept_on_root, start
 from softmodels.runs.analyses import (
     LARGEST_STRETCH,
     MOST_MODES,
@@ -360,7 +360,6 @@ def limit(
     """
     question = LimitRequest.from_options(kind, case_file, how, material, values)
     comm = start()
-    abort_on_error(comm)
     folder = None
     if how.output is not None or question.tolerances:
         asked = {**values, **vars(how), "material": material, "cm": question.column.cm}
@@ -546,7 +545,6 @@ def modes_command(file: Path, how: ModesOptions, material: str | None, pressures
 def _find_modes(case: Case, how: ModesOptions, asked: Mapping[str, object], files: Sequence[Path]) -> None:
     """Find the modes of a case, write and print them, and exit with the status."""
     comm = start()
-    abort_on_error(comm)
     folder = kept_on_root(comm, lambda: open_folder(how.output, Path("results/modes"), "modes", asked, files))
     with sentences():
         found = find_frequencies(case, how.count, how.sealed, comm)
@@ -704,7 +702,6 @@ def grasp_command(file: Path, how: GraspOptions) -> None:
     """
     case, way = case_of_file(file, None), np.array(unit_vector(how.direction, "--direction"))
     comm = start()
-    abort_on_error(comm)
     asked = {"file": file, **vars(how)}
     folder = kept_on_root(comm, lambda: open_folder(how.output, Path("results/grasp"), "grasp", asked, [file]))
     with sentences():

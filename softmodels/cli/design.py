@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING
 import click
 
 from geometries import MeshFileError, MeshingError
-from softmodels.cli.options import command, fail
+from softmodels.cli.options import command, fail, rank_asked_to_stop
 from softmodels.cli.run import drawn_aside, run
 from softmodels.common.commands import (
     COLORMAP_OPTION,
     STOPPED,
     RunOptions,
-    asked_to_stop,
     flag_option,
     option,
     options,
@@ -34,7 +33,7 @@ from softmodels.common.processes import say
 from softmodels.design.problem import DesignProblem, SearchOptions
 from softmodels.design.study import DATASET, PAGE, Study, StudyFolder, StudyPlan, open_folder, solve_into
 from softmodels.design.trials import DesignError
-from softmodels.mechanics.mpi import abort_on_error, is_root, launched, on_root, petsc_reason, speaks, start
+from softmodels.mechanics.mpi import is_root, launched, on_root, petsc_reason, speaks, start
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.outcomes import DONE, FAILED, NO_EQUILIBRIUM, Progress, no_memory
 
@@ -94,7 +93,6 @@ def design(file: Path, how: DesignOptions) -> None:
             from softmodels.design.optimise import open_folder as open_designs
 
             comm = start()
-        abort_on_error(comm)
         search: SearchOptions = {
             "starts": how.starts, "evaluations": how.evaluations, "seed": how.seed, "resume": how.resume,
             "finer": FINER if how.confirm_finer else 1.0, "inputs": [file],
@@ -123,7 +121,7 @@ def _design(
     for note in problem.notes:
         progress.say(f"note: {note}")
     try:
-        with asked_to_stop() as stopped:
+        with rank_asked_to_stop() as stopped:
             search["progress"], search["stopped"] = progress.say, stopped
             result = run_in(problem, folder, comm, **search)
     except DesignError as error:
@@ -174,7 +172,7 @@ def _drawn(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, qu
         if not quiet:
             say("running and drawing the initial and the final device (skip with --no-pictures)", err=True)
     for name, case in (("before", result.given), ("after", result.case)):
-        status = run(case, result.folder / name, RunOptions(quiet=True, no_pictures=True), interrupts=asked_to_stop)
+        status = run(case, result.folder / name, RunOptions(quiet=True, no_pictures=True), interrupts=rank_asked_to_stop)
         if status not in (DONE, NO_EQUILIBRIUM):
             return False
     words = "softmodels.pictures.draw_design", str(result.folder), "--colormap", colormap

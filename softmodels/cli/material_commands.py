@@ -78,7 +78,7 @@ from softmodels.materials.silicones import (
     spread_sentence,
 )
 from softmodels.materials.specimens import FLOW, MODE_NAMES, SOFTENING, MaterialCurves, nominal_stress
-from softmodels.mechanics.mpi import abort_on_error, kept_on_root, speaks, start
+from softmodels.mechanics.mpi import kept_on_root, speaks, start
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.notes import sentences
 from softmodels.runs.outcomes import DONE, FAILED, Progress
@@ -482,7 +482,6 @@ def _device_report(files: Sequence[Path], how: FitGiven) -> FitReport:
     }
     chosen = how.fit_options(device_changes(how, lengths))
     comm = start()
-    abort_on_error(comm)
     if how.heights is not None:
         return fit_heights(cases[0], how.heights, how.laws, chosen, comm=comm)
     return fit(devices, material=how.laws, options=chosen, curves=curves, comm=comm)
@@ -702,7 +701,6 @@ def score(files: tuple[Path, ...], how: ScoreOptions) -> None:
     ]
     if device is not None:
         comm = start()
-        abort_on_error(comm)
         try:
             scores += against_outlines(materials, device, outlines, comm, errors)
         except FitError as trouble:

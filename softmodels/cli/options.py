@@ -49,7 +49,7 @@ from softmodels.common.processes import COLUMNS, columns, cores, end_with_parent
 from softmodels.common.units import UnitError, exact_text
 from softmodels.materials.laws import LAWS
 from softmodels.materials.silicones import PRODUCTS, product_of, silicone_called
-from softmodels.mechanics.mpi import StartError, launched, mpich_file, speaks, start
+from softmodels.mechanics.mpi import StartError, abort, ends_with_others, launched, mpich_file, speaks, start
 from softmodels.mechanics.solver import METHODS
 from softmodels.runs.outcomes import FAILED, Ended, no_memory
 
@@ -201,9 +201,10 @@ def start_again(ranks: int) -> int:
         raise StartError(f"mpirun cannot be started ({error.strerror or error}); use --ranks 1", 1) from None
 
     def forward(number: int, frame: FrameType | None) -> None:
-        for rank in _children(_children([process.pid])):  # of the launcher's proxies
+        ranks = _children(_children([process.pid]))  # of the launcher's proxies
+        for receiver in ranks or [process.pid]:  # or of the launcher, which has started none yet
             with contextlib.suppress(OSError):
-                os.kill(rank, number)
+                os.kill(receiver, number)
 
     before = {number: signal.signal(number, forward) for number in STOPS}
     try:
@@ -212,6 +213,11 @@ def start_again(ranks: int) -> int:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def rank_asked_to_stop() -> contextlib.AbstractContextManager[Callable[[], bool]]:
+    """As `asked_to_stop`, in a process that may be one of several ranks, which wait for each other."""
+    return asked_to_stop(launched() not in (None, 1), speaks())
 
 
 def _children(parents: list[int]) -> list[int]:
@@ -298,7 +304,7 @@ def execute(case: Callable[[], Case], how: RunOptions, inputs: Sequence[Path] = 
             sys.exit(start_again(ranks))
         with stoppable("softmodels", speaks):
             start(how.petsc)
-        sys.exit(run(ready, how.output, how, inputs, asked_to_stop))
+        sys.exit(run(ready, how.output, how, inputs, rank_asked_to_stop))
     except ImportError as error:
         fail(f"{error}; the simulation needs FEniCSx (softmodels doctor lists what is missing)", 1)
 
@@ -314,7 +320,10 @@ def _check_words(petsc: tuple[str, ...]) -> None:
 
 
 def fail(message: str, status: int = 2) -> NoReturn:
-    """Print an error message on one rank, and exit."""
+    """Print an error message on one rank, and exit; where the other ranks do not fail too, all end by this one."""
+    if not ends_with_others():
+        say(f"softmodels: {bounded(message)}", err=True)
+        abort(status)
     _tell(message)
     sys.exit(status)
 

@@ -26,7 +26,7 @@ from softmodels.common.errors import reason, spoken
 from softmodels.common.lazy import MPI, PETSc, consoles, progress
 from softmodels.common.processes import COLUMNS, columns, cores, environment_alone, say
 from softmodels.materials.silicones import stretch_at_break
-from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, petsc_reason, start
+from softmodels.mechanics.mpi import is_root, on_root, petsc_reason, start
 from softmodels.runs.columns import StateLabels, overlap_text, state_labels, term
 from softmodels.runs.fields import OUTPUTS, Row, at_rise, split
 from softmodels.runs.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM, Ended, Progress
@@ -197,7 +197,6 @@ def run(
             here, as a command does by `asked_to_stop`.
     """
     comm = start(how.petsc)
-    abort_on_error(comm)
     progress = Progress(case.values[-1], case.unit, state_labels(case), how.quiet or not is_root(comm))
     drawing = DrawingProcess(case, how) if how.draws and is_root(comm) else None
     teller = Teller(case, progress, drawing, comm.size, how)

@@ -27,7 +27,7 @@ import click
 from softmodels.common.errors import meant, reason
 from softmodels.common.files import fingerprint, is_same, version
 from softmodels.common.folders import InUseError, OwnFolder, OwnFolderError, take_default
-from softmodels.common.processes import say
+from softmodels.common.processes import GRACE, ended_after_signal, say
 
 # ----------------------------------------------------------------------------------------------------------------------
 # End commands cleanly when stopped or if the output fails: one sentence and a status, no traceback.
@@ -35,6 +35,7 @@ from softmodels.common.processes import say
 
 FAILED, STOPPED = 1, 130
 STOPS = (signal.SIGINT, signal.SIGTERM)
+BLOCKED = f"softmodels: stopped by the user, {GRACE} s after the signal: the step under way had not ended; what is written stays"
 LONGEST_SENTENCE = 1000
 """Characters of a sentence on standard error; a user's own text in it may be a whole file's content."""
 
@@ -251,10 +252,11 @@ def stoppable(name: str, speaks: Callable[[], bool] = lambda: True) -> Iterator[
 
 
 @contextlib.contextmanager
-def asked_to_stop() -> Iterator[Callable[[], bool]]:
+def asked_to_stop(waits: bool = False, speaks: bool = True) -> Iterator[Callable[[], bool]]:
     """Provide whether Ctrl-C or SIGTERM came in here, to be asked at moments that suit; a second one ends the process at once.
 
-    For a command, whose process it is; a library's caller has handlers of their own.
+    For a command, whose process it is; a library's caller has handlers of their own. A process that ``waits`` for others in
+    compiled code is killed where it cannot be asked for some time, with a sentence if it ``speaks``.
     """
     received: list[int] = []
 
@@ -264,8 +266,10 @@ def asked_to_stop() -> Iterator[Callable[[], bool]]:
         received.append(number)
 
     before = {number: signal.signal(number, note) for number in STOPS}
+    guarded = ended_after_signal(BLOCKED if speaks else "") if waits else contextlib.nullcontext()
     try:
-        yield lambda: bool(received)
+        with guarded:
+            yield lambda: bool(received)
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

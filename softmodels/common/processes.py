@@ -78,6 +78,38 @@ def handlers_kept() -> Iterator[None]:
             library.sigaction(number, kept, None)
 
 
+GRACE = 30
+"""Seconds that a rank has to end itself after a signal, such as the step under way needs."""
+_GUARD = """trap '' INT TERM
+[ -n "$(head -c 1)" ] || exit
+for second in $(seq "$2"); do sleep 1 >&- 2>&-; kill -0 "$1" 2>&- || exit; done
+[ -z "$3" ] || echo "$3" >&2
+kill -KILL "$1"
+"""
+"""Waits for a signal's number, then `GRACE`; it leaves where the process $1 has ended meanwhile."""
+
+
+@contextlib.contextmanager
+def ended_after_signal(sentence: str) -> Iterator[None]:
+    """Kill this process `GRACE` s after a signal that Python handles, if it is still in here, with a sentence (empty: none).
+
+    Python's handlers do not run in compiled code, and MPI's calls may wait for other processes for ever. Python's own C code
+    still writes the signal's number to a pipe, and another process reads it. For the main thread, as all handlers.
+    """
+    words = ["sh", "-c", _GUARD, "sh", str(os.getpid()), str(GRACE), sentence]
+    guard = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, start_new_session=True)
+    assert guard.stdin is not None
+    os.set_blocking(guard.stdin.fileno(), False)
+    before = signal.set_wakeup_fd(guard.stdin.fileno())
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(before)
+        guard.kill()
+        guard.stdin.close()
+        guard.wait()
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # One thread at a time in what cannot be shared: Gmsh, PETSc, MPI and the compiled kernels support only one caller.
 

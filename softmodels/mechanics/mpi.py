@@ -1,7 +1,8 @@
-"""All MPI-specific code: start-up, which rank prints, and errors raised on all ranks together."""
+"""All MPI-specific code: start-up, which rank prints, errors raised on all ranks together, and on one of them only."""
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import ctypes
 import importlib
@@ -11,17 +12,16 @@ import os
 import re
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from softmodels.common.errors import Spoken
 from softmodels.common.lazy import MPI
 from softmodels.common.processes import cores, handlers_kept
 
 if TYPE_CHECKING:
-    from types import TracebackType
-
     import numpy as np
     import numpy.typing as npt
 
@@ -94,6 +94,8 @@ def start(petsc_options: Sequence[str] = ()) -> MPI.Intracomm:
             f"PETSc does not start with the options {words!r} ({petsc_reason(error)}); check the options after --"
         ) from None
     _started.append(True)
+    if _world().size > 1:
+        atexit.register(_end)
     return _world()
 
 
@@ -295,18 +297,57 @@ def summed(comm: MPI.Comm, values: npt.NDArray[np.float64]) -> npt.NDArray[np.fl
     return values if comm.size == 1 else comm.allreduce(values, op=MPI.SUM)
 
 
-def abort_on_error(comm: MPI.Comm) -> None:
-    """Make an exception on one rank abort all, which would otherwise wait forever in a collective call."""
+ALONE_AFTER = 5.0
+"""Seconds after which an error that the other ranks do not report is one of this rank only."""
+_ending: list[bool] = []
+"""Once this rank ends: whether the others end too."""
+
+
+def together(comm: MPI.Comm) -> bool:
+    """Return whether all ranks call this within `ALONE_AFTER`, such as for an error that has come up on each of them.
+
+    Those that do not go on without the error, to a collective call in which they wait for ever: where it is false, this rank
+    has to leave all such calls alone, and let the process end.
+    """
     if comm.size == 1:
-        return
-    usual = sys.excepthook
+        return True
+    until, arrived = time.monotonic() + ALONE_AFTER, comm.Ibarrier()
+    while not arrived.Test():
+        if time.monotonic() > until:
+            return False
+        time.sleep(0.01)
+    return True
 
-    def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-        usual(kind, error, trace)
-        sys.stderr.flush()
-        comm.Abort(1)
 
-    sys.excepthook = hook
+def ends_with_others() -> bool:
+    """Return whether the other ranks end too; true for one, and where MPI has not been started here. A rank that ends by
+    itself has to `abort`."""
+    if not _started or _world().size == 1:
+        return True
+    if not _ending:
+        _ending.append(together(_world()))
+    return _ending[0]
+
+
+def abort(status: int) -> NoReturn:
+    """End all ranks at once, with this exit status."""
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError, AttributeError):
+            stream.flush()
+    _world().Abort(status)
+    os._exit(status)
+
+
+def _end() -> None:
+    """Wait for the other ranks at the end of this one's program; where that was an exception (Python notes one that it has
+    printed) for `ALONE_AFTER`."""
+    if hasattr(sys, "last_exc"):
+        if not ends_with_others():
+            abort(1)
+    elif not _ending:
+        arrived = _world().Ibarrier()
+        while not arrived.Test():
+            time.sleep(0.01)
 
 
 def gathered[T: np.generic](comm: MPI.Comm, values: npt.NDArray[T]) -> npt.NDArray[T] | None:

@@ -472,8 +472,10 @@ class QuadratureTangent:
             self._blocks = [
                 _Block(c, self._mesh, dofs, pairs, int(side), rule, False) for side in np.unique(pairs[:, 1])
             ]
-        else:
+        elif entities.size:
             self._blocks = [_Block(c, self._mesh, dofs, entities.ravel(), None, rule, mixed)]
+        else:
+            self._blocks = []  # of a region that other ranks have
 
     def add_product(self, x: Array, y: Array) -> None:
         """Add its product at the current state to ``y``, both local dofs with ghosts; those of ghosts are for their owners."""

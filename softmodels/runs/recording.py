@@ -26,7 +26,7 @@ from softmodels.common.folders import OwnFolder, OwnFolderError, numbered, take_
 from softmodels.common.lazy import MPI
 from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics.controls import Tangent
-from softmodels.mechanics.mpi import is_root, kept_on_root, largest, on_root
+from softmodels.mechanics.mpi import is_root, kept_on_root, largest, on_root, together
 from softmodels.mechanics.system import State
 from softmodels.path.program import goes_on
 from softmodels.path.schedule import StageEnd
@@ -358,11 +358,11 @@ def solved_into(
                         observer.opened(results)
                     record(simulation, results, resumed, branch, observer.begun)
             except Exception as error:
-                if not isinstance(error, Spoken):
+                if not (isinstance(error, Spoken) and together(comm)):
                     raise
                 ended = Ended.by(error)
             finally:
-                if comm.size == 1 or sys.exception() is None:  # other ranks may not know of an exception that goes on
+                if comm.size == 1 or sys.exception() is None:  # other ranks do not know of an exception that goes on
                     simulation.release()
         failure, loaded = on_root(comm, lambda: _complete(case, results, ended, observer))
         ended = Ended.by(UnwrittenError(failure)) if failure else ended
