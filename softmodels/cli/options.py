@@ -49,7 +49,7 @@ from softmodels.common.processes import COLUMNS, columns, cores, end_with_parent
 from softmodels.common.units import UnitError, exact_text
 from softmodels.materials.laws import LAWS
 from softmodels.materials.silicones import PRODUCTS, product_of, silicone_called
-from softmodels.mechanics.mpi import StartError, abort, ends_with_others, launched, mpich_file, speaks, start
+from softmodels.mechanics.mpi import StartError, ends_with_others, exits_together, launched, mpich_file, speaks, start
 from softmodels.mechanics.solver import METHODS
 from softmodels.runs.outcomes import FAILED, Ended, no_memory
 
@@ -320,11 +320,8 @@ def _check_words(petsc: tuple[str, ...]) -> None:
 
 
 def fail(message: str, status: int = 2) -> NoReturn:
-    """Print an error message on one rank, and exit; where the other ranks do not fail too, all end by this one."""
-    if not ends_with_others():
-        say(f"softmodels: {bounded(message)}", err=True)
-        abort(status)
-    _tell(message)
+    """Print an error message on one rank, whichever has it, and exit."""
+    _tell(message, only_here=not ends_with_others())
     sys.exit(status)
 
 
@@ -363,8 +360,8 @@ def write_into(folder: ResultFolder, write: Callable[[Path], None], what: str) -
         write(place)
 
 
-def _tell(message: str) -> None:
-    if speaks():
+def _tell(message: str, only_here: bool = False) -> None:
+    if only_here or speaks():
         with contextlib.suppress(OSError):  # stderr is closed
             say(f"softmodels: {bounded(message)}", err=True)
 
@@ -385,7 +382,7 @@ def main(command: click.Command) -> None:
     """Run a click command; usage errors print one sentence on one rank; exit status 2."""
     if not speaks():
         sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  (help is printed once too, and the stream stays open)
-    with written(_tell):
+    with exits_together(), written(_tell):
         try:
             import_own_modules()
             command.main(standalone_mode=False)

@@ -314,14 +314,15 @@ def together(comm: MPI.Comm) -> bool:
     until, arrived = time.monotonic() + ALONE_AFTER, comm.Ibarrier()
     while not arrived.Test():
         if time.monotonic() > until:
+            _ending[:] = [False]
             return False
         time.sleep(0.01)
     return True
 
 
 def ends_with_others() -> bool:
-    """Return whether the other ranks end too; true for one, and where MPI has not been started here. A rank that ends by
-    itself has to `abort`."""
+    """Return whether the other ranks end too; true for one, and where MPI has not been started here. Where it is false, the end
+    of this rank ends all."""
     if not _started or _world().size == 1:
         return True
     if not _ending:
@@ -329,7 +330,18 @@ def ends_with_others() -> bool:
     return _ending[0]
 
 
-def abort(status: int) -> NoReturn:
+@contextlib.contextmanager
+def exits_together() -> Iterator[None]:
+    """End all ranks where this one exits with an error in here and others do not."""
+    try:
+        yield
+    except SystemExit as end:
+        if end.code and not ends_with_others():
+            _abort(end.code if isinstance(end.code, int) else 1)
+        raise
+
+
+def _abort(status: int) -> NoReturn:
     """End all ranks at once, with this exit status."""
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError, AttributeError):
@@ -343,7 +355,7 @@ def _end() -> None:
     printed) for `ALONE_AFTER`."""
     if hasattr(sys, "last_exc"):
         if not ends_with_others():
-            abort(1)
+            _abort(1)
     elif not _ending:
         arrived = _world().Ibarrier()
         while not arrived.Test():

@@ -35,7 +35,7 @@ from softmodels.runs.columns import cavity_columns, state_labels
 from softmodels.runs.fields import Fields, Row
 from softmodels.runs.formats import Restart
 from softmodels.runs.notes import events, no_branch, notes_of, sentences, stability_text, unwritten
-from softmodels.runs.outcomes import BAD_INPUT, DONE, FAILED, Ended, RunError, UnwrittenError
+from softmodels.runs.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM, Ended, RunError, UnwrittenError
 from softmodels.runs.simulation import FROM_REST, Begun, Listener, PathEnded, Simulation, Step, solve_sources
 from softmodels.runs.states import States
 from softmodels.runs.store import BRANCH, RUN, Results, picture_files, picture_folder
@@ -64,16 +64,18 @@ def check_same(case: Case, old: Case, known: Mapping[str, str], wanted: Mapping[
     raise RunError(f"{folder} holds a run with {other}, or run without --resume", BAD_INPUT)
 
 
-def drop_between(case: Case, results: Results) -> None:
-    """Drop the last states that were found between two steps, or within a step of a program: they are found again with it."""
-    while results.stored:
+def set_back(case: Case, results: Results) -> None:
+    """Go back to the last state that is not found between two steps, or within a step of a program, but for its beginning. The
+    others are found again, and stay until then."""
+    while len(results.stored) > 1:
         row = results.stored[-1].row
         between = any(row.get(name) for name in ("limit", "bifurcation", "stroke_limit", "jump")) or (
             row["requested"] and row["step"] and row["control"] != case.quantity
         )
         if not (not row["requested"] if case.program else between):
             return
-        results.stored.pop()
+        last = results.stored.pop()
+        results.later = {len(results.stored): last} | results.later
 
 
 def check_values(case: Case, results: Results) -> None:
@@ -233,7 +235,7 @@ def _go_on(case: Case, wanted: Mapping[str, str], results: Results) -> bool:
     check_same(case, Case.from_file(file), about.get("inputs", {}), wanted, folder)
     results.load(go_on=True)
     if not case.load_unload:
-        drop_between(case, results)
+        set_back(case, results)
         check_values(case, results)
     there = {file: name for file, name in results.inputs_of(case.files).items() if (folder / name).is_file()}
     text = case.to_toml(there)
@@ -294,6 +296,8 @@ class Summary(TypedDict, total=False):
 
 def gather(case: Case, results: Results, ended: Ended) -> Summary:
     """Bring all steps into one file, and write and return the summary; on rank 0. `OSError` if there is no room."""
+    if ended.status in (DONE, NO_EQUILIBRIUM):
+        results.later.clear()  # the path has ended before them
     results.finish()
     words = state_labels(case)
     summary: Summary = {

@@ -12,6 +12,7 @@ from __future__ import annotations
 import dataclasses
 import errno
 import json
+import math
 import os
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
@@ -66,6 +67,19 @@ def picture_folder(folder: Path) -> OwnFolder:
     return OwnFolder(folder, "pictures", part="pictures")
 
 
+def not_passed(steps: Mapping[int, StoredStep]) -> list[int]:
+    """Return the numbers of the states of one path, in order, without those of an interrupted program that the states of a
+    resumed one have passed: it may take other steps in time, and fewer."""
+    reached, numbers = -math.inf, []
+    for number in sorted(steps):
+        row = steps[number].row
+        come = row.get("load_step", math.inf)
+        if reached < come:
+            numbers.append(number)
+            reached = come if come < math.inf and (row["requested"] or "time_s" in row) else reached
+    return numbers
+
+
 class ResultsError(Spoken, RuntimeError):
     """Results cannot be read or resumed; the message is for the user."""
 
@@ -77,6 +91,8 @@ class Results:
     Attributes:
         own: The folder's record, of what kind the results are.
         folder: Where the files are: in ``own``, or aside of the earlier results until the first step is there.
+        stored: The states, in their order.
+        later: By number, those of the run that is resumed which are found again: each stays until a new one has come as far.
         started: When the run that writes them began (`time.monotonic`); None if unknown.
     """
 
@@ -84,6 +100,7 @@ class Results:
         self.own = OwnFolder(folder, kind)
         self.folder, self.name, self.gauge = folder, name, gauge
         self.stored: list[StoredStep] = []
+        self.later: dict[int, StoredStep] = {}
         self._about: dict[str, object] = {}
         self.started: float | None = None
 
@@ -217,7 +234,7 @@ class Results:
             raise
         except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
             raise ResultsError(f"the results in {self.folder} cannot be read ({hdf5_reason(error)})") from error
-        self.stored = [found[step] for step in sorted(found)]
+        self.stored, self.later = [found[step] for step in not_passed(found)], {}
 
     def add(self, row: Row, fields: Mapping[str, npt.NDArray[np.float64]], restart: Restart) -> None:
         """Store one step: its row of ``path.csv``, nodal fields (n,), (n, 3) or (n, 3, 3), and its restart data."""
@@ -232,6 +249,8 @@ class Results:
         path = self.steps / f"{len(self.stored):04d}.h5"
         replace_hdf5(path, fill)
         self.stored.append(StoredStep(f"{self.steps.name}/{path.name}", "", row, restart.copy(), shapes_of(flat)))
+        known = dict(enumerate(self.stored))
+        self.later = {step: self.later[step] for step in not_passed(self.later | known) if step not in known}
         self.write_light()
         if self.folder != self.own.path:
             self._bring_in()
@@ -251,6 +270,7 @@ class Results:
     def finish(self) -> None:
         """Merge all steps into one HDF5 file, with every step readable at any moment; without room (`OSError`) all steps stay
         where they are."""
+        self.stored, self.later = [*self.stored, *self.later.values()], {}
         files = {self.heavy.name, *(stored.file for stored in self.stored)}
         # HDF5 fails badly on a full disk: see `replace_hdf5`. The whole may not fit in memory.
         if shutil.disk_usage(self.folder).free < sum((self.folder / file).stat().st_size for file in files):
@@ -270,4 +290,4 @@ class Results:
 
     def write_light(self, gathered: bool = False) -> None:
         """Write ``path.csv``, the XDMF and the light VTKHDF anew; ``gathered`` is whether the HDF5 file has all steps."""
-        write_light(self.heavy, self._shapes, self.stored, gathered)
+        write_light(self.heavy, self._shapes, [*self.stored, *self.later.values()], gathered)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import errno
+import itertools
+import os
 import shutil
 
 import h5py
@@ -12,6 +15,7 @@ import pytest
 
 from softmodels.case.case import Case
 from softmodels.runs.store import Results
+from tests.support import runs
 
 SHADOW = '[geometry]\ndevice = "HollowDisk"\ncavity_radius = "20 mm"\nmembrane = "2 mm"\n'
 COARSE = 'wall = "5 mm"\ncavity_height = "5 mm"\ncell_size = "10 mm"\nrefinement = 1.0\nfillet = "0 mm"\nbase_fillet = "0 mm"\n'
@@ -99,3 +103,68 @@ def test_resumed_equals_uninterrupted(name, tmp_path, figure):
         assert len(found) == len(wanted), count
         difference, _ = worst(found, wanted)
         figure("an uninterrupted run, wherever it was stopped", f"every column resumed, {name}", difference, 1e-6)
+
+
+# -- Runs in time that are killed again before they are as far as they were ------------------------------------------------
+
+
+CREEPING = f"{SECTION}{SOFT}[material.memory]\nbranches = [[0.3, 2.0]]\n"
+IN_TIME = {
+    "a hold": f"{CREEPING}[load]\ncavity1.pressure_cm = [0, 15, 15]\ntime_s = [0, 1, 20]\n",
+    "a hold that does not begin at rest": f"{CREEPING}[load]\ncavity1.pressure_cm = [15]\ntime_s = [20]\n",
+    "cycles": f"{CREEPING}[load]\ncavity1.pressure_cm = [0, 10, 0, 10, 0]\ntime_s = [0, 2, 4, 6, 8]\n",
+    "inertia": f"{SECTION}{SOFT}[load]\ninertia = true\ncavity1.pressure_cm = [0, 5]\ntime_s = [0, 0.02]\n",
+    "air in time": f"{SECTION}{SOFT}[load]\nsource_pressure_cm = [0, 15]\ntime_s = [0, 5]\n"
+    '[supply]\nkind = "reservoir"\ndead_volume = "20 ml"\n',
+}
+
+
+class Killed(BaseException):
+    """The end of a run without a chance to do anything else."""
+
+
+@pytest.fixture
+def killed_after(monkeypatch):
+    """A function that lets a run of a case file end after so many states of its own, killed or stopped."""
+
+    def run(count, *words, by=Killed):
+        left, add = itertools.count(1), Results.add
+
+        def add_and_die(self, *step):
+            add(self, *step)
+            if next(left) == count:
+                raise by
+
+        with monkeypatch.context() as patch:
+            patch.setattr(Results, "add", add_and_die)
+            try:
+                return runs.run("-m", "softmodels", "run", *words, "--no-pictures", "--quiet")
+            except Killed:
+                return None
+
+    return run
+
+
+def states_in(folder):
+    """How many states a folder has: in its table, and to go on from."""
+    results = Results(folder, next(folder.glob("*.xdmf")).stem)
+    results.load()
+    return len(table(folder)), len(results.stored)
+
+
+@pytest.mark.parametrize("name", IN_TIME)
+def test_no_stored_state_is_lost_however_often_a_run_in_time_is_cut_off(name, killed_after, tmp_path):
+    file, folder = tmp_path / "case.toml", tmp_path / "cut"
+    file.write_text(IN_TIME[name])
+    assert killed_after(-1, file, "-o", tmp_path / "whole").status == 0
+    count = max(6, 3 * len(table(tmp_path / "whole")) // 4)
+    assert killed_after(count, file, "-o", folder) is None
+    assert states_in(folder) == (count, count)
+    for new in (1, 2):
+        assert killed_after(new, file, "-o", folder, "--resume") is None
+        assert states_in(folder) == (count, count)
+    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))  # this end gathers what there is
+    assert killed_after(2, file, "-o", folder, "--resume", by=full).status == 1
+    assert states_in(folder) == (count, count)
+    assert killed_after(-1, file, "-o", folder, "--resume").status == 0
+    assert len(states_in(folder)) == 2 and worst(table(folder), table(tmp_path / "whole"))[0] < 1e-6

@@ -1,0 +1,149 @@
+"""Columns of short runs in which some rank has no cell, facet or edge of a component: it acts on one end of a beam or tube."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from tests.support import stl_files
+
+END = "within x > 50 mm"
+"""A piece of the beam that one rank of three has, and one of two."""
+BEAM = """
+material = {law = "neo-hookean", shear_modulus = "30 kPa", poisson = 0.49}
+[geometry]
+device = "Beam"
+cell_size = "5 mm"
+"""
+TUBE = """
+material = {law = "neo-hookean", shear_modulus = "30 kPa", poisson = 0.49}
+[geometry]
+device = "Cylinder"
+length = "40 mm"
+cell_size = "4 mm"
+"""
+PUSH = """
+[force.push]
+face = "tip"
+direction = "-z"
+[load]
+force.push.force_N = [0.004]
+"""
+INFLATED = """
+[load]
+pressure_cm = [5.0]
+"""
+STIFF = """
+[region.stiff]
+within = "x > 50 mm"
+law = "neo-hookean"
+shear_modulus = "90 kPa"
+"""
+BALL = """
+[contact.ball]
+shape = "sphere"
+faces = "top"
+at = ["55 mm", "0 mm", "7.6 mm"]
+radius = "5 mm"
+"""
+UP = PUSH.replace('"-z"', '"z"')
+CASES = {
+    "region": STIFF + PUSH,
+    "region, displacements": '[solver]\nformulation = "displacement"\n' + STIFF + PUSH,
+    "region, iterative": '[solver]\nmethod = "iterative"\n' + STIFF + PUSH,
+    "region with a memory": STIFF + PUSH.replace("[load]", "[load]\ntime_s = [2.0]") + """
+[region.stiff.memory]
+branches = [[0.2, 1.0]]
+""",
+    "cavity, region that is rigid": '[rigid.block]\nregion = "cap"\n' + INFLATED,
+    "cavity, region that is held": '[hold.grip]\nface = "cap"\nslip = "z"\n' + INFLATED,
+    "rigid parts": f"""
+[rigid.plate]
+face = "top {END}"
+mass = "0.2 g"
+[gravity]
+direction = "-z"
+""" + PUSH,
+    "guided rigid part": f'[rigid.plate]\nface = "top {END}"\nkind = "guided"\ndirection = [0, 0, 1]\n' + PUSH.replace('"tip"', '"top"'),
+    "held rigid part": f'[rigid.plate]\nface = "tip"\nkind = "held"\n' + PUSH.replace('"tip"', '"top"'),
+    "clamps": f'[hold.grip]\nface = "bottom {END}"\nalong = "z"\n[hold.edge]\nface = "edge of tip and bottom"\n' + PUSH.replace('"tip"', '"top"'),
+    "loads": f"""
+[gravity]
+direction = "-z"
+[mass.lump]
+face = "top {END}"
+amount = "0.1 g"
+[force.edge]
+face = "edge of tip and top"
+direction = "-z"
+amount = "0.5 mN"
+[moment.turn]
+face = "bottom {END}"
+axis = "-y"
+amount = "0.01 N*mm"
+""" + PUSH,
+    "sheet": f'[sheet]\nface = "top {END}"\nstiffness = "50 N/m"\n' + PUSH,
+    "fabric": f'[fabric.cloth]\non = "top {END}"\nalong = "100 N/m"\nacross = "50 N/m"\naxis = [1, 0, 0]\n' + PUSH,
+    "fibres on a face": f"""
+[fibres.thread]
+on = "top {END}"
+axis = [1, 0, 0]
+angle = "0 deg"
+helices = 1
+stiffness = "100 N/m"
+""" + PUSH,
+    "cavity, fibres in a region": '[fibres.thread]\non = "cap"\nangle = "0 deg"\nhelices = 1\nmodulus = "50 kPa"\n' + INFLATED,
+    "sphere": BALL + UP,
+    "sphere with friction": BALL + "friction = 0.4\n" + UP,
+    "sphere with a guide": BALL + 'guide = "z"\nspring = "5 N/m"\nmass = "0.1 g"\n[gravity]\ndirection = "-z"\ndensity = "0 kg/m^3"\n' + UP,
+    "triangles": BALL.replace('"sphere"', '"stl"').replace('radius = "5 mm"', 'file = "ball.stl"') + UP,
+    "triangles with a guide": BALL.replace('"sphere"', '"stl"').replace('radius = "5 mm"', 'file = "ball.stl"\nguide = "z"\nspring = "5 N/m"') + UP,
+    "plane": f'[contact]\nfaces = "top {END}"\nplane = "z = 3 mm"\n' + UP,
+    "walls": f'[walls]\nfaces = "top {END}, bottom {END}"\n' + PUSH,
+    "gauges": """
+[points]
+corner = "60, 0, 2.5 mm"
+[angles]
+end = "face x = 60 mm"
+""" + PUSH,
+    "inertia": STIFF + PUSH.replace("[load]", "[load]\ninertia = true\ntime_s = [0.02]"),
+    "cavity, sheet around its end": """
+[sheet]
+face = "outer within z > 35 mm"
+stiffness = "50 N/m"
+""" + INFLATED,
+    "cavity, walls within it": """
+[walls]
+faces = "cavity within z > 35 mm, cavity within z < 5 mm"
+""" + INFLATED,
+    "no such piece": PUSH.replace('"tip"', '"tip within x < 5 mm"'),
+}  # fmt: skip
+"""Tables beside those of the beam, or of the tube."""
+
+
+def text_of(name: str, tables: str) -> str:
+    """The text of a case; what stands above the first table goes before all tables."""
+    above, bracket, rest = tables.lstrip().partition("[")
+    return f"{above}{TUBE if name.startswith('cavity') else BEAM}{bracket}{rest}"
+
+
+
+def figures(comm, folder: Path) -> dict[str, list[float] | str]:
+    """The columns of every case's states, or the sentence with which it ends."""
+    import softmodels as sm
+    from softmodels.mechanics.mpi import is_root, on_root
+
+    on_root(comm, lambda: stl_files.write_stl(folder / "ball.stl", *stl_files.ball(0.005)))
+    found: dict[str, list[float] | str] = {}
+    for name, tables in CASES.items():
+        file = folder / f"{comm.size}.toml"
+        on_root(comm, lambda name=name, tables=tables, file=file: file.write_text(text_of(name, tables)))
+        if is_root(comm):
+            print(name, file=sys.stderr, flush=True)  # which one hangs
+        try:
+            rows = sm.run(sm.Case.from_file(file)).rows
+        except (sm.RunError, sm.CaseError, sm.ComponentError) as error:
+            found[name] = str(error)
+            continue
+        found[name] = [value for row in rows for value in row.cells.values() if isinstance(value, float)]
+    return found
