@@ -84,6 +84,9 @@ def apart[T](task: Callable[..., T], *arguments: Any, stopped: Callable[[], bool
                 process.kill()
                 process.wait()
         if process.returncode:
+            time.sleep(LOOK)  # a batch queue signals all processes of a job, this one perhaps a moment later
+            if stopped():
+                raise MeshingStopped
             errors.seek(0)
             raise MeshingError(_death(process.returncode, errors.read().decode(errors="replace")))
         answer.seek(0)

@@ -15,6 +15,7 @@ import os
 import platform
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import sysconfig
@@ -102,7 +103,7 @@ def told_of_waits(tell: Callable[[str], None], check: Callable[[], None]) -> Ite
 
     Args:
         tell: Gets a sentence if there is anything to wait for.
-        check: Called between looks; it raises to end the wait.
+        check: Called between looks, and where the compiler has failed; it raises to end the wait.
     """
     _listening.append((tell, check))
     try:
@@ -111,9 +112,17 @@ def told_of_waits(tell: Callable[[str], None], check: Callable[[], None]) -> Ite
         _listening.pop()
 
 
+def _check_stop() -> None:
+    """Let the caller of `told_of_waits`, if there is one, end what goes on here; a moment later, for a batch queue signals all
+    processes of a job, and this one perhaps after its compiler."""
+    time.sleep(0.1)
+    if _listening:
+        _listening[-1][1]()
+
+
 def _wait_for(source: Path) -> None:
     """Wait until a module is no longer being compiled by another run; remove a mark older than `LONGEST`."""
-    tell, check = _listening[-1] if _listening else (lambda text: None, lambda: None)
+    tell = _listening[-1][0] if _listening else lambda text: None
     told = False
     while (age := _age(source)) is not None:
         if not told:
@@ -121,8 +130,7 @@ def _wait_for(source: Path) -> None:
             told = True
             for name in [*_running]:  # the other run may wait for them
                 _finish(name)
-        check()
-        time.sleep(0.1)
+        _check_stop()
 
 
 def _age(source: Path) -> float | None:
@@ -189,10 +197,13 @@ def start_compiler(source: Path, module: Path, *words: str) -> subprocess.Popen[
 
 
 def finish_compiler(process: subprocess.Popen[str]) -> None:
-    """Wait for the C compiler; `cffi.VerificationError` if it failed."""
+    """Wait for the C compiler; `cffi.VerificationError` if it failed, `CompilingError` if a signal has ended it."""
     import cffi
 
     _, errors = process.communicate()
+    if process.returncode < 0:
+        name = signal.Signals(-process.returncode).name
+        raise CompilingError(f"{name} ended the C compiler before it was done, perhaps for want of memory; run again")
     if process.returncode:
         said = [line for line in errors.splitlines() if "error" in line] or errors.splitlines()
         raise cffi.VerificationError(said[0] if said else f"the C compiler ended with status {process.returncode}")
@@ -290,6 +301,9 @@ def compiling() -> Iterator[None]:
     use_cache()
     try:
         yield
+    except CompilingError:
+        _check_stop()
+        raise
     except TimeoutError as error:
         raise CompilingError(LONG) from error
     except OSError as error:
@@ -302,6 +316,7 @@ def compiling() -> Iterator[None]:
         # cffi's error on one rank; on several, DOLFINx passes on its text.
         if type(error).__name__ != "VerificationError" and "JIT" not in str(error):
             raise
+        _check_stop()
         reason = (str(error).strip() or type(error).__name__).splitlines()[0]
         raise CompilingError(
             f"the kernels cannot be compiled ({reason}); a C compiler is needed (uv sync --extra compiler brings one), and "

@@ -39,6 +39,20 @@ def test_a_death_is_a_sentence(number, words):
         apart(signal.raise_signal, number)
 
 
+def test_a_signal_to_both_processes_is_no_crash():
+    """A batch queue ends all processes of a job at once."""
+    asked = []
+
+    def stopped():
+        asked.append(True)
+        if len(asked) == 1:
+            time.sleep(3.0)  # the other one has ended meanwhile
+        return len(asked) > 1
+
+    with pytest.raises(MeshingStopped):
+        apart(signal.raise_signal, signal.SIGTERM, stopped=stopped)
+
+
 def test_an_end_is_heard_and_leaves_nothing(tmp_path):
     assert FINE.expected_cells > QUICK
     looks = iter([False, False, True])

@@ -89,6 +89,20 @@ def test_no_compiler_is_a_sentence(tmp_path):
     assert "cannot be compiled" in done.err and "/no/compiler" in done.err and "doctor" in done.err
 
 
+@pytest.mark.parametrize(
+    ("job", "status", "sentence"), [(True, 130, "stopped by the user"), (False, 1, "SIGTERM ended the C compiler")]
+)
+def test_a_signal_during_compilation_is_no_missing_compiler(job, status, sentence, tmp_path):
+    """A batch queue ends all processes of a job at once."""
+    compiler, once = tmp_path / "cc", f"mkdir {tmp_path}/once 2>/dev/null && kill -TERM $PPID\n" if job else ""
+    compiler.write_text(f"#!/bin/sh\n{once}kill -TERM $$\n")
+    compiler.chmod(0o755)
+    without = {**os.environ, "CC": str(compiler), "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    done = runs.disk(tmp_path / "disk", *STEPS, env=without)
+    assert done.status == status and done.out == "" and done.err.count("\n") == 1
+    assert sentence in done.err and "compiler is needed" not in done.err
+
+
 def test_a_kernel_is_waited_for_and_one_that_a_killed_run_left_half_compiled_is_made_anew(tmp_path, monkeypatch):
     """Only for kernels that are asked for: FFCx itself would wait for ten seconds, and end with a TimeoutError."""
     young, old, other = (tmp_path / f"libffcx_forms_{name}.c" for name in ("young", "old", "other"))
