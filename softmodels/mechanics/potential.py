@@ -11,6 +11,7 @@ in shear moduli.
 
 from __future__ import annotations
 
+import math
 import types
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType, ModuleType
@@ -61,10 +62,12 @@ class Potential:
         step, before: With any, length in s of the step in time, and the dofs where it begins.
         internal: Their derivatives by w; ``forces`` has the pressures' too.
         terms: Those of further parts, by their labels.
+        taken: With any history, length in s of the last step; 0 where the device changed at once, infinite at its beginning.
         motion: Inertia; None where the device is followed through equilibria.
     """
 
     motion: Motion | None = None
+    taken = math.inf
 
     def __init__(
         self,
@@ -242,6 +245,7 @@ class Potential:
         """Let the silicone remember an accepted state; from here on no time passes until `pass_time`."""
         here = self.w.x.array.copy()
         self.w.x.array[: len(w)] = w[: len(here)]
+        self.taken = math.inf if anew else float(self.step.value)
         if not anew and w is not self._looked_at:  # by identity, which is the same on all ranks
             self.memory_error(w)
         for history in self.histories:
@@ -270,6 +274,12 @@ class Potential:
             self.before.x.array[:], self.step.value, self._looked_at = since[0], 0.0, None
         for history, kept in zip(self.histories, since[1], strict=True):
             history.restore(kept)
+
+    @property
+    def relaxation(self) -> float:
+        """The shortest relaxation time in s; infinite without any."""
+        memories = [history.region.material.memory for history in self.histories]
+        return min((memory.shortest for memory in memories if memory), default=math.inf)
 
     @property
     def kinetic(self) -> float:

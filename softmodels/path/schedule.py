@@ -53,8 +53,13 @@ FEWEST_STEPS = 12
 SAFETY, SHORTER, LONGER = 0.8, 0.2, 2.5
 """Share of the step that would just meet the tolerance, and the least and the most by which a step changes."""
 LOCATED = 1e-3
-"""Error of the time at which an equilibrium is lost, over the time since the stage began; `FIRST` of the stage at least."""
+"""Error of the time at which an equilibrium is lost, over the time since the stage began; `FIRST` at least."""
 FIRST = 1e-5
+"""Step that is short enough for any memory, over the stage, or over the silicone's shortest relaxation time in a longer one."""
+SEEN = 10.0
+"""First step of a stage, over the shortest relaxation time, unless the step before was longer. Of a stress that fades within a
+much longer one nothing is left at its end, where the error is estimated, and what it dissipates would be taken for many times
+too much."""
 FIRST_CHANGE = 1e-3
 """Gas that comes in the first step, over what brings the largest pressure into a rigid cavity."""
 SHORTEST = 1e-9
@@ -123,6 +128,7 @@ class Ramp:
 
     def begin(self, path: Continuation, first: Point) -> float:
         self.start, self.by_pressure = path.value(first.state), isinstance(path.requested, Pressure)
+        self.first = FIRST * min(self.duration, path.solver.system.potential.relaxation)
         return self.duration / self.fewest
 
     def _value(self, time: float) -> float:
@@ -148,7 +154,7 @@ class Ramp:
             raise NoConvergence("no stable state")
 
     def shortest(self, time: float) -> float:
-        return max(LOCATED * time, FIRST * self.duration)
+        return max(LOCATED * time, self.first)
 
     def ended(self, path: Continuation, time: float, step: float, failure: NoConvergence) -> PathEnd:
         if (
@@ -226,8 +232,9 @@ def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Ite
     first = path.begin()
     yield 0.0, first
     potential, corrector, duration = path.solver.system.potential, path.corrector, drive.duration
-    motion = potential.motion
+    motion, first_step = potential.motion, FIRST * min(duration, potential.relaxation)
     time, step, errors, shrunk = 0.0, drive.begin(path, first), _Errors(path, drive, tolerance), False
+    step = min(step, max(SEEN * potential.relaxation, potential.taken))
     step = min(step, motion.first_step(duration)) if motion else step
     earlier: Earlier | None = None
     while time < duration:
@@ -243,7 +250,7 @@ def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Ite
                 path.solver.kept.worn = True  # K has mass: it is factorised anew for a much longer or shorter step
             state = drive.solved(path, time, step, share == 1.0, earlier)
             wanted = step * errors.change(state)
-            if wanted < SAFETY * step and step > min(FIRST * duration, _shortest(path, drive, time)):
+            if wanted < SAFETY * step and step > min(first_step, _shortest(path, drive, time)):
                 step = wanted
                 continue
             corrector.check_whole(state)
