@@ -83,7 +83,7 @@ from softmodels.mechanics.regions import RATIO, RegionPart, number_of, variable_
 from softmodels.mechanics.solver import METHODS
 from softmodels.mechanics.system import FORMULATIONS
 from softmodels.path import program as programs
-from softmodels.path.program import SUPPLY_KEYS, TIME_KEY, TOLERANCE, VALVE, Program, Series, timed
+from softmodels.path.program import LEAST_TOLERANCE, SUPPLY_KEYS, TIME_KEY, TOLERANCE, VALVE, Program, Series, timed
 from softmodels.path.supply import AirSupply
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -432,9 +432,10 @@ class Case:
 
     def _take_times(self) -> None:
         """Make a program of pressures or volumes with a rate, a hold or cycles."""
-        if not 0.0 < self.time_tolerance < 1.0:
+        if not LEAST_TOLERANCE <= self.time_tolerance < 1.0:
             raise CaseError(
-                f"time_tolerance is {self.time_tolerance:g}; it must be between 0 and 1, such as {TOLERANCE:g}"
+                f"time_tolerance is {self.time_tolerance:g}; it must be {LEAST_TOLERANCE:g} or more and below 1, such as "
+                f"{TOLERANCE:g} (states are solved no closer, and the number of steps grows as 1 over its square root)"
             )
         if not (self.rate or self.hold or self.cycles):
             return

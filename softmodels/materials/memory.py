@@ -46,6 +46,8 @@ COUNTS = (1, 1, 1, 2, 2, 2)
 """How often each of them stands in the tensor."""
 IDENTITY = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
 SECONDS = Quantity("s")
+MOST_BRANCHES = 20
+"""Each adds to the kernels, which take a minute to compile with this number."""
 LARGEST_SHARE = 1e3
 """Above it a branch's share of the shear modulus is taken for a modulus in Pa."""
 
@@ -109,6 +111,11 @@ class Memory:
         beta) or (r, m, beta, recovery); FieldError if they are none."""
         if isinstance(branches, str | Mapping) or not isinstance(branches, Sequence):
             raise FieldError(f"branches {brief(branches)} are no pairs of share and time, such as [[0.2, '1 s']]")
+        if len(branches) > MOST_BRANCHES:
+            raise FieldError(
+                f"the memory has {len(branches)} branches; at most {MOST_BRANCHES} are supported, and one or two in each decade "
+                "of time follow any relaxation"
+            )
         found = cls(tuple(_branch(one) for one in branches), None if softening is None else _softening(softening))
         if not (found.branches or found.softening):
             raise FieldError(

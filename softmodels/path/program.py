@@ -38,6 +38,8 @@ SUPPLY_KEYS = {**SOURCE_KEYS, VALVE: RequestedValue("open")}
 MOST_STEPS = 1000
 TOLERANCE = 5e-5
 """Maximum error of the silicone's stress by one step in time, over the largest stress so far."""
+LEAST_TOLERANCE = 1e-8
+"""The least that may be asked for: ten times the tolerance of Newton's method."""
 
 
 def every_key() -> dict[str, RequestedValue]:

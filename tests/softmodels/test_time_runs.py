@@ -69,6 +69,7 @@ WRONG = {
     "branches = [{share = 0.2, time = '1 s', spring = 3}]": "spring 3 of a branch is none of pairs",
     "branches = [{share = 0.2, time = '1 s', spring = [[1, -2]]}]": "one above 0, such as",
     "branches = 3": "are no pairs of share and time",
+    f"branches = {[[0.001, '1 s']] * 1000}": "the memory has 1000 branches; at most 20 are supported",
     "softening = [0.9, '2 kPa', 0.1]": "softening r is 0.9; it must be above 1",
     "softening = [1.6, '-2 kPa', 0.1]": "neither may be negative",
     "softening = [1.6]": "is not r, m, beta",
@@ -84,6 +85,22 @@ def test_a_wrong_memory_is_told_before_anything_is_solved(memory, sentence):
     with pytest.raises(CaseError, match="yeoh: ") as told:
         Case.from_toml(text)
     assert sentence in str(told.value)
+
+
+@pytest.mark.parametrize("tolerance", [1e-30, 0.0, 1.0])
+def test_a_tolerance_that_no_step_meets_is_told_before_anything_is_solved(tolerance):
+    with pytest.raises(CaseError, match="time_tolerance is .*; it must be 1e-08 or more and below 1"):
+        Case("disk", DISK, LAW, pressures_cm=(10.0,), time_tolerance=tolerance)
+
+
+def test_a_long_hold_spends_what_a_short_one_does():
+    """The silicone comes to rest within minutes; a step of the hold's twelfth would pass over all of it."""
+    law = sm.Yeoh(14e3, 60.0).with_memory(branches=[(0.3, 1.0), (0.2, 100.0)])
+    spent = [
+        sm.inflate(DISK, law, "0,50 cm", hold=hold).path["dissipated_energy_mJ"][-1] for hold in ("1e4 s", "1e7 s", "1e10 s")
+    ]
+    assert spent[0] > 0.1
+    assert spent[1:] == pytest.approx([spent[0]] * 2, rel=1e-3)
 
 
 LOADS = {

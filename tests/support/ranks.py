@@ -25,11 +25,11 @@ def mpirun() -> str:
     return launcher
 
 
-def figures_on(ranks: int, folder: Path, *programs: str):
-    """What programs of `tests.support.on_ranks` find on so many ranks."""
+def figures_on(ranks: int, folder: Path, *programs: str, timeout: float = 3600.0):
+    """What programs of `tests.support.on_ranks` find on so many ranks, in so many seconds."""
     command = [mpirun(), "-n", str(ranks), sys.executable, "-m", "tests.support.on_ranks", str(folder), *programs]
     environment = {**os.environ, **PATIENT, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(TOP)}
-    done = subprocess.run(command, capture_output=True, text=True, timeout=3600, env=environment, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=timeout, env=environment, check=False)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout.strip().splitlines()[-1])
     assert found.pop("ranks") == ranks

@@ -119,6 +119,8 @@ faces = "cavity within z > 35 mm, cavity within z < 5 mm"
     "no such piece": PUSH.replace('"tip"', '"tip within x < 5 mm"'),
 }  # fmt: skip
 """Tables beside those of the beam, or of the tube."""
+UNLIKE = "control", "newton_iterations"
+"""Columns of no numbers, or of such as depend on where K was factorised."""
 
 
 def text_of(name: str, tables: str) -> str:
@@ -128,13 +130,13 @@ def text_of(name: str, tables: str) -> str:
 
 
 
-def figures(comm, folder: Path) -> dict[str, list[float] | str]:
+def figures(comm, folder: Path) -> dict[str, dict[str, list[float]] | str]:
     """The columns of every case's states, or the sentence with which it ends."""
     import softmodels as sm
     from softmodels.mechanics.mpi import is_root, on_root
 
     on_root(comm, lambda: stl_files.write_stl(folder / "ball.stl", *stl_files.ball(0.005)))
-    found: dict[str, list[float] | str] = {}
+    found: dict[str, dict[str, list[float]] | str] = {}
     for name, tables in CASES.items():
         file = folder / f"{comm.size}.toml"
         on_root(comm, lambda name=name, tables=tables, file=file: file.write_text(text_of(name, tables)))
@@ -145,5 +147,5 @@ def figures(comm, folder: Path) -> dict[str, list[float] | str]:
         except (sm.RunError, sm.CaseError, sm.ComponentError) as error:
             found[name] = str(error)
             continue
-        found[name] = [value for row in rows for value in row.cells.values() if isinstance(value, float)]
+        found[name] = {column: [row[column] for row in rows] for column in rows[-1].cells if column not in UNLIKE}
     return found

@@ -1,0 +1,40 @@
+"""Components on a piece that some ranks have nothing of: two and three ranks find what one does, or end with its sentence."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.support import on_ranks
+from tests.support.on_ranks.pieces import CASES
+from tests.support.ranks import figures_on
+
+LONGEST = 1500.0
+"""Seconds after which a launch counts as hanging; the last case that its errors name is the one."""
+
+
+FLOOR = 1e-3
+"""Largest number of a column below which its differences are rounding."""
+LOOSER = {"lowest_eigenvalue_Pa_per_mm2": 1e-6}
+
+
+@pytest.fixture(scope="module")
+def alone(comm, tmp_path_factory):
+    return on_ranks.found_by("pieces", comm, tmp_path_factory.mktemp("one"))
+
+
+@pytest.fixture(scope="module", params=[2, 3])
+def several(request, alone, tmp_path_factory):
+    return figures_on(request.param, tmp_path_factory.mktemp("several"), "pieces", timeout=LONGEST)["pieces"]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_piece_may_be_missing_on_a_rank(name, alone, several):
+    if name == "no such piece":
+        assert alone[name] == several[name] and "selects nothing" in alone[name]
+        return
+    one, found = alone[name], several[name]
+    assert one.keys() == found.keys()
+    for column, values in one.items():
+        size = max(np.nanmax(np.abs(values)), FLOOR)
+        np.testing.assert_allclose(found[column], values, rtol=0.0, atol=LOOSER.get(column, 1e-8) * size, err_msg=column, equal_nan=True)
