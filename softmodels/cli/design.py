@@ -172,7 +172,9 @@ def _drawn(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, qu
         if not quiet:
             say("running and drawing the initial and the final device (skip with --no-pictures)", err=True)
     for name, case in (("before", result.given), ("after", result.case)):
-        status = run(case, result.folder / name, RunOptions(quiet=True, no_pictures=True), interrupts=rank_asked_to_stop)
+        status = run(
+            case, result.folder / name, RunOptions(quiet=True, no_pictures=True), interrupts=rank_asked_to_stop
+        )
         if status not in (DONE, NO_EQUILIBRIUM):
             return False
     words = "softmodels.pictures.draw_design", str(result.folder), "--colormap", colormap

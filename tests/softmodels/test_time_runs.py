@@ -97,7 +97,8 @@ def test_a_long_hold_spends_what_a_short_one_does():
     """The silicone comes to rest within minutes; a step of the hold's twelfth would pass over all of it."""
     law = sm.Yeoh(14e3, 60.0).with_memory(branches=[(0.3, 1.0), (0.2, 100.0)])
     spent = [
-        sm.inflate(DISK, law, "0,50 cm", hold=hold).path["dissipated_energy_mJ"][-1] for hold in ("1e4 s", "1e7 s", "1e10 s")
+        sm.inflate(DISK, law, "0,50 cm", hold=hold).path["dissipated_energy_mJ"][-1]
+        for hold in ("1e4 s", "1e7 s", "1e10 s")
     ]
     assert spent[0] > 0.1
     assert spent[1:] == pytest.approx([spent[0]] * 2, rel=1e-3)

@@ -37,4 +37,6 @@ def test_a_piece_may_be_missing_on_a_rank(name, alone, several):
     assert one.keys() == found.keys()
     for column, values in one.items():
         size = max(np.nanmax(np.abs(values)), FLOOR)
-        np.testing.assert_allclose(found[column], values, rtol=0.0, atol=LOOSER.get(column, 1e-8) * size, err_msg=column, equal_nan=True)
+        np.testing.assert_allclose(
+            found[column], values, rtol=0.0, atol=LOOSER.get(column, 1e-8) * size, err_msg=column, equal_nan=True
+        )

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import sys
 from pathlib import Path
 
 from tests.support import stl_files
 
+STATES = 3
+"""States of each case: the first ones of its path."""
 END = "within x > 50 mm"
 """A piece of the beam that one rank of three has, and one of two."""
 BEAM = """
@@ -129,11 +132,12 @@ def text_of(name: str, tables: str) -> str:
     return f"{above}{TUBE if name.startswith('cavity') else BEAM}{bracket}{rest}"
 
 
-
 def figures(comm, folder: Path) -> dict[str, dict[str, list[float]] | str]:
     """The columns of every case's states, or the sentence with which it ends."""
-    import softmodels as sm
+    from softmodels.case.case import Case
+    from softmodels.common.errors import ComponentError
     from softmodels.mechanics.mpi import is_root, on_root
+    from softmodels.runs.simulation import Simulation
 
     on_root(comm, lambda: stl_files.write_stl(folder / "ball.stl", *stl_files.ball(0.005)))
     found: dict[str, dict[str, list[float]] | str] = {}
@@ -142,10 +146,15 @@ def figures(comm, folder: Path) -> dict[str, dict[str, list[float]] | str]:
         on_root(comm, lambda name=name, tables=tables, file=file: file.write_text(text_of(name, tables)))
         if is_root(comm):
             print(name, file=sys.stderr, flush=True)  # which one hangs
+        simulation = Simulation(Case.from_file(file), comm)
         try:
-            rows = sm.run(sm.Case.from_file(file)).rows
-        except (sm.RunError, sm.CaseError, sm.ComponentError) as error:
+            simulation.write_mesh(folder / f"{comm.size}.msh")
+            simulation.prepare(folder / f"{comm.size}.msh")
+            rows = [step.row for step in itertools.islice(simulation.steps(), STATES)]
+        except ComponentError as error:
             found[name] = str(error)
             continue
+        finally:
+            simulation.release()
         found[name] = {column: [row[column] for row in rows] for column in rows[-1].cells if column not in UNLIKE}
     return found
