@@ -35,7 +35,7 @@ from softmodels.common.processes import GRACE, ended_after_signal, say
 
 FAILED, STOPPED = 1, 130
 STOPS = (signal.SIGINT, signal.SIGTERM)
-BLOCKED = f"softmodels: stopped by the user, {GRACE} s after the signal: the step under way had not ended; what is written stays"
+BLOCKED = f"softmodels: stopped by the user; the step under way had not ended {GRACE} s after the signal, earlier ones are kept"
 LONGEST_SENTENCE = 1000
 """Characters of a sentence on standard error; a user's own text in it may be a whole file's content."""
 

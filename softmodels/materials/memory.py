@@ -113,7 +113,7 @@ class Memory:
             raise FieldError(f"branches {brief(branches)} are no pairs of share and time, such as [[0.2, '1 s']]")
         if len(branches) > MOST_BRANCHES:
             raise FieldError(
-                f"the memory has {len(branches)} branches; at most {MOST_BRANCHES} are supported, and one or two in each decade "
+                f"the memory has {len(branches)} branches; at most {MOST_BRANCHES} are supported; one or two in each decade "
                 "of time follow any relaxation"
             )
         found = cls(tuple(_branch(one) for one in branches), None if softening is None else _softening(softening))

@@ -89,7 +89,7 @@ def test_a_wrong_memory_is_told_before_anything_is_solved(memory, sentence):
 
 @pytest.mark.parametrize("tolerance", [1e-30, 0.0, 1.0])
 def test_a_tolerance_that_no_step_meets_is_told_before_anything_is_solved(tolerance):
-    with pytest.raises(CaseError, match="time_tolerance is .*; it must be 1e-08 or more and below 1"):
+    with pytest.raises(CaseError, match=r"time_tolerance is .*; it must be 1e-08 or more and below 1"):
         Case("disk", DISK, LAW, pressures_cm=(10.0,), time_tolerance=tolerance)
 
 

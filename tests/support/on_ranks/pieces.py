@@ -49,7 +49,9 @@ faces = "top"
 at = ["55 mm", "0 mm", "7.6 mm"]
 radius = "5 mm"
 """
-UP = PUSH.replace('"-z"', '"z"')
+UP, ON_TOP = PUSH.replace('"-z"', '"z"'), PUSH.replace('"tip"', '"top"')
+TRIANGLES = BALL.replace('"sphere"', '"stl"').replace('radius = "5 mm"', 'file = "ball.stl"')
+GUIDED = 'guide = "z"\nspring = "5 N/m"\n'
 CASES = {
     "region": STIFF + PUSH,
     "region, displacements": '[solver]\nformulation = "displacement"\n' + STIFF + PUSH,
@@ -67,9 +69,20 @@ mass = "0.2 g"
 [gravity]
 direction = "-z"
 """ + PUSH,
-    "guided rigid part": f'[rigid.plate]\nface = "top {END}"\nkind = "guided"\ndirection = [0, 0, 1]\n' + PUSH.replace('"tip"', '"top"'),
-    "held rigid part": f'[rigid.plate]\nface = "tip"\nkind = "held"\n' + PUSH.replace('"tip"', '"top"'),
-    "clamps": f'[hold.grip]\nface = "bottom {END}"\nalong = "z"\n[hold.edge]\nface = "edge of tip and bottom"\n' + PUSH.replace('"tip"', '"top"'),
+    "guided rigid part": f"""
+[rigid.plate]
+face = "top {END}"
+kind = "guided"
+direction = [0, 0, 1]
+""" + ON_TOP,
+    "held rigid part": '[rigid.plate]\nface = "tip"\nkind = "held"\n' + ON_TOP,
+    "clamps": f"""
+[hold.grip]
+face = "bottom {END}"
+along = "z"
+[hold.edge]
+face = "edge of tip and bottom"
+""" + ON_TOP,
     "loads": f"""
 [gravity]
 direction = "-z"
@@ -98,9 +111,14 @@ stiffness = "100 N/m"
     "cavity, fibres in a region": '[fibres.thread]\non = "cap"\nangle = "0 deg"\nhelices = 1\nmodulus = "50 kPa"\n' + INFLATED,
     "sphere": BALL + UP,
     "sphere with friction": BALL + "friction = 0.4\n" + UP,
-    "sphere with a guide": BALL + 'guide = "z"\nspring = "5 N/m"\nmass = "0.1 g"\n[gravity]\ndirection = "-z"\ndensity = "0 kg/m^3"\n' + UP,
-    "triangles": BALL.replace('"sphere"', '"stl"').replace('radius = "5 mm"', 'file = "ball.stl"') + UP,
-    "triangles with a guide": BALL.replace('"sphere"', '"stl"').replace('radius = "5 mm"', 'file = "ball.stl"\nguide = "z"\nspring = "5 N/m"') + UP,
+    "sphere with a guide": BALL + GUIDED + """
+mass = "0.1 g"
+[gravity]
+direction = "-z"
+density = "0 kg/m^3"
+""" + UP,
+    "triangles": TRIANGLES + UP,
+    "triangles with a guide": TRIANGLES + GUIDED + UP,
     "plane": f'[contact]\nfaces = "top {END}"\nplane = "z = 3 mm"\n' + UP,
     "walls": f'[walls]\nfaces = "top {END}, bottom {END}"\n' + PUSH,
     "gauges": """
