@@ -297,7 +297,7 @@ def summed(comm: MPI.Comm, values: npt.NDArray[np.float64]) -> npt.NDArray[np.fl
     return values if comm.size == 1 else comm.allreduce(values, op=MPI.SUM)
 
 
-ALONE_AFTER = 5.0
+ALONE_AFTER = 10.0
 """Seconds after which an error that the other ranks do not report is one of this rank only."""
 _ending: list[bool] = []
 """Once this rank ends: whether the others end too."""
@@ -353,6 +353,8 @@ def _abort(status: int) -> NoReturn:
 def _end() -> None:
     """Wait for the other ranks at the end of this one's program; where that was an exception (Python notes one that it has
     printed) for `ALONE_AFTER`."""
+    if MPI.Is_finalized():
+        return
     if hasattr(sys, "last_exc"):
         if not ends_with_others():
             _abort(1)
