@@ -24,8 +24,9 @@ from softmodels.common.errors import call, known_are, spoken
 from softmodels.common.files import read_text
 from softmodels.common.units import brief, with_prefix
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.curves.residuals import predicted
+from softmodels.fitting.curves.residuals import TensileResiduals, predicted
 from softmodels.fitting.least_squares import (
+    BLIND,
     NOTHING,
     Judgement,
     LeastSquaresFit,
@@ -34,8 +35,8 @@ from softmodels.fitting.least_squares import (
     singular_values,
     unseen,
 )
-from softmodels.fitting.problem import FitError, LawChoice, all_laws, loss_of
-from softmodels.materials.laws import Material
+from softmodels.fitting.problem import CannotEvaluate, FitError, LawChoice, all_laws, loss_of
+from softmodels.materials.laws import RUBBER, Material, MaterialError
 from softmodels.materials.silicones import PRODUCTS, named, product_of, silicone_called
 from softmodels.materials.specimens import Verdict, respond, secant_modulus
 from softmodels.mechanics.sensitivity import known_parameters
@@ -594,6 +595,41 @@ def hold_against(law: Material, largest: float, known: Expected, judgement: Judg
     """Return a judgement that includes the silicone's modulus, unless something else is already wrong."""
     said = "" if judgement.objections else objection(law, largest, known)
     return dataclasses.replace(judgement, objections=(said,)) if said else judgement
+
+
+def with_rubber(choice: LawChoice, fit: LeastSquaresFit, judgement: Judgement) -> Judgement:
+    """Return a judgement with a note on every parameter of the law that would change by more than its standard error with the
+    Poisson's ratio of rubber, to first order; all ranks together, as sources are evaluated."""
+    if choice.poisson == RUBBER or any(p.name == "poisson" for p in fit.free):
+        return judgement
+    incompressible = dataclasses.replace(choice, poisson=RUBBER)
+    values, moved = {**fit.values, "poisson": RUBBER}, []
+    try:
+        for source in fit.problem.sources:
+            own = dataclasses.replace(source, choice=incompressible) if isinstance(source, TensileResiduals) else source
+            moved.append(own.evaluate(values, False)[0])
+    except (CannotEvaluate, MaterialError):
+        return judgement
+    change = np.zeros(len(fit.residuals))
+    change[: fit.count] = np.concatenate(moved) - fit.residuals[: fit.count]
+    size = np.linalg.norm(fit.jacobian, axis=0)
+    size[size == 0.0] = 1.0
+    steps = -np.linalg.lstsq(fit.jacobian / size, change, rcond=BLIND)[0] / size
+    said = []
+    for p, step in zip(fit.free, steps.tolist(), strict=True):
+        if p.name in choice.names and abs(step) > fit.error(p.name):
+            now, then = (
+                " ".join(with_prefix(value, p.unit, fit.error(p.name)))
+                for value in (fit.values[p.name], fit.values[p.name] + step)
+            )
+            said.append(f"{p.name} about {then} instead of {now}")
+    if not said:
+        return judgement
+    note = (
+        f"the answer depends on Poisson's ratio, given as {choice.poisson:g}: with {RUBBER:g}, as of rubber (--poisson "
+        f"{RUBBER:g}), {', '.join(said)}"
+    )
+    return dataclasses.replace(judgement, notes=(*judgement.notes, note))
 
 
 def stretch_of(strain: float) -> float:

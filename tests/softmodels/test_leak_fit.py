@@ -16,9 +16,9 @@ CAVITY = 20e-6
 TIMES = np.linspace(0.0, 120.0, 9)
 
 
-def falling(conductance, start=2.5e3, times=TIMES, gas="isothermal"):
+def falling(conductance=0.0, start=2.5e3, times=TIMES, gas="isothermal", **leak):
     """Pressures of a rigid cavity from the ordinary differential equation of its gas."""
-    supply = dataclasses.replace(SUPPLY, leak_conductance=conductance, gas=gas)
+    supply = dataclasses.replace(SUPPLY, leak_conductance=conductance, gas=gas, **leak)
     power = {"isothermal": 1.0, "adiabatic": 1 / 1.4}[gas]
 
     def slope(t, y):
@@ -57,6 +57,46 @@ def test_without_noise_the_leak_comes_back(gas, figure):
     flow = SUPPLY.lost(pressures[0])[0] / SUPPLY.ambient
     assert found.flow[0] == pytest.approx(flow, rel=1e-5)
     assert repr(found).startswith(f"<Leak of {found.flow[0] * 60e6:.4g} ml/min at ")
+    assert found.kind == "orifice" and found.length == 0.0 and "a laminar leak is" in found.sentence
+    assert found.supply == dataclasses.replace(SUPPLY, gas=gas, leak_conductance=found.conductance)
+
+
+TUBE = {"leak_length": 0.02, "leak_bore": 1e-4}
+"""A laminar leak."""
+
+
+def test_a_laminar_leak_is_told_from_an_orifice_and_comes_back(figure):
+    supply = dataclasses.replace(SUPPLY, leak_conductance=0.0, **TUBE)
+    pressures = falling(**TUBE)
+    found = sm.fit_leak(TIMES, pressures, CAVITY, supply)
+    assert found.kind == "laminar" and found.conductance == 0.0 and "an orifice is" in found.sentence
+    figure(
+        "ordinary differential equation of a rigid cavity with a laminar leak",
+        "its length",
+        found.length / 0.02 - 1,
+        1e-7,
+    )
+    assert found.supply == dataclasses.replace(supply, leak_length=found.length)
+    assert repr(found).endswith("laminar, length 20 mm of a bore of 0.1 mm>")
+    truth, rng, held = supply.lost(pressures[0])[0] / supply.ambient, np.random.default_rng(9), []
+    for _ in range(12):
+        found = sm.fit_leak(TIMES, pressures + 5.0 * rng.standard_normal(len(TIMES)), CAVITY, supply, 5.0)
+        assert found.kind == "laminar"
+        held.append((found.flow[1] <= truth <= found.flow[2], found.interval[0] <= 0.02 <= found.interval[1]))
+    assert np.mean(held) >= 0.75
+
+
+def test_where_the_kinds_are_not_told_apart_the_flow_s_interval_contains_both():
+    """A short look at a laminar leak: its flow is inside, whichever kind is a little ahead."""
+    times, tube = np.linspace(0.0, 50.0, 6), TUBE | {"leak_bore": 5e-5}
+    supply = dataclasses.replace(SUPPLY, leak_conductance=0.0, **tube)
+    pressures, rng, kinds = falling(times=times, **tube), np.random.default_rng(3), set()
+    truth = supply.lost(pressures[0])[0] / supply.ambient
+    for _ in range(8):
+        found = sm.fit_leak(times, pressures + 5.0 * rng.standard_normal(len(times)), CAVITY, supply, 5.0)
+        kinds.add(found.kind)
+        assert "do not tell" in found.sentence and found.flow[1] < truth < found.flow[2]
+    assert kinds == {"orifice", "laminar"}
 
 
 @pytest.mark.parametrize("error", [5.0, None])

@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from softmodels.case.materials import from_table, to_table
+from softmodels.fitting.problem import FitOptions, LawChoice
 from softmodels.materials.laws import (
     LAWS,
+    RUBBER,
     Gent,
     HomogeneousStrain,
     MaterialError,
@@ -134,6 +136,18 @@ def test_neo_hookean_constructors():
     assert law.shear_modulus == pytest.approx(30e3)
     assert law.bulk == pytest.approx(2 * 735e3)
     assert law.poisson == pytest.approx(0.49)
+
+
+def test_a_law_without_poisson_s_ratio_is_incompressible_everywhere():
+    """In Python, in text, in a fit and by a silicone's name; a given one stays."""
+    laws = [
+        NeoHookean(30e3), NeoHookean.from_young(90e3), Ogden.from_two_mu((10e3,), (2.0,)), Yeoh(14e3),
+        from_table({"law": "neo-hookean", "young": "90 kPa"}), from_table({"law": "yeoh", "c1": "14 kPa"}),
+        silicone_called("ecoflex-00-30").material, LawChoice.from_text("yeoh").material({"c1": 14e3, "c2": 0.0, "c3": 0.0}),
+    ]  # fmt: skip
+    assert {law.poisson for law in laws} == {FitOptions().poisson} == {RUBBER} == {0.5}
+    assert laws[1].shear_modulus == pytest.approx(30e3)
+    assert from_table({"law": "yeoh", "c1": "14 kPa", "poisson": "0.49"}).poisson == 0.49
 
 
 def test_gent_stiffens_without_bound():

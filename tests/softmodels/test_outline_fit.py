@@ -22,6 +22,7 @@ from softmodels.fitting.outlines.residuals import (
     HeightResiduals,
     OutlineResiduals,
     check_heights,
+    exact_lengths,
     fits_badly,
     least_squares_of_heights,
     misfits,
@@ -152,6 +153,49 @@ def test_error_bars_are_honest(inflation):
     spread = np.sqrt(np.mean(np.square(misses), axis=0))
     assert (spread > 0.3).all() and (spread < 1.7).all()
     assert np.mean(np.abs(misses) < 1.96) >= 0.85
+
+
+THICKER = {"shear_modulus": 33.7e3, "membrane": DISK.membrane + 1e-4}
+"""A part whose membrane was cast 0.1 mm thicker than drawn."""
+
+
+def test_a_casting_tolerance_is_in_the_interval(inflation):
+    """By default; with the membrane taken as drawn, the interval leaves the truth out, and the note says by how much."""
+    device = inflation(law="neo-hookean", poisson=0.5)
+    outlines = simulated_outlines(device, THICKER, PRESSURES, SimulatedCamera(), rng=np.random.default_rng(15))
+    source = source_of(device, outlines)
+    by_default = fit_law_to_outlines(source)
+    low, high = by_default.interval("shear_modulus")
+    assert low < 33.7e3 < high and exact_lengths(source, by_default.values) == ""
+    low, high = by_default.interval("membrane")
+    assert low < THICKER["membrane"] < high
+    fixed = {"membrane": {"start": DISK.membrane, "fixed": True}}
+    exact = fit_law_to_outlines(source, changes=fixed)
+    low, high = exact.interval("shear_modulus")
+    assert not low < 33.7e3 < high
+    said = exact_lengths(source, exact.values)
+    assert said.startswith("membrane is taken as 6 mm exactly: 0.12 mm of it change") and "--free membrane" in said
+    share = float(said.partition("stresses by ")[2].partition(" %")[0])
+    fixed["membrane"]["start"] *= 1.02
+    other = fit_law_to_outlines(source, changes=fixed).values["shear_modulus"]
+    assert share == pytest.approx(100 * abs(other / exact.values["shear_modulus"] - 1), rel=0.15)
+
+
+def test_heights_consider_a_casting_tolerance(inflation):
+    device, rng = inflation(law="neo-hookean", poisson=0.5), np.random.default_rng(16)
+    made = simulated_outlines(device, THICKER, PRESSURES, SimulatedCamera(), rng=rng)
+    heights = [Height(one.source, one.pressure, one.height, one.pressure_error, one.height_error) for one in made]
+    source = HeightResiduals(device, check_heights(heights, device.silhouette.width))
+    errors = {}
+    for name, changes in (
+        ("2 %", {}), ("5 %", {"membrane": {"prior": Prior(6e-3, 3e-4)}}), ("exact", {"membrane": {"fixed": True}}),
+    ):  # fmt: skip
+        found = least_squares_of_heights(source, changes=changes)
+        errors[name] = found.error("shear_modulus") / found.values["shear_modulus"]
+        assert source.considered == (() if name == "exact" else ("membrane",))
+    by_membrane = np.sqrt(errors["2 %"] ** 2 - errors["exact"] ** 2)
+    assert by_membrane == pytest.approx(0.046, rel=0.15)  # a plate's stiffness grows faster than its thickness
+    assert np.sqrt(errors["5 %"] ** 2 - errors["exact"] ** 2) == pytest.approx(2.5 * by_membrane, rel=1e-6)
 
 
 def test_neo_hookean_cannot_follow_a_hardening_silicone(inflation, figure):

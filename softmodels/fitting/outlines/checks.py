@@ -18,6 +18,7 @@ from softmodels.fitting.outlines.residuals import (
     HeightResiduals,
     OutlineResiduals,
     fits_badly,
+    is_length,
     misfits,
     plain_path,
     residuals_by_source,
@@ -318,6 +319,10 @@ def _zero(value: float) -> str:
     return f"the zero plane {abs(value) * 1e3:.3g} mm {where}"
 
 
+def _length(name: str, nominal: float) -> Callable[[float], str]:
+    return lambda value: f"{name} {value * 1e3:.4g} mm, not {nominal * 1e3:.4g} mm"
+
+
 WORDS: dict[str, tuple[Callable[[float], str], str]] = {
     "scale": (
         _share("all lengths in the photographs"),
@@ -351,7 +356,7 @@ def unbelievable(fit: LeastSquaresFit) -> list[str]:
         f"{of}to fit the outlines, the fit assumes {says} {abs(away):.0f} times "
         f"the plausible value: pressures and outlines contradict each other; {advice}, or fix it (--fix {p.name})"
         for p, away, of, says, advice in _away(fit)
-        if p.own_name not in ("scale", "zero") and abs(away) > BELIEVED
+        if p.own_name in WORDS and p.own_name not in ("scale", "zero") and abs(away) > BELIEVED
     ]
 
 
@@ -359,8 +364,8 @@ def _away(fit: LeastSquaresFit) -> Iterator[tuple[Parameter, float, str, str, st
     """Yield the corrections, with how many standard errors of their prior they are, whose they are, what they say, and the
     advice."""
     for p in fit.free:
-        if p.own_name in WORDS and p.prior and math.isfinite(value := fit.values[p.name]):
-            says, advice = WORDS[p.own_name]
+        if (p.own_name in WORDS or is_length(p)) and p.prior and math.isfinite(value := fit.values[p.name]):
+            says, advice = WORDS.get(p.own_name) or (_length(p.own_name, p.prior.mean), "measure it on the cast part")
             yield p, (value - p.prior.mean) / p.prior.error, f"{p.device}: " if p.device else "", says(value), advice
 
 
