@@ -597,32 +597,37 @@ def hold_against(law: Material, largest: float, known: Expected, judgement: Judg
     return dataclasses.replace(judgement, objections=(said,)) if said else judgement
 
 
-def with_rubber(choice: LawChoice, fit: LeastSquaresFit, judgement: Judgement) -> Judgement:
-    """Return a judgement with a note on every parameter of the law that would change by more than its standard error with the
-    Poisson's ratio of rubber, to first order; all ranks together, as sources are evaluated."""
-    if choice.poisson == RUBBER or any(p.name == "poisson" for p in fit.free):
-        return judgement
-    incompressible = dataclasses.replace(choice, poisson=RUBBER)
-    values, moved = {**fit.values, "poisson": RUBBER}, []
+def shifted(fit: LeastSquaresFit, choice: LawChoice, given: Mapping[str, float]) -> dict[str, float]:
+    """Return a fit's values with other ones of parameters that it takes as given, Poisson's ratio among them, to first order;
+    none where the sources cannot be evaluated there. For all ranks together."""
+    values, moved = {**fit.values, **given}, []
+    other = dataclasses.replace(choice, poisson=given.get("poisson", choice.poisson))
     try:
         for source in fit.problem.sources:
-            own = dataclasses.replace(source, choice=incompressible) if isinstance(source, TensileResiduals) else source
+            own = dataclasses.replace(source, choice=other) if isinstance(source, TensileResiduals) else source
             moved.append(own.evaluate(values, False)[0])
     except (CannotEvaluate, MaterialError):
-        return judgement
+        return {}
     change = np.zeros(len(fit.residuals))
     change[: fit.count] = np.concatenate(moved) - fit.residuals[: fit.count]
     size = np.linalg.norm(fit.jacobian, axis=0)
     size[size == 0.0] = 1.0
-    steps = -np.linalg.lstsq(fit.jacobian / size, change, rcond=BLIND)[0] / size
-    said = []
-    for p, step in zip(fit.free, steps.tolist(), strict=True):
-        if p.name in choice.names and abs(step) > fit.error(p.name):
-            now, then = (
-                " ".join(with_prefix(value, p.unit, fit.error(p.name)))
-                for value in (fit.values[p.name], fit.values[p.name] + step)
-            )
-            said.append(f"{p.name} about {then} instead of {now}")
+    steps = np.linalg.lstsq(fit.jacobian / size, -change, rcond=BLIND)[0] / size
+    return values | {p.name: fit.values[p.name] + step for p, step in zip(fit.free, steps.tolist(), strict=True)}
+
+
+def with_rubber(choice: LawChoice, fit: LeastSquaresFit, judgement: Judgement) -> Judgement:
+    """Return a judgement with a note on every parameter of the law that would change by more than its standard error with the
+    Poisson's ratio of rubber, see `shifted`."""
+    if choice.poisson == RUBBER or any(p.name == "poisson" for p in fit.free):
+        return judgement
+    values, said = shifted(fit, choice, {"poisson": RUBBER}), []
+    for p in fit.free:
+        if p.name in choice.names and p.name in values:
+            error, now, then = fit.error(p.name), fit.values[p.name], values[p.name]
+            if abs(then - now) > error:
+                texts = [" ".join(with_prefix(value, p.unit, error)) for value in (then, now)]
+                said.append(f"{p.name} about {texts[0]} instead of {texts[1]}")
     if not said:
         return judgement
     note = (

@@ -32,10 +32,12 @@ SIZE, START = "size", "pressure"
 ORIFICE, LAMINAR = "orifice", "laminar"
 KINDS: dict[str, tuple[str, dict[str, float]]] = {
     ORIFICE: ("m^3/(s*Pa)", {"leak_conductance": 1.0, "leak_length": 0.0}),
-    LAMINAR: ("1/m", {"leak_conductance": 0.0, "leak_length": 1.0}),
+    LAMINAR: ("m^4", {"leak_conductance": 0.0, "leak_bore": 1.0}),
 }
-"""Unit of the size of each kind of leak, and the fields of `Reservoir` for the size 1: a sonic conductance, or one over the
-length of a tube of the supply's ``leak_bore``."""
+"""Unit of the size of each kind of leak, and the fields of `Reservoir` for the size 1: a sonic conductance, or the fourth power
+of the bore of a tube of the supply's ``leak_length``."""
+USUAL_LENGTH = 0.01
+"""Length in m of a laminar leak where the supply has none."""
 DECISIVE = 6.0
 """Difference of two kinds' AICc above which the readings tell them apart: the wrong one is ahead by that much at most once in
 exp(6 / 2) = 20 times."""
@@ -94,7 +96,7 @@ class Leak(Shown):
         kind: ``"orifice"`` or ``"laminar"``.
         supply: The supply with this leak, for a simulation.
         interval: 95 % interval, from a profile likelihood, of an orifice's sonic conductance in m3/(s Pa), from 0 where the
-            readings show no leak; or of a laminar leak's length in m for the supply's ``leak_bore``, then to infinity.
+            readings show no leak; or of a laminar leak's bore in m for the supply's ``leak_length`` (10 mm if it has none).
         flow: What leaks at the first reading, in m3/s at ambient pressure, with its 95 % interval, which contains both kinds
             where the readings do not tell them apart.
         fit: The fit.
@@ -114,9 +116,9 @@ class Leak(Shown):
         return self.supply.leak_conductance
 
     @property
-    def length(self) -> float:
-        """Length in m of a laminar leak, the ``leak_length`` of `Reservoir`; 0 for an orifice."""
-        return self.supply.leak_length
+    def bore(self) -> float:
+        """Inner diameter in m of a laminar leak, the ``leak_bore`` of `Reservoir`; 0 for an orifice."""
+        return self.supply.leak_bore if self.supply.leak_length else 0.0
 
     @property
     def words(self) -> str:
@@ -127,7 +129,7 @@ class Leak(Shown):
     def _size(self) -> str:
         if self.kind == ORIFICE:
             return f"conductance {self.conductance:.4g} m3/(s Pa)"
-        return f"length {self.length * 1e3:.4g} mm of a bore of {self.supply.leak_bore * 1e3:.4g} mm"
+        return f"bore {self.bore * 1e3:.4g} mm over a length of {self.supply.leak_length * 1e3:.4g} mm"
 
     def _line(self) -> str:
         return f"of {self.flow[0] * 60e6:.4g} ml/min at the first reading, {self.kind}, {self._size}"
@@ -160,7 +162,7 @@ def fit_leak(
         times: In s, rising, shape (n,).
         pressures: Gauge pressures in Pa, shape (n,).
         cavity: Volume of the cavity in m3, constant; or pairs of a pressure in Pa and a volume in m3, as of a run.
-        supply: Tubes and fittings behind the valve, gas, and of the leak the critical ratio and the bore.
+        supply: Tubes and fittings behind the valve, gas, and of the leak the critical ratio and, if laminar, the length.
         error: Standard error of a reading in Pa; None for that of the scatter.
 
     Raises:
@@ -191,7 +193,8 @@ def fit_leak(
 def _fitted(kind: str, t: Array, P: Array, cavity: Array, supply: Reservoir, error: float | None) -> Leak:
     """Return the fit of one kind of leak, without a sentence."""
     unit, fields = KINDS[kind]
-    whole = dataclasses.replace(supply, **fields)  # type: ignore[arg-type]
+    length = supply.leak_length or USUAL_LENGTH
+    whole = dataclasses.replace(supply, **({"leak_length": length} | fields))  # type: ignore[arg-type]
     source = LeakResiduals(t, P, np.full(len(t), error or 1.0), whole, cavity)
     fallen = source.fallen(P[0]) - source.fallen(P[-1])
     least = source.fallen(P[0]) - source.fallen(0.999 * P[0])
@@ -204,16 +207,14 @@ def _fitted(kind: str, t: Array, P: Array, cavity: Array, supply: Reservoir, err
     size, (flow, slope) = fit.values[SIZE], (value / supply.ambient for value in whole.lost(fit.values[START]))
     # The first pressure has an error too: the interval of the size, widened by the covariance of the two.
     towards = np.array([flow, size * slope])
-    widened = math.sqrt(max(towards @ fit.covariance @ towards, 0.0)) / fit.error(SIZE)
+    widened = math.sqrt(max(float(towards @ fit.covariance @ towards), 0.0)) / (fit.error(SIZE) or math.nan)
     reach = widened if math.isfinite(widened) else flow
-    if kind == ORIFICE:
-        found, interval = dataclasses.replace(whole, leak_conductance=size), (low, high)
-    else:
-        length, longest, shortest = (1.0 / value if value > 0.0 else math.inf for value in (size, low, high))
-        tight = {} if math.isinf(length) else {"leak_length": length}
-        found, interval = dataclasses.replace(whole, **({"leak_length": 0.0} | tight)), (shortest, longest)
     ends = (max(size * flow - reach * (size - low), 0.0), size * flow + reach * (high - size))
-    return Leak(kind, found, interval, (size * flow, *ends), fit, "")
+    if kind == ORIFICE:
+        return Leak(kind, dataclasses.replace(whole, leak_conductance=size), (low, high), (size * flow, *ends), fit, "")
+    tight = {"leak_conductance": 0.0, "leak_length": 0.0}
+    found = dataclasses.replace(whole, leak_bore=size**0.25) if size else dataclasses.replace(supply, **tight)  # type: ignore[arg-type]
+    return Leak(kind, found, (low**0.25, high**0.25), (size * flow, *ends), fit, "")
 
 
 def _numbers(name: str, given: object) -> Array:

@@ -13,6 +13,7 @@ from softmodels.fitting.comparison import compare
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.residuals import StressError, residuals_of
 from softmodels.fitting.least_squares import profile
+from softmodels.fitting.outlines.checks import exact_lengths
 from softmodels.fitting.outlines.fit import fit_law_to_outlines
 from softmodels.fitting.outlines.residuals import (
     LEAK_ERROR,
@@ -22,7 +23,6 @@ from softmodels.fitting.outlines.residuals import (
     HeightResiduals,
     OutlineResiduals,
     check_heights,
-    exact_lengths,
     fits_badly,
     least_squares_of_heights,
     misfits,
@@ -166,16 +166,17 @@ def test_a_casting_tolerance_is_in_the_interval(inflation):
     source = source_of(device, outlines)
     by_default = fit_law_to_outlines(source)
     low, high = by_default.interval("shear_modulus")
-    assert low < 33.7e3 < high and exact_lengths(source, by_default.values) == ""
+    assert low < 33.7e3 < high and exact_lengths(source, by_default) == ""
     low, high = by_default.interval("membrane")
     assert low < THICKER["membrane"] < high
     fixed = {"membrane": {"start": DISK.membrane, "fixed": True}}
     exact = fit_law_to_outlines(source, changes=fixed)
     low, high = exact.interval("shear_modulus")
     assert not low < 33.7e3 < high
-    said = exact_lengths(source, exact.values)
-    assert said.startswith("membrane is taken as 6 mm exactly: 0.12 mm of it change") and "--free membrane" in said
-    share = float(said.partition("stresses by ")[2].partition(" %")[0])
+    said = exact_lengths(source, exact)
+    assert said.startswith("membrane is taken as 6 mm exactly: an error of 0.12 mm changes the shear modulus by ")
+    assert "--free membrane" in said
+    share = float(said.partition("modulus by ")[2].partition(" %")[0])
     fixed["membrane"]["start"] *= 1.02
     other = fit_law_to_outlines(source, changes=fixed).values["shear_modulus"]
     assert share == pytest.approx(100 * abs(other / exact.values["shear_modulus"] - 1), rel=0.15)
@@ -194,7 +195,10 @@ def test_heights_consider_a_casting_tolerance(inflation):
         errors[name] = found.error("shear_modulus") / found.values["shear_modulus"]
         assert source.considered == (() if name == "exact" else ("membrane",))
     by_membrane = np.sqrt(errors["2 %"] ** 2 - errors["exact"] ** 2)
-    assert by_membrane == pytest.approx(0.046, rel=0.15)  # a plate's stiffness grows faster than its thickness
+    thicker = least_squares_of_heights(source, changes={"membrane": {"start": 6.12e-3, "fixed": True}})
+    assert by_membrane == pytest.approx(
+        abs(thicker.values["shear_modulus"] / found.values["shear_modulus"] - 1), rel=0.1
+    )
     assert np.sqrt(errors["5 %"] ** 2 - errors["exact"] ** 2) == pytest.approx(2.5 * by_membrane, rel=1e-6)
 
 
@@ -212,7 +216,7 @@ def test_neo_hookean_cannot_follow_a_hardening_silicone(inflation, figure):
     assert bad.deviance > good.deviance + 50.0
     ranking = compare([dataclasses.replace(one, label=law) for one, law in ((bad, "neo-hookean"), (good, "yeoh"))])
     assert ranking.preferred.label == "yeoh"
-    figure("outlines of a hardening silicone", "AICc by which Yeoh is ahead", ranking.ranked[1].aicc, at_least=380)
+    figure("outlines of a hardening silicone", "AICc by which Yeoh is ahead", ranking.ranked[1].aicc, at_least=360)
 
 
 def test_poisson_near_a_half_is_not_seen(inflation):

@@ -44,6 +44,7 @@ from softmodels.fitting.least_squares import Judgement, LeastSquaresFit, fit_par
 from softmodels.fitting.outlines.checks import (
     HeightRow,
     by_course,
+    exact_lengths,
     judge_heights,
     judge_outlines,
     series_of,
@@ -58,7 +59,6 @@ from softmodels.fitting.outlines.residuals import (
     OutlineResiduals,
     all_nuisances,
     check_heights,
-    exact_lengths,
     is_length,
     least_squares_of_heights,
     length_words,
@@ -515,7 +515,7 @@ class _Task:
             told = source.model.told(source.own(first.fit.values))
             devices.append(f"{source.device or self.devices[0].name}: {kind}, {source.in_words}")
             notes += [f"{source.device}: {told}" if source.device else told] if told else []
-            notes += [exact] if (exact := exact_lengths(source, first.fit.values)) else []
+            notes += [exact] if (exact := exact_lengths(source, first.fit)) else []
         said = tuple(map(spoken, notes))
         return FitReport(tuple(laws), comparison, self.curves, how, devices=tuple(devices), notes=said)
 

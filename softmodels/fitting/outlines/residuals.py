@@ -96,11 +96,6 @@ class OutlineResiduals:
         """Lengths whose errors are in the intervals."""
         return tuple(name for name in self.model.lengths if self.named(name) not in self.fixed)
 
-    @property
-    def heights_and_readings(self) -> tuple[Array, Array]:
-        """Heights of the tops in m and readings in Pa, shape (n,)."""
-        return np.array([one.height for one in self.shapes]), np.array([one.pressure for one in self.shapes])
-
     def named(self, name: str) -> str:
         """Return a parameter's name in the fit: the material's are common to all devices, the others its own."""
         return name if not self.device or name in self.model.common else f"{self.device}.{name}"
@@ -313,42 +308,6 @@ def length_parameters(model: DeviceModel) -> list[Parameter]:
         Parameter(name, "m", value, 0.7 * value, 1.3 * value, Prior(value, LENGTH_ERROR * value))
         for name, value in model.lengths.items()
     ]
-
-
-WALL_SHARES = (1, 3)
-"""Change of a law's stresses in percent by 1 % of a wall's thickness: stretched like a membrane, bent like a plate."""
-
-
-def exact_lengths(source: OutlineResiduals | HeightResiduals, values: Mapping[str, float]) -> str:
-    """Return a sentence on the lengths of a device that a fit has taken as exact, and by how much the law's stresses change
-    with each; or ""."""
-    model = source.model
-    whose = f"{source.device}: " if source.device else ""
-    if not model.lengths:
-        low, high = WALL_SHARES
-        return (
-            f"{whose}the lengths of the device are taken as exact: 1 % of the thickness of its walls changes the law's "
-            f"stresses by {low} to {high} %, and no interval contains that; measure the walls of the cast part"
-        )
-    exact = [name for name in model.lengths if name not in source.considered]
-    if not exact:
-        return ""
-    plain = plain_path(model, *source.heights_and_readings)
-    highest = int(np.argmax(plain.volumes))
-    model.set_parameters(plain.values)
-    slopes = model.slopes(plain.states[highest], exact)
-    rise, P = slopes.along_nodes[0, 0, 1], plain.elastic[highest]
-    said = []
-    for name in exact:
-        at_height = slopes.pressure[name] - slopes.along_pressure * slopes.nodes[name][0, 0, 1] / rise
-        value = source.own(values)[name]
-        off, share = LENGTH_ERROR * value, 100 * abs(at_height) * LENGTH_ERROR * model.lengths[name] / P
-        option = f"measure it (--fix {name}={value * 1e3:.4g}mm)" if model.spectrum else f"--free {name} fits it too"
-        said.append(
-            f"{name} is taken as {value * 1e3:.4g} mm exactly: {off * 1e3:.2g} mm of it change the law's stresses by "
-            f"{share:.2g} %, and no interval contains that; {option}"
-        )
-    return whose + "; ".join(said)
 
 
 def is_length(p: Parameter) -> bool:
@@ -653,11 +612,6 @@ class HeightResiduals:
         self.pressures = np.array([one.pressure for one in heights])
         self.measured = np.array([one.height for one in heights])
         self.height_errors = np.array([one.height_error for one in heights])
-
-    @property
-    def heights_and_readings(self) -> tuple[Array, Array]:
-        """Heights of the top in m and readings in Pa, shape (n,)."""
-        return self.measured, self.pressures
 
     @property
     def in_words(self) -> str:
