@@ -38,6 +38,8 @@ KINDS: dict[str, tuple[str, dict[str, float]]] = {
 of the bore of a tube of the supply's ``leak_length``."""
 USUAL_LENGTH = 0.01
 """Length in m of a laminar leak where the supply has none."""
+SMALLEST_BORE = 1e-5
+"""In m, of a case."""
 DECISIVE = 6.0
 """Difference of two kinds' AICc above which the readings tell them apart: the wrong one is ahead by that much at most once in
 exp(6 / 2) = 20 times."""
@@ -94,31 +96,33 @@ class Leak(Shown):
 
     Attributes:
         kind: ``"orifice"`` or ``"laminar"``.
-        supply: The supply with this leak, for a simulation.
-        interval: 95 % interval, from a profile likelihood, of an orifice's sonic conductance in m3/(s Pa), from 0 where the
-            readings show no leak; or of a laminar leak's bore in m for the supply's ``leak_length`` (10 mm if it has none).
+        size: Sonic conductance of an orifice in m3/(s Pa), the ``leak_conductance`` of `Reservoir`; of a laminar leak the bore
+            in m, the ``leak_bore``, for the supply's ``leak_length`` (10 mm if it has none).
+        interval: 95 % interval of the size, from a profile likelihood; from 0 where the readings show no leak.
         flow: What leaks at the first reading, in m3/s at ambient pressure, with its 95 % interval, which contains both kinds
             where the readings do not tell them apart.
+        supply: The supply with this leak, for a simulation; a bore below 10 um is left out.
         fit: The fit.
         sentence: Why it is of that kind.
     """
 
     kind: str
-    supply: Reservoir
+    size: float
     interval: tuple[float, float]
     flow: tuple[float, float, float]
+    supply: Reservoir
     fit: LeastSquaresFit
     sentence: str
 
     @property
     def conductance(self) -> float:
-        """Sonic conductance in m3/(s Pa) of an orifice, the ``leak_conductance`` of `Reservoir`; 0 for a laminar leak."""
-        return self.supply.leak_conductance
+        """Sonic conductance of an orifice in m3/(s Pa); 0 for a laminar leak."""
+        return self.size if self.kind == ORIFICE else 0.0
 
     @property
     def bore(self) -> float:
-        """Inner diameter in m of a laminar leak, the ``leak_bore`` of `Reservoir`; 0 for an orifice."""
-        return self.supply.leak_bore if self.supply.leak_length else 0.0
+        """Inner diameter of a laminar leak in m; 0 for an orifice."""
+        return self.size if self.kind == LAMINAR else 0.0
 
     @property
     def words(self) -> str:
@@ -126,20 +130,21 @@ class Leak(Shown):
         return "an orifice" if self.kind == ORIFICE else "a laminar leak"
 
     @property
-    def _size(self) -> str:
+    def _sized(self) -> str:
         if self.kind == ORIFICE:
             return f"conductance {self.conductance:.4g} m3/(s Pa)"
-        return f"bore {self.bore * 1e3:.4g} mm over a length of {self.supply.leak_length * 1e3:.4g} mm"
+        over = f" over a length of {self.supply.leak_length * 1e3:.4g} mm" if self.supply.leak_length else ""
+        return f"bore {self.bore * 1e3:.4g} mm{over}"
 
     def _line(self) -> str:
-        return f"of {self.flow[0] * 60e6:.4g} ml/min at the first reading, {self.kind}, {self._size}"
+        return f"of {self.flow[0] * 60e6:.4g} ml/min at the first reading, {self.kind}, {self._sized}"
 
     def _figures(self) -> Table:
         flow, low, high = (f"{value * 60e6:.4g}" for value in self.flow)
         factor = 1.0 if self.kind == ORIFICE else 1e3
         ends = " to ".join(f"{value * factor:.4g}" for value in self.interval)
         return [
-            (self.kind, f"{self._size} (95 %: {ends})"),
+            (self.kind, f"{self._sized} (95 %: {ends})"),
             ("flow at the first reading", f"{flow} ml/min at ambient pressure (95 %: {low} to {high})"),
         ]
 
@@ -210,11 +215,14 @@ def _fitted(kind: str, t: Array, P: Array, cavity: Array, supply: Reservoir, err
     widened = math.sqrt(max(float(towards @ fit.covariance @ towards), 0.0)) / (fit.error(SIZE) or math.nan)
     reach = widened if math.isfinite(widened) else flow
     ends = (max(size * flow - reach * (size - low), 0.0), size * flow + reach * (high - size))
+    least, most = low, high
     if kind == ORIFICE:
-        return Leak(kind, dataclasses.replace(whole, leak_conductance=size), (low, high), (size * flow, *ends), fit, "")
-    tight = {"leak_conductance": 0.0, "leak_length": 0.0}
-    found = dataclasses.replace(whole, leak_bore=size**0.25) if size else dataclasses.replace(supply, **tight)  # type: ignore[arg-type]
-    return Leak(kind, found, (low**0.25, high**0.25), (size * flow, *ends), fit, "")
+        found = dataclasses.replace(whole, leak_conductance=size)
+    else:
+        size, least, most = (value**0.25 for value in (size, low, high))
+        tight = dataclasses.replace(supply, leak_conductance=0.0, leak_length=0.0)
+        found = tight if size < SMALLEST_BORE else dataclasses.replace(whole, leak_bore=size)
+    return Leak(kind, size, (least, most), (fit.values[SIZE] * flow, *ends), found, fit, "")
 
 
 def _numbers(name: str, given: object) -> Array:

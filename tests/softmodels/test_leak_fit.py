@@ -72,8 +72,8 @@ def test_a_laminar_leak_is_told_from_an_orifice_and_comes_back(figure):
     assert found.kind == "laminar" and found.conductance == 0.0 and "an orifice is" in found.sentence
     figure(
         "ordinary differential equation of a rigid cavity with a laminar leak",
-        "its length",
-        found.length / 0.02 - 1,
+        "its bore",
+        found.bore / 1e-4 - 1,
         1e-7,
     )
     assert found.supply == dataclasses.replace(supply, leak_bore=found.bore)
