@@ -319,7 +319,7 @@ def length_words(p: Parameter) -> str:
     """Return the name of a free length with its prior."""
     if p.prior is None:
         return p.name
-    return f"{p.name} (prior {p.prior.mean * 1e3:.4g} +- {p.prior.error * 1e3:.2g} mm; change it with --prior)"
+    return f"{p.name} (prior {p.prior.mean * 1e3:.4g} +- {p.prior.error * 1e3:.2g} mm)"
 
 
 def all_nuisances(sources: Sequence[OutlineResiduals], free: Sequence[str]) -> list[Parameter]:
