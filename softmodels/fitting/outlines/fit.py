@@ -450,8 +450,8 @@ class _Task:
         robust = ", outliers counted by their size" if self.options.robust else ""
         fitted = [p for p in next(iter(trials.values())).fit.free if not p.hidden]
         lengths = [p for p in fitted if is_length(p)]
-        own = {LENGTHS, *(name for p in lengths for name in (p.name, p.own_name))}
-        said = [*(name for name in free if name not in own), *map(length_words, lengths)]
+        named = {LENGTHS, *(name for p in lengths for name in (p.name, p.own_name))}
+        said = [*(name for name in free if name not in named), *map(length_words, lengths)]
         law = "the law" if branches is None else "the law and its memory"
         tests = f"; curves with {self.options.gauge_words.removeprefix(', ')}" if self.curves else ""
         how = (
