@@ -243,6 +243,7 @@ class Balloon(Revolved):
     angle: float = wedge_field()
 
     stem: ClassVar = "balloon"
+    variable: ClassVar = ("wall",)
     loose: ClassVar = ("rod",)
     unbonded: ClassVar = ()
     pressures: ClassVar = "0:20"

@@ -79,6 +79,7 @@ class Bellows(HeldTip, Revolved):
     angle: float = wedge_field()
 
     stem: ClassVar = "bellows"
+    variable: ClassVar = ("wall",)
     pressures: ClassVar = "0:30"
     stiffer: ClassVar = "a thicker wall (--wall), narrower flanks (--outer-radius)"
     examples: ClassVar = (

@@ -263,6 +263,7 @@ class Cylinder(Sectioned, Halved):
     order: int = choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
 
     stem: ClassVar = "cylinder"
+    variable: ClassVar = ("wall",)
     unbonded: ClassVar = ()
     axial: ClassVar = True
     regions: ClassVar = ("wall", "cap")

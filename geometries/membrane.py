@@ -123,6 +123,7 @@ class Membrane(Revolved):
     angle: float = wedge_field()
 
     stem: ClassVar = "membrane"
+    variable: ClassVar = ("thickness",)
     unbonded: ClassVar = ("rim",)
     pressures: ClassVar = "0:25"
     stiffer: ClassVar = "a thicker membrane (--thickness), a smaller one (--radius)"

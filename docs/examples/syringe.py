@@ -9,7 +9,7 @@ import softmodels as sm
 
 disk = sm.HollowDisk.variant("shadow", section="axisymmetric", support="base")
 pump = sm.Syringe(syringe="1000 ml", dead_volume="20000 ml")
-run = sm.inflate(disk, sm.NeoHookean(20e3), strokes="0:720 ml", supply=pump)
+run = sm.inflate(disk, sm.NeoHookean(20e3, poisson=0.49), strokes="0:720 ml", supply=pump)
 stroke = run.path["stroke_ml"]
 turn = int(run.path["stroke_limit"].argmax())
 landed = int(run.path["jump"].argmax())

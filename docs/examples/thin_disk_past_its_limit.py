@@ -9,7 +9,7 @@ import numpy as np
 import softmodels as sm
 
 disk = sm.HollowDisk.variant("shadow", section="axisymmetric", support="base")
-silicone = sm.NeoHookean(20e3)
+silicone = sm.NeoHookean(20e3, poisson=0.49)
 
 run = sm.inflate(disk, silicone, volumes="0:60:5 ml")
 limit = sm.limit(disk, silicone)

@@ -22,7 +22,7 @@ from softmodels.design.quantities import AddedVolume, DesignedBody, DesignQuanti
 from softmodels.design.states import Adjoint
 from softmodels.design.trials import PRESSURE
 from softmodels.fitting.outlines.shapes import Silhouette, half_outline
-from softmodels.materials.silicones import named, product_of, spanning, stretch_at_break
+from softmodels.materials.silicones import break_words, named, product_of, spanning, stretch_at_break
 from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.mpi import start
 from softmodels.mechanics.system import State, System
@@ -44,8 +44,8 @@ def path(case: str) -> PathAnswer:
         _runs[case] = found
     found = _runs[case]
     end = found.limit.why if found.limit else ""
-    states, breaks_at = [_state(one) for one in found], stretch_at_break(found.case.material)
-    return PathAnswer(states, end, found.notes, COLOURS, breaks_at)
+    states, material = [_state(one) for one in found], found.case.material
+    return PathAnswer(states, end, found.notes, COLOURS, stretch_at_break(material), break_words(material))
 
 
 def state(case: str, pressure: str) -> StateAnswer:

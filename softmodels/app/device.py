@@ -329,7 +329,7 @@ class DevicePage(TabPage):
         assert self.answer is not None
         if self.answer.breaks_at:
             share = (float(row["max_stretch"]) - 1.0) / (self.answer.breaks_at - 1.0)  # type: ignore[arg-type]
-            found.append(("of the strain at break", f"{share:.0%}"))
+            found.append(("of the least strain at break", f"{share:.0%}: {self.answer.breaks}"))
         return found
 
     def _draw(self, section: Section, pressure: float) -> None:

@@ -20,7 +20,7 @@ from softmodels.common.errors import FieldError
 from softmodels.common.files import read_text, write_text
 from softmodels.common.schema import about, shown
 from softmodels.common.units import number, readable
-from softmodels.materials.laws import LAWS
+from softmodels.materials.laws import LAWS, RUBBER
 from softmodels.materials.silicones import PRODUCTS
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class MaterialPage(TabPage):
                 laws = ui.select(sorted(LAWS), value=["yeoh"], label="Laws to compare", multiple=True)
                 self.laws = tagged(laws, "laws", props="dense use-chips")
                 self.fixed = tagged(ui.input("Fixed parameters", placeholder="c3=0, leak=0"), "fixed")
-                self.poisson = tagged(ui.input("Poisson's ratio", value="0.49"), "poisson")
+                self.poisson = tagged(ui.input("Poisson's ratio", value=f"{RUBBER:g}"), "poisson")
                 products = ui.select(["any", *sorted(PRODUCTS)], value="any", label="Cast from", with_input=True)
                 self.product = tagged(products, "product")
             with ui.column().classes("w-full min-w-0"):

@@ -59,14 +59,15 @@ class StateAnswer:
 @dataclasses.dataclass(frozen=True)
 class PathAnswer:
     """A path, as ``sm.run(case)`` finds it: its states from rest to its end, and why it ends before the last requested value,
-    empty if it does not; warnings; the colours of the sections, from the lowest value up; the stretch at which the silicone
-    broke when it was pulled, None if unknown."""
+    empty if it does not; warnings; the colours of the sections, from the lowest value up; the least stretch at break of the
+    silicone, None if unknown, and all of them with their sources, in words."""
 
     states: list[StateAnswer]
     end: str
     notes: list[str]
     colours: list[str]
     breaks_at: float | None
+    breaks: str
 
 
 @dataclasses.dataclass(frozen=True)

@@ -51,6 +51,7 @@ from softmodels.fitting.outlines.fit import device_names, fit, fit_heights
 from softmodels.fitting.outlines.shapes import OutlineFitError, read_outlines
 from softmodels.fitting.problem import (
     BENCH,
+    FREE,
     HEIGHTS_FROM,
     USUAL_GAUGE_ERROR,
     CannotEvaluate,
@@ -65,12 +66,14 @@ from softmodels.fitting.problem import (
     law_choices,
 )
 from softmodels.fitting.scoring import Score, against_outlines, error_of, score_curve, write_scores
-from softmodels.materials.laws import Material, MaterialError
+from softmodels.materials.laws import RUBBER, Material, MaterialError
 from softmodels.materials.silicones import (
+    MAKERS_ELONGATION,
     PRODUCTS,
     SILICONE_DENSITY,
     SILICONES,
     Silicone,
+    break_words,
     casting_of,
     full_name,
     product_of,
@@ -224,9 +227,7 @@ class FitGiven(OutlineOptions, CurveFiles):
         type=click.Path(path_type=Path), metavar="HEIGHTS.csv",
         help="Fit the largest deflections at each pressure, as in the thesis, instead of outlines.",
     )  # fmt: skip
-    free: tuple[str, ...] = option(
-        multiple=True, metavar="NAME", help="With a case: free poisson, or a length such as membrane."
-    )
+    free: tuple[str, ...] = option(multiple=True, metavar="NAME", help="With a case: free poisson too.")
     exclude: tuple[str, ...] = option(
         multiple=True, metavar="PHOTOGRAPH", help="Exclude a photograph, such as 4.jpg; may be repeated."
     )
@@ -250,7 +251,7 @@ class FitGiven(OutlineOptions, CurveFiles):
         "cell), such as 5%; auto takes 3 % and 1 %, 3.2 % together; none omits it, which makes the intervals much too narrow.",
     )  # fmt: skip
     poisson: float = option(
-        type=QuantityType(""), default=0.5, show_default=True, help="Poisson's ratio of the fitted material."
+        type=QuantityType(""), default=RUBBER, show_default=True, help="Poisson's ratio of the fitted material."
     )
     fix: tuple[str, ...] = option(multiple=True, metavar="NAME=VALUE", help="Fix a parameter, such as c3=0.")
     bounds: tuple[str, ...] = option(
@@ -284,7 +285,7 @@ class FitGiven(OutlineOptions, CurveFiles):
         fixed = {text.partition("=")[0].strip() for text in self.fix}
         if both := [name for name in self.free if name in fixed]:
             raise OutlineFitError(f"{both[0]} cannot be both free (--free) and fixed (--fix)")
-        return tuple(dict.fromkeys(name for name in (*BENCH, *self.free) if name not in fixed))
+        return tuple(dict.fromkeys(name for name in (*FREE, *self.free) if name not in fixed))
 
 
 def curve_changes(options: FitGiven, choices: Sequence[LawChoice]) -> dict[str, Change]:
@@ -374,9 +375,9 @@ def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
     With --tensile, to curves of test machines. With a CASE (such as the case.toml in a folder of results), to outlines of that
     device at all pressures (files or folders that python -m measurement photos has made), alone or together with curves.
     Systematic errors of the bench are fitted too, within plausible bounds: an offset and a unit of pressure, a leak, a unit
-    of length, the zero plane, the axis. --fix leak keeps one of them at its nominal value, --prior 'leak=0+-5%' sets an
-    expected error. Gravity, masses and forces of the case are taken as known; they act in every photograph, also at zero
-    pressure.
+    of length, the zero plane, the axis; and the thickness of the part (membrane of a disk), by default to 2 %. --fix leak
+    keeps one of them at its nominal value, --prior 'leak=0+-5%' or --prior membrane=6mm+-0.2mm sets an expected error.
+    Gravity, masses and forces of the case are taken as known; they act in every photograph, also at zero pressure.
 
     With several CASEs, each followed by its OUTLINES, one material is fitted to all of them, as to parts of one cast. The
     errors of the bench are fitted per device: --fix leak applies to all of them, --fix disk.leak to the one whose case is
@@ -824,6 +825,7 @@ def silicones(products: tuple[str, ...]) -> None:
         if names:
             say(f"  {spread_sentence(name)}")
             say(f"  {_weight(name)}")
+            say(f"  {_break(name)}")
     if not names:
         say(f"{PLAIN} source used for the plain name: the median one by tensile stress at stretch "
                    "1.5 (the stiffer of the middle two)")  # fmt: skip
@@ -848,6 +850,13 @@ def _weight(product: str) -> str:
         if sheet
         else f"density not published, {SILICONE_DENSITY:g} kg/m^3 assumed"
     )
+
+
+def _break(product: str) -> str:
+    """Return the stretches at break, of which the least is used, and the maker's sheet."""
+    words = break_words(SILICONES[product].material) or "stretch at break not published"
+    sheet = f"; maker's: {MAKERS_ELONGATION[product][1]}" if product in MAKERS_ELONGATION else ""
+    return words + sheet
 
 
 def _origin(one: Silicone) -> str:

@@ -25,7 +25,7 @@ from softmodels.common.commands import ALL_PICTURES, USUAL, DrawingOptions, RunO
 from softmodels.common.errors import reason, spoken
 from softmodels.common.lazy import MPI, PETSc, consoles, progress
 from softmodels.common.processes import COLUMNS, columns, cores, environment_alone, say
-from softmodels.materials.silicones import stretch_at_break
+from softmodels.materials.silicones import break_words
 from softmodels.mechanics.mpi import is_root, on_root, petsc_reason, start
 from softmodels.runs.columns import StateLabels, overlap_text, state_labels, term
 from softmodels.runs.fields import OUTPUTS, Row, at_rise, split
@@ -340,5 +340,5 @@ def pressed(row: Row) -> str:
 
 
 def _bears(case: Case) -> str:
-    breaks = stretch_at_break(case.material)
-    return "" if breaks is None else f" (broke at {breaks:.4g})"
+    words = break_words(case.material)
+    return f" [{words}]" if words else ""

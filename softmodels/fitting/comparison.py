@@ -24,8 +24,9 @@ from softmodels.common.errors import call, known_are, spoken
 from softmodels.common.files import read_text
 from softmodels.common.units import brief, with_prefix
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.curves.residuals import predicted
+from softmodels.fitting.curves.residuals import TensileResiduals, predicted
 from softmodels.fitting.least_squares import (
+    BLIND,
     NOTHING,
     Judgement,
     LeastSquaresFit,
@@ -34,8 +35,8 @@ from softmodels.fitting.least_squares import (
     singular_values,
     unseen,
 )
-from softmodels.fitting.problem import FitError, LawChoice, all_laws, loss_of
-from softmodels.materials.laws import Material
+from softmodels.fitting.problem import CannotEvaluate, FitError, LawChoice, all_laws, loss_of
+from softmodels.materials.laws import RUBBER, Material, MaterialError
 from softmodels.materials.silicones import PRODUCTS, named, product_of, silicone_called
 from softmodels.materials.specimens import Verdict, respond, secant_modulus
 from softmodels.mechanics.sensitivity import known_parameters
@@ -594,6 +595,46 @@ def hold_against(law: Material, largest: float, known: Expected, judgement: Judg
     """Return a judgement that includes the silicone's modulus, unless something else is already wrong."""
     said = "" if judgement.objections else objection(law, largest, known)
     return dataclasses.replace(judgement, objections=(said,)) if said else judgement
+
+
+def shifted(fit: LeastSquaresFit, choice: LawChoice, given: Mapping[str, float]) -> dict[str, float]:
+    """Return a fit's values with other ones of parameters that it takes as given, Poisson's ratio among them, to first order;
+    none where the sources cannot be evaluated there. For all ranks together."""
+    values, moved = {**fit.values, **given}, []
+    other = dataclasses.replace(choice, poisson=given.get("poisson", choice.poisson))
+    try:
+        for source in fit.problem.sources:
+            own = dataclasses.replace(source, choice=other) if isinstance(source, TensileResiduals) else source
+            moved.append(own.evaluate(values, False)[0])
+    except (CannotEvaluate, MaterialError):
+        return {}
+    change = np.zeros(len(fit.residuals))
+    change[: fit.count] = np.concatenate(moved) - fit.residuals[: fit.count]
+    size = np.linalg.norm(fit.jacobian, axis=0)
+    size[size == 0.0] = 1.0
+    steps = np.linalg.lstsq(fit.jacobian / size, -change, rcond=BLIND)[0] / size
+    return values | {p.name: fit.values[p.name] + step for p, step in zip(fit.free, steps.tolist(), strict=True)}
+
+
+def with_rubber(choice: LawChoice, fit: LeastSquaresFit, judgement: Judgement) -> Judgement:
+    """Return a judgement with a note on every parameter of the law that would change by more than its standard error with the
+    Poisson's ratio of rubber, see `shifted`."""
+    if choice.poisson == RUBBER or any(p.name == "poisson" for p in fit.free):
+        return judgement
+    values, said = shifted(fit, choice, {"poisson": RUBBER}), []
+    for p in fit.free:
+        if p.name in choice.names and p.name in values:
+            error, now, then = fit.error(p.name), fit.values[p.name], values[p.name]
+            if abs(then - now) > error:
+                texts = [" ".join(with_prefix(value, p.unit, error)) for value in (then, now)]
+                said.append(f"{p.name} about {texts[0]} instead of {texts[1]}")
+    if not said:
+        return judgement
+    note = (
+        f"the answer depends on Poisson's ratio, given as {choice.poisson:g}: with {RUBBER:g}, as of rubber (--poisson "
+        f"{RUBBER:g}), {', '.join(said)}"
+    )
+    return dataclasses.replace(judgement, notes=(*judgement.notes, note))
 
 
 def stretch_of(strain: float) -> float:

@@ -1,16 +1,19 @@
-"""Leak of a device whose valve is closed, from pressures that fall: its size with a 95 % interval.
+"""Leak of a device whose valve is closed, from pressures that fall: its kind, and its size with a 95 % interval.
 
 Tubes, fittings and cavity hold an amount of gas X, counted as its volume at ambient pressure. It flows out at the rate s q(P):
-q is a leak of a known kind (`softmodels.path.supply`), s its size. With G' = X'(P) / q(P) the pressure at a time t is
+q is a leak of one of the two kinds of `softmodels.path.supply`, an orifice or a laminar one, s its size. With G' = X'(P) / q(P)
+the pressure at a time t is
 
     G(P) = G(P0) - s t,        dP/ds = -t / G'(P),        dP/dP0 = G'(P0) / G'(P)
 
-so that neither steps in time nor differences are needed.
+so that neither steps in time nor differences are needed. Both kinds are fitted; the one that follows the readings better is
+reported, and where they do not tell the two apart, the interval of the flow contains both.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -24,8 +27,22 @@ from softmodels.fitting.least_squares import LeastSquaresFit, fit_parameters, pr
 from softmodels.fitting.problem import FitError, Parameter
 from softmodels.path.supply import GASES, Reservoir
 
-SIZE, START = "leak_conductance", "pressure"
-"""Names of the parameters: sonic conductance of the leak in m3/(s Pa), and pressure in Pa at the first reading."""
+SIZE, START = "size", "pressure"
+"""Names of the parameters: size of the leak in the unit of its kind, and pressure in Pa at the first reading."""
+ORIFICE, LAMINAR = "orifice", "laminar"
+KINDS: dict[str, tuple[str, dict[str, float]]] = {
+    ORIFICE: ("m^3/(s*Pa)", {"leak_conductance": 1.0, "leak_length": 0.0}),
+    LAMINAR: ("m^4", {"leak_conductance": 0.0, "leak_bore": 1.0}),
+}
+"""Unit of the size of each kind of leak, and the fields of `Reservoir` for the size 1: a sonic conductance, or the fourth power
+of the bore of a tube of the supply's ``leak_length``."""
+USUAL_LENGTH = 0.01
+"""Length in m of a laminar leak where the supply has none."""
+SMALLEST_BORE = 1e-5
+"""In m, of a case."""
+DECISIVE = 6.0
+"""Difference of two kinds' AICc above which the readings tell them apart: the wrong one is ahead by that much at most once in
+exp(6 / 2) = 20 times."""
 GRID = 4001
 """Number of pressures at which the integral G is known."""
 LARGEST_CAVITY = 1.0
@@ -38,8 +55,8 @@ class LeakResiduals:
     """Residuals of the gauge pressures of a leaking device in Pa, with standard errors, at rising times in s, shape (n,); see
     `softmodels.fitting.problem.Residuals`.
 
-    The supply has tubes, fittings, gas and kind of leak, whose size does not matter; the cavity is pairs of a pressure in Pa
-    and its volume in m3, rising, or one for a constant volume.
+    The supply has tubes, fittings, gas and a leak of the size 1; the cavity is pairs of a pressure in Pa and its volume in m3,
+    rising, or one for a constant volume.
     """
 
     label, unit, parameters = "pressures", "Pa", (SIZE, START)
@@ -53,8 +70,7 @@ class LeakResiduals:
             V, slope = course(P), course.derivative()(P)
         power = 1.0 / GASES[supply.gas]
         held = (1.0 + P / supply.ambient) ** power * (slope + power / (supply.ambient + P) * (V + supply.dead))  # X'(P)
-        leak = dataclasses.replace(supply, leak_conductance=1.0, leak_length=0.0)
-        flows = np.array([leak.lost(pressure)[0] for pressure in P.tolist()]) / supply.ambient
+        flows = np.array([supply.lost(pressure)[0] for pressure in P.tolist()]) / supply.ambient
         self._log, self._slope = np.log(P), CubicSpline(np.log(P), held / flows * P)  # dG over d log P
         self._integral = self._slope.antiderivative()(self._log)
 
@@ -79,27 +95,61 @@ class Leak(Shown):
     """A fitted leak.
 
     Attributes:
-        conductance: Sonic conductance in m3/(s Pa), the ``leak_conductance`` of `Reservoir`.
-        interval: Its 95 % interval, from a profile likelihood; from 0 where the readings show no leak.
-        flow: What leaks at the first reading, in m3/s at ambient pressure, with its 95 % interval.
+        kind: ``"orifice"`` or ``"laminar"``.
+        size: Sonic conductance of an orifice in m3/(s Pa), the ``leak_conductance`` of `Reservoir`; of a laminar leak the bore
+            in m, the ``leak_bore``, for the supply's ``leak_length`` (10 mm if it has none).
+        interval: 95 % interval of the size, from a profile likelihood; from 0 where the readings show no leak.
+        flow: What leaks at the first reading, in m3/s at ambient pressure, with its 95 % interval, which contains both kinds
+            where the readings do not tell them apart.
+        supply: The supply with this leak, for a simulation; a bore below 10 um is left out.
         fit: The fit.
+        sentence: Why it is of that kind.
     """
 
-    conductance: float
+    kind: str
+    size: float
     interval: tuple[float, float]
     flow: tuple[float, float, float]
+    supply: Reservoir
     fit: LeastSquaresFit
+    sentence: str
+
+    @property
+    def conductance(self) -> float:
+        """Sonic conductance of an orifice in m3/(s Pa); 0 for a laminar leak."""
+        return self.size if self.kind == ORIFICE else 0.0
+
+    @property
+    def bore(self) -> float:
+        """Inner diameter of a laminar leak in m; 0 for an orifice."""
+        return self.size if self.kind == LAMINAR else 0.0
+
+    @property
+    def words(self) -> str:
+        """Its kind, with an article."""
+        return "an orifice" if self.kind == ORIFICE else "a laminar leak"
+
+    @property
+    def _sized(self) -> str:
+        if self.kind == ORIFICE:
+            return f"conductance {self.conductance:.4g} m3/(s Pa)"
+        over = f" over a length of {self.supply.leak_length * 1e3:.4g} mm" if self.supply.leak_length else ""
+        return f"bore {self.bore * 1e3:.4g} mm{over}"
 
     def _line(self) -> str:
-        return f"of {self.flow[0] * 60e6:.4g} ml/min at the first reading, conductance {self.conductance:.4g} m3/(s Pa)"
+        return f"of {self.flow[0] * 60e6:.4g} ml/min at the first reading, {self.kind}, {self._sized}"
 
     def _figures(self) -> Table:
         flow, low, high = (f"{value * 60e6:.4g}" for value in self.flow)
-        ends = " to ".join(f"{value:.4g}" for value in self.interval)
+        factor = 1.0 if self.kind == ORIFICE else 1e3
+        ends = " to ".join(f"{value * factor:.4g}" for value in self.interval)
         return [
-            ("sonic conductance", f"{self.conductance:.4g} m3/(s Pa) (95 %: {ends})"),
+            (self.kind, f"{self._sized} (95 %: {ends})"),
             ("flow at the first reading", f"{flow} ml/min at ambient pressure (95 %: {low} to {high})"),
         ]
+
+    def _remarks(self) -> tuple[str, ...]:
+        return (self.sentence, *self.fit.troubles)
 
 
 @checked
@@ -110,13 +160,14 @@ def fit_leak(
     supply: Reservoir,
     error: float | None = None,
 ) -> Leak:
-    """Fit the leak of a device whose valve is closed to pressures that fall.
+    """Fit the leak of a device whose valve is closed to pressures that fall: an orifice or a laminar leak, whichever follows
+    them better.
 
     Args:
         times: In s, rising, shape (n,).
         pressures: Gauge pressures in Pa, shape (n,).
         cavity: Volume of the cavity in m3, constant; or pairs of a pressure in Pa and a volume in m3, as of a run.
-        supply: Tubes and fittings behind the valve, gas, and the critical ratio of the leak.
+        supply: Tubes and fittings behind the valve, gas, and of the leak the critical ratio and, if laminar, the length.
         error: Standard error of a reading in Pa; None for that of the scatter.
 
     Raises:
@@ -130,20 +181,48 @@ def fit_leak(
         raise FitError(
             f"the error of a reading is {brief(error)}, in Pa; it must be above 0, or None for that of the scatter"
         )
-    source = LeakResiduals(t, P, np.full(len(t), error or 1.0), supply, known)
+    made = [_fitted(kind, t, P, known, supply, error) for kind in KINDS]
+    best, other = sorted(made, key=lambda one: one.fit.aicc)
+    behind = other.fit.aicc - best.fit.aicc
+    if behind >= DECISIVE:
+        said = f"the readings are those of {best.words}: {other.words} is {behind:.3g} worse in AICc"
+        return dataclasses.replace(best, sentence=f"{said} (decisive above {DECISIVE:g})")
+    ends = (min(best.flow[1], other.flow[1]), max(best.flow[2], other.flow[2]))
+    said = (
+        f"the readings do not tell {best.words} from {other.words} ({behind:.2g} worse in AICc; decisive above {DECISIVE:g}): "
+        "the interval of the flow contains both; readings over a longer time, down to a tenth of the first, tell them apart"
+    )
+    return dataclasses.replace(best, flow=(best.flow[0], *ends), sentence=said)
+
+
+def _fitted(kind: str, t: Array, P: Array, cavity: Array, supply: Reservoir, error: float | None) -> Leak:
+    """Return the fit of one kind of leak, without a sentence."""
+    unit, fields = KINDS[kind]
+    length = supply.leak_length or USUAL_LENGTH
+    whole = dataclasses.replace(supply, **({"leak_length": length} | fields))  # type: ignore[arg-type]
+    source = LeakResiduals(t, P, np.full(len(t), error or 1.0), whole, cavity)
     fallen = source.fallen(P[0]) - source.fallen(P[-1])
     least = source.fallen(P[0]) - source.fallen(0.999 * P[0])
     parameters = [
-        Parameter(SIZE, "m^3/(s*Pa)", max(fallen, least) / (t[-1] - t[0]), 0.0, answers=(0.0,)),
+        Parameter(SIZE, unit, max(fallen, least) / (t[-1] - t[0]), 0.0, answers=(0.0,)),
         Parameter(START, "Pa", float(P[0]), float(0.9 * P.min()), float(1.1 * P.max())),
     ]
-    fit = settled(fit_parameters([source], parameters, errors="unknown" if error is None else "stated", label="leak"))
+    fit = settled(fit_parameters([source], parameters, errors="unknown" if error is None else "stated", label=kind))
     low, high = profile(fit, SIZE).interval
-    flow = (
-        dataclasses.replace(supply, leak_conductance=1.0, leak_length=0.0).lost(fit.values[START])[0] / supply.ambient
-    )
-    size = fit.values[SIZE]
-    return Leak(size, (low, high), (size * flow, low * flow, high * flow), fit)
+    size, (flow, slope) = fit.values[SIZE], (value / supply.ambient for value in whole.lost(fit.values[START]))
+    # The first pressure has an error too: the interval of the size, widened by the covariance of the two.
+    towards = np.array([flow, size * slope])
+    widened = math.sqrt(max(float(towards @ fit.covariance @ towards), 0.0)) / (fit.error(SIZE) or math.nan)
+    reach = widened if math.isfinite(widened) else flow
+    ends = (max(size * flow - reach * (size - low), 0.0), size * flow + reach * (high - size))
+    least, most = low, high
+    if kind == ORIFICE:
+        found = dataclasses.replace(whole, leak_conductance=size)
+    else:
+        size, least, most = (value**0.25 for value in (size, low, high))
+        tight = dataclasses.replace(supply, leak_conductance=0.0, leak_length=0.0)
+        found = tight if size < SMALLEST_BORE else dataclasses.replace(whole, leak_bore=size)
+    return Leak(kind, size, (least, most), (fit.values[SIZE] * flow, *ends), found, fit, "")
 
 
 def _numbers(name: str, given: object) -> Array:

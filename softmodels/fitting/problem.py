@@ -20,7 +20,7 @@ from softmodels.common.errors import FieldError, Spoken, meant
 from softmodels.common.names import checked
 from softmodels.common.schema import Flag, Kind, Quantity, Several, Words
 from softmodels.common.units import brief
-from softmodels.materials.laws import LAWS, Material, MaterialError, parameter_fields
+from softmodels.materials.laws import LAWS, RUBBER, Material, MaterialError, parameter_fields
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Groups of residuals, such as those of one curve or photograph, and their correlation length.
@@ -326,6 +326,10 @@ errors.call("gauge-error", "FitOptions.gauge_error")
 
 BENCH = ("pressure_offset", "pressure_scale", "leak", "scale", "zero", "centre")
 """Parameters of the bench."""
+LENGTHS = "lengths"
+"""Stands for all lengths of a device that a fit may vary (`geometries.Actuator.variable`), whatever they are called."""
+FREE = (*BENCH, LENGTHS)
+"""What is fitted of bench and device by default: a cast part differs from its drawing."""
 
 SECTION_ERROR, LOAD_CELL_ERROR = 0.03, 0.01
 """Default relative standard errors of a test's stress as a whole. The cross-section: ISO 37 lets
@@ -354,7 +358,7 @@ class FitOptions:
         gauge_error: Standard error of a factor on each test (cross-section, load cell), a share; 0 for none. A curve does not
             show such a factor, so the intervals are too narrow without it.
         free: With a device: what is fitted of bench and device beside the law, see
-            `softmodels.fitting.outlines.residuals.nuisances`.
+            `softmodels.fitting.outlines.residuals.nuisances`; by default the bench and all lengths that a fit may vary.
         exclude: With a device: names of photographs to exclude.
         untrusted: With a device: whether measurements are taken that the measurement does not trust.
         height_datum: With a device that hangs under loads or whose top is not flat: what its heights count from, one of
@@ -364,14 +368,14 @@ class FitOptions:
             is then that of equilibrium.
     """
 
-    poisson: float = 0.5
+    poisson: float = RUBBER
     changes: Changes = dataclasses.field(default_factory=lambda: MappingProxyType({}))
     robust: bool = False
     profiles: bool = True
     silicone: str | None = None
     stress_error: str = "auto"
     gauge_error: float = USUAL_GAUGE_ERROR
-    free: tuple[str, ...] = BENCH
+    free: tuple[str, ...] = FREE
     exclude: tuple[str, ...] = ()
     untrusted: bool = False
     height_datum: str = ""
@@ -454,7 +458,7 @@ class LawChoice:
     poisson: float
 
     @classmethod
-    def from_text(cls, text: str, poisson: float = 0.5) -> LawChoice:
+    def from_text(cls, text: str, poisson: float = RUBBER) -> LawChoice:
         """Read ``"yeoh"`` or ``"ogden2"``; `FitError` for no such law, or too many terms."""
         if text in LAWS:
             return cls.from_law(LAWS[text], poisson)
@@ -470,7 +474,7 @@ class LawChoice:
         return cls(text, law, terms, poisson)
 
     @classmethod
-    def from_law(cls, law: type[Material], poisson: float = 0.5) -> LawChoice:
+    def from_law(cls, law: type[Material], poisson: float = RUBBER) -> LawChoice:
         """Return a law's class, with as many terms as are usual."""
         name = f"{law.name}{law.usual_terms}" if law.usual_terms else law.name
         return cls(name, law, law.usual_terms, poisson)
@@ -512,7 +516,7 @@ Laws = str | type[Material] | Sequence[str | type[Material]]
 """One law or several: names with their numbers of terms, with commas between, or classes; ``"all"`` for all."""
 
 
-def law_choices(laws: Laws, poisson: float = 0.5) -> list[LawChoice]:
+def law_choices(laws: Laws, poisson: float = RUBBER) -> list[LawChoice]:
     """Read ``"yeoh,ogden2"``, ``"all"``, or classes of laws; `FitError` for no such law, or one named twice."""
     if not -1.0 < poisson <= 0.5:
         raise FitError(f"poisson = {poisson:g} is outside -1 to 0.5")

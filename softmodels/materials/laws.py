@@ -235,9 +235,13 @@ def parameter(
     )
 
 
+RUBBER = 0.5
+"""Poisson's ratio where none is given: rubber's bulk modulus is some 1e5 times its shear modulus."""
+
+
 def poissons_ratio() -> float:
     """Return the field ``poisson``, the last one of every law."""
-    return parameter("", "Poisson's ratio at small strain, -1 to 0.5", 0.49, bounds=(-1.0, 0.5))
+    return parameter("", "Poisson's ratio at small strain, -1 to 0.5", RUBBER, bounds=(-1.0, 0.5))
 
 
 def parameter_fields(law: Material | type[Material]) -> list[dataclasses.Field[Any]]:
@@ -462,7 +466,7 @@ class Material:
         return low, high
 
     @classmethod
-    def from_parameters(cls, values: Mapping[str, float], terms: int = 0, poisson: float = 0.5) -> Material:
+    def from_parameters(cls, values: Mapping[str, float], terms: int = 0, poisson: float = RUBBER) -> Material:
         """Return a material from numbers by `parameter_names`; `MaterialError` if the law cannot take them."""
         single = {name: values[name] for name in cls.parameter_names()}
         many = {name: tuple(values[f"{name}{i + 1}"] for i in range(terms)) for name in _term_fields(cls)}
@@ -587,7 +591,7 @@ class NeoHookean(Material):
 
     @classmethod
     @checked
-    def from_young(cls, young: float, poisson: float = 0.49) -> NeoHookean:
+    def from_young(cls, young: float, poisson: float = RUBBER) -> NeoHookean:
         """From Young's modulus in Pa: mu = E / (2 (1 + nu))."""
         young, poisson = _number(cls, "young", young), _number(cls, "poisson", poisson, "")
         if poisson == -1.0:
@@ -740,7 +744,7 @@ class Ogden(Material):
 
     @classmethod
     @checked
-    def from_two_mu(cls, mu: tuple[float, ...], alpha: tuple[float, ...], poisson: float = 0.49) -> Ogden:
+    def from_two_mu(cls, mu: tuple[float, ...], alpha: tuple[float, ...], poisson: float = RUBBER) -> Ogden:
         """From the convention W = sum 2 mu_i/alpha_i^2 (...), in which the shear modulus is the sum of the mu_i (Pa)."""
         try:
             mu = Several(Quantity("Pa")).settled("mu", mu)  # type: ignore[assignment]

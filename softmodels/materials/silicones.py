@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from softmodels.common.errors import known_are
 from softmodels.common.names import checked, one_of
 from softmodels.common.units import brief
-from softmodels.materials.laws import Material, MaterialError, Ogden, Yeoh
+from softmodels.materials.laws import RUBBER, Material, MaterialError, Ogden, Yeoh
 from softmodels.materials.specimens import secant_modulus
 
 PSI = 6894.757293168
@@ -25,8 +25,6 @@ PSI = 6894.757293168
 WORKING_STRETCH = 1.5
 """Uniaxial stretch at which the sources of a product are compared: in the working range of actuators, and in the range of every
 source in tension (except `JOHNSTON`'s, whose law is neo-Hookean)."""
-RUBBER = 0.5
-"""Poisson's ratio: rubber's bulk modulus is some 1e5 times its shear modulus, and the fits assume incompressibility."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -117,7 +115,8 @@ class Silicone:
         stretches: Range of uniaxial stretch that the law was fitted over; None if that was not published.
         origin: Whose measurement it is.
         elongation_at_break: Engineering strain at the last point of the same specimen's pull to failure; None if the
-            measurement ended before. One specimen's: others of the same product differ by a tenth or more.
+            measurement ended before. One specimen's, by the crosshead: makers' sheets give half of it to as much
+            (`MAKERS_ELONGATION`).
     """
 
     material: Material
@@ -263,21 +262,34 @@ def extrapolated(material: Material, stretch: float) -> str:
     )
 
 
-def broken(material: Material) -> Silicone | None:
-    """Return the source with the stretch at break of a material's silicone: its own, or another one of the same product, the
-    first to break; None if unknown."""
+def stretches_at_break(material: Material) -> list[tuple[float, str]]:
+    """Return the uniaxial stretches at break of a material's silicone with their sources, in words, from the least to the
+    largest: that of its maker's sheet, and those of single specimens of any laboratory; none if unknown."""
     name = named(material)
     if name is None:
-        return None
-    own = SILICONES[name]
-    pulled = [one for one in PRODUCTS[name.partition("/")[0]] if one.elongation_at_break is not None]
-    return own if own in pulled else min(pulled, key=lambda one: one.elongation_at_break or 0.0, default=None)
+        return []
+    product = product_of(name)
+    found = [
+        (1.0 + one.elongation_at_break, f"{one.origin.key}, one specimen")
+        for one in PRODUCTS[product]
+        if one.elongation_at_break is not None
+    ]
+    if product in MAKERS_ELONGATION:
+        found.append((1.0 + MAKERS_ELONGATION[product][0], "maker's sheet"))
+    return sorted(found)
 
 
 def stretch_at_break(material: Material) -> float | None:
-    """Return the uniaxial stretch at break of a material's silicone, see `broken`; None if unknown."""
-    source = broken(material)
-    return None if source is None or source.elongation_at_break is None else 1.0 + source.elongation_at_break
+    """Return the least of `stretches_at_break`; None if unknown."""
+    found = stretches_at_break(material)
+    return found[0][0] if found else None
+
+
+def break_words(material: Material) -> str:
+    """Return the stretches at break with their sources, such as ``stretch at break 10 (maker's sheet), 17 (marechal-2021, one
+    specimen)``; empty if unknown."""
+    texts = ", ".join(f"{stretch:.2g} ({source})" for stretch, source in stretches_at_break(material))
+    return f"stretch at break {texts}" if texts else ""
 
 
 def material_of(name: str, value: object) -> Material:
@@ -388,6 +400,34 @@ def material_spread(material: Material) -> str | None:
     """Return `spread_sentence` of a material's silicone; None if it is not in the library."""
     name = named(material)
     return spread_sentence(name) if name else None
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Elongation at break of named silicones, from their makers' data sheets.
+
+
+def _bulletin(series: str) -> str:
+    return f"Smooth-On technical bulletin, {series} (ASTM D412)"
+
+
+MAKERS_ELONGATION: dict[str, tuple[float, str]] = {
+    "ecoflex-00-10": (8.0, _bulletin("Ecoflex Series")),
+    "ecoflex-00-30": (9.0, _bulletin("Ecoflex Series")),
+    "ecoflex-00-35-fast": (9.0, _bulletin("Ecoflex Series")),
+    "ecoflex-00-50": (9.8, _bulletin("Ecoflex Series")),
+    "dragon-skin-10-medium": (10.0, _bulletin("Dragon Skin Series")),
+    "dragon-skin-20": (6.2, _bulletin("Dragon Skin Series")),
+    "dragon-skin-30": (3.64, _bulletin("Dragon Skin Series")),
+    "dragon-skin-fx-pro": (7.63, _bulletin("Dragon Skin FX-Pro")),
+    "mold-star-16-fast": (4.0, _bulletin("Mold Star Series")),
+    "mold-star-20t": (4.7, _bulletin("Mold Star 20T")),
+    "rebound-25": (6.9, _bulletin("Rebound Series")),
+    "sortaclear-40": (4.0, _bulletin("SORTA-Clear Series")),
+    "rtv615": (1.2, "Momentive data sheet, RTV615"),
+    "elastosil-m4601": (7.0, "Wacker data sheet, ELASTOSIL M 4601 A/B (ISO 37)"),
+    "sylgard-184": (1.0, "Dow data sheet, SYLGARD 184 Silicone Elastomer"),
+}
+"""Engineering strain and source by product: a typical value of several specimens, for a margin against tearing."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -45,7 +45,7 @@ from softmodels.common.schema import about
 from softmodels.common.units import readable
 from softmodels.components.contact import obstacle_of
 from softmodels.materials.laws import parameter_fields
-from softmodels.materials.silicones import publications, stretch_at_break, stretches_of
+from softmodels.materials.silicones import break_words, publications, stretch_at_break, stretches_of
 from softmodels.mechanics.newton import TOLERANCE
 from softmodels.path.program import named
 from softmodels.pictures import curves
@@ -320,13 +320,13 @@ def _limit(states: States, told: dict[str, object]) -> Fact:
 
 
 def _stretch(states: States) -> list[Fact]:
-    """Return the largest stretch beside those that the material was fitted to and broke at."""
+    """Return the largest stretch beside those that the material was fitted to and breaks at."""
     if "max_stretch" not in states.rows[0]:
         return []
     most, material = max(float(row["max_stretch"]) for row in states.rows), states.case.material
     fitted, breaks = stretches_of(material), stretch_at_break(material)
     known = [f"fitted up to {fitted[1]:.4g}"] if fitted else ["the range of the material's fit is unknown"]
-    known += [f"broke at {breaks:.4g}"] if breaks else []
+    known += [break_words(material)] if breaks else []
     beyond = most > min(fitted[1] if fitted else math.inf, breaks or math.inf)
     return [Fact("Largest stretch", f"{most:.4g}", "; ".join(known), beyond)]
 

@@ -383,7 +383,7 @@ _COLUMNS: tuple[PathColumn | Columns, ...] = (
            lambda s: s.figures.max_displacement * 1e3),
     *_extremes("largest_stretch"),
     PathColumn("break_margin", "break margin",
-           "stretch at break of the silicone in tension over the largest stretch; below 1 it tears",
+           "least published stretch at break of the silicone in tension over the largest stretch; below 1 it may tear",
            _break_margin, lambda case: stretch_at_break(case.material) is not None),
     *(_place_of_largest(axis) for axis in "xyz"),
     *_extremes("von_mises"),

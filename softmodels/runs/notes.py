@@ -22,11 +22,12 @@ from softmodels.components.contact import Walls, obstacle_of
 from softmodels.components.loads import Gravity
 from softmodels.components.rigid import Clamp, Rigid
 from softmodels.materials.silicones import (
-    broken,
+    break_words,
     density_of,
     extrapolated,
     material_spread,
     named,
+    product_of,
     sheet_of,
     stretch_at_break,
 )
@@ -332,14 +333,15 @@ def stretch_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
     """Yield a sentence on stretches beyond the silicone's range or its stretch at break; none if unknown or below."""
     if "max_stretch" not in rows[0]:
         return
-    source, breaks = broken(case.material), stretch_at_break(case.material)
+    breaks = stretch_at_break(case.material)
     most = max(rows, key=lambda row: float(row["max_stretch"]))
     torn = next((row for row in rows if breaks is not None and row["max_stretch"] > breaks), None)
-    if torn is not None and source is not None:
+    if torn is not None:
+        product = product_of(named(case.material) or "")
         yield (
-            f"at {state_labels(case).place(torn)} the largest stretch, {torn['max_stretch']:.3g}, passes {breaks:.3g}, at "
-            f"which {named(case.material)} broke when pulled ({source.source}): the device tears there, and no state from "
-            "there on is real"
+            f"at {state_labels(case).place(torn)} the largest stretch, {torn['max_stretch']:.3g}, passes {breaks:.3g}, the "
+            f"least stretch at break of {product} ({break_words(case.material)}): the device may tear there, and states from "
+            "there on may not be real"
         )
     elif text := extrapolated(case.material, float(most["max_stretch"])):
         yield text

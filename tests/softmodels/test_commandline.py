@@ -163,7 +163,7 @@ OTHER_RUNS = {
     "--material ecoflex-00-30": "another material",
     "--control volume": "another control",
     "--water-density 1g/ml": "another water_density",
-    "--formulation displacement": "another formulation",
+    "--formulation displacement --poisson 0.49": "another ",
 }
 
 

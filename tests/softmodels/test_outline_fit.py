@@ -13,6 +13,7 @@ from softmodels.fitting.comparison import compare
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.residuals import StressError, residuals_of
 from softmodels.fitting.least_squares import profile
+from softmodels.fitting.outlines.checks import exact_lengths
 from softmodels.fitting.outlines.fit import fit_law_to_outlines
 from softmodels.fitting.outlines.residuals import (
     LEAK_ERROR,
@@ -154,6 +155,53 @@ def test_error_bars_are_honest(inflation):
     assert np.mean(np.abs(misses) < 1.96) >= 0.85
 
 
+THICKER = {"shear_modulus": 33.7e3, "membrane": DISK.membrane + 1e-4}
+"""A part whose membrane was cast 0.1 mm thicker than drawn."""
+
+
+def test_a_casting_tolerance_is_in_the_interval(inflation):
+    """By default; with the membrane taken as drawn, the interval leaves the truth out, and the note says by how much."""
+    device = inflation(law="neo-hookean", poisson=0.5)
+    outlines = simulated_outlines(device, THICKER, PRESSURES, SimulatedCamera(), rng=np.random.default_rng(15))
+    source = source_of(device, outlines)
+    by_default = fit_law_to_outlines(source)
+    low, high = by_default.interval("shear_modulus")
+    assert low < 33.7e3 < high and exact_lengths(source, by_default) == ""
+    low, high = by_default.interval("membrane")
+    assert low < THICKER["membrane"] < high
+    fixed = {"membrane": {"start": DISK.membrane, "fixed": True}}
+    exact = fit_law_to_outlines(source, changes=fixed)
+    low, high = exact.interval("shear_modulus")
+    assert not low < 33.7e3 < high
+    said = exact_lengths(source, exact)
+    assert said.startswith("membrane is taken as 6 mm exactly: an error of 0.12 mm changes the shear modulus by ")
+    assert "--free membrane" in said
+    share = float(said.partition("modulus by ")[2].partition(" %")[0])
+    fixed["membrane"]["start"] *= 1.02
+    other = fit_law_to_outlines(source, changes=fixed).values["shear_modulus"]
+    assert share == pytest.approx(100 * abs(other / exact.values["shear_modulus"] - 1), rel=0.15)
+
+
+def test_heights_consider_a_casting_tolerance(inflation):
+    device, rng = inflation(law="neo-hookean", poisson=0.5), np.random.default_rng(16)
+    made = simulated_outlines(device, THICKER, PRESSURES, SimulatedCamera(), rng=rng)
+    heights = [Height(one.source, one.pressure, one.height, one.pressure_error, one.height_error) for one in made]
+    source = HeightResiduals(device, check_heights(heights, device.silhouette.width))
+    errors = {}
+    for name, changes in (
+        ("2 %", {}), ("5 %", {"membrane": {"prior": Prior(6e-3, 3e-4)}}), ("exact", {"membrane": {"fixed": True}}),
+    ):  # fmt: skip
+        found = least_squares_of_heights(source, changes=changes)
+        errors[name] = found.error("shear_modulus") / found.values["shear_modulus"]
+        assert source.considered == (() if name == "exact" else ("membrane",))
+    by_membrane = np.sqrt(errors["2 %"] ** 2 - errors["exact"] ** 2)
+    thicker = least_squares_of_heights(source, changes={"membrane": {"start": 6.12e-3, "fixed": True}})
+    assert by_membrane == pytest.approx(
+        abs(thicker.values["shear_modulus"] / found.values["shear_modulus"] - 1), rel=0.1
+    )
+    assert np.sqrt(errors["5 %"] ** 2 - errors["exact"] ** 2) == pytest.approx(2.5 * by_membrane, rel=1e-6)
+
+
 def test_neo_hookean_cannot_follow_a_hardening_silicone(inflation, figure):
     device, plain = inflation(), inflation(law="neo-hookean")
     rng = np.random.default_rng(3)
@@ -168,7 +216,7 @@ def test_neo_hookean_cannot_follow_a_hardening_silicone(inflation, figure):
     assert bad.deviance > good.deviance + 50.0
     ranking = compare([dataclasses.replace(one, label=law) for one, law in ((bad, "neo-hookean"), (good, "yeoh"))])
     assert ranking.preferred.label == "yeoh"
-    figure("outlines of a hardening silicone", "AICc by which Yeoh is ahead", ranking.ranked[1].aicc, at_least=380)
+    figure("outlines of a hardening silicone", "AICc by which Yeoh is ahead", ranking.ranked[1].aicc, at_least=360)
 
 
 def test_poisson_near_a_half_is_not_seen(inflation):

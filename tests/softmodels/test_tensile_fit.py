@@ -169,6 +169,19 @@ def test_changes():
         fitted("yeoh", curves, changes={"mu": {"fixed": True}})
 
 
+def test_a_fit_says_where_it_hangs_on_poisson_s_ratio():
+    """A rubber fitted with 0.49: the note has what a fit with 0.5, the default, finds."""
+    (curve,) = curves_of("yeoh", 5.0, 7, top=3.0, modes=("uniaxial",))
+    given, rubber = (fit_curves(curve, "yeoh", FitOptions(profiles=False, poisson=nu)).chosen for nu in (0.49, 0.5))
+    assert fit_curves(curve, "yeoh", FitOptions(profiles=False)).chosen.material == rubber.material
+    (note,) = given.judgement.notes
+    assert "given as 0.49" in note and "--poisson 0.5" in note and not rubber.judgement.notes
+    value, unit = note.partition("c2 about ")[2].split()[:2]
+    about = float(value) * {"Pa": 1.0, "kPa": 1e3}[unit]
+    assert about == pytest.approx(rubber.fit.values["c2"], rel=0.03)
+    assert abs(given.fit.values["c2"] / about - 1) > 0.2
+
+
 def test_other_sources_join():
     """A source that is no curve shares the law's parameters and brings its own."""
 

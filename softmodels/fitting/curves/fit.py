@@ -27,6 +27,7 @@ from softmodels.fitting.comparison import (
     expected,
     hold_against,
     stretch_of,
+    with_rubber,
 )
 from softmodels.fitting.curves.curve import TensileCurve, TensileError, loop, read_curve, small_modulus
 from softmodels.fitting.curves.residuals import (
@@ -330,6 +331,7 @@ class _Task:
             }
             material = self._material(choice, ranked.fit)
             judgement = dataclasses.replace(NOTHING, warnings=tuple(self._cautions(ranked.fit)))
+            judgement = with_rubber(choice, ranked.fit, judgement)
             if self.options.silicone:
                 judgement = hold_against(material, stretch_of(strain), known, judgement)
             laws.append(FittedLaw(choice, ranked.fit, material, judge(material, strain), profiles, judgement))

@@ -12,12 +12,16 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.common.units import pascal_per_cm
+from softmodels.fitting.comparison import shifted
 from softmodels.fitting.least_squares import Judgement, LeastSquaresFit
 from softmodels.fitting.outlines.device import DeviceModel
 from softmodels.fitting.outlines.residuals import (
+    LENGTH_ERROR,
     HeightResiduals,
     OutlineResiduals,
     fits_badly,
+    is_length,
+    length_parameters,
     misfits,
     plain_path,
     residuals_by_source,
@@ -318,6 +322,10 @@ def _zero(value: float) -> str:
     return f"the zero plane {abs(value) * 1e3:.3g} mm {where}"
 
 
+def _length(name: str, nominal: float) -> Callable[[float], str]:
+    return lambda value: f"{name} {value * 1e3:.4g} mm, not {nominal * 1e3:.4g} mm"
+
+
 WORDS: dict[str, tuple[Callable[[float], str], str]] = {
     "scale": (
         _share("all lengths in the photographs"),
@@ -351,7 +359,7 @@ def unbelievable(fit: LeastSquaresFit) -> list[str]:
         f"{of}to fit the outlines, the fit assumes {says} {abs(away):.0f} times "
         f"the plausible value: pressures and outlines contradict each other; {advice}, or fix it (--fix {p.name})"
         for p, away, of, says, advice in _away(fit)
-        if p.own_name not in ("scale", "zero") and abs(away) > BELIEVED
+        if p.own_name in WORDS and p.own_name not in ("scale", "zero") and abs(away) > BELIEVED
     ]
 
 
@@ -359,9 +367,44 @@ def _away(fit: LeastSquaresFit) -> Iterator[tuple[Parameter, float, str, str, st
     """Yield the corrections, with how many standard errors of their prior they are, whose they are, what they say, and the
     advice."""
     for p in fit.free:
-        if p.own_name in WORDS and p.prior and math.isfinite(value := fit.values[p.name]):
-            says, advice = WORDS[p.own_name]
+        if (p.own_name in WORDS or is_length(p)) and p.prior and math.isfinite(value := fit.values[p.name]):
+            says, advice = WORDS.get(p.own_name) or (_length(p.own_name, p.prior.mean), "measure it on the cast part")
             yield p, (value - p.prior.mean) / p.prior.error, f"{p.device}: " if p.device else "", says(value), advice
+
+
+WALL_SHARES = (1, 3)
+"""Change of a law's stresses in percent by 1 % of a wall's thickness: stretched like a membrane, bent like a plate."""
+
+
+def exact_lengths(source: OutlineResiduals | HeightResiduals, fit: LeastSquaresFit) -> str:
+    """Return a sentence on the lengths of a device that a fit has taken as exact, and by how much the shear modulus changes
+    with each, see `shifted`; or ""."""
+    model, choice = source.model, source.model.choice
+    whose = f"{source.device}: " if source.device else ""
+    if not model.lengths:
+        low, high = WALL_SHARES
+        return (
+            f"{whose}the lengths of the device are taken as exact: 1 % of the thickness of its walls changes the law's "
+            f"stresses by {low} to {high} %, and no interval contains that; measure the walls of the cast part"
+        )
+    said, modulus = [], choice.material(fit.values).shear_modulus_0
+    for p in length_parameters(model):
+        name = p.name if p.name in fit.values else f"{source.device}.{p.name}"
+        if p.name in source.considered:
+            continue
+        value = fit.values[name]
+        off = LENGTH_ERROR * value
+        moved = shifted(fit, choice, {name: value + off})
+        share = 100 * abs(choice.material(moved).shear_modulus_0 / modulus - 1) if moved else math.nan
+        much = f" changes the shear modulus by {share:.2g} %, and" if math.isfinite(share) else " changes the law;"
+        option = (
+            f"measure it (--fix {p.name}={value * 1e3:.4g}mm)" if model.spectrum else f"--free {p.name} fits it too"
+        )
+        said.append(
+            f"{p.name} is taken as {value * 1e3:.4g} mm exactly: an error of {off * 1e3:.2g} mm{much} no interval contains "
+            f"that; {option}"
+        )
+    return whose + "; ".join(said) if said else ""
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -271,6 +271,7 @@ class DeviceModel:
         paths: How many paths have been followed.
         hanging: The device at zero pressure.
         common: Names of the silicone's parameters, which several devices share.
+        lengths: Nominal values in m of the lengths that a fit may vary; none with self-contact.
     """
 
     def __init__(
@@ -284,11 +285,9 @@ class DeviceModel:
         self.solver, self.system, self.choice = solver, solver.system, choice
         self.silhouette = Silhouette(solver.system)
         actuator = self.system.body.actuator
-        self.lengths = {name: float(getattr(actuator, name)) for name in actuator.variable}
-        if self.lengths and self.system.assembled.slack:
-            raise ComponentError(
-                "derivatives by lengths do not support self-contact ([walls]); fix the lengths, or leave out the walls"
-            )
+        # No derivatives by lengths exist under self-contact.
+        variable = () if self.system.assembled.slack else actuator.variable
+        self.lengths = {name: float(getattr(actuator, name)) for name in variable}
         self.motion = MeshMotion(self.system.body) if self.lengths else None
         if self.motion is not None:
             self.motion.followers.append(self.system.follow_mesh)

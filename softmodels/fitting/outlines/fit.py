@@ -27,6 +27,7 @@ from softmodels.fitting.comparison import (
     expected,
     hold_against,
     stretch_of,
+    with_rubber,
 )
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
 from softmodels.fitting.curves.fit import Curves, prepared
@@ -43,6 +44,7 @@ from softmodels.fitting.least_squares import Judgement, LeastSquaresFit, fit_par
 from softmodels.fitting.outlines.checks import (
     HeightRow,
     by_course,
+    exact_lengths,
     judge_heights,
     judge_outlines,
     series_of,
@@ -57,15 +59,18 @@ from softmodels.fitting.outlines.residuals import (
     OutlineResiduals,
     all_nuisances,
     check_heights,
+    is_length,
     least_squares_of_heights,
+    length_words,
     read_heights,
     residuals_by_source,
     starts,
 )
 from softmodels.fitting.outlines.shapes import OutlineFitError, kept, prepare, read_outlines
 from softmodels.fitting.problem import (
-    BENCH,
     DEFAULTS,
+    FREE,
+    LENGTHS,
     NOTHING_ELSE,
     CannotEvaluate,
     Changes,
@@ -95,7 +100,7 @@ STARTING_SHARE = 0.1
 
 def fit_law_to_outlines(
     *sources: OutlineResiduals,
-    free: Sequence[str] = BENCH,
+    free: Sequence[str] = FREE,
     extra: Extra = NOTHING_ELSE,
     changes: Changes = MappingProxyType({}),
     loss: str = "linear",
@@ -229,8 +234,8 @@ PROFILE_POINTS = 6
 type Device = Actuator | Case | MeasuredDevice
 type Outlines = Sequence[Outline | Path | str] | Path | str
 HEIGHTS_ALONE = (
-    "heights cannot separate a leak, an offset or scale of the pressures, a length scale or the zero plane "
-    "from the silicone: these are not corrected, and the intervals are widened by their priors; outlines determine more"
+    "heights cannot separate a leak, an offset or scale of the pressures, a length scale, the zero plane or a thickness of the "
+    "device from the silicone: these are not corrected, and the intervals are widened by their priors; outlines determine more"
 )
 
 
@@ -426,6 +431,8 @@ class _Task:
         holds = [hold_of(one.history) for own in outlines for one in own if one.history and one.pressure > 0.0]
         branches = self._spectrum(holds)
         notes += hold_notes(holds) if branches is None else [branches.sentence]
+        # No derivatives by lengths exist for a silicone with a memory.
+        free = [name for name in self.options.free if branches is None or name != LENGTHS]
         trials: dict[str, LawTrial[OutlineResiduals]] = {}
         for choice in self.choices:
             devices = []
@@ -437,14 +444,20 @@ class _Task:
                 devices.append(kind(model, shapes, device=device.name if len(self.devices) > 1 else ""))
             sources, extra = residuals_of(self.curves, choice, error, self.options.gauge_error, spectrum=branches)
             extra = dataclasses.replace(extra, sources=sources)
-            trial = try_outlines(devices, self.options.free, extra, self.changes(choice), self.options.loss, rows)
+            trial = try_outlines(devices, free, extra, self.changes(choice), self.options.loss, rows)
             trials[choice.name], rows = trial, trial.rows
         notes += [pair.sentence for pair in contradictions(self.curves, self.options.gauge_error)]
         robust = ", outliers counted by their size" if self.options.robust else ""
-        free = ", ".join(self.options.free) or "nothing"
+        fitted = [p for p in next(iter(trials.values())).fit.free if not p.hidden]
+        lengths = [p for p in fitted if is_length(p)]
+        named = {LENGTHS, *(name for p in lengths for name in (p.name, p.own_name))}
+        said = [*(name for name in free if name not in named), *map(length_words, lengths)]
         law = "the law" if branches is None else "the law and its memory"
         tests = f"; curves with {self.options.gauge_words.removeprefix(', ')}" if self.curves else ""
-        how = f"outlines and readings, weighted by their stated errors{robust}; free besides {law}: {free}{tests}"
+        how = (
+            f"outlines and readings, weighted by their stated errors{robust}; free besides {law}: "
+            f"{', '.join(said) or 'nothing'}{tests}"
+        )
         report = self._report(trials, notes, how)
         # Solve again on all ranks if a profile was evaluated last.
         sources_of = {law: trials[law.choice.name].sources for law in report.laws}
@@ -502,6 +515,7 @@ class _Task:
             told = source.model.told(source.own(first.fit.values))
             devices.append(f"{source.device or self.devices[0].name}: {kind}, {source.in_words}")
             notes += [f"{source.device}: {told}" if source.device else told] if told else []
+            notes += [exact] if (exact := exact_lengths(source, first.fit)) else []
         said = tuple(map(spoken, notes))
         return FitReport(tuple(laws), comparison, self.curves, how, devices=tuple(devices), notes=said)
 
@@ -517,7 +531,7 @@ class _Task:
         material = dataclasses.replace(first.law(fit.values), fitted_stretch=over)
         if first.spectrum is not None:
             material = remembering(material, first.spectrum, fit.values)
-        judgement = hold_against(material, stretch_of(strain), self.known, trial.judgement)
+        judgement = hold_against(material, stretch_of(strain), self.known, with_rubber(choice, fit, trial.judgement))
         law = FittedLaw(choice, fit, material, judge(material, strain), {}, judgement, self._misfits(trial, fit))
         wanted = [p.name for p in fit.free if p.name in first.common and self.options.profiles]
         if first.spectrum is not None:  # many states in time: only where the covariance's interval is not above 0

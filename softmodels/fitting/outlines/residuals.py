@@ -32,7 +32,7 @@ from softmodels.common.units import WATER_DENSITY, UnitError, number
 from softmodels.fitting.least_squares import LeastSquaresFit, fit_parameters
 from softmodels.fitting.outlines.device import DeviceModel
 from softmodels.fitting.outlines.shapes import FLOOR, TALLEST, OutlineFitError, Shape, kept, shadow_of
-from softmodels.fitting.problem import BENCH, CannotEvaluate, Changes, FitError, Parameter, Prior
+from softmodels.fitting.problem import BENCH, LENGTHS, CannotEvaluate, Changes, FitError, Parameter, Prior
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.system import State
 from softmodels.path.continuation import LARGEST_GROWTH, trace
@@ -90,6 +90,11 @@ class OutlineResiduals:
     @property
     def count(self) -> int:
         return len(self.groups)
+
+    @property
+    def considered(self) -> tuple[str, ...]:
+        """Lengths whose errors are in the intervals."""
+        return tuple(name for name in self.model.lengths if self.named(name) not in self.fixed)
 
     def named(self, name: str) -> str:
         """Return a parameter's name in the fit: the material's are common to all devices, the others its own."""
@@ -244,8 +249,8 @@ def fits_badly(chi2: float, count: int) -> bool:
 LEAK_ERROR = 0.02
 """Prior of the leak: relative loss at the largest pressure."""
 
-SCALE_ERROR = 0.005
-"""Prior of the unit of length (a board's pitch, a magnification) if the outlines state no error of it."""
+SCALE_ERROR = 0.01
+"""Prior of the unit of length (a printed grid's pitch, a magnification) if the outlines state no error of it."""
 
 ZERO_ERROR = 20e-6
 """Prior of the zero plane's height in m, or the outlines' error of the level if larger."""
@@ -254,7 +259,7 @@ PRESSURE_SCALE_ERROR = DENSITY_ERROR / WATER_DENSITY
 """Prior of the pressure scale: a column's density is common to all readings."""
 
 LENGTH_ERROR = 0.02
-"""Relative prior of a free length of the device."""
+"""Relative prior of a length of the device: by how much a cast part differs from its drawing, 0.12 mm in 6 mm."""
 
 POISSON_BOUNDS = (0.3, 0.5)
 
@@ -264,13 +269,15 @@ def nuisances(source: OutlineResiduals, free: Sequence[str]) -> list[Parameter]:
     none. Those that are not free are fixed.
 
     Free may be ``pressure_offset``, ``pressure_scale``, ``leak``, ``scale``, ``zero``, ``centre``, ``poisson`` and the
-    device's own variable lengths, such as ``membrane``; `OutlineFitError` for another name.
+    device's own variable lengths, such as ``membrane``, or `LENGTHS` for all of these; `OutlineFitError` for another name.
     """
     model, shapes = source.model, source.shapes
     known = (*BENCH, "poisson", *model.lengths)
     for name in free:
-        if name not in known:
+        if name not in (*known, LENGTHS):
             raise OutlineFitError(f"no bench or device parameter is called {name!r}; {known_are(name, known)}")
+    if LENGTHS in free:
+        free = (*free, *model.lengths)
     reading = min(shape.pressure_error for shape in shapes)
     width = model.silhouette.width
     centre = float(np.median([shape.centre for shape in shapes]))
@@ -284,10 +291,7 @@ def nuisances(source: OutlineResiduals, free: Sequence[str]) -> list[Parameter]:
         Parameter("zero", "m", 0.0, -width, width, Prior(0.0, level)),
         Parameter("centre", "m", centre, centre - width, centre + width),
         Parameter("poisson", "", model.choice.poisson, *POISSON_BOUNDS, answers=POISSON_BOUNDS[1:]),
-        *(
-            Parameter(name, "m", value, 0.7 * value, 1.3 * value, Prior(value, LENGTH_ERROR * value))
-            for name, value in model.lengths.items()
-        ),
+        *length_parameters(model),
     ]
     return [
         dataclasses.replace(
@@ -298,11 +302,31 @@ def nuisances(source: OutlineResiduals, free: Sequence[str]) -> list[Parameter]:
     ]  # fmt: skip
 
 
+def length_parameters(model: DeviceModel) -> list[Parameter]:
+    """Return the lengths of a device that a fit may vary, with their default priors."""
+    return [
+        Parameter(name, "m", value, 0.7 * value, 1.3 * value, Prior(value, LENGTH_ERROR * value))
+        for name, value in model.lengths.items()
+    ]
+
+
+def is_length(p: Parameter) -> bool:
+    """Return whether a parameter of a fit is a length of a device, one of `length_parameters`."""
+    return p.unit == "m" and p.own_name not in BENCH
+
+
+def length_words(p: Parameter) -> str:
+    """Return the name of a free length with its prior."""
+    if p.prior is None:
+        return p.name
+    return f"{p.name} (prior {p.prior.mean * 1e3:.4g} +- {p.prior.error * 1e3:.2g} mm)"
+
+
 def all_nuisances(sources: Sequence[OutlineResiduals], free: Sequence[str]) -> list[Parameter]:
     """Return the parameters of all devices of a fit; a free one is free for every device, or by its full name for one.
     Raises `OutlineFitError` for a name that no device has."""
     found: dict[str, Parameter] = {}
-    known = [(*BENCH, "poisson", *source.model.lengths) for source in sources]
+    known = [(*BENCH, "poisson", *source.model.lengths, LENGTHS) for source in sources]
     for name in free:
         if not any(
             name in (own, source.named(own)) for source, names in zip(sources, known, strict=True) for own in names
@@ -481,8 +505,8 @@ def volumes_of(model: DeviceModel, values: dict[str, float], heights: Array) -> 
 # Fit of heights, the thesis' objective: mean square deviation of the largest deflections at the measured pressures.
 #
 # Heights are compared with states at the raw readings, all with the same weight. States past a limit point are
-# not possible, and systematic errors of the bench (a leak, an offset, a scale, the zero plane) can be neither
-# detected nor corrected: they do not show in the scatter. Their priors are propagated into the error bars to first
+# not possible, and systematic errors of the bench (a leak, an offset, a scale, the zero plane) and of the device's lengths can
+# be neither detected nor corrected: they do not show in the scatter. Their priors are propagated into the error bars to first
 # order (considered parameters: Schmidt 1966; Tapley, Schutz & Born 2004, Statistical Orbit Determination, chapter 6).
 # The fit to whole outlines has both.
 
@@ -572,7 +596,11 @@ def check_heights(heights: Sequence[Height], width: float) -> list[Height]:
 
 
 class HeightResiduals:
-    """Residuals in mm of heights, checked; see `softmodels.fitting.problem.Residuals`."""
+    """Residuals in mm of heights, checked; see `softmodels.fitting.problem.Residuals`.
+
+    Attributes:
+        considered: Lengths whose errors are in the intervals.
+    """
 
     unit, errors, device = "mm", 1.0, ""
 
@@ -580,6 +608,7 @@ class HeightResiduals:
         self.model, self.heights, self.label = model, tuple(heights), label
         self.parameters = model.names
         self.fixed: frozenset[str] = frozenset()
+        self.considered: tuple[str, ...] = ()
         self.pressures = np.array([one.pressure for one in heights])
         self.measured = np.array([one.height for one in heights])
         self.height_errors = np.array([one.height_error for one in heights])
@@ -615,19 +644,23 @@ class HeightResiduals:
                 J[row, self.parameters.index(name)] = 1e3 * slopes.nodes[name][0, 0, 1]
         return residuals, J, labels
 
-    def shared(self, values: Mapping[str, float]) -> Array:
-        """Return the change of the residuals by one standard error of each systematic bench error,
-        shape (n, 5)."""
+    def shared(self, values: Mapping[str, float], lengths: Mapping[str, Prior]) -> Array:
+        """Return the change of the residuals by one standard error of each systematic bench error and of lengths, shape (n, 5 +
+        their number)."""
         states = self.model.states(values, self.pressures, "pressure")
         self.model.set_parameters(values)
-        slopes = [self.model.slopes(state, (), "pressure").along_nodes[0, 0, 1] for state in states]
-        rise = 1e3 * np.array(slopes)  # mm per Pa
+        slopes = [self.model.slopes(state, [*lengths], "pressure") for state in states]
+        rise = 1e3 * np.array([one.along_nodes[0, 0, 1] for one in slopes])  # mm per Pa
         columns = (
             -rise * min(one.pressure_error for one in self.heights),
             -rise * self.pressures * PRESSURE_SCALE_ERROR,
             -rise * self.pressures**2 / self.pressures.max() * LEAK_ERROR,
             1e3 * self.measured * SCALE_ERROR,
             np.full(len(rise), 1e3 * ZERO_ERROR),
+            *(
+                1e3 * prior.error * np.array([one.nodes[name][0, 0, 1] for one in slopes])
+                for name, prior in lengths.items()
+            ),
         )
         return np.column_stack(columns)
 
@@ -641,8 +674,11 @@ def least_squares_of_heights(
     model = source.model
     choice = model.choice
     begins, _ = starts(model, source.measured, source.pressures, np.ones(len(source.measured)))
+    lengths = [p.changed(changes.get(p.name, {})) for p in length_parameters(model)]
+    considered = {p.name: p.prior for p in lengths if p.prior and not p.fixed}
+    source.considered = tuple(considered)
     known = [Parameter("poisson", "", choice.poisson, fixed=True)]
-    known += [Parameter(name, "m", value, fixed=True) for name, value in model.lengths.items()]
+    known += [Parameter(p.name, "m", p.start, fixed=True) for p in lengths]
     troubles = []
     for begin, factor in ((begin, factor) for begin in begins for factor in STIFFER):
         stiffer = {name: value * (factor if choice.unit(name) == "Pa" else 1.0) for name, value in begin.items()}
@@ -650,7 +686,7 @@ def least_squares_of_heights(
         source.fixed = frozenset(p.name for p in parameters if p.fixed)
         try:
             found = fit_parameters([source], parameters, loss=loss, errors="unknown", label=choice.name)
-            return dataclasses.replace(found, shared=source.shared(found.values))
+            return dataclasses.replace(found, shared=source.shared(found.values, considered))
         except (FitError, CannotEvaluate) as error:
             troubles.append(str(error))
     raise FitError(f"{choice.name}: {troubles[0]}")
