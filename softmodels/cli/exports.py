@@ -167,9 +167,8 @@ def export_command(file: Path, output: Path, quiet: bool) -> None:
 @command("reduce")
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="File: NAME.csv, NAME.json, NAME.xml "
-              "(MuJoCo), NAME.py (SOFA) or NAME.fmu.")  # fmt: skip
-@click.option("--as", "kind", default="", metavar="KIND", help="csv, json, mjcf, sofa, fonsim or fmu.  [default: by the "
-              "file's name]")  # fmt: skip
+              "(MuJoCo) or NAME.fmu.")  # fmt: skip
+@click.option("--as", "kind", default="", metavar="KIND", help="csv, json, mjcf or fmu.  [default: by the file's name]")
 @click.option("--face", default="", help="Face that is the tip.  [default: the device's own]")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def reduce_command(folder: Path, output: Path, kind: str, face: str, quiet: bool) -> None:
@@ -177,14 +176,14 @@ def reduce_command(folder: Path, output: Path, kind: str, face: str, quiet: bool
 
     Over the pressures of the path up to the first limit point: position and rotation of the tip, added volume, their exact
     derivatives by the pressures, the compliance by force and moment on the tip, effective area, arc of constant curvature, and
-    95 % bands where the run has them. NAME.xml is a chain of joints for MuJoCo, whose control is the pressure in kPa; NAME.py a
-    scene for SOFA; NAME.fmu a unit for co-simulation (FMI 2.0); --as fonsim a pressure-volume curve for FONSim.
+    95 % bands where the run has them. NAME.xml is a chain of joints for MuJoCo, whose control is the pressure in kPa;
+    NAME.fmu a unit for co-simulation (FMI 2.0).
 
     \b
     Examples:
       softmodels reduce results/pneunet -o finger.xml
       softmodels reduce results/pneunet -o finger.csv
-      softmodels reduce results/pneunet -o finger-pv.csv --as fonsim
+      softmodels reduce results/pneunet -o finger.fmu
 
     \b
     Exit status: 0 done; 1 failed; 2 bad input.

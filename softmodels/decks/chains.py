@@ -1,4 +1,4 @@
-"""A reduced model in the words of other programs: tables, a chain for MuJoCo, a curve for FONSim, an FMU."""
+"""A reduced model in the words of other programs: tables, a chain for MuJoCo, an FMU."""
 
 from __future__ import annotations
 
@@ -113,14 +113,6 @@ def table_json(model: ReducedModel) -> str:
 
 def _plain(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-def fonsim_csv(model: ReducedModel) -> str:
-    """Return the volume of the air and its gauge pressure for FONSim's ``PVCurve(..., pressure_reference="relative")``."""
-    rest = model.case.actuator.cavity_volume * 1e6
-    states = sorted(model.states, key=lambda one: one.volume)
-    rows = [f"{rest + one.volume * 1e6:.9g},{one.pressure / 1e3:.9g}" for one in states]
-    return "\n".join(["volume,pressure", "ml,kPa", *rows]) + "\n"
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -446,10 +438,10 @@ def fmu(model: ReducedModel) -> bytes:
 
 
 WRITERS: dict[str, Callable[[ReducedModel], str | bytes]] = {
-    "csv": table_csv, "json": table_json, "mjcf": mjcf, "fonsim": fonsim_csv, "fmu": fmu,
+    "csv": table_csv, "json": table_json, "mjcf": mjcf, "fmu": fmu,
 }  # fmt: skip
 ENDINGS = {".csv": "csv", ".json": "json", ".xml": "mjcf", ".fmu": "fmu"}
-"""What a file is by its ending; FONSim's is named, as it is CSV too."""
+"""What a file is by its ending."""
 
 
 def write(model: ReducedModel, file: Path, kind: str = "") -> Path:
@@ -473,7 +465,7 @@ def is_own(file: Path) -> bool:
     if content.startswith(b"PK"):
         return re.search(rb"resources/softmodels_\w+\.py", content) is not None
     head = content[:4000].decode(errors="replace")
-    return WRITTEN in head or head.startswith(("pressure_Pa,", "volume,pressure\nml,kPa\n"))
+    return WRITTEN in head or head.startswith("pressure_Pa,")
 
 
 def kind_of(file: Path, kind: str = "") -> str:
