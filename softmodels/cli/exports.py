@@ -106,7 +106,7 @@ def mould_summary(found: Made) -> list[str]:
         f"casts: {found.cast_volume * 1e6:.5g} ml in the mould; shrunk and bonded they are the device "
         f"({found.volume * 1e6:.5g} ml, of which the tube takes {found.plug * 1e6:.2g} ml{grooves}) to {found.differs:.2g}"
     )
-    return lines
+    return [*lines, *(f"note: {text}" for text in found.notes)]
 
 
 def _mould_command() -> click.Command:

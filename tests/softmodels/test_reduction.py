@@ -196,9 +196,10 @@ WRIST = """
 
 @pytest.mark.filterwarnings("ignore:Attach conflict")
 @pytest.mark.parametrize("whole", [True, False])
-def test_chain_on_a_wrist(model, tmp_path, whole):
+def test_chain_on_a_wrist(model, tmp_path, monkeypatch, whole):
     """Attached as a model or by its base, it weighs what the finger weighs; the moving wrist leaves its pressure alone."""
     mujoco = pytest.importorskip("mujoco")
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes its warnings into a file
     arm = mujoco.MjSpec.from_string(WRIST)
     chain = mujoco.MjSpec.from_file(str(chains.write(model, tmp_path / "finger.xml")))
     if whole:
