@@ -109,18 +109,17 @@ class Fin:
 
     def told(self, body: str, scale: float) -> str:
         """Return a sentence with the numbers and the remedy; ``scale`` is length in the mould over length in the device."""
-        kind, many = "rod" if self.rod else "fin", f"{self.alike} {'rods' if self.rod else 'fins'}"
+        kind, hole = ("rod", "hole") if self.rod else ("fin", "gap")
+        many = f"{self.alike} {kind}s" if self.alike > 1 else f"a {kind}"
         draft = "without draft" if self.draft < 0.05 else f"with a draft of {self.draft:.2g} deg"
-        wide = "" if self.rod else f" and {shown(_three(self.length), 'm')} long"
-        thick, deep = self.depth / self.allowed / scale, self.allowed * self.thickness / scale
-        other = "" if self.allowed == MOST_SLENDER else (
-            f", or both with a draft of {LEAST_DRAFT:g} deg at least {shown(_up(self.depth / MOST_SLENDER / scale), 'm')}"
-        )  # fmt: skip
+        length = "" if self.rod else f" and {shown(_three(self.length), 'm')} long"
+        wide, drafted = (shown(_up(self.depth / limit / scale), "m") for limit in (self.allowed, MOST_SLENDER))
+        drafted = "" if drafted == wide else f" ({drafted} with a draft of {LEAST_DRAFT:g} deg)"
         return (
-            f"the {body} has {many if self.alike > 1 else f'a {kind}'} {shown(_three(self.thickness), 'm')} thick, "
-            f"{shown(_three(self.depth), 'm')} deep{wide} {draft} ({self.where}): {self.slenderness:.3g} times as deep as "
-            f"thick, more than {self.allowed:g}, so it may bend or break as the silicone comes off; make the part's gap there "
-            f"at least {shown(_up(thick), 'm')} wide{other}, or at most {shown(_three(0.99 * deep), 'm')} deep"
+            f"the {body} has {many} {shown(_three(self.thickness), 'm')} thick, {shown(_three(self.depth), 'm')} deep{length} "
+            f"{draft} ({self.where}): {self.slenderness:.3g} times as deep as thick, more than {self.allowed:g}, so it may "
+            f"bend or break as the silicone comes off; make the part's {hole} there at least {wide} wide{drafted}, or at most "
+            f"{shown(_three(self.allowed * self.thickness / scale), 'm')} deep"
         )
 
 

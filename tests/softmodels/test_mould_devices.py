@@ -294,7 +294,7 @@ def test_the_pictures_of_the_steps_show_the_sheet(kind, monkeypatch):
         assert names[0].startswith("Fill") == ("Lower the lid" in sheet or not pour.lid)
         assert names[0].startswith("Close") == ("Pour through" in sheet)
         if "Lower the lid" in sheet:
-            assert names == [f"Fill the {pour.name} cup", "Lower the lid, press it on, cure", "Open"]
+            assert names == [f"Fill the {pour.name} cup", "Lower the lid, cure", "Open"]
             brim = shots[-1][0][0]
             low, high = cast.facets.points.min(axis=0), cast.facets.points.max(axis=0)
             assert np.ptp(brim.points, axis=0) == pytest.approx(high - low, abs=0.1)
