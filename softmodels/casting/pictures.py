@@ -179,10 +179,13 @@ def _piece_steps(made: Made, pour: Pour) -> list[tuple[str, Image]]:
     if not pour.lid:
         return [(f"Fill the {pour.name}, scrape it flat", _shot([*filled, *placed(still, 1.0, 1.0)])),
                 (f"Take the {pour.name} out", _shot([*filled, *placed(apart, 1.0, 1.0)]))]  # fmt: skip
-    closed, opened = _shot([*filled, *placed(still, 1.0, GHOST)]), _shot([*filled, *placed(apart, 1.0, 1.0)])
+    lost = [body.name for body in bodies if not any(body.pull)]  # comes out within the piece
+    out = {name: np.zeros(3) if name in lost else places for name, places in apart.items()}
+    closed, opened = _shot([*filled, *placed(still, 1.0, GHOST)]), _shot([*filled, *placed(out, 1.0, 1.0)])
+    opening = f"Open, {'melt the wax out' if made.waxes else 'dissolve the core'}" if lost else "Open"
     if not pour.filled_open:
         closing = _shot(placed(apart, 0.6, 1.0))
-        return [(f"Close the {pour.name} mould", closing), ("Pour and cure", closed), ("Open", opened)]
+        return [(f"Close the {pour.name} mould", closing), ("Pour and cure", closed), (opening, opened)]
     lid = next(places for name, places in apart.items() if pour.part(name) == " lid")
     stays = {body.name: any(word in pour.part(body.name) for word in ("cup", "pin")) for body in bodies}
     lifted = {name: np.zeros(3) if stay else lid for name, stay in stays.items()}
@@ -190,7 +193,7 @@ def _piece_steps(made: Made, pour: Pour) -> list[tuple[str, Image]]:
     return [
         (f"Fill the {pour.name} cup", _shot([brim, *placed(lifted, 0.6, 1.0)])),
         ("Lower the lid, cure", closed),
-        ("Open", opened),
+        (opening, opened),
     ]
 
 

@@ -280,7 +280,7 @@ def test_slender_fins_of_a_part_are_cured_by_width_depth_or_draft(slot, tmp_path
     assert len(found.notes) == (slot in (SLOTS[0], SLOTS[-1]))
 
 
-@pytest.mark.parametrize("kind", [PneuNet, SuctionCup, Membrane])
+@pytest.mark.parametrize("kind", [PneuNet, SuctionCup, Membrane, Bellows])
 def test_the_pictures_of_the_steps_show_the_sheet(kind, monkeypatch):
     """A cup that the sheet fills before the lid comes on is filled in the pictures, and the silicone there is up to the rim; a
     mould that is closed first is drawn so."""
@@ -293,6 +293,12 @@ def test_the_pictures_of_the_steps_show_the_sheet(kind, monkeypatch):
         sheet = " ".join(_pour_steps(pour, [body.name for body in bodies], "4 h"))
         assert names[0].startswith("Fill") == ("Lower the lid" in sheet or not pour.lid)
         assert names[0].startswith("Close") == ("Pour through" in sheet)
+        assert names[-1].endswith("dissolve the core") == ("Dissolve the core" in sheet)
+        lost = [body for body in bodies if not any(body.pull)]
+        assert len(lost) == ("Dissolve the core" in sheet)
+        for body in lost:  # still within the piece as the mould opens, and nowhere else
+            core, turn = body.facets.points @ pictures.standing(pour).T, [facets.points for facets, _, _ in shots[1]]
+            assert any(points.shape == core.shape and np.abs(points - core).max() < 1e-9 for points in turn)
         if "Lower the lid" in sheet:
             assert names == [f"Fill the {pour.name} cup", "Lower the lid, cure", "Open"]
             brim = shots[-1][0][0]
