@@ -269,14 +269,15 @@ def _spread(corners: Array, chosen: npt.NDArray[np.bool_]) -> tuple[Array, Cells
     area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1) * chosen
     longest = np.linalg.norm([b - a, c - b, a - c], axis=2).max(axis=0)
     step = 2.0 * math.sqrt(float(area.sum()) / FIN_RAYS)
-    pieces, own = [np.zeros((0, 3, 3))], [np.zeros(0, dtype=np.int64)]
-    for k in np.flatnonzero(area):
+    small = np.flatnonzero((area > 0.0) & (longest <= step))
+    pieces, own = [corners[small]], [small]
+    for k in np.flatnonzero((area > 0.0) & (longest > step)):
         n = int(np.ceil(longest[k] / step))
         grid = np.indices((n, n)).reshape(2, -1).T
         one, other = grid[grid.sum(axis=1) < n], grid[grid.sum(axis=1) < n - 1]
-        small = np.vstack([one[:, None] + [(0, 0), (1, 0), (0, 1)], other[:, None] + [(1, 0), (1, 1), (0, 1)]]) / n
-        pieces.append(a[k] + small[..., :1] * (b[k] - a[k]) + small[..., 1:] * (c[k] - a[k]))
-        own.append(np.full(len(small), k))
+        shares = np.vstack([one[:, None] + [(0, 0), (1, 0), (0, 1)], other[:, None] + [(1, 0), (1, 1), (0, 1)]]) / n
+        pieces.append(a[k] + shares[..., :1] * (b[k] - a[k]) + shares[..., 1:] * (c[k] - a[k]))
+        own.append(np.full(len(shares), k))
     every = max(1, sum(map(len, own)) // (2 * FIN_RAYS))
     triangle = np.concatenate(own)
     areas = every * area[triangle] / np.bincount(triangle, minlength=len(area))[triangle]
