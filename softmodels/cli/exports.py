@@ -1,4 +1,4 @@
-"""``softmodels mould``, ``export`` and ``reduce``: a case for the workshop, for CalculiX or FEBio, and for robot simulators."""
+"""``softmodels mould``, ``export`` and ``reduce``: a case for the workshop, for CalculiX, and for robot simulators."""
 
 from __future__ import annotations
 
@@ -130,18 +130,18 @@ mould_command = _mould_command()
 
 @command("export")
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Deck: NAME.inp or NAME.feb.")
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Deck: NAME.inp.")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def export_command(file: Path, output: Path, quiet: bool) -> None:
-    """Write the case FILE for another program: the same mesh, silicones, supports, rigid parts, contact and loads.
+    """Write the case FILE for CalculiX: the same mesh, silicones, supports, rigid parts, contact and loads.
 
-    NAME.inp is for CalculiX (ccx NAME), NAME.feb for FEBio. Lengths in the deck are in mm, pressures in Pa. Cells have
-    only displacements there: compare the result with --formulation displacement.
+    It is solved by `ccx NAME`. Lengths in the deck are in mm, pressures in Pa. Cells have only displacements there: compare
+    the result with --formulation displacement.
 
     \b
     Examples:
       softmodels export results/disk/case.toml -o disk.inp
-      softmodels export results/seminar/case.toml -o slab.feb
+      softmodels export results/seminar/case.toml -o slab.inp
 
     \b
     Exit status: 0 done; 1 failed; 2 bad input; 130 stopped.
