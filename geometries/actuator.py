@@ -151,6 +151,15 @@ class Pour:
     squeezed: bool = False
     wax: bool = False
 
+    @property
+    def filled_open(self) -> bool:
+        """Whether its cup is filled before the lid comes on; else the closed mould is filled through its opening."""
+        return self.lid and self.gate is None
+
+    def part(self, body: str) -> str:
+        """Return what a body of its mould is by its name, such as ``" cup left"``: the piece itself may be called a cup."""
+        return body.removeprefix(self.name)
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Recipe:

@@ -73,7 +73,7 @@ def softmodels() -> None:
     softmodels design problem.toml      the device that does best what is asked for, within its limits
     softmodels study study.toml         many samples of a case: dataset, response surfaces, Sobol indices
     softmodels mould case.toml          the bodies to cast a device in, and a sheet for the bench
-    softmodels export case.toml -o x.inp    the same case for CalculiX or FEBio
+    softmodels export case.toml -o x.inp    the same case for CalculiX
     softmodels reduce results/finger -o finger.xml   a model for robot simulators: pose and stiffness over the pressure
     softmodels open results/disk        open a report in the browser
     softmodels compare results/a results/b  what differs, and by how much

@@ -21,7 +21,7 @@ from softmodels.common.lazy import MPI
 from softmodels.common.names import callback, checked, flag, place
 from softmodels.common.processes import one_at_a_time
 from softmodels.common.units import WATER_DENSITY
-from softmodels.decks.deck import WRITTEN, Deck, calculix, check, check_without_springs, deck_of, febio, needs_equations
+from softmodels.decks.deck import WRITTEN, Deck, calculix, check, deck_of, needs_equations
 from softmodels.materials.laws import Material
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.compiling import compiling
@@ -408,21 +408,17 @@ def modes(
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The Python call that writes a case for CalculiX or FEBio.
-
-
-WRITERS = {".inp": (check, calculix), ".feb": (check_without_springs, febio)}
-"""By file ending: the check before meshing, and the writer of the deck."""
+# The Python call that writes a case for CalculiX.
 
 
 @checked
 @one_at_a_time
 def export(case: Case | str | Path, file: str | Path) -> Deck:
-    """Write a case for another program: the same mesh, silicones, supports, rigid parts, contact, dead loads and pressures.
+    """Write a case for CalculiX: the same mesh, silicones, supports, rigid parts, contact, dead loads and pressures.
 
     Args:
         case: The case, or its file.
-        file: Where to: ``.inp`` for CalculiX, ``.feb`` for FEBio. An earlier deck is replaced, any other file is not.
+        file: Where to, ``.inp``. An earlier deck is replaced, any other file is not.
 
     Returns:
         What was written.
@@ -436,19 +432,15 @@ def export(case: Case | str | Path, file: str | Path) -> Deck:
     """
     whole = case if isinstance(case, Case) else Case.from_file(place("case", case, "a case file, or a Case"))
     path = place("file", file, "a file")
-    suffix = path.suffix.lower()
-    if suffix not in WRITERS:
-        raise CaseError(
-            f"{path} ends in {path.suffix or 'nothing'}; decks are {' for CalculiX and '.join(WRITERS)} for FEBio"
-        )
+    if path.suffix.lower() != ".inp":
+        raise CaseError(f"{path} ends in {path.suffix or 'nothing'}; a deck for CalculiX ends in .inp")
     if path.exists() and WRITTEN.encode() not in read_file(path, GEOMETRY)[:500]:
         raise CaseError(f"{path} exists and is not a deck written by this program; give another name")
-    refuse, writer = WRITERS[suffix]
-    refuse(whole)
+    check(whole)
     with tempfile.TemporaryDirectory() as folder:
         mesh = whole.actuator.write(Path(folder) / "device.msh")
         deck = deck_of(whole, mesh, _system(whole, mesh))
-    text = writer(deck)
+    text = calculix(deck)
     partial = path.with_name(f".{path.name}.part")
     partial.write_text(text, encoding="utf-8")
     partial.replace(path)

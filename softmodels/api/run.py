@@ -872,9 +872,8 @@ class Run(Shown):
         Every state of the first rising piece of the path is solved again with exact linear responses, on one process.
 
         Args:
-            file: File to write it to: ``.csv``, ``.json``, ``.xml`` (MuJoCo), ``.py`` (SOFA), ``.fmu``; None for no file.
-            kind: What the file is, if its ending does not tell: ``"csv"``, ``"json"``, ``"mjcf"``, ``"sofa"``, ``"fonsim"``,
-                ``"fmu"``.
+            file: File to write it to: ``.csv``, ``.json``, ``.xml`` (MuJoCo), ``.fmu``; None for no file.
+            kind: What the file is, if its ending does not tell: ``"csv"``, ``"json"``, ``"mjcf"``, ``"fmu"``.
             face: The face that is the tip; the device's own if empty.
 
         Raises:

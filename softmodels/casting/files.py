@@ -138,7 +138,7 @@ def _known(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _of_body(body: MouldBody) -> dict[str, float | int | bool | None]:
+def _of_body(body: MouldBody) -> dict[str, object]:
     assert body.checked is not None
     return {
         "watertight": body.facets.open_edges == 0,
@@ -148,6 +148,18 @@ def _of_body(body: MouldBody) -> dict[str, float | int | bool | None]:
         "smallest_wall_mm": body.checked.wall * 1e3,
         "smallest_gap_mm": _known(body.checked.gap * 1e3),
         "overlap_on_the_way_out_mm": body.checked.overlap * 1e3,
+        "fins": [
+            {
+                "count": fin.alike,
+                "thickness_mm": fin.thickness * MM,
+                "depth_mm": fin.depth * MM,
+                "length_mm": fin.length * MM,
+                "draft_deg": fin.draft,
+                "depth_over_thickness": fin.slenderness,
+                "depth_over_thickness_allowed": fin.allowed,
+            }
+            for fin in body.checked.fins
+        ],
         "stl_triangles": len(body.facets.triangles),
         "stl_chord_mm": body.checked.chord * 1e3,
         "stl_volume_over_step_less_1": body.checked.volume_gap,
@@ -275,7 +287,7 @@ def bench_sheet(asked: Asked, made: Made) -> BenchSheet:
     """Return the sheet of a mould."""
     return BenchSheet(
         f"Mould of {asked.name}", _about(asked, made), _amounts(asked, made), _prints(asked, made), _steps(asked, made),
-        _walls(asked, made), _checks(asked, made), _notes(asked),
+        _walls(asked, made), _checks(asked, made), [*(f"{text[0].upper()}{text[1:]}." for text in made.notes), *_notes(asked)],
     )  # fmt: skip
 
 
@@ -443,7 +455,7 @@ def _wax_steps(pour: Pour, bodies: Sequence[MouldBody], core: MouldBody) -> list
 
 def _pour_steps(pour: Pour, bodies: Sequence[str], cure: str, wax: bool = False) -> list[str]:
     """Return how one piece is cast and demoulded."""
-    parts = {name: name.removeprefix(pour.name) for name in bodies}  # the piece itself may be called a cup
+    parts = {name: pour.part(name) for name in bodies}
     cup = " and ".join(f"the {name}" for name, part in parts.items() if "cup" in part)
     pins = [name for name, part in parts.items() if "pin" in part]
     steps, lost = [], any(part == " core" for part in parts.values())
@@ -457,7 +469,7 @@ def _pour_steps(pour: Pour, bodies: Sequence[str], cure: str, wax: bool = False)
     if not pour.lid:
         tray = "frame on its floor" if pour.floor is not None else "tray"
         steps.append(f"Fill the {pour.name} {tray}, scrape it flat with a straight edge, and let cure for {cure}.")
-    elif pour.gate is not None:
+    elif not pour.filled_open:
         steps.append(
             f"Put {cup} on the {pour.name} lid and bolt or clamp them. Pour through the wide opening in a thin stream until "
             f"silicone fills every vent; tap the air out, top up, and let cure for {cure}."
@@ -530,7 +542,8 @@ def _walls(asked: Asked, made: Made) -> SheetTable:
 def _checks(asked: Asked, made: Made) -> SheetTable:
     rows = [_checked(body) for body in made.bodies]
     head = ("body", "watertight", "thinnest wall (mm)", "narrowest gap (mm)", "smallest draft of the part's walls (deg)",
-            "smallest draft of pins and holes (deg)", f"STL error (um; {asked.workshop.chord * 1e6:g} allowed)")  # fmt: skip
+            "smallest draft of pins and holes (deg)", "depth of fins over their thickness",
+            f"STL error (um; {asked.workshop.chord * 1e6:g} allowed)")  # fmt: skip
     return SheetTable("Checked before writing", head, rows)
 
 
@@ -541,6 +554,7 @@ def _checked(body: MouldBody) -> Row:
         body.name, "yes" if body.facets.open_edges == 0 else "no", f"{found.wall * MM:.2f}",
         f"{found.gap * MM:.2f}" if math.isfinite(found.gap) else "",
         f"{max(found.lean, 0.0) + 0.0:.2f}", "" if math.isnan(found.own_lean) else f"{found.own_lean:.2f}",
+        f"{found.fins[0].slenderness:.3g} ({found.fins[0].allowed:g} allowed)" if found.fins else "",
         f"{found.chord * 1e6:.0f}",
     )  # fmt: skip
 

@@ -30,7 +30,7 @@ from softmodels.casting.bodies import (
     tooling,
     turned,
 )
-from softmodels.casting.facets import Facets, coupon_solids, facets_of
+from softmodels.casting.facets import Cells, Facets, coupon_solids, facets_of
 from softmodels.casting.grooves import Winding
 from softmodels.casting.settings import MouldError, Workshop
 from softmodels.common.arrays import Array
@@ -59,8 +59,77 @@ SAME = 1e-6
 """Largest difference between the device and its cast, relative to the device's volume."""
 WAYS = (0.01, 0.1, 0.4, 1.0)
 """How far a body moves along its pull when collisions are looked for, in heights of the mould."""
+MOST_SLENDER, MOST_SLENDER_UPRIGHT = 10.0, 5.0
+"""Depth over thickness up to which a fin of printed resin comes out whole, with and without draft."""
+LEAST_DRAFT = 0.5
+"""Mean draft of a fin's flanks in degrees below which it counts as without."""
+FIN_RAYS = 6_000
+"""Places about at which a body's fins are measured."""
 Name = Callable[[Array], str]
 """Names the face of the part at a place in the mould (mm): a clause."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Fin:
+    """A thin piece of a body, which stands in the silicone between two faces that form the part, or a rod within one.
+
+    Attributes:
+        thickness, depth: Means over the fin, the depth along the pull, m.
+        length: Largest extent across pull and thickness, m.
+        draft: Mean angle of its flanks from the pull, degrees.
+        rod: Whether one face surrounds it.
+        place: Its middle, mm.
+        alike: How many of the body are like it.
+        where: The part's face there, a clause; empty unless it is `slender`.
+    """
+
+    thickness: float
+    depth: float
+    length: float
+    draft: float
+    rod: bool
+    place: Array
+    alike: int = 1
+    where: str = ""
+
+    @property
+    def allowed(self) -> float:
+        """Largest depth over thickness that comes out whole."""
+        return MOST_SLENDER if self.rod or self.draft >= LEAST_DRAFT else MOST_SLENDER_UPRIGHT
+
+    @property
+    def slenderness(self) -> float:
+        """Depth over thickness."""
+        return self.depth / self.thickness
+
+    @property
+    def slender(self) -> bool:
+        """Whether it bends or breaks as the silicone is pulled off; a hundredth is left to the measurement."""
+        return self.slenderness > 1.01 * self.allowed
+
+    def told(self, body: str, scale: float) -> str:
+        """Return a sentence with the numbers and the remedy; ``scale`` is length in the mould over length in the device."""
+        kind, hole = ("rod", "hole") if self.rod else ("fin", "gap")
+        many = f"{self.alike} {kind}s" if self.alike > 1 else f"a {kind}"
+        draft = "without draft" if self.draft < 0.05 else f"with a draft of {self.draft:.2g} deg"
+        length = "" if self.rod else f" and {shown(_three(self.length), 'm')} long"
+        wide, drafted = (shown(_up(self.depth / limit / scale), "m") for limit in (self.allowed, MOST_SLENDER))
+        drafted = "" if drafted == wide else f" ({drafted} with a draft of {LEAST_DRAFT:g} deg)"
+        return (
+            f"the {body} has {many} {shown(_three(self.thickness), 'm')} thick, {shown(_three(self.depth), 'm')} deep{length} "
+            f"{draft} ({self.where}): {self.slenderness:.3g} times as deep as thick, more than {self.allowed:g}, so it may "
+            f"bend or break as the silicone comes off; make the part's {hole} there at least {wide} wide{drafted}, or at most "
+            f"{shown(_three(self.allowed * self.thickness / scale), 'm')} deep"
+        )
+
+
+def _three(value: float) -> float:
+    return float(f"{value:.3g}")
+
+
+def _up(value: float) -> float:
+    """Return a length in m rounded up to a tenth of a millimetre."""
+    return math.ceil(1e4 * value - 0.1) / 1e4
 
 
 @dataclasses.dataclass(frozen=True)
@@ -75,6 +144,7 @@ class Checked:
         volume_gap: STL's volume over the exact one, less 1.
         overlap: Thickness of what it has in common with other bodies, and with these and the cast on its way out, by the
             triangles, m: the error of the STL at most.
+        fins: Its fins, one of those alike, the most slender first.
     """
 
     lean: float
@@ -84,6 +154,7 @@ class Checked:
     chord: float
     volume_gap: float
     overlap: float
+    fins: tuple[Fin, ...]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -119,9 +190,98 @@ def check_body(name: str, found: Surfaces, workshop: Workshop, named: Name) -> C
             f"the STL of the {name} differs from its STEP by {differs:.2g} of the volume; use a smaller chord"
         )
     angles = np.degrees(np.arcsin(np.clip([lean, own], -1.0, 1.0)))
+    fins = tuple(dataclasses.replace(fin, where=named(fin.place)) if fin.slender else fin for fin in _fins(name, found))
     return Checked(
-        float(angles[0]), float(angles[1]), wall[0] / MM, gap[0] / MM, facets.chord / MM, differs, math.nan,
+        float(angles[0]), float(angles[1]), wall[0] / MM, gap[0] / MM, facets.chord / MM, differs, math.nan, fins,
     )  # fmt: skip
+
+
+def _fins(name: str, found: Surfaces) -> list[Fin]:
+    """Return the fins of a body: where a ray into it from a face that forms the part leaves through another one, by the pairs
+    of these faces; one of those alike, the most slender first."""
+    facets = found.bodies[name]
+    pull = next(body.pull for body in found.made.bodies if body.name == name)
+    if not pull.any():
+        return []
+    formed = _formed(facets, found.cast) & ~_owned(facets, found.made)
+    corners, normals = facets.corners, _flat_normals(facets)
+    pieces, own, areas = _spread(corners, formed & np.any(normals, axis=1))
+    pairs: dict[tuple[int, int], list[tuple[int, float]]] = {}
+    cast_ray = _ray_caster(facets)
+    for k, (place, triangle) in enumerate(zip(pieces.mean(axis=1), own, strict=True)):
+        step = -normals[triangle]
+        cell, distance = cast_ray(place, step)
+        if cell >= 0 and formed[cell] and normals[triangle] @ normals[cell] < FACING:
+            a, b = sorted((int(facets.face[triangle]), int(facets.face[cell])))
+            pairs.setdefault((a, b), []).append((k, distance))
+    fins: list[Fin] = []
+    for (a, b), hits in pairs.items():
+        chosen = np.array([k for k, _ in hits])
+        fin = _fin(
+            pieces[chosen], normals[own[chosen]], areas[chosen], np.array([d for _, d in hits]), pull, rod=a == b
+        )
+        if fin is None:
+            continue
+        twin = next((k for k, other in enumerate(fins) if _alike(fin, other)), None)
+        if twin is None:
+            fins.append(fin)
+        else:
+            fins[twin] = dataclasses.replace(fins[twin], alike=fins[twin].alike + 1)
+    return sorted(fins, key=lambda fin: -fin.slenderness)
+
+
+def _fin(pieces: Array, normals: Array, areas: Array, thicknesses: Array, pull: Array, rod: bool) -> Fin | None:
+    """Return the fin between two faces by small triangles on both in mm, their normals, areas and thicknesses; None where it
+    lies across the pull, as a floor does, or is thicker than deep."""
+    weights = areas / areas.sum()
+    across = np.linalg.eigh((normals * weights[:, None]).T @ normals)[1][:, 2]
+    across = across - (across @ pull) * pull
+    if np.linalg.norm(across) < 0.7:
+        return None
+    along = np.cross(across / np.linalg.norm(across), pull)
+    length = float(np.ptp(pieces @ along))
+    depth = float(np.ptp(pieces @ pull)) if rod else 0.5 * float(areas.sum()) / length
+    draft = math.degrees(math.asin(float(np.clip(-weights @ normals @ pull, 0.0, 1.0))))
+    fin = Fin(float(weights @ thicknesses) / MM, depth / MM, length / MM, draft, rod, weights @ pieces.mean(axis=1))
+    return fin if fin.slenderness >= 1.0 else None
+
+
+def _alike(fin: Fin, other: Fin) -> bool:
+    """Return whether two fins have the same lengths within 5 %, and the same draft."""
+    pairs = [(fin.thickness, other.thickness), (fin.depth, other.depth), (fin.length, other.length)]
+    same = all(abs(a - b) < 0.05 * max(a, b) for a, b in pairs)
+    return same and fin.rod == other.rod and abs(fin.draft - other.draft) < 0.1
+
+
+def _flat_normals(facets: Facets) -> Array:
+    """Return the unit normals of the flat triangles, shape (n, 3); zero for those without area."""
+    corners = facets.corners
+    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.linalg.norm(flat, axis=1)
+    flat[areas <= 1e-12] = 0.0
+    return flat / np.maximum(areas, 1e-12)[:, None]
+
+
+def _spread(corners: Array, chosen: npt.NDArray[np.bool_]) -> tuple[Array, Cells, Array]:
+    """Return the corners of about `FIN_RAYS` small triangles spread evenly over chosen ones, shape (n, 3, 3), the large one of
+    each, and the area it stands for."""
+    a, b, c = np.moveaxis(corners, 1, 0)
+    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1) * chosen
+    longest = np.linalg.norm([b - a, c - b, a - c], axis=2).max(axis=0)
+    step = 2.0 * math.sqrt(float(area.sum()) / FIN_RAYS)
+    small = np.flatnonzero((area > 0.0) & (longest <= step))
+    pieces, own = [corners[small]], [small]
+    for k in np.flatnonzero((area > 0.0) & (longest > step)):
+        n = int(np.ceil(longest[k] / step))
+        grid = np.indices((n, n)).reshape(2, -1).T
+        one, other = grid[grid.sum(axis=1) < n], grid[grid.sum(axis=1) < n - 1]
+        shares = np.vstack([one[:, None] + [(0, 0), (1, 0), (0, 1)], other[:, None] + [(1, 0), (1, 1), (0, 1)]]) / n
+        pieces.append(a[k] + shares[..., :1] * (b[k] - a[k]) + shares[..., 1:] * (c[k] - a[k]))
+        own.append(np.full(len(shares), k))
+    every = max(1, sum(map(len, own)) // (2 * FIN_RAYS))
+    triangle = np.concatenate(own)
+    areas = every * area[triangle] / np.bincount(triangle, minlength=len(area))[triangle]
+    return np.vstack(pieces)[::every], triangle[::every], areas[::every]
 
 
 def _flanks(facets: Facets, made: Tooling) -> npt.NDArray[np.bool_] | None:
@@ -233,35 +393,39 @@ def thicknesses(
 ) -> tuple[tuple[float, Array], tuple[float, Array]]:
     """Return the smallest wall and smallest gap of a body in mm, each with its place, measured along the normal to the
     other side; triangles of ``without``, a mask, are no sides."""
-    locator = _locator(facets)
-    corners = facets.corners
-    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas = np.linalg.norm(flat, axis=1)
-    good = areas > 1e-12
-    flat[good] /= areas[good, None]
-    far = float(np.linalg.norm(np.ptp(facets.points, axis=0)))
-    skipped = np.zeros(len(good), dtype=bool) if without is None else without
-    chosen = np.flatnonzero(good & ~skipped)
+    cast_ray = _ray_caster(facets)
+    corners, flat = facets.corners, _flat_normals(facets)
+    skipped = np.zeros(len(flat), dtype=bool) if without is None else without
+    chosen = np.flatnonzero(np.any(flat, axis=1) & ~skipped)
     if len(chosen) > MOST_RAYS:
         chosen = chosen[np.linspace(0, len(chosen) - 1, MOST_RAYS).astype(int)]
-    hit, local = [0.0] * 3, [0.0] * 3
-    t, part, cell = _mutable(0.0), cast(int, _mutable(0)), cast(int, _mutable(0))
     found = []
     for way in (-1.0, 1.0):
         best, place = math.inf, np.zeros(3)
         for k in chosen:
             begin = corners[k].mean(axis=0)
-            step = way * flat[k]
-            if not locator.IntersectWithLine(
-                list(begin + 1e-4 * step), list(begin + far * step), 0.0, t, hit, local, part, cell
-            ):
+            cell, distance = cast_ray(begin, way * flat[k])
+            if cell < 0 or skipped[cell]:
                 continue
-            if skipped[int(cell)]:
-                continue
-            if flat[k] @ flat[int(cell)] < FACING and (distance := float(np.linalg.norm(hit - begin))) < best:
+            if flat[k] @ flat[cell] < FACING and distance < best:
                 best, place = distance, begin
         found.append((best, place))
     return found[0], found[1]
+
+
+def _ray_caster(facets: Facets) -> Callable[[Array, Array], tuple[int, float]]:
+    """Return what finds the triangle that a ray from a place on one along a unit vector meets, -1 for none, and how far."""
+    locator, far = _locator(facets), float(np.linalg.norm(np.ptp(facets.points, axis=0)))
+    hit, local = [0.0] * 3, [0.0] * 3
+    t, part, cell = _mutable(0.0), cast(int, _mutable(0)), cast(int, _mutable(0))
+
+    def cast_ray(begin: Array, way: Array) -> tuple[int, float]:
+        ends = list(begin + 1e-4 * way), list(begin + far * way)
+        if not locator.IntersectWithLine(*ends, 0.0, t, hit, local, part, cell):
+            return -1, math.inf
+        return int(cell), float(np.linalg.norm(hit - begin))
+
+    return cast_ray
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -381,6 +545,7 @@ class Made(Shown):
         wound: Threads around it, in its own size.
         thinnest: Smallest wall of silicone, m.
         channel: Smallest width of the cavity, m; NaN without one.
+        scale: Length in the mould over length in the device.
     """
 
     recipe: Recipe
@@ -397,6 +562,7 @@ class Made(Shown):
     wound: Winding | None
     thinnest: float
     channel: float
+    scale: float
 
     @property
     def printed(self) -> tuple[MouldBody, ...]:
@@ -424,6 +590,15 @@ class Made(Shown):
             *channel,
             ("casts against the device", f"{self.differs:.1e} (volume, centre, moments of inertia)"),
         ]
+
+    def _remarks(self) -> list[str]:
+        return self.notes
+
+    @property
+    def notes(self) -> list[str]:
+        """What may go wrong with the printed bodies, sentences with the remedy."""
+        found = [(body, fin) for body in self.bodies if body.checked for fin in body.checked.fins if fin.slender]
+        return [fin.told(body.name, self.scale) for body, fin in found]
 
     @property
     def cast_volume(self) -> float:
@@ -515,7 +690,7 @@ def _made(device: Actuator, recipe: Recipe, workshop: Workshop) -> Made:
             max((piece.balance for piece in (*pieces, *waxes)), key=abs),
             sum(cast.facets.volume for cast in casts) * shrunk + plug + grooved, plug, grooved,
             next((one.tools.wound for one in drawn), None), silicone / MM / workshop.scale,
-            min(channels, default=math.nan),
+            min(channels, default=math.nan), workshop.scale,
         )  # fmt: skip
 
 

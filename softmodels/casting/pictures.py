@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from matplotlib.patches import Rectangle
 from geometries.actuator import Pour
 from softmodels.casting.bodies import rotation_up
 from softmodels.casting.facets import Facets, Placed, moved
-from softmodels.casting.make import Made, MouldBody
+from softmodels.casting.make import Made, MouldBody, manifold_of
 from softmodels.common.arrays import Array
 from softmodels.pictures.offscreen import Image, Layer, ViewCamera, direction, lines, studio, surface
 from softmodels.pictures.style import DPI, EDGE, Caption, number, page
@@ -137,6 +137,8 @@ def _neighbours(facets: Facets) -> tuple[Cells, Cells, Cells]:
 
 UP = np.array([0.0, 0.0, 1.0])
 VIEW = direction(-58.0, 24.0, UP)
+BELOW_RIM = 2e-3
+"""Distance of the silicone's level from the rim in mm: in one plane, rounding would leave films on the rim."""
 GHOST = 0.25
 """Opacity of a mould's bodies around what is poured."""
 
@@ -159,7 +161,7 @@ def steps_picture(made: Made) -> Figure:
 
 
 def _piece_steps(made: Made, pour: Pour) -> list[tuple[str, Image]]:
-    """Return the panels of one piece: put together, poured, opened."""
+    """Return the panels of one piece, which show what the sheet says: put together, poured, opened."""
     bodies, cast = made.of(pour)
     turn = standing(pour)
     apart, still = shifts(bodies, cast), dict.fromkeys((body.name for body in bodies), np.zeros(3))
@@ -177,11 +179,41 @@ def _piece_steps(made: Made, pour: Pour) -> list[tuple[str, Image]]:
     if not pour.lid:
         return [(f"Fill the {pour.name}, scrape it flat", _shot([*filled, *placed(still, 1.0, 1.0)])),
                 (f"Take the {pour.name} out", _shot([*filled, *placed(apart, 1.0, 1.0)]))]  # fmt: skip
+    lost = [body.name for body in bodies if not any(body.pull)]  # comes out within the piece
+    out = {name: np.zeros(3) if name in lost else places for name, places in apart.items()}
+    closed, opened = _shot([*filled, *placed(still, 1.0, GHOST)]), _shot([*filled, *placed(out, 1.0, 1.0)])
+    opening = f"Open, {'melt the wax out' if made.waxes else 'dissolve the core'}" if lost else "Open"
+    if not pour.filled_open:
+        closing = _shot(placed(apart, 0.6, 1.0))
+        return [(f"Close the {pour.name} mould", closing), ("Pour and cure", closed), (opening, opened)]
+    lid = next(places for name, places in apart.items() if pour.part(name) == " lid")
+    stays = {body.name: any(word in pour.part(body.name) for word in ("cup", "pin")) for body in bodies}
+    lifted = {name: np.zeros(3) if stay else lid for name, stay in stays.items()}
+    brim = (moved(_brimful(bodies, cast, stays), turn, np.zeros(3)), SILICONE, 1.0)
     return [
-        (f"Close the {pour.name} mould", _shot(placed(apart, 0.6, 1.0))),
-        ("Pour and cure", _shot([*filled, *placed(still, 1.0, GHOST)])),
-        ("Open", _shot([*filled, *placed(apart, 1.0, 1.0)])),
+        (f"Fill the {pour.name} cup", _shot([brim, *placed(lifted, 0.6, 1.0)])),
+        ("Lower the lid, cure", closed),
+        (opening, opened),
     ]
+
+
+def _brimful(bodies: Sequence[MouldBody], cast: MouldBody, stays: Mapping[str, bool]) -> Facets:
+    """Return the silicone in a piece's cup up to the rim: what of the cast's box is in no body that stays."""
+    from manifold3d import Manifold
+
+    low, high = cast.facets.points.min(axis=0), cast.facets.points.max(axis=0)
+    low[2] += BELOW_RIM
+    solid = Manifold.cube(tuple(high - low)).translate(tuple(low))
+    for body in bodies:
+        if stays[body.name]:
+            solid -= manifold_of(body.facets)
+    mesh = max(solid.decompose(), key=lambda piece: piece.volume()).to_mesh64()
+    points, triangles = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, dtype=np.int64)
+    a, b, c = np.moveaxis(points[triangles], 1, 0)
+    across = np.cross(b - a, c - a)
+    across /= np.maximum(np.linalg.norm(across, axis=1), 1e-30)[:, None]
+    faces, normals = np.arange(len(triangles)), np.repeat(across[:, None], 3, axis=1)
+    return Facets(points, triangles, faces, normals, cast.facets.chord, cast.facets.volume, cast.facets.centre)
 
 
 def _casts_apart(made: Made) -> list[tuple[Facets, str, float]]:

@@ -1,4 +1,4 @@
-"""``softmodels mould``, ``export`` and ``reduce``: a case for the workshop, for CalculiX or FEBio, and for robot simulators."""
+"""``softmodels mould``, ``export`` and ``reduce``: a case for the workshop, for CalculiX, and for robot simulators."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def mould_summary(found: Made) -> list[str]:
         f"casts: {found.cast_volume * 1e6:.5g} ml in the mould; shrunk and bonded they are the device "
         f"({found.volume * 1e6:.5g} ml, of which the tube takes {found.plug * 1e6:.2g} ml{grooves}) to {found.differs:.2g}"
     )
-    return lines
+    return [*lines, *(f"note: {text}" for text in found.notes)]
 
 
 def _mould_command() -> click.Command:
@@ -130,18 +130,18 @@ mould_command = _mould_command()
 
 @command("export")
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Deck: NAME.inp or NAME.feb.")
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Deck: NAME.inp.")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def export_command(file: Path, output: Path, quiet: bool) -> None:
-    """Write the case FILE for another program: the same mesh, silicones, supports, rigid parts, contact and loads.
+    """Write the case FILE for CalculiX: the same mesh, silicones, supports, rigid parts, contact and loads.
 
-    NAME.inp is for CalculiX (ccx NAME), NAME.feb for FEBio. Lengths in the deck are in mm, pressures in Pa. Cells have
-    only displacements there: compare the result with --formulation displacement.
+    It is solved by `ccx NAME`. Lengths in the deck are in mm, pressures in Pa. Cells have only displacements there: compare
+    the result with --formulation displacement.
 
     \b
     Examples:
       softmodels export results/disk/case.toml -o disk.inp
-      softmodels export results/seminar/case.toml -o slab.feb
+      softmodels export results/seminar/case.toml -o slab.inp
 
     \b
     Exit status: 0 done; 1 failed; 2 bad input; 130 stopped.
@@ -167,9 +167,8 @@ def export_command(file: Path, output: Path, quiet: bool) -> None:
 @command("reduce")
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="File: NAME.csv, NAME.json, NAME.xml "
-              "(MuJoCo), NAME.py (SOFA) or NAME.fmu.")  # fmt: skip
-@click.option("--as", "kind", default="", metavar="KIND", help="csv, json, mjcf, sofa, fonsim or fmu.  [default: by the "
-              "file's name]")  # fmt: skip
+              "(MuJoCo) or NAME.fmu.")  # fmt: skip
+@click.option("--as", "kind", default="", metavar="KIND", help="csv, json, mjcf or fmu.  [default: by the file's name]")
 @click.option("--face", default="", help="Face that is the tip.  [default: the device's own]")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def reduce_command(folder: Path, output: Path, kind: str, face: str, quiet: bool) -> None:
@@ -177,14 +176,14 @@ def reduce_command(folder: Path, output: Path, kind: str, face: str, quiet: bool
 
     Over the pressures of the path up to the first limit point: position and rotation of the tip, added volume, their exact
     derivatives by the pressures, the compliance by force and moment on the tip, effective area, arc of constant curvature, and
-    95 % bands where the run has them. NAME.xml is a chain of joints for MuJoCo, whose control is the pressure in kPa; NAME.py a
-    scene for SOFA; NAME.fmu a unit for co-simulation (FMI 2.0); --as fonsim a pressure-volume curve for FONSim.
+    95 % bands where the run has them. NAME.xml is a chain of joints for MuJoCo, whose control is the pressure in kPa;
+    NAME.fmu a unit for co-simulation (FMI 2.0).
 
     \b
     Examples:
       softmodels reduce results/pneunet -o finger.xml
       softmodels reduce results/pneunet -o finger.csv
-      softmodels reduce results/pneunet -o finger-pv.csv --as fonsim
+      softmodels reduce results/pneunet -o finger.fmu
 
     \b
     Exit status: 0 done; 1 failed; 2 bad input.

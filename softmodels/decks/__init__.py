@@ -1,5 +1,5 @@
 """A case, or what a run found, for other programs.
 
-- `deck`: the same mesh, silicones, supports and loads, in the words of CalculiX and FEBio.
-- `reduction`: a run reduced to its tip. `chains`: that as tables, and in the words of MuJoCo, SOFA and FONSim.
+- `deck`: the same mesh, silicones, supports and loads, in the words of CalculiX.
+- `reduction`: a run reduced to its tip. `chains`: that as tables, for MuJoCo, and as an FMU, whose program is `tip_unit`.
 """

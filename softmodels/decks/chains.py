@@ -1,9 +1,10 @@
-"""A reduced model in the words of other programs: tables, a chain for MuJoCo, a scene for SOFA, a curve for FONSim, an FMU."""
+"""A reduced model in the words of other programs: tables, a chain for MuJoCo, an FMU."""
 
 from __future__ import annotations
 
 import csv
 import dataclasses
+import hashlib
 import io
 import json
 import math
@@ -23,6 +24,7 @@ from softmodels.case.entries import CaseError
 from softmodels.common.arrays import Array
 from softmodels.common.errors import known_are, required
 from softmodels.common.files import read_file, write_bytes
+from softmodels.components.loads import Gravity
 from softmodels.decks.deck import WRITTEN
 from softmodels.decks.reduction import SAME, ReducedModel, TipState, across
 from softmodels.runs.outcomes import RunError
@@ -113,21 +115,17 @@ def _plain(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def fonsim_csv(model: ReducedModel) -> str:
-    """Return the volume of the air and its gauge pressure for FONSim's ``PVCurve(..., pressure_reference="relative")``."""
-    rest = model.case.actuator.cavity_volume * 1e6
-    states = sorted(model.states, key=lambda one: one.volume)
-    rows = [f"{rest + one.volume * 1e6:.9g},{one.pressure / 1e3:.9g}" for one in states]
-    return "\n".join(["volume,pressure", "ml,kPa", *rows]) + "\n"
-
-
 # ----------------------------------------------------------------------------------------------------------------------
 # A chain of joints for MuJoCo: hinges and slides with springs, whose rest positions follow the pressure.
 #
 # Segments of equal length. Their angles grow linearly along the chain, and all slides move by the same: three numbers give the
 # tip any place and angle in the plane of bending, three more (leaning out of it, evenly and not, and twist) any pose at all.
-# As functions of the pressure they are quartics. In MuJoCo a joint stands for the pressure, joints are tied to it by these
-# quartics, and tendons are the springs between those and the chain.
+# They are quartics of the advance, which follows from the pressure by a few quartics in turn: where walls come into contact,
+# quartics of the pressure itself leave 0.25 % of the length. In MuJoCo joints stand for the pressure and these (drivers),
+# equalities tie them, and tendons are the springs between the numbers and the chain. The drivers turn on the chain's base, so
+# that they come along with it. They have nearly no mass; but equalities are only as firm as the mass, whatever the armature, so
+# all but the pressure turn far: an equality's firmness grows with the square of that. The pressure has armature, on which no
+# motion of the base acts.
 
 
 SEGMENTS = 8
@@ -138,7 +136,17 @@ FLAT = 0.02
 LAG = 0.01
 """Time constant in s of the pressure behind its command."""
 DAMPING = 0.01
-"""Damping of a spring over its stiffness, s."""
+"""Damping of a joint over its spring's stiffness, s."""
+DRIVER_MASS = 1e-7
+"""Mass of a driver in masses of the device."""
+DRIVER_INERTIA = 1e-6
+"""Moment of inertia of a driver in masses of the device times its length squared."""
+DRIVER_TURN = 1000.0
+"""Angle by which drivers turn over the range, rad."""
+ADVANCES = ("onset", "rise", "advance")
+"""What follows from the pressure, each from the one before, by a quartic from 0 at 0 to 1 at 1."""
+SAMPLES = 61
+"""Pressures at which a chain is fitted to the table's curves, beside the table's own."""
 DRIVERS = ("bend", "uneven", "extension", "lean", "uneven_lean", "twisting")
 FOLLOWED = {
     "hinge": ("bend", "uneven"),
@@ -157,8 +165,10 @@ class Chain:
         base: Its beginning, m.
         axes: In columns its direction at rest, the one across it towards which it bends, and the normal of that plane.
         length: At rest, m.
-        quartics: The numbers (rad and m) over the pressure's share of ``top``: five coefficients each, shape (3, 5), or (6, 5)
-            where the tip leaves the plane.
+        advances: Coefficients of each of `ADVANCES` over the one before, the first over the pressure's share of ``top``, shape
+            (3, 5).
+        quartics: The numbers (rad and m) over the advance: five coefficients each, shape (3, 5), or (6, 5) where the tip leaves
+            the plane.
         top: The highest pressure, Pa.
         stiffness: Of one joint of each kind, N m/rad and N/m; 0 where it is not known, or there is none.
         error: Largest distance of the tip from the table's over the length, and angle in degrees.
@@ -167,6 +177,7 @@ class Chain:
     base: Array
     axes: Array
     length: float
+    advances: Array
     quartics: Array
     top: float
     stiffness: dict[str, float]
@@ -209,8 +220,12 @@ def chain_of(model: ReducedModel) -> Chain:
     normal = normal - (normal @ along) * along
     normal /= np.linalg.norm(normal)
     axes = np.column_stack([along, np.cross(normal, along), normal])
-    places = np.array([one.position - model.base for one in model.states]) @ axes
-    turned = [axes.T @ one.rotation @ axes for one in model.states]
+    top = float(model.pressures[np.argmax(np.abs(model.pressures))])
+    shares = model.pressures / top
+    sampled = np.union1d(shares, np.linspace(shares.min(), 1.0, SAMPLES))
+    poses = [model(share * top) for share in sampled]
+    places = np.array([one.position - model.base for one in poses]) @ axes
+    turned = [axes.T @ one.rotation @ axes for one in poses]
     out = float(np.abs(places[:, 2]).max())
     stiffness = _stiffness(model, axes, hinges)
     if out > FLAT * model.length and not (stiffness["side"] and stiffness["twist"]):
@@ -219,7 +234,7 @@ def chain_of(model: ReducedModel) -> Chain:
             f"model of the whole device, or write a table (.csv, .json)"
         )
     count, found = 6 if out > FLAT * model.length else 3, []
-    for place, R, angle in zip(places, turned, model.turns @ normal, strict=True):
+    for place, R, angle in zip(places, turned, np.interp(sampled, shares, model.turns @ normal), strict=True):
         if not hinges:
             found.append([0.0, 0.0, place[0] - model.length])
             continue
@@ -227,18 +242,42 @@ def chain_of(model: ReducedModel) -> Chain:
         guess = [angle + 0.01, 0.01, float(np.linalg.norm(place)) - 0.99 * model.length, 0.01, 0.01, 0.01][:count]
         solved = least_squares(_missed, guess, xtol=1e-14, gtol=1e-14, args=(place, R, model.length))
         found.append(solved.x)
-    top = float(model.pressures[np.argmax(np.abs(model.pressures))])
-    shares = model.pressures / top
-    powers = shares[:, None] ** np.arange(1 if abs(shares[0]) < 1e-9 else 0, 5)
-    fitted = np.linalg.lstsq(powers, np.array(found), rcond=None)[0].T
-    quartics = np.hstack([np.zeros((len(fitted), 5 - fitted.shape[1])), fitted])
+    advances, quartics = _fitted(sampled, np.array(found))
     misses = np.array([
-        _missed(quartics @ share ** np.arange(5), place, R, model.length)
-        for share, place, R in zip(shares, places, turned, strict=True)
+        _missed(quartics @ at ** np.arange(5), place, R, model.length)
+        for at, place, R in zip(_advanced(advances, sampled), places, turned, strict=True)
     ])  # fmt: skip
     angles = np.linalg.norm(misses[:, 3:], axis=1) * hinges
     error = float(np.linalg.norm(misses[:, :3], axis=1).max()), math.degrees(float(angles.max()))
-    return Chain(model.base, axes, model.length, quartics, top, stiffness, error)
+    return Chain(model.base, axes, model.length, advances, quartics, top, stiffness, error)
+
+
+def _advanced(advances: Array, shares: Array) -> Array:
+    """Return the advance at shares of the highest pressure."""
+    for coefficients in advances:
+        shares = np.polynomial.Polynomial(coefficients)(shares)
+    return shares
+
+
+def _fitted(shares: Array, numbers: Array) -> tuple[Array, Array]:
+    """Return coefficients of the advances, shape (3, 5), and of the numbers over the last of them, shape (numbers, 5), that fit
+    the numbers (in columns) best, each by its size."""
+    powers = np.arange(1 if abs(shares[0]) < 1e-9 else 0, 5)
+    scaled = numbers / np.maximum(np.abs(numbers).max(axis=0), SAME)
+
+    def advances(inner: Array) -> Array:
+        a, b, c = inner.reshape(-1, 3).T  # x + x (x - 1) (a + b x + c x^2)
+        return np.column_stack([0.0 * a, 1.0 - a, a - b, b - c, c])
+
+    def solved(inner: Array, of: Array) -> tuple[Array, Array]:
+        terms = _advanced(advances(inner), shares)[:, None] ** powers
+        found = np.linalg.lstsq(terms, of, rcond=None)[0]
+        return found, (terms @ found - of).ravel()
+
+    inner = least_squares(lambda inner: solved(inner, scaled)[1], np.zeros(3 * len(ADVANCES))).x
+    quartics = np.zeros((numbers.shape[1], 5))
+    quartics[:, powers] = solved(inner, numbers)[0].T
+    return advances(inner), quartics
 
 
 def _stiffness(model: ReducedModel, axes: Array, hinges: bool) -> dict[str, float]:
@@ -258,7 +297,9 @@ def _stiffness(model: ReducedModel, axes: Array, hinges: bool) -> dict[str, floa
 def mjcf(model: ReducedModel) -> str:
     """Return a chain as MJCF: ``ctrl`` is the pressure in kPa; the site ``tip`` has the tip's pose."""
     chain, link = chain_of(model), model.length / SEGMENTS
-    mass = model.case.actuator.solid_volume * model.density / (SEGMENTS + 1)
+    mass = model.mass / (SEGMENTS + 1)
+    # A weight that is in the table must not act once more in a scene with gravity.
+    links = {"gravcomp": "1"} if any(isinstance(part, Gravity) for part in model.case.components) else {}
     root = ElementTree.Element("mujoco", model=model.case.name)
     text = f" {WRITTEN}: {model.case.name}, {model.span[0] / 1e3:.4g} to {model.span[1] / 1e3:.4g} kPa; tip within " \
            f"{100 * chain.error[0]:.2g} % of the length and {chain.error[1]:.2g} degrees of the table "  # fmt: skip
@@ -266,20 +307,19 @@ def mjcf(model: ReducedModel) -> str:
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
     ElementTree.SubElement(root, "option", timestep="0.001", integrator="implicitfast", gravity="0 0 0")
     world = ElementTree.SubElement(root, "worldbody")
-    _drivers(world, len(chain.quartics))
     quaternion = Rotation.from_matrix(chain.axes).as_quat(canonical=True, scalar_first=True)
-    body = ElementTree.SubElement(world, "body", name="base", pos=_words(chain.base), quat=_words(quaternion))
+    body = ElementTree.SubElement(world, "body", links, name="base", pos=_words(chain.base), quat=_words(quaternion))
+    _drivers(body, model, len(chain.quartics))
     radius = 0.12 * model.length
     _link(body, link / 2, radius, mass)
     for k in range(SEGMENTS):
         long = link * (0.5 if k == SEGMENTS - 1 else 1.0)
-        body = ElementTree.SubElement(body, "body", name=f"link{k}", pos=_words([link / 2 if k == 0 else link, 0, 0]))
+        place = _words([link / 2 if k == 0 else link, 0, 0])
+        body = ElementTree.SubElement(body, "body", links, name=f"link{k}", pos=place)
         for kind, axis in (("hinge", "0 0 1"), ("side", "0 1 0"), ("twist", "1 0 0")):
-            if not (stiffness := chain.stiffness[kind]):
-                continue
-            spring = {} if chain.follows(kind) else _spring(stiffness)
-            ElementTree.SubElement(body, "joint", spring, name=f"{kind}{k}", type="hinge", axis=axis, armature="1e-7")
-        ElementTree.SubElement(body, "joint", name=f"slide{k}", type="slide", axis="1 0 0", armature="1e-4")
+            if chain.stiffness[kind]:
+                _joint(body, chain, kind, k, type="hinge", axis=axis, armature="1e-7")
+        _joint(body, chain, "slide", k, type="slide", axis="1 0 0", armature="1e-4")
         _link(body, long, radius, mass)
     turned = Rotation.from_matrix(chain.axes.T).as_quat(canonical=True, scalar_first=True)
     ElementTree.SubElement(
@@ -297,16 +337,24 @@ def mjcf(model: ReducedModel) -> str:
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _drivers(world: ElementTree.Element, count: int) -> None:
-    """Add the joints of the pressure and of the numbers, of 1 kg: in MuJoCo equalities are as firm as the mass."""
-    for name in ("pressure", *DRIVERS[:count]):
-        body = ElementTree.SubElement(world, "body", name=name, gravcomp="1")
-        ElementTree.SubElement(body, "inertial", pos="0 0 0", mass="1", diaginertia="1e-3 1e-3 1e-3")
-        ElementTree.SubElement(body, "joint", name=name, type="slide", axis="1 0 0")
+def _drivers(base: ElementTree.Element, model: ReducedModel, count: int) -> None:
+    """Add the joints of the pressure, of the advances and of the numbers."""
+    mass, inertia = DRIVER_MASS * model.mass, DRIVER_INERTIA * model.mass * model.length**2
+    for name in ("pressure", *ADVANCES, *DRIVERS[:count]):
+        body, armature = (
+            ElementTree.SubElement(base, "body", name=name),
+            {"armature": "1"} if name == "pressure" else {},
+        )
+        ElementTree.SubElement(body, "inertial", pos="0 0 0", mass=f"{mass:.9g}", diaginertia=_words([inertia] * 3))
+        ElementTree.SubElement(body, "joint", armature, name=name, type="hinge", axis="1 0 0")
 
 
-def _spring(stiffness: float) -> dict[str, str]:
-    return {"stiffness": f"{stiffness:.9g}", "damping": f"{DAMPING * stiffness:.9g}"}
+def _joint(body: ElementTree.Element, chain: Chain, kind: str, k: int, **more: str) -> None:
+    """Add a joint of the chain. Its damping is the joint's even where a tendon is the spring: all integrators of MuJoCo take
+    that of joints implicitly."""
+    stiffness = chain.stiffness[kind]
+    spring = {} if chain.follows(kind) else {"stiffness": f"{stiffness:.9g}"}
+    ElementTree.SubElement(body, "joint", name=f"{kind}{k}", damping=f"{DAMPING * stiffness:.9g}", **spring, **more)
 
 
 def _link(body: ElementTree.Element, length: float, radius: float, mass: float) -> None:
@@ -317,123 +365,39 @@ def _link(body: ElementTree.Element, length: float, radius: float, mass: float) 
 
 
 def _springs(root: ElementTree.Element, chain: Chain) -> None:
-    """Add the springs of the chain, and tie the numbers to the pressure."""
+    """Add the springs of the chain, and tie the numbers to the last of the advances, and the first to the pressure."""
     tendon, equality = ElementTree.SubElement(root, "tendon"), ElementTree.SubElement(root, "equality")
+    largest = np.abs(chain.quartics @ np.linspace(0.0, 1.0, SAMPLES) ** np.arange(5)[:, None]).max(axis=1)
+    per_turn = np.where(largest > 0.0, largest, 1.0) / DRIVER_TURN
+    numbers = dict(zip(DRIVERS, per_turn, strict=False))
     for kind in filter(chain.follows, FOLLOWED):
         first, second = FOLLOWED[kind]
         for k in range(SEGMENTS):
+            stiffness = f"{chain.stiffness[kind]:.9g}"
             spring = ElementTree.SubElement(
-                tendon, "fixed", _spring(chain.stiffness[kind]), name=f"{kind}_spring{k}", springlength="0"
+                tendon, "fixed", name=f"{kind}_spring{k}", springlength="0", stiffness=stiffness
             )
-            for name, factor in (f"{kind}{k}", 1.0), (first, -1 / SEGMENTS), (second, (SEGMENTS - 1) / 2 - k):
+            ElementTree.SubElement(spring, "joint", joint=f"{kind}{k}", coef="1")
+            for name, factor in (first, -1 / SEGMENTS), (second, (SEGMENTS - 1) / 2 - k):
                 if name:
-                    ElementTree.SubElement(spring, "joint", joint=name, coef=f"{factor:.9g}")
-    for name, quartic in zip(DRIVERS, chain.quartics, strict=False):
+                    ElementTree.SubElement(spring, "joint", joint=name, coef=f"{factor * numbers[name]:.9g}")
+    of_turn = DRIVER_TURN ** -np.arange(5.0)
+    first, *others = DRIVER_TURN * chain.advances
+    ties = [
+        (ADVANCES[0], "pressure", first),
+        *zip(ADVANCES[1:], ADVANCES, [one * of_turn for one in others], strict=False),
+    ]
+    for name, quartic in zip(numbers, chain.quartics, strict=True):
+        ties.append((name, ADVANCES[-1], quartic * of_turn / numbers[name]))
+    for name, of, quartic in ties:
         ElementTree.SubElement(
-            equality,
-            "joint",
-            joint1=name,
-            joint2="pressure",
-            polycoef=_words(quartic),
-            solref="0.002 1",
+            equality, "joint", joint1=name, joint2=of, polycoef=_words(quartic), solref="0.002 1",
             solimp="0.999 0.9999 0.001",
-        )
+        )  # fmt: skip
 
 
 def _words(values: Iterable[float]) -> str:
     return " ".join(f"{value:.9g}" for value in values)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# A scene for SOFA (SofaPython3): the tip as a rigid body on a spring, whose rest pose follows the table.
-
-
-SOFA = '''"""{written}: {name}. Run by: runSofa {file}
-
-The tip is a rigid body on springs whose rest pose follows the pressure; pressures from {low:.6g} to {high:.6g} kPa.
-Units: m, kg, s, N. Set `pressure_kPa` of the controller, or press the keys + and -.
-"""
-
-import numpy as np
-import Sofa
-
-PRESSURES = np.array({pressures})  # kPa
-POSES = np.array({poses})  # m, and the quaternion x, y, z, w
-STIFFNESS = np.array({stiffness})  # N/m and N m/rad: mean of the free directions
-
-
-def at(pressure_kPa):
-    """Return pose and stiffnesses at a pressure, linear between the {count} rows of the table."""
-    row = [np.interp(pressure_kPa, PRESSURES, column) for column in POSES.T]
-    row[3:] = row[3:] / np.linalg.norm(row[3:])
-    return row, [np.interp(pressure_kPa, PRESSURES, column) for column in STIFFNESS.T]
-
-
-class Pressure(Sofa.Core.Controller):
-    """Moves the rest pose of the tip's springs with the pressure."""
-
-    def __init__(self, *args, **kwargs):
-        super().__init__(*args, **kwargs)
-        self.rest, self.springs = kwargs["rest"], kwargs["springs"]
-        self.pressure_kPa = float(PRESSURES[0])
-
-    def onAnimateBeginEvent(self, event):
-        pose, (stiffness, angular) = at(self.pressure_kPa)
-        self.rest.position.value = [pose]
-        self.springs.stiffness.value = [stiffness]
-        self.springs.angularStiffness.value = [angular]
-
-    def onKeypressedEvent(self, event):
-        step = (PRESSURES[-1] - PRESSURES[0]) / 20 * {{"+": 1, "-": -1}}.get(event["key"], 0)
-        self.pressure_kPa = float(np.clip(self.pressure_kPa + step, PRESSURES[0], PRESSURES[-1]))
-
-
-def createScene(root):
-    root.dt = 0.001
-    root.gravity = [0, 0, 0]
-    for plugin in ("Component.ODESolver.Backward", "Component.LinearSolver.Iterative", "Component.StateContainer",
-                   "Component.Mass", "Component.SolidMechanics.Spring"):
-        root.addObject("RequiredPlugin", name="Sofa." + plugin)
-    root.addObject("DefaultAnimationLoop")
-    first, (stiffness, angular) = at(PRESSURES[0])
-    rest = root.addChild("rest").addObject("MechanicalObject", template="Rigid3d", name="rest", position=[first])
-    tip = root.addChild("tip")
-    tip.addObject("EulerImplicitSolver", rayleighStiffness=0.01)
-    tip.addObject("CGLinearSolver", iterations=25, tolerance=1e-9, threshold=1e-9)
-    tip.addObject("MechanicalObject", template="Rigid3d", name="tip", position=[first], showObject=True,
-                  showObjectScale={size:.6g})
-    tip.addObject("UniformMass", totalMass={mass:.6g})
-    springs = tip.addObject("RestShapeSpringsForceField", stiffness=[stiffness], angularStiffness=[angular],
-                            external_rest_shape=rest.getLinkPath(), points=[0], external_points=[0])
-    root.addObject(Pressure(name="pressure", rest=rest, springs=springs))
-    return root
-'''
-ROWS = 101
-"""Rows of the table in a scene, which is linear in between."""
-
-
-def sofa_scene(model: ReducedModel) -> str:
-    """Return a scene for SOFA."""
-    low, high = model.span
-    pressures = np.linspace(low, high, ROWS)
-    poses, stiffness = [], []
-    for pressure in pressures:
-        one = model(float(pressure))
-        w, *vector = one.quaternion.tolist()
-        poses.append([*(float(f"{x:.9g}") for x in one.position), *(float(f"{x:.9g}") for x in (*vector, w))])
-        C = one.compliance
-        stiffness.append([float(f"{_mean_stiffness(np.diag(C)[part]):.6g}") for part in (slice(0, 3), slice(3, 6))])
-    return SOFA.format(
-        written=WRITTEN, name=model.case.name, file="SCENE.py", low=low / 1e3, high=high / 1e3,
-        pressures=[float(f"{x / 1e3:.9g}") for x in pressures], poses=poses, stiffness=stiffness, count=ROWS,
-        size=0.2 * model.length, mass=model.case.actuator.solid_volume * model.density / 3,
-    )  # fmt: skip
-
-
-def _mean_stiffness(compliances: Array) -> float:
-    """Return one over the mean of the known compliances; stiff where none is known."""
-    known = compliances[np.isfinite(compliances) & (compliances > 0.0)]
-    return float(1 / known.mean()) if known.size else 1e6
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -442,91 +406,7 @@ def _mean_stiffness(compliances: Array) -> float:
 
 EXTRA = "fmu"
 """The extra of this project that brings pythonfmu."""
-MODULE = "softmodels_slave"
-SLAVE = '''"""{written}: {name}.
-
-The tip in equilibrium with the pressure in the cavity, and with force and moment on it to first order; SI units.
-Pressures from {low:.6g} to {high:.6g} Pa; beyond them the ends of the table. Plain Python.
-"""
-
-import bisect
-import json
-import math
-import pathlib
-from xml.etree import ElementTree
-
-from pythonfmu import Fmi2Causality, Fmi2Slave, Real
-from pythonfmu.enums import Fmi2Status
-
-INPUTS = ("pressure_Pa", "force_x_N", "force_y_N", "force_z_N", "moment_x_Nm", "moment_y_Nm", "moment_z_Nm")
-OUTPUTS = ("tip_x_m", "tip_y_m", "tip_z_m", "tip_qw_1", "tip_qx_1", "tip_qy_1", "tip_qz_1", "added_volume_m3")
-
-
-def product(a, b):
-    """Product of two quaternions, w first."""
-    return [
-        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
-        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
-        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
-    ]
-
-
-def quaternion(turn):
-    """Quaternion of a rotation vector."""
-    angle = math.sqrt(sum(x * x for x in turn))
-    share = math.sin(angle / 2) / angle if angle > 1e-9 else 0.5
-    return [math.cos(angle / 2), *(share * x for x in turn)]
-
-
-class Tip(Fmi2Slave):
-    def __init__(self, **kwargs):
-        super().__init__(**kwargs)
-        self.modelName, self.description = "{identifier}", "{written}: {name}"
-        table = json.loads((pathlib.Path(__file__).parent / "table.json").read_text())
-        self.pressures, self.values, self.slopes = table["pressures"], table["values"], table["slopes"]
-        for name in INPUTS:
-            setattr(self, name, 0.0)
-            self.register_variable(Real(name, causality=Fmi2Causality.input, start=0.0))
-        for name in OUTPUTS:
-            setattr(self, name, 0.0)
-            self.register_variable(Real(name, causality=Fmi2Causality.output))
-        self.update()
-
-    def to_xml(self, *options):
-        """Description of the model, with the outputs as what follows from its start."""
-        root = super().to_xml(*options)
-        structure = root.find("ModelStructure")
-        ElementTree.SubElement(structure, "InitialUnknowns").extend(structure.find("Outputs"))
-        return root
-
-    def at(self, pressure):
-        """Cubic Hermite interpolant of the table."""
-        x, k = self.pressures, min(max(bisect.bisect(self.pressures, pressure), 1), len(self.pressures) - 1)
-        h = x[k] - x[k - 1]
-        t = (pressure - x[k - 1]) / h
-        a, b, c, d = (1 + 2 * t) * (1 - t) ** 2, t * (1 - t) ** 2 * h, t * t * (3 - 2 * t), t * t * (t - 1) * h
-        rows = zip(self.values[k - 1], self.slopes[k - 1], self.values[k], self.slopes[k])
-        return [a * y + b * dy + c * z + d * dz for y, dy, z, dz in rows]
-
-    def update(self):
-        within = min(max(self.pressure_Pa, self.pressures[0]), self.pressures[-1])
-        found, loads = self.at(within), [getattr(self, name) for name in INPUTS[1:]]
-        place, turn, volume, rate, C = found[:3], found[3:6], found[6], found[7:13], found[13:]
-        moved = [sum(C[6 * i + j] * loads[j] for j in range(6)) for i in range(6)]
-        pose = [place[i] + moved[i] for i in range(3)] + product(quaternion(moved[3:]), quaternion(turn))
-        for name, value in zip(OUTPUTS, [*pose, volume + sum(r * load for r, load in zip(rate, loads))]):
-            setattr(self, name, value)
-        return within == self.pressure_Pa
-
-    def exit_initialization_mode(self):
-        self.update()
-
-    def do_step(self, current_time, step_size):
-        if not self.update():
-            self.log("the pressure is outside the table", Fmi2Status.warning)
-        return True
-'''
+PROGRAM = Path(__file__).with_name("tip_unit.py")
 
 
 def fmu(model: ReducedModel) -> bytes:
@@ -534,18 +414,22 @@ def fmu(model: ReducedModel) -> bytes:
     from pythonfmu import FmuBuilder
 
     low, high = model.span
-    identifier = re.sub(r"\W", "_", f"softmodels_{model.case.name}")
-    text = SLAVE.format(written=WRITTEN, name=model.case.name, identifier=identifier, low=low, high=high)
+    program = PROGRAM.read_bytes()
+    text = f"{WRITTEN}: the tip of {model.case.name}, {low:.6g} to {high:.6g} Pa; SI units"
+    table = {"description": text, **model.knots()}
+    # Units of one name in a process would share a module, so the name follows from what the unit holds.
+    digest = hashlib.sha256(program + json.dumps(table).encode()).hexdigest()[:12]
+    name = re.sub(r"[^A-Za-z0-9_]", "_", f"softmodels_{model.case.name[:40]}_{digest}")
     before = list(sys.path)
-    with tempfile.TemporaryDirectory() as name:
-        script, table, made = (Path(name) / file for file in (f"{MODULE}.py", "table.json", "made.fmu"))
-        script.write_text(text, encoding="utf-8")
-        table.write_text(json.dumps(model.knots()))
+    with tempfile.TemporaryDirectory() as folder:
+        script, data, made = (Path(folder) / file for file in (f"{name}.py", "table.json", "made.fmu"))
+        script.write_bytes(program)
+        data.write_text(json.dumps({"identifier": name, **table}), encoding="utf-8")
         try:
-            FmuBuilder.build_FMU(script, made, project_files=[table])
+            FmuBuilder.build_FMU(script, made, project_files=[data])
         finally:
             sys.path[:] = before
-            sys.modules.pop(MODULE, None)
+            sys.modules.pop(name, None)
         return made.read_bytes()
 
 
@@ -554,10 +438,10 @@ def fmu(model: ReducedModel) -> bytes:
 
 
 WRITERS: dict[str, Callable[[ReducedModel], str | bytes]] = {
-    "csv": table_csv, "json": table_json, "mjcf": mjcf, "sofa": sofa_scene, "fonsim": fonsim_csv, "fmu": fmu,
+    "csv": table_csv, "json": table_json, "mjcf": mjcf, "fmu": fmu,
 }  # fmt: skip
-ENDINGS = {".csv": "csv", ".json": "json", ".xml": "mjcf", ".py": "sofa", ".fmu": "fmu"}
-"""What a file is by its ending; FONSim's is named, as it is CSV too."""
+ENDINGS = {".csv": "csv", ".json": "json", ".xml": "mjcf", ".fmu": "fmu"}
+"""What a file is by its ending."""
 
 
 def write(model: ReducedModel, file: Path, kind: str = "") -> Path:
@@ -579,9 +463,9 @@ def is_own(file: Path) -> bool:
     except OSError:
         return False
     if content.startswith(b"PK"):
-        return f"resources/{MODULE}.py".encode() in content
+        return re.search(rb"resources/softmodels_\w+\.py", content) is not None
     head = content[:4000].decode(errors="replace")
-    return WRITTEN in head or head.startswith(("pressure_Pa,", "volume,pressure\nml,kPa\n"))
+    return WRITTEN in head or head.startswith("pressure_Pa,")
 
 
 def kind_of(file: Path, kind: str = "") -> str:

@@ -27,6 +27,7 @@ from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import known_are
 from softmodels.common.lazy import Expr
 from softmodels.components.contact import Walls
+from softmodels.components.loads import densities
 from softmodels.materials.silicones import density_of, extrapolated
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.component import ComponentError
@@ -295,13 +296,13 @@ def table_of(source: States, face: str = "") -> ReducedModel:
                 restart = source.restart(step)
                 state = stored_state(source, simulation.fields, comm, step, restart["P"], restart["V"])
                 states.append(responses.at(state, rows[step]))
-            base = responses.base()
+            base, mass = responses.base(), responses.mass()
             responses.release()
     except NoConvergence as failure:
         raise RunError(f"a stored state could not be solved again ({failure}); run the case again") from failure
     finally:
         simulation.release()
-    model = ReducedModel(case, role, tuple(states), base, end)
+    model = ReducedModel(case, role, tuple(states), base, end, mass)
     touching = (rows[step]["pressure_Pa"] for step in steps if touches(rows[step]))
     model.contact = next(touching, None)
     return model
@@ -348,6 +349,12 @@ class Responses:
             return TipFace(self.system, role).centre
         except ComponentError:
             return np.zeros(3)
+
+    def mass(self) -> float:
+        """Return what the whole device weighs with the masses on it, kg."""
+        system, parts, on = self.system, self.case.components, DistributedLoad(self.system)
+        amounts = zip(system.matter, densities(system, parts), strict=True)
+        return sum(density * on.volume(matter) for matter, density in amounts) + sum(part.weighs for part in parts)
 
     def at(self, state: State, row: Row) -> TipState:
         """Return a state of the table, from a guess of it."""
@@ -455,12 +462,16 @@ class ReducedModel(Shown):
         base: Centre of the support, m.
         end: Why the table ends: a limit point, a bifurcation; empty at the last requested value.
         contact: Pressure in Pa from which surfaces are in contact; None if they never are.
+        mass: Of the whole device with what is on it, kg.
         errors: Largest errors in between: position over length, angle in degrees, volume and compliance relative.
     """
 
-    def __init__(self, case: Case, face: str, states: tuple[TipState, ...], base: Array, end: str):
+    def __init__(
+        self, case: Case, face: str, states: tuple[TipState, ...], base: Array, end: str, mass: float | None = None
+    ):
         self.case, self.face, self.states, self.base, self.end = case, face, states, base, end
         self.contact: float | None = None
+        self.mass = case.actuator.solid_volume * density_of(case.material) if mass is None else mass
         self._curves = Curves(states)
         self.errors = self._errors()
 
@@ -525,11 +536,6 @@ class ReducedModel(Shown):
     def length(self) -> float:
         """Distance in m of the tip from the support at the first state."""
         return float(np.linalg.norm(self.states[0].position - self.base)) or self.case.actuator.size
-
-    @property
-    def density(self) -> float:
-        """Density of the silicone in kg/m3."""
-        return density_of(self.case.material)
 
     def __call__(self, pressure: float) -> TipPose:
         """Return the state at a pressure in Pa.

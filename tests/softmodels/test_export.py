@@ -1,4 +1,4 @@
-"""Decks for CalculiX and FEBio: read back, they hold the case's mesh, supports, silicone and pressures."""
+"""Decks for CalculiX: read back, they hold the case's mesh, supports, silicone and pressures."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import dataclasses
 import re
 import subprocess
 import sys
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -27,9 +26,7 @@ CASE = Case("disk", DISK, LAW, pressures_cm=(0.0, 40.0, 80.0))
 @pytest.fixture(scope="module")
 def decks(tmp_path_factory):
     folder = tmp_path_factory.mktemp("decks")
-    for name in ("disk.inp", "disk.feb"):
-        deck = sm.export(CASE, folder / name)
-    return folder, deck
+    return folder, sm.export(CASE, folder / "disk.inp")
 
 
 def test_the_mesh_comes_back(decks):
@@ -51,21 +48,11 @@ def test_the_mesh_comes_back(decks):
 def test_pressures_and_silicone(decks):
     folder, _ = decks
     inp = (folder / "disk.inp").read_text()
-    feb = ElementTree.parse(folder / "disk.feb").getroot()
     pressures = [float(value) for value in re.findall(r"CAVITY, P, (\S+)", inp)]
     assert pressures == pytest.approx(CASE.goals[1:], rel=1e-12)
-    steps, air = ([pt.text.split(",") for pt in curve.iter("pt")] for curve in feb.iter("load_controller"))
-    assert [float(value) for _, value in air] == pytest.approx([0.0, *pressures], rel=1e-12)
-    # Its steps meet the times of the curve that its largest step names, and with them the requested pressures.
-    assert [time for time, _ in steps] == [time for time, _ in air] and {value for _, value in steps} == {"0.1"}
-    assert feb.find("Control/time_stepper/dtmax").get("lc") == "1"
     c1, c2, c3, d1, d2, d3 = map(float, re.search(r"YEOH\n(.+)", inp)[1].split(","))
     assert (c1, c2, c3) == pytest.approx((14e3, 60.0, 0.5), rel=1e-12) and d2 == d3 == 1e10
     assert 2 / d1 == pytest.approx(LAW.bulk, rel=1e-12)
-    material = feb.find("Material/material")
-    assert material.get("type") == "Yeoh" and material.find("pressure_model").text == "2"
-    assert float(material.find("k").text) == pytest.approx(LAW.bulk, rel=1e-12)
-    assert [float(material.find(f"c{i}").text) for i in (1, 2, 3)] == pytest.approx((14e3, 60.0, 0.5), rel=1e-12)
 
 
 def test_a_memory_is_left_out_with_a_sentence(decks, tmp_path):
@@ -73,28 +60,13 @@ def test_a_memory_is_left_out_with_a_sentence(decks, tmp_path):
     folder, _ = decks
     creeping = dataclasses.replace(CASE, material=LAW.with_memory(branches=[(0.2, 1.0)]))
     (tmp_path / "case.toml").write_text(creeping.to_toml())
-    command = [sys.executable, "-m", "softmodels", "export", "case.toml", "-o", "disk.feb"]
+    command = [sys.executable, "-m", "softmodels", "export", "case.toml", "-o", "disk.inp"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0 and "silicone: the deck leaves out its memory" in " ".join(done.stdout.split())
     relaxed, here = (
-        ElementTree.tostring(ElementTree.parse(place / "disk.feb").getroot().find("Material"))
-        for place in (folder, tmp_path)
+        re.search(r"\*MATERIAL.*(?:\n.*){3}", (place / "disk.inp").read_text())[0] for place in (folder, tmp_path)
     )
-    assert here == relaxed
-
-
-def test_febio_has_the_same_mesh(decks):
-    folder, deck = decks
-    mesh = ElementTree.parse(folder / "disk.feb").getroot().find("Mesh")
-    places = np.array([[float(x) for x in node.text.split(",")] for node in mesh.find("Nodes")])
-    assert places == pytest.approx(1e3 * deck.mesh.points, abs=1e-9)
-    cells = np.array([[int(i) for i in cell.text.split(",")] for cell in mesh.find("Elements")]) - 1
-    assert (cells == deck.mesh.cells).all()
-    # The pressure pushes into the solid, against the faces' normals: these point into the air, so they enclose -V.
-    wall = next(one for one in mesh.iter("Surface") if one.get("name") == "cavity")
-    a, b, c = np.moveaxis(places[np.array([[int(i) for i in face.text.split(",")[:3]] for face in wall]) - 1], 1, 0)
-    enclosed = -np.einsum("ij,ij->", a, np.cross(b, c)) / 6 * 8e-9
-    assert enclosed == pytest.approx(DISK.cavity_volume, rel=0.1)  # of the flat triangles
+    assert here == relaxed and "YEOH" in here
 
 
 def test_supports_hold_what_the_device_holds(decks):
@@ -170,7 +142,7 @@ def test_one_moment_is_written_as_its_own(tmp_path):
     assert found[1] == pytest.approx(4e-4 / case.actuator.copies, rel=1e-9)
 
 
-def test_regions_have_silicones_of_their_own(loaded, tmp_path):
+def test_regions_have_silicones_of_their_own(loaded):
     deck, text = loaded
     assert re.findall(r"\*SOLID SECTION, ELSET=(\w+), MATERIAL=(\w+)", text) == [
         *((region.upper(), "SILICONE") for region in deck.mesh.regions if region != "base"),
@@ -178,13 +150,6 @@ def test_regions_have_silicones_of_their_own(loaded, tmp_path):
     ]
     values = re.search(r"NAME=BASE\n\*HYPERELASTIC, MOONEY-RIVLIN\n(.+)", text)[1]
     assert [float(value) for value in values.split(",")][:2] == [200e3, 50e3]
-    components = LOADED.components[:1]
-    sm.export(dataclasses.replace(LOADED, components=components), tmp_path / "finger.feb")
-    root = ElementTree.parse(tmp_path / "finger.feb").getroot()
-    kinds = {one.get("name"): one.get("type") for one in root.iter("material")}
-    assert kinds == {"silicone": "Yeoh", "base": "Mooney-Rivlin"}
-    domains = {one.get("name"): one.get("mat") for one in root.iter("SolidDomain")}
-    assert domains.pop("base") == "base" and set(domains.values()) == {"silicone"}
 
 
 def test_without_dead_loads_there_is_no_step_for_them(decks, tmp_path):
@@ -222,7 +187,7 @@ def test_a_laws_terms_are_its_energy(law):
         ({"pressures_cm": (), "volumes_ml": (1.0,)}, "asks for added volumes"),
         ({"pressures_cm": (0.0,)}, "add a value above 0"),
         ({"load_unload": True}, "no unloading"),
-        ({"material": sm.Gent(28e3, 30.0)}, "neither CalculiX nor FEBio"),
+        ({"material": sm.Gent(28e3, 30.0)}, "gent is a law that CalculiX does not have"),
         ({"material": sm.Yeoh(14e3, 60.0, 0.5, 0.5)}, "incompressible"),
         ({"components": [sm.Sheet("top", 1e3)]}, "a sheet"),
         ({"components": (sm.Walls("cavity"),)}, r"\[walls\]"),
@@ -241,7 +206,7 @@ def test_what_decks_have_no_words_for(tmp_path, changes, words):
 
 def test_files_that_are_no_decks_stay(tmp_path):
     (tmp_path / "mine.inp").write_text("*NODE\n")
-    for name, words in (("mine.inp", "is not a deck"), ("disk.txt", r"ends in \.txt")):
+    for name, words in (("mine.inp", "is not a deck"), ("disk.txt", r"ends in \.txt"), ("disk.feb", r"ends in \.feb")):
         with pytest.raises(CaseError, match=words):
             sm.export(CASE, tmp_path / name)
     assert (tmp_path / "mine.inp").read_text() == "*NODE\n"
@@ -273,9 +238,9 @@ def test_the_command(tmp_path):
         command = [sys.executable, "-m", "softmodels", "export", *arguments]
         return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
 
-    done = export("case.toml", "-o", "disk.feb")
-    assert done.returncode == 0 and re.search(r"disk\.feb: \d+ cells, \d+ nodes, 2 pressures", done.stdout)
-    assert export("case.toml", "-o", "disk.feb", "--quiet").stdout == ""
-    wrong = export("case.toml", "-o", "nowhere/disk.feb")
+    done = export("case.toml", "-o", "disk.inp")
+    assert done.returncode == 0 and re.search(r"disk\.inp: \d+ cells, \d+ nodes, 2 pressures", done.stdout)
+    assert export("case.toml", "-o", "disk.inp", "--quiet").stdout == ""
+    wrong = export("case.toml", "-o", "nowhere/disk.inp")
     assert wrong.returncode == 2 and "cannot be written" in wrong.stderr and "Traceback" not in wrong.stderr
     assert export("none.toml", "-o", "x.inp").returncode == 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from geometries import (
     Cylinder,
     GeometryError,
     HollowDisk,
+    ImportedActuator,
     ImportedMesh,
     Membrane,
     PneuNet,
@@ -23,6 +25,7 @@ from geometries import (
 )
 from geometries.actuator import Castable
 from geometries.meshing import private_model
+from softmodels.casting import pictures
 from softmodels.casting.bodies import imported, left, recipe_of, tooling
 from softmodels.casting.facets import BETWEEN, arranged, laid_flat, print_estimate
 from softmodels.casting.files import _pour_steps, _steps
@@ -216,6 +219,95 @@ def test_the_lid_of_a_piece_called_cup_is_no_cup():
     (pour,) = recipe_of(SuctionCup(), COARSE).pours
     steps = " ".join(_pour_steps(pour, ["cup lid", "cup cup"], "4 h"))
     assert "Put the cup cup on the cup lid and bolt" in steps
+
+
+def test_slender_fins_are_named_with_a_remedy_that_cures():
+    """Between the chambers of a finger: as thick as the gap, as deep and long as the chambers' outsides; one sentence each."""
+    finger = PneuNet(chambers=3)
+    found = _made(finger, recipe_of(finger, COARSE), COARSE)
+    cup = next(body for body in found.bodies if body.name == "chambers cup")
+    (fin,) = (fin for fin in cup.checked.fins if fin.slender)
+    scaled = 1e-3 / (1.0 - COARSE.shrinkage)
+    assert (fin.thickness, fin.depth, fin.length) == pytest.approx((0.5 * scaled, 10 * scaled, 16 * scaled), rel=1e-3)
+    assert (
+        fin.draft == pytest.approx(0.0, abs=1e-3)
+        and fin.alike == 2
+        and fin.slenderness == pytest.approx(20.0, rel=1e-3)
+    )
+    (note,) = found.notes
+    assert "the chambers cup has 2 fins 0.505 mm thick, 10.1 mm deep and 16.2 mm long without draft (at " in note
+    assert "20 times as deep as thick, more than 5" in note and "gap there at least 2 mm wide" in note
+    cured = dataclasses.replace(finger, gap=0.002)
+    assert _made(cured, recipe_of(cured, COARSE), COARSE).notes == []
+
+
+SLOTS = [(1.0, 8.0, 0.0), (1.6, 8.0, 0.0), (1.0, 4.95, 0.0), (0.8, 8.0, 0.6), (0.7, 8.0, 0.6)]
+"""Width and depth in mm of a slot at its middle, and draft of its flanks in degrees; the first and the last are slender."""
+
+
+@pytest.mark.parametrize("slot", SLOTS, ids=str)
+def test_slender_fins_of_a_part_are_cured_by_width_depth_or_draft(slot, tmp_path):
+    import gmsh
+
+    width, depth, draft = slot
+    top, slope = 15.0, math.tan(math.radians(draft)) * depth / 2
+    with private_model():
+        occ = gmsh.model.occ
+        part, hole = (3, occ.addBox(0, -5, -5, 20, 10, 20)), (3, occ.addBox(10, -3, -2, 7, 6, 6))
+        ends = [
+            (-width / 2 - slope, top),
+            (width / 2 + slope, top),
+            (width / 2 - slope, top - depth),
+            (slope - width / 2, top - depth),
+        ]
+        points = [occ.addPoint(5.0 + x, -6.0, z) for x, z in ends]
+        lines = [occ.addLine(points[k - 1], points[k]) for k in range(4)]
+        face = (2, occ.addPlaneSurface([occ.addCurveLoop(lines)]))
+        cutter = [solid for solid in occ.extrude([face], 0, 12, 0) if solid[0] == 3]
+        occ.cut([part], [hole, *cutter])
+        occ.synchronize()
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+        gmsh.write(str(tmp_path / "part.step"))
+        gmsh.option.setString("Geometry.OCCTargetUnit", "")
+    device = ImportedActuator(file=str(tmp_path / "part.step"), cavities=("at 13, 0, 1 mm",), support="x = 20 mm")
+    workshop = asked_of(device, pull="0, 0, 1", tube=0.0, bolt=0.0, chord="0.1 mm").workshop
+    found = _made(device, recipe_of(device, workshop), workshop)
+    cup = next(body for body in found.bodies if body.name == "upper cup")
+    fin = max(cup.checked.fins, key=lambda fin: fin.slenderness)
+    expected = (1e-3 * width, 1e-3 * depth, 10e-3)
+    assert (fin.thickness, fin.depth, fin.length) == pytest.approx(expected, rel=0.01)
+    assert fin.draft == pytest.approx(draft, abs=0.01)
+    assert len(found.notes) == (slot in (SLOTS[0], SLOTS[-1]))
+
+
+@pytest.mark.parametrize("kind", [PneuNet, SuctionCup, Membrane, Bellows])
+def test_the_pictures_of_the_steps_show_the_sheet(kind, monkeypatch):
+    """A cup that the sheet fills before the lid comes on is filled in the pictures, and the silicone there is up to the rim; a
+    mould that is closed first is drawn so."""
+    device, _ = DEVICES[kind]
+    found, shots = _made(device, recipe_of(device, COARSE), COARSE), []
+    monkeypatch.setattr(pictures, "_shot", shots.append)
+    for pour in found.recipe.pours:
+        names = [text for text, _ in pictures._piece_steps(found, pour)]
+        bodies, cast = found.of(pour)
+        sheet = " ".join(_pour_steps(pour, [body.name for body in bodies], "4 h"))
+        assert names[0].startswith("Fill") == ("Lower the lid" in sheet or not pour.lid)
+        assert names[0].startswith("Close") == ("Pour through" in sheet)
+        assert names[-1].endswith("dissolve the core") == ("Dissolve the core" in sheet)
+        lost = [body for body in bodies if not any(body.pull)]
+        assert len(lost) == ("Dissolve the core" in sheet)
+        for body in lost:  # still within the piece as the mould opens, and nowhere else
+            core, turn = body.facets.points @ pictures.standing(pour).T, [facets.points for facets, _, _ in shots[1]]
+            assert any(points.shape == core.shape and np.abs(points - core).max() < 1e-9 for points in turn)
+        if "Lower the lid" in sheet:
+            assert names == [f"Fill the {pour.name} cup", "Lower the lid, cure", "Open"]
+            brim = shots[-1][0][0]
+            low, high = cast.facets.points.min(axis=0), cast.facets.points.max(axis=0)
+            assert np.ptp(brim.points, axis=0) == pytest.approx(high - low, abs=0.1)
+            core = brim.polyhedron_volume - cast.facets.volume
+            lid = next(body for body in bodies if body.name.endswith("lid"))
+            inside = lid.facets.points[:, 2].max() > low[2] + 1.0
+            assert core > 100.0 if inside else core == pytest.approx(0.0, abs=1.0)
 
 
 def test_a_core_that_cannot_leave_is_refused():

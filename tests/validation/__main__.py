@@ -3,7 +3,7 @@
 uv run python -m tests.validation                      # all of them, errors and coverage
 uv run python -m tests.validation beam plain           # those whose name or group has one of the words
 uv run python -m tests.validation --write              # also docs/pages/explanation/benchmark.md and its picture
-uv run python -m tests.validation --cases FOLDER       # no solving: the cases as files, and as decks for CalculiX and FEBio
+uv run python -m tests.validation --cases FOLDER       # no solving: the cases as files, and as decks for CalculiX
 """
 
 from __future__ import annotations
@@ -152,16 +152,15 @@ def _compressible(material: Material) -> Material:
 
 
 def write_cases(chosen: Sequence[Measured], folder: Path) -> None:
-    """Write each case, and its decks where these have all that is in it."""
+    """Write each case, and its deck where that has all that is in it."""
     for one in chosen:
         case = one.case(one.material)
         (folder / f"{case.name}.toml").write_text(case.to_toml(), encoding="utf-8")
         case = deck_case(one)
-        for ending in ("inp", "feb"):
-            try:
-                sm.export(case, folder / f"{case.name}.{ending}")
-            except (CaseError, sm.GeometryError) as error:
-                print(f"{case.name}.{ending}: {error}")
+        try:
+            sm.export(case, folder / f"{case.name}.inp")
+        except (CaseError, sm.GeometryError) as error:
+            print(f"{case.name}.inp: {error}")
 
 
 def main() -> None:

@@ -44,4 +44,4 @@ def test_cases_are_files_that_others_can_take(tmp_path):
     write_cases(
         [dataclasses.replace(one, case=lambda material: dataclasses.replace(coarse, material=material))], tmp_path
     )
-    assert {file.name for file in tmp_path.iterdir()} == {"plain-15N.toml", "plain-15N.inp", "plain-15N.feb"}
+    assert {file.name for file in tmp_path.iterdir()} == {"plain-15N.toml", "plain-15N.inp"}
