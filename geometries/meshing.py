@@ -11,6 +11,7 @@ import dataclasses
 import errno
 import functools
 import hashlib
+import itertools
 import math
 import os
 import pickle
@@ -283,8 +284,8 @@ def is_whole(path: Path) -> bool:
 
 def load_mesh(path: str | Path, dimension: int | None = None) -> list[tuple[int, int, str]]:
     """Read a mesh file of `Actuator.write` into the current Gmsh model (see `private_model`), of dimension 2 (axisymmetric),
-    3 (solid) or any; return dimension, tag and name of its physical groups: a region and the face of it may bear one name.
-    FileNotFoundError, or MeshFileError if it is no complete mesh of that dimension."""
+    3 (solid) or any; return dimension, tag and name of its physical groups (see `named_groups`). FileNotFoundError, or
+    MeshFileError if it is no complete mesh of that dimension."""
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path} is not a file")
@@ -298,7 +299,30 @@ def load_mesh(path: str | Path, dimension: int | None = None) -> list[tuple[int,
             raise MeshFileError(f"{path} is a broken mesh file ({str(error).strip() or 'no reason given'})") from None
     if dimension not in (None, found := gmsh.model.getDimension()):
         raise MeshFileError(f"{path} is the mesh of another device: its cells have {found} dimensions, not {dimension}")
-    return [(*group, gmsh.model.getPhysicalName(*group)) for group in gmsh.model.getPhysicalGroups()]
+    return named_groups()
+
+
+JOINT = "+"
+"""Between the names of what has several: every facet and every cell is in one physical group, as DOLFINx' reader wants."""
+
+
+def disjoint(groups: Mapping[str, NDArray[np.int64]], count: int, rest: str) -> dict[str, NDArray[np.int64]]:
+    """Return groups of numbers below a count without any in two: those of several have their names with `JOINT` between, those
+    of none the rest's."""
+    inside = np.zeros((count, len(groups) + 1), dtype=bool)  # one more: rows have to have a column
+    for column, members in enumerate(groups.values()):
+        inside[members, column] = True
+    kinds, kind = np.unique(inside, axis=0, return_inverse=True)
+    names = [JOINT.join(itertools.compress(groups, row)) or rest for row in kinds]
+    found = {name: np.flatnonzero(kind.ravel() == k) for k, name in enumerate(names)}
+    return dict(reversed(found.items()))  # in the order of the groups, the rest last
+
+
+def named_groups() -> list[tuple[int, int, str]]:
+    """Return dimension, tag and name of the current model's physical groups, one with several names once for each; a region
+    and the face of it may bear one name."""
+    groups = [(*group, gmsh.model.getPhysicalName(*group)) for group in gmsh.model.getPhysicalGroups()]
+    return [(dimension, tag, name) for dimension, tag, names in groups for name in names.split(JOINT)]
 
 
 def _check(path: Path, content: bytes) -> None:

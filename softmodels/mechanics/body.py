@@ -321,12 +321,14 @@ class Body:
         data.mesh.geometry.x[:] /= actuator.size
         tdim = data.mesh.topology.dim
         by_dimension = {tdim - 1: data.facet_tags, tdim - 2: data.ridge_tags, tdim - 3: data.peak_tags}
-        entities, regions = {}, {}
-        for dimension, tag, name in groups:
+        entities, regions = dict[str, Entities](), dict[str, npt.NDArray[np.int32]]()
+        none = np.empty(0, dtype=np.int32)
+        for dimension, tag, name in groups:  # what several groups of the mesh share belongs to each of their names
             if dimension == tdim:
-                regions[name] = data.cell_tags.find(tag)
+                regions[name] = np.union1d(regions.get(name, none), data.cell_tags.find(tag))
             else:
-                entities[name] = (dimension, by_dimension[dimension].find(tag))
+                known = entities.get(name, (dimension, none))[1]
+                entities[name] = (dimension, np.union1d(known, by_dimension[dimension].find(tag)))
         names = cavity_roles(actuator)
         if missing := [name for name in names if name not in entities]:
             raise BodyError(
