@@ -21,6 +21,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from geometries.abaqus import Deck
 from geometries.actuator import (
     AXES,
     Actuator,
@@ -959,7 +960,7 @@ class ImportedActuator(ImportedPart):
 # ----------------------------------------------------------------------------------------------------------------------
 # Read meshes of other programs into arrays, with their names of faces and regions.
 #
-# Gmsh's ``.msh`` and Abaqus' ``.inp`` are read by meshio, which runs nothing that a file holds. An ``.stl`` has surfaces
+# Gmsh's ``.msh`` is read by meshio, which runs nothing that a file holds, Abaqus' ``.inp`` by `abaqus`. An ``.stl`` has surfaces
 # only; the solid between them is meshed by Gmsh, in a separate process.
 
 
@@ -986,7 +987,7 @@ def read_mesh(file: str, unit: float, cell_size: float) -> Tetrahedra:
     if kind == ".stl":
         return _filled(file, found, unit, cell_size)
     cells, blocks = _tetrahedra(file, found)
-    sets = _physical_groups(read_file(file, GEOMETRY), found) if kind == ".msh" else list(found.cell_sets.items())
+    sets = _physical_groups(file, found) if kind == ".msh" else list(found.cell_sets.items())
     faces, regions = _face_names(found, sets), _region_names(found, sets, blocks)
     if kind == ".msh":
         cells, regions = _each_once(cells, regions)
@@ -998,10 +999,9 @@ def _by_meshio(file: str, format_name: str) -> Any:
 
     try:
         check_file(file)
-        deck = read_file(file, GEOMETRY).decode("utf-8", errors="replace") if format_name == "abaqus" else ""
+        content = b"" if format_name == "stl" else read_file(file, GEOMETRY)
     except OSError as error:
         raise GeometryError(f"file {file} cannot be read ({error.strerror})") from None
-    _check_deck(file, deck)
     try:
         with (
             contextlib.redirect_stdout(io.StringIO()),
@@ -1010,13 +1010,17 @@ def _by_meshio(file: str, format_name: str) -> Any:
         ):
             if format_name == "gmsh":
                 with tempfile.NamedTemporaryFile(suffix=".msh") as plain:
-                    plain.write(_without_groups(read_file(file, GEOMETRY)))
+                    plain.write(_without_groups(content))
                     plain.flush()
                     found = meshio.read(plain.name, format_name)
+            elif format_name == "abaqus":
+                found = Deck(file, content.decode("utf-8", errors="replace")).mesh()
             else:
                 found = meshio.read(file, format_name)
     except OSError as error:
         raise GeometryError(f"file {file} cannot be read ({error.strerror})") from None
+    except GeometryError:
+        raise
     except SystemExit:  # meshio's way with some files
         raise GeometryError(f"file {file} is not a mesh of the format of its extension") from None
     except Exception as error:  # meshio raises what its readers happen to meet
@@ -1029,31 +1033,6 @@ def _by_meshio(file: str, format_name: str) -> Any:
     if not len(found.points) or not np.isfinite(found.points).all() or np.shape(found.points)[1] != 3:
         raise GeometryError(f"file {file} has no nodes in three dimensions")
     return found
-
-
-def _check_deck(file: str, text: str) -> None:
-    """Reject a deck that has meshio open other files, or count to numbers that no deck has; it runs nothing else."""
-    ranges = False
-    for number, line in enumerate(text.splitlines(), 1):
-        if line.startswith("**"):
-            continue
-        # Meshio's own way to find a keyword, which needs no asterisk.
-        keyword = line.partition(",")[0].strip().replace("*", "").upper()
-        named = line.startswith("*") and re.search(r",\s*INPUT\s*=", line, re.IGNORECASE)
-        if keyword == "INCLUDE" or named:
-            raise GeometryError(
-                f"file {file} includes another file (line {number}: {line.strip()[:80]!r}), "
-                f"which is not supported; put all nodes and elements into one file"
-            )
-        if line.startswith("*"):
-            ranges = "GENERATE" in line.upper()
-        elif ranges and keyword:
-            first, last, *_ = [*re.findall(r"-?\d+", line), "0", "0"]
-            if len(last) > 18 or int(last) - int(first) > len(text):
-                raise GeometryError(
-                    f"file {file} is not a mesh of the format of its extension (line {number} has a set of "
-                    f"{line.strip()[:80]!r}, more than the file has characters)"
-                )
 
 
 def _tetrahedra(file: str, found: Any) -> tuple[Ints, list[int]]:
@@ -1113,7 +1092,8 @@ def _section(content: bytes, name: bytes) -> tuple[int, int]:
 
 
 def _without_groups(content: bytes) -> bytes:
-    """Return a Gmsh file without its physical groups and the entities that are in them."""
+    """Return a Gmsh file without its physical groups and the entities that are in them; meshio takes MSH 4 for 4.1."""
+    content = re.sub(rb"(\$MeshFormat\s+)4 ", rb"\g<1>4.0 ", content, count=1)
     for name in (b"PhysicalNames", b"Entities", b"Periodic"):
         begin, end = _section(content, name)
         if end:
@@ -1121,11 +1101,17 @@ def _without_groups(content: bytes) -> bytes:
     return content
 
 
-def _physical_groups(content: bytes, found: Any) -> Sets:
+def _physical_groups(file: str, found: Any) -> Sets:
     """Return the physical groups with a name of a Gmsh file: of each block of cells those in it."""
+    content = read_file(file, GEOMETRY)
     begin, end = _section(content, b"PhysicalNames")
     named = [(int(d), int(number), name.decode("utf-8", "replace")) for d, number, name in GROUP.findall(content[begin:end])]
-    entities, data = _entities(content), found.cell_data
+    try:
+        entities, data = _entities(content), found.cell_data
+    except (ValueError, OverflowError, StopIteration):
+        raise GeometryError(
+            f"file {file} is not a mesh of the format of its extension (its section $Entities is damaged)"
+        ) from None
     sets: Sets = []
     for dimension, number, name in named:
         parts = []
@@ -1163,7 +1149,7 @@ def _entities(content: bytes) -> dict[tuple[int, int], set[int]] | None:
     for dimension, count in enumerate(take("<u8", 4) if end else ()):
         for _ in range(int(count)):
             (tag,) = take("<i4", 1)
-            take("<f8", 3 if dimension == 0 and version != b"4.0" else 6)
+            take("<f8", 3 if dimension == 0 and version == b"4.1" else 6)
             found[dimension, int(tag)] = {abs(int(number)) for number in take("<i4", int(take("<u8", 1)[0]))}
             if dimension:
                 take("<i4", int(take("<u8", 1)[0]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -183,7 +183,7 @@ KINDS = {4: 4, 11: 10}
 @dataclasses.dataclass(frozen=True, eq=False)
 class MeshArrays:
     """A mesh, whose nodes and cells count from 0: nodes in m, shape (n, 3); nodes of the tetrahedra in the order of VTK and
-    Abaqus, shape (m, 4) or (m, 10); cells by region; of each role on faces the cell behind each and which of its `SIDES` it
+    Abaqus, shape (m, 4) or (m, 10); cells by region, some perhaps in several; of each role on faces the cell behind each and which of its `SIDES` it
     is, shape (k, 2); nodes by role, of faces, lines and points."""
 
     points: NDArray[np.float64]
@@ -191,6 +191,15 @@ class MeshArrays:
     regions: Mapping[str, Ints]
     faces: Mapping[str, Ints]
     nodes: Mapping[str, Ints]
+
+    def parted(self, first: Sequence[str]) -> MeshArrays:
+        """Return the mesh with each cell in only one region: the first ones keep all of theirs."""
+        left, regions = np.ones(len(self.cells), dtype=bool), dict[str, Ints]()
+        for name in sorted(self.regions, key=lambda name: name not in first):
+            regions[name] = self.regions[name][left[self.regions[name]]]
+            left[regions[name]] = False
+        kept = {name: regions[name] for name in self.regions if len(regions[name])}
+        return dataclasses.replace(self, regions=kept)
 
     def triangles(self, role: str) -> Ints:
         """Return the nodes of a role's faces, normals out of the solid, shape (k, 3) or (k, 6)."""
