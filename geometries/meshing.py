@@ -318,6 +318,19 @@ def disjoint(groups: Mapping[str, NDArray[np.int64]], count: int, rest: str) -> 
     return dict(reversed(found.items()))  # in the order of the groups, the rest last
 
 
+def straight_edges() -> int:
+    """Return how many edges on curved faces of the current model's mesh are straight, without their mirror images."""
+    return int(gmsh.model.getAttribute(STRAIGHT)[0]) if STRAIGHT in gmsh.model.getAttributeNames() else 0
+
+
+def straight_text(count: int) -> str:
+    """Return what a user is told of straight edges on curved faces."""
+    return (
+        f"{count} edges of the mesh on curved faces are straight, because curved ones would turn cells inside out: thin walls are "
+        "polygons there, and too stiff or too soft; use smaller cells (--cell-size)"
+    )
+
+
 def named_groups() -> list[tuple[int, int, str]]:
     """Return dimension, tag and name of the current model's physical groups, one with several names once for each; a region
     and the face of it may bear one name."""
@@ -482,12 +495,13 @@ ROUNDING = 1e-9
 class MeshSummary:
     """Contents of a mesh file: numbers of cells and of nodes, those inside edges included; the smallest scaled Jacobian-based
     quality (Gmsh's SICN) of all cells, 1 regular and 0 or less invalid; the sum of the curved cells' volumes in m3 (3-D) or
-    areas in m2 (axisymmetric)."""
+    areas in m2 (axisymmetric); the number of straight edges on curved faces."""
 
     cells: int
     nodes: int
     quality: float
     measure: float
+    straight: int
 
 
 @contextlib.contextmanager
@@ -619,8 +633,8 @@ def summarize(path: str | Path) -> MeshSummary:
             raise MeshingError(f"{path} holds no cells")
         quality = gmsh.model.mesh.getElementQualities(cells, "minSICN").min()
         measure = _measure(gmsh.model.getDimension())
-        nodes = gmsh.model.mesh.getNodes()[0].size
-    return MeshSummary(int(cells.size), int(nodes), float(quality), measure)
+        nodes, straight = gmsh.model.mesh.getNodes()[0].size, straight_edges()
+    return MeshSummary(int(cells.size), int(nodes), float(quality), measure, straight)
 
 
 def _generate(actuator: Meshable, curving: str) -> None:
