@@ -76,7 +76,7 @@ class Deck:
                 f"file {self.file} includes another file (line {number}: {keyword.lower()}), which is not supported; put all "
                 "nodes and elements into one file"
             )
-        if keyword in UNREAD or options.get("SYSTEM", "R").upper() != "R" and keyword == "NODE":
+        if keyword in UNREAD or (keyword == "NODE" and options.get("SYSTEM", "R").upper() != "R"):
             raise GeometryError(
                 f"file {self.file} makes or moves nodes or elements by *{keyword} (line {number}), which is not read; write "
                 "every node in rectangular coordinates and every element"
@@ -171,18 +171,20 @@ class Deck:
             blocks[len(nodes)].append(number)
         kinds = {3: "triangle", 6: "triangle6", 4: "tetra", 10: "tetra10"}
         try:
-            cells = [(kinds[width], [[row[n] for n in body.cells[i]] for i in block]) for width, block in blocks.items()]
+            cells = [
+                (kinds[width], [[row[n] for n in body.cells[i]] for i in block]) for width, block in blocks.items()
+            ]
         except KeyError as error:
             raise GeometryError(f"file {self.file} has cells with undefined nodes ({error})") from None
         points = np.array(list(body.nodes.values()), dtype=float).reshape(-1, 3)
-        nodes, elements = self._named(name, body, "node_sets"), self._named(name, body, "cell_sets")
+        node_sets, cell_sets = self._named(name, body, "node_sets"), self._named(name, body, "cell_sets")
         return meshio.Mesh(
             _placed(points, self.places.get(name, [])),
             cells,
-            point_sets={name: np.array([row[n] for n in found if n in row], int) for name, found in nodes.items()},
+            point_sets={key: np.array([row[n] for n in found if n in row], int) for key, found in node_sets.items()},
             cell_sets={
-                name: [np.flatnonzero(np.isin(block, list(found))) for block in blocks.values()]
-                for name, found in elements.items()
+                key: [np.flatnonzero(np.isin(block, list(found))) for block in blocks.values()]
+                for key, found in cell_sets.items()
             },
         )
 
@@ -214,7 +216,9 @@ class Deck:
             elif own.upper() in getattr(where, kind) and own.upper() not in within:
                 found |= self._members(name, body, where, kind, own.upper(), (*within, own.upper()))
             else:
-                raise GeometryError(f"file {self.file}: the set {scope.spelled[text]} has {member!r}, which is not defined")
+                raise GeometryError(
+                    f"file {self.file}: the set {scope.spelled[text]} has {member!r}, which is not defined"
+                )
         return found
 
 

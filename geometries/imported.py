@@ -960,8 +960,8 @@ class ImportedActuator(ImportedPart):
 # ----------------------------------------------------------------------------------------------------------------------
 # Read meshes of other programs into arrays, with their names of faces and regions.
 #
-# Gmsh's ``.msh`` is read by meshio, which runs nothing that a file holds, Abaqus' ``.inp`` by `abaqus`. An ``.stl`` has surfaces
-# only; the solid between them is meshed by Gmsh, in a separate process.
+# Gmsh's ``.msh`` is read by meshio, which runs nothing that a file holds, Abaqus' ``.inp`` by `abaqus`. An ``.stl`` has
+# surfaces only; the solid between them is meshed by Gmsh, in a separate process.
 
 
 FARTHEST = 1e3
@@ -1105,7 +1105,9 @@ def _physical_groups(file: str, found: Any) -> Sets:
     """Return the physical groups with a name of a Gmsh file: of each block of cells those in it."""
     content = read_file(file, GEOMETRY)
     begin, end = _section(content, b"PhysicalNames")
-    named = [(int(d), int(number), name.decode("utf-8", "replace")) for d, number, name in GROUP.findall(content[begin:end])]
+    named = [
+        (int(d), int(number), name.decode("utf-8", "replace")) for d, number, name in GROUP.findall(content[begin:end])
+    ]
     try:
         entities, data = _entities(content), found.cell_data
     except (ValueError, OverflowError, StopIteration):

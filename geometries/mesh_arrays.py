@@ -183,8 +183,8 @@ KINDS = {4: 4, 11: 10}
 @dataclasses.dataclass(frozen=True, eq=False)
 class MeshArrays:
     """A mesh, whose nodes and cells count from 0: nodes in m, shape (n, 3); nodes of the tetrahedra in the order of VTK and
-    Abaqus, shape (m, 4) or (m, 10); cells by region, some perhaps in several; of each role on faces the cell behind each and which of its `SIDES` it
-    is, shape (k, 2); nodes by role, of faces, lines and points."""
+    Abaqus, shape (m, 4) or (m, 10); cells by region, some perhaps in several; of each role on faces the cell behind each and
+    which of its `SIDES` it is, shape (k, 2); nodes by role, of faces, lines and points."""
 
     points: NDArray[np.float64]
     cells: Ints

@@ -326,8 +326,8 @@ def straight_edges() -> int:
 def straight_text(count: int) -> str:
     """Return what a user is told of straight edges on curved faces."""
     return (
-        f"{count} edges of the mesh on curved faces are straight, because curved ones would turn cells inside out: thin walls are "
-        "polygons there, and too stiff or too soft; use smaller cells (--cell-size)"
+        f"{count} edges of the mesh on curved faces are straight, because curved ones would turn cells inside out: thin walls "
+        "are polygons there, and too stiff or too soft; use smaller cells (--cell-size)"
     )
 
 
@@ -719,7 +719,7 @@ def _straighten(dimension: int) -> int:
 
     With straight edges every cell is as good as before it was curved, but a wall there is a polygon.
     """
-    tags, nodes, at = _curved_cells(dimension)
+    _, nodes, at = _curved_cells(dimension)
     boundary = np.concatenate([gmsh.model.mesh.getNodes(d, includeBoundary=True)[0] for d in range(dimension)])
     moved = set[int]()
     for _ in range(ROUNDS):
@@ -728,7 +728,9 @@ def _straighten(dimension: int) -> int:
             break
         for k, (a, b) in enumerate(EDGES[: nodes.shape[1] - dimension - 1]):
             middles, chords = spoilt[:, dimension + 1 + k], 0.5 * (at[spoilt[:, a]] + at[spoilt[:, b]])
-            bent = np.linalg.norm(at[middles] - chords, axis=1) > ROUNDING * np.linalg.norm(chords - at[spoilt[:, a]], axis=1)
+            bent = np.linalg.norm(at[middles] - chords, axis=1) > ROUNDING * np.linalg.norm(
+                chords - at[spoilt[:, a]], axis=1
+            )
             for middle, chord in zip(middles[bent].tolist(), chords[bent], strict=True):
                 gmsh.model.mesh.setNode(middle, chord, [])
             moved.update(middles[bent].tolist())

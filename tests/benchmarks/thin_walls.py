@@ -48,8 +48,8 @@ def main(names: list[str]) -> int:
                 found = sm.limit(balloon, RUBBER).pressure
                 exact = exact or found
                 worst = max(worst, abs(found / exact - 1))
-                print(f"Balloon, neck {1e3 * neck:g} mm, wall {wall:g} mm, cells {cell:g} mm, {through} through: {found:.3f} Pa, "
-                      f"{found / exact - 1:+.3%}", flush=True)  # fmt: skip
+                print(f"Balloon, neck {1e3 * neck:g} mm, wall {wall:g} mm, cells {cell:g} mm, {through} through: "
+                      f"{found:.3f} Pa, {found / exact - 1:+.3%}", flush=True)  # fmt: skip
         exact = 0.0
         for cell, through, bellows in devices(sm.Bellows, wall) if "Bellows" in names else ():
             found = sm.Model(bellows, RUBBER).solve(volume="1 ml").pressure

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import gmsh
 import numpy as np
 import pytest
@@ -72,7 +74,9 @@ def test_named_faces_and_regions_that_overlap_are_whole_in_the_device(block, tmp
     for name in ("support", "low", "high"):
         assert area(mesh, mesh.triangles(name)) == pytest.approx(GROUPS[name]), name
     assert set(part.regions) == {"insert", "two", "lowest"}
-    assert [volume(mesh, mesh.regions[name]) for name in ("insert", "two", "lowest")] == pytest.approx([40e3, 40e3, 8e3])
+    assert [volume(mesh, mesh.regions[name]) for name in ("insert", "two", "lowest")] == pytest.approx(
+        [40e3, 40e3, 8e3]
+    )
     parted = mesh.parted(["two"]).regions
     assert [volume(mesh, parted[name]) for name in parted] == pytest.approx([8e3, 40e3])  # of insert what two leaves
     assert sum(map(len, parted.values())) == len(mesh.cells)
@@ -174,10 +178,10 @@ def test_what_is_not_read_of_a_deck_is_refused(tmp_path, text, words):
 
 @pytest.mark.parametrize("damage", ["", "1 99999999999 1 1\n", "text\n"])
 def test_damaged_entities_are_named(block, tmp_path, damage):
-    content = open(block, "rb").read()
+    content = Path(block).read_bytes()
     if b"$Entities" not in content:
         pytest.skip("MSH 2 has none")
     begin, end = content.index(b"$Entities") + len(b"$Entities\n"), content.index(b"$EndEntities")
     (tmp_path / "part.msh").write_bytes(content[:begin] + damage.encode() + content[end:])
-    with pytest.raises(GeometryError, match="its section .Entities is damaged"):
+    with pytest.raises(GeometryError, match=r"its section .Entities is damaged"):
         read_mesh(str(tmp_path / "part.msh"), 1e-3, 1.0)
