@@ -14,7 +14,7 @@ with stoppable("geometries"):
 
     from geometries import ACTUATORS
     from geometries.actuator import Actuator
-    from geometries.meshing import summarize
+    from geometries.meshing import straight_text, summarize
     from geometries.registry import device_options, device_told
     from softmodels.common.commands import CommandGroup, run_command
     from softmodels.common.errors import GeometryError, MeshingError
@@ -82,6 +82,8 @@ def _make(device: type[Actuator], output: Path | None, values: dict[str, Any]) -
         f"{device.__name__}: {mesh.cells} {kind} of order {actuator.mesh_order}, {mesh.nodes} nodes, "
         f"smallest quality {mesh.quality:.2f}"
     )
+    if mesh.straight:
+        click.echo(f"warning: {straight_text(mesh.straight)}")
     click.echo(
         f"Whole device: solid {actuator.solid_volume * 1e6:.4g} ml, cavity {actuator.cavity_volume * 1e6:.4g} ml; "
         f"the mesh models 1/{actuator.copies} of it; written to {path}"

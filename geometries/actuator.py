@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike, NDArray
 
-from geometries.meshing import Mirror
+from geometries.meshing import Mirror, named_groups
 from softmodels.common.errors import GeometryError, MeshingError, known_are
 from softmodels.common.lazy import gmsh
 from softmodels.common.schema import LONGEST, ROUNDING, Length, Quantity, Several, about, choice_field, settle, shown
@@ -976,7 +976,7 @@ def check_closed(actuator: Actuator, openings: Iterable[Opening], holds: Iterabl
 def find_openings(actuator: Actuator) -> tuple[Opening, ...]:
     """Return where the cavities of the mesh in the current Gmsh model end, but on cut planes and on the axis of a section."""
     d = actuator.dimension
-    groups = [(*group, gmsh.model.getPhysicalName(*group)) for group in gmsh.model.getPhysicalGroups()]
+    groups = named_groups()
     walls = {name: (dimension, tag) for dimension, tag, name in groups if dimension == d - 1}
     members: dict[str, Ints] = {}
 

@@ -45,6 +45,10 @@ NEAR = 1e-9
 """Share of the pitch up to which a line has no length."""
 
 
+BENDING = 0.6
+"""Length of the wall's longest cells over the root of its thickness times its radius, within which a thin wall bends."""
+
+
 class Cut(NamedTuple):
     """A cross-section of the wall, from the air to outside, and the centre of the arcs that lead to it from the one before;
     None where lines do."""
@@ -73,7 +77,9 @@ class Bellows(HeldTip, Revolved):
     )
     cap: float = length_field(0.004, "thickness of the plates at both ends")
     tip: str = tip_field("upper plate", "its top")
-    cell_size: float = length_field(0.0008, "edge length of the cells along the wall", shape=False)
+    cell_size: float = length_field(
+        0.0008, "edge length of the cells along the wall; smaller ones where it is thin", shape=False
+    )
     through: float = through_field()
     section: str = section_field()
     angle: float = wedge_field()
@@ -162,9 +168,10 @@ class Bellows(HeldTip, Revolved):
     @property
     def panels(self) -> tuple[Panel, ...]:
         through, wall, panels = self.rows, self.cuts, []
+        longest = min(self.cell_size, BENDING * math.sqrt(self.bend * self.wall))
         for a, b in itertools.pairwise(wall):
-            quarter = 0.5 * math.pi * self.bend
-            count = max(3, self.along(quarter)) if b.centre else self.along(math.dist(a.inside, b.inside))
+            length = 0.5 * math.pi * self.bend if b.centre else math.dist(a.inside, b.inside)
+            count = max(3 if b.centre else 1, math.ceil(length / longest - ROUNDING))
             low, high = Side(a.inside, a.outside, through), Side(b.outside, b.inside, through)
             right, left = (
                 Side(

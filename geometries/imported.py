@@ -21,6 +21,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from geometries.abaqus import Deck
 from geometries.actuator import (
     AXES,
     Actuator,
@@ -35,7 +36,7 @@ from geometries.actuator import (
 )
 from geometries.faces import FORMATS, UNITS, Colour, Faces, faces, point
 from geometries.mesh_arrays import TO_GMSH, Ints, Tetrahedra
-from geometries.meshing import apart, drawn_in, private_model
+from geometries.meshing import apart, disjoint, drawn_in, private_model
 from geometries.registry import register_device
 from geometries.revolved import TRIANGLE
 from softmodels.common.arrays import Array
@@ -46,6 +47,8 @@ from softmodels.common.schema import choice_field, length_field, list_field, num
 
 MAIN = "solid"
 """Region of a file with one solid."""
+OUTER = "outer"
+"""Role of the faces that have no other."""
 NONE = "none"
 """What ``cavities`` says of a part without air."""
 
@@ -106,7 +109,7 @@ class ImportedPart(Actuator):
     rise: str = choice_field("z", ("x", "y", "z"), "direction in which that motion is counted")
 
     stem: ClassVar = "part"
-    unbonded: ClassVar = ("outer",)
+    unbonded: ClassVar = (OUTER,)
     meeting: ClassVar = None
     kind: ClassVar[str] = "file"
     """Description of the file for messages."""
@@ -168,7 +171,7 @@ class ImportedPart(Actuator):
     def patches(self) -> dict[str, str]:
         """Faces of the outside by the names that the user gives them."""
         found: dict[str, str] = {}
-        taken = {"outer", "support", "axis", MAIN, *(f"plane{i}" for i in range(3))}
+        taken = {OUTER, "support", "axis", MAIN, *(f"plane{i}" for i in range(3))}
         for text in self.surfaces:
             name, _, which = (part.strip() for part in text.partition("="))
             if not (re.fullmatch(r"[a-z]\w*", name) and which):
@@ -537,8 +540,8 @@ class Boundary(abc.ABC):
         return np.asarray(normal / np.linalg.norm(normal) + 0.0)  # no -0
 
     def roles(self) -> dict[str, Ints]:
-        """Return the faces by role; every face has one. GeometryError for a choice that picks nothing, or something that
-        cannot have this role."""
+        """Return the faces by role; every face has one, those of the outside perhaps several. GeometryError for a choice that
+        picks nothing, or something that cannot have this role."""
         part, left, roles = self.part, self.every, dict[str, Ints]()
 
         def take(role: str, found: Ints) -> None:
@@ -563,10 +566,11 @@ class Boundary(abc.ABC):
                 raise GeometryError(f"cavities has {text!r}; that cavity is already selected")
             take(cavity_role(i), wall)
         patches = [(name, "surfaces", text) for name, text in part.patches.items()]
+        uncut = left  # of which a face may be held and have several names
         for role, field, text in (("support", "support", part.support), *patches):
             if text:
-                take(role, self._some(f"{field} is {text!r}", field, text, left))
-        return {name: faces for name, faces in {**roles, "outer": left}.items() if len(faces)}
+                take(role, self._some(f"{field} is {text!r}", field, text, uncut))
+        return {name: faces for name, faces in {**roles, OUTER: left}.items() if len(faces)}
 
     def outward(self, roles: Mapping[str, Ints]) -> tuple[Vector, ...]:
         """Return the unit normals of the cut planes, away from the solid. GeometryError for a plane that does not bound the
@@ -848,8 +852,10 @@ def build_part(part: ImportedActuator) -> None:
     solids = open_part(part)
     for name, tags in solids.regions.items():
         gmsh.model.addPhysicalGroup(3, tags, name=name)
-    for role, faces_of_role in solids.roles().items():
-        gmsh.model.addPhysicalGroup(2, faces_of_role.tolist(), name=role)
+    every, roles = solids.every, solids.roles()
+    places = {role: np.flatnonzero(np.isin(every, found)) for role, found in roles.items()}
+    for names, found in disjoint(places, len(every), OUTER).items():
+        gmsh.model.addPhysicalGroup(2, every[found].tolist(), name=names)
     gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", part.curvature)
     gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 1)
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: min(other, part.cell_size))
@@ -954,8 +960,8 @@ class ImportedActuator(ImportedPart):
 # ----------------------------------------------------------------------------------------------------------------------
 # Read meshes of other programs into arrays, with their names of faces and regions.
 #
-# Gmsh's ``.msh`` and Abaqus' ``.inp`` are read by meshio, which runs nothing that a file holds. An ``.stl`` has surfaces
-# only; the solid between them is meshed by Gmsh, in a separate process.
+# Gmsh's ``.msh`` is read by meshio, which runs nothing that a file holds, Abaqus' ``.inp`` by `abaqus`. An ``.stl`` has
+# surfaces only; the solid between them is meshed by Gmsh, in a separate process.
 
 
 FARTHEST = 1e3
@@ -966,6 +972,8 @@ SAME = 1e-6
 """Corners of an STL file's triangles this near to each other, over its extent, are one."""
 FEATURE = math.radians(40.0)
 """Angle between triangles of an STL file from which their edge is one of the part."""
+Sets = list[tuple[str, Sequence[Any]]]
+"""Names of a file, and of each block of cells those that have the name; None for none."""
 OTHER_CELLS = ("hexahedron", "wedge", "pyramid", "voxel")
 
 
@@ -978,9 +986,11 @@ def read_mesh(file: str, unit: float, cell_size: float) -> Tetrahedra:
     found = _by_meshio(file, FORMATS[kind])
     if kind == ".stl":
         return _filled(file, found, unit, cell_size)
-    cells, groups = _tetrahedra(file, found)
-    faces = _face_names(found)
-    regions = _region_names(found, groups)
+    cells, blocks = _tetrahedra(file, found)
+    sets = _physical_groups(file, found) if kind == ".msh" else list(found.cell_sets.items())
+    faces, regions = _face_names(found, sets), _region_names(found, sets, blocks)
+    if kind == ".msh":
+        cells, regions = _each_once(cells, regions)
     return Tetrahedra.made(unit * np.asarray(found.points, dtype=float)[:, :3], cells, faces, regions)
 
 
@@ -989,19 +999,28 @@ def _by_meshio(file: str, format_name: str) -> Any:
 
     try:
         check_file(file)
-        deck = read_file(file, GEOMETRY).decode("utf-8", errors="replace") if format_name == "abaqus" else ""
+        content = b"" if format_name == "stl" else read_file(file, GEOMETRY)
     except OSError as error:
         raise GeometryError(f"file {file} cannot be read ({error.strerror})") from None
-    _check_deck(file, deck)
     try:
         with (
             contextlib.redirect_stdout(io.StringIO()),
             contextlib.redirect_stderr(io.StringIO()),
             warnings.catch_warnings(action="ignore"),
         ):
-            found = meshio.read(file, format_name)
+            if format_name == "gmsh":
+                with tempfile.NamedTemporaryFile(suffix=".msh") as plain:
+                    plain.write(_without_groups(content))
+                    plain.flush()
+                    found = meshio.read(plain.name, format_name)
+            elif format_name == "abaqus":
+                found = Deck(file, content.decode("utf-8", errors="replace")).mesh()
+            else:
+                found = meshio.read(file, format_name)
     except OSError as error:
         raise GeometryError(f"file {file} cannot be read ({error.strerror})") from None
+    except GeometryError:
+        raise
     except SystemExit:  # meshio's way with some files
         raise GeometryError(f"file {file} is not a mesh of the format of its extension") from None
     except Exception as error:  # meshio raises what its readers happen to meet
@@ -1014,31 +1033,6 @@ def _by_meshio(file: str, format_name: str) -> Any:
     if not len(found.points) or not np.isfinite(found.points).all() or np.shape(found.points)[1] != 3:
         raise GeometryError(f"file {file} has no nodes in three dimensions")
     return found
-
-
-def _check_deck(file: str, text: str) -> None:
-    """Reject a deck that has meshio open other files, or count to numbers that no deck has; it runs nothing else."""
-    ranges = False
-    for number, line in enumerate(text.splitlines(), 1):
-        if line.startswith("**"):
-            continue
-        # Meshio's own way to find a keyword, which needs no asterisk.
-        keyword = line.partition(",")[0].strip().replace("*", "").upper()
-        named = line.startswith("*") and re.search(r",\s*INPUT\s*=", line, re.IGNORECASE)
-        if keyword == "INCLUDE" or named:
-            raise GeometryError(
-                f"file {file} includes another file (line {number}: {line.strip()[:80]!r}), "
-                f"which is not supported; put all nodes and elements into one file"
-            )
-        if line.startswith("*"):
-            ranges = "GENERATE" in line.upper()
-        elif ranges and keyword:
-            first, last, *_ = [*re.findall(r"-?\d+", line), "0", "0"]
-            if len(last) > 18 or int(last) - int(first) > len(text):
-                raise GeometryError(
-                    f"file {file} is not a mesh of the format of its extension (line {number} has a set of "
-                    f"{line.strip()[:80]!r}, more than the file has characters)"
-                )
 
 
 def _tetrahedra(file: str, found: Any) -> tuple[Ints, list[int]]:
@@ -1057,10 +1051,10 @@ def _tetrahedra(file: str, found: Any) -> tuple[Ints, list[int]]:
     return cells, blocks
 
 
-def _face_names(found: Any) -> dict[str, Ints]:
+def _face_names(found: Any, sets: Sets) -> dict[str, Ints]:
     """Return the nodes by name: of node sets, of sets of triangles, of physical surfaces."""
     names = {name: np.asarray(nodes, dtype=np.int64) for name, nodes in found.point_sets.items()}
-    for name, parts in _cell_sets(found):
+    for name, parts in sets:
         chosen = [
             np.asarray(block.data)[np.asarray(part, dtype=np.int64), :3].ravel()
             for block, part in zip(found.cells, parts, strict=False)
@@ -1068,41 +1062,110 @@ def _face_names(found: Any) -> dict[str, Ints]:
         ]
         if chosen:
             names[name] = np.unique(np.concatenate(chosen))
-    for name, number in _physical(found, 2).items():
-        chosen = [
-            np.asarray(block.data)[marks == number][:, :3].ravel()
-            for block, marks in zip(found.cells, found.cell_data["gmsh:physical"], strict=True)
-            if block.type.startswith("triangle")
-        ]
-        names[name] = np.unique(np.concatenate(chosen)) if chosen else np.empty(0, dtype=np.int64)
     return names
 
 
-def _region_names(found: Any, blocks: list[int]) -> dict[str, Ints]:
+def _region_names(found: Any, sets: Sets, blocks: list[int]) -> dict[str, Ints]:
     """Return the cells by name, counted among the tetrahedra."""
     starts = dict(zip(blocks, np.cumsum([0] + [len(found.cells[i].data) for i in blocks]).tolist(), strict=False))
     names: dict[str, Ints] = {}
-    for name, parts in _cell_sets(found):
+    for name, parts in sets:
         chosen = [np.asarray(parts[i], dtype=np.int64) + start for i, start in starts.items() if i < len(parts)
                   and parts[i] is not None and len(parts[i])]  # fmt: skip
         if chosen:
             names[name] = np.concatenate(chosen)
-    for name, number in _physical(found, 3).items():
-        marks = found.cell_data["gmsh:physical"]
-        names[name] = np.concatenate([np.flatnonzero(marks[i] == number) + start for i, start in starts.items()])
     return names
 
 
-def _cell_sets(found: Any) -> list[tuple[str, Any]]:
-    """Return the sets of cells by name; those of Gmsh's own (``gmsh:``) hold no cells."""
-    return [(name, parts) for name, parts in found.cell_sets.items() if not name.startswith("gmsh:")]
+# Gmsh's physical groups. An entity may be in several, and a face and the solid behind it may bear one name; meshio keeps one of
+# each, and refuses a mesh some of whose entities are in none. So it reads the mesh without them.
+
+GROUP = re.compile(rb'^\s*(\d)\s+-?(\d+)\s+"(.*)"\s*$', re.MULTILINE)
+"""Dimension, number and name of a physical group."""
 
 
-def _physical(found: Any, dimension: int) -> dict[str, int]:
-    """Return Gmsh's physical groups of a dimension: number by name."""
-    if "gmsh:physical" not in found.cell_data:
-        return {}
-    return {name: int(number) for name, (number, dim) in found.field_data.items() if dim == dimension}
+def _section(content: bytes, name: bytes) -> tuple[int, int]:
+    """Return where the content of a section of a Gmsh file begins and ends; equal if there is none."""
+    begin = re.search(rb"^\$" + name + rb"[ \t]*\r?\n", content, re.MULTILINE)
+    end = content.find(b"$End" + name, begin.end()) if begin else -1
+    return (begin.end(), end) if begin and end >= 0 else (0, 0)
+
+
+def _without_groups(content: bytes) -> bytes:
+    """Return a Gmsh file without its physical groups and the entities that are in them; meshio takes MSH 4 for 4.1."""
+    content = re.sub(rb"(\$MeshFormat\s+)4 ", rb"\g<1>4.0 ", content, count=1)
+    for name in (b"PhysicalNames", b"Entities", b"Periodic"):
+        begin, end = _section(content, name)
+        if end:
+            content = content[: content.rfind(b"$", 0, begin)] + content[end + len(b"$End" + name) :].lstrip(b"\r\n")
+    return content
+
+
+def _physical_groups(file: str, found: Any) -> Sets:
+    """Return the physical groups with a name of a Gmsh file: of each block of cells those in it."""
+    content = read_file(file, GEOMETRY)
+    begin, end = _section(content, b"PhysicalNames")
+    named = [
+        (int(d), int(number), name.decode("utf-8", "replace")) for d, number, name in GROUP.findall(content[begin:end])
+    ]
+    try:
+        entities, data = _entities(content), found.cell_data
+    except (ValueError, OverflowError, StopIteration):
+        raise GeometryError(
+            f"file {file} is not a mesh of the format of its extension (its section $Entities is damaged)"
+        ) from None
+    sets: Sets = []
+    for dimension, number, name in named:
+        parts = []
+        for i, block in enumerate(found.cells):
+            part = np.arange(len(block.data) if block.dim == dimension else 0)
+            if entities is None:
+                marks = data["gmsh:physical"][i] if "gmsh:physical" in data else np.zeros(len(block.data))
+                part = part[np.abs(marks[part]) == number]
+            elif len(part) and number not in entities.get((dimension, int(data["gmsh:geometrical"][i][0])), ()):
+                part = part[:0]
+            parts.append(part)
+        sets.append((name, parts))
+    return sets
+
+
+def _entities(content: bytes) -> dict[tuple[int, int], set[int]] | None:
+    """Return the numbers of the physical groups by dimension and tag of the entities in them; None in a file of MSH 2, which
+    repeats a cell for each of its groups."""
+    version, binary, _ = content.split(b"$MeshFormat", 1)[1].split(None, 3)[:3]
+    if version.startswith(b"2"):
+        return None
+    begin, end = _section(content, b"Entities")
+    data, at = content[begin:end], 0
+    words = iter(() if binary == b"1" else data.split())
+
+    def take(kind: str, count: int) -> list[float]:
+        nonlocal at
+        if binary == b"0":
+            return [float(next(words)) for _ in range(count)]
+        values = np.frombuffer(data, kind, count, at)
+        at += values.nbytes
+        return values.tolist()  # type: ignore[no-any-return]
+
+    found = {}
+    for dimension, count in enumerate(take("<u8", 4) if end else ()):
+        for _ in range(int(count)):
+            (tag,) = take("<i4", 1)
+            take("<f8", 3 if dimension == 0 and version == b"4.1" else 6)
+            found[dimension, int(tag)] = {abs(int(number)) for number in take("<i4", int(take("<u8", 1)[0]))}
+            if dimension:
+                take("<i4", int(take("<u8", 1)[0]))
+    return found
+
+
+def _each_once(cells: Ints, regions: dict[str, Ints]) -> tuple[Ints, dict[str, Ints]]:
+    """Return the cells of a Gmsh file and of its regions without those that MSH 2 repeats."""
+    _, first, same = np.unique(np.sort(cells, axis=1), axis=0, return_index=True, return_inverse=True)
+    if len(first) == len(cells):
+        return cells, regions
+    kept = np.sort(first)
+    number = np.searchsorted(kept, first)[same.ravel()]
+    return cells[kept], {name: np.unique(number[found]) for name, found in regions.items()}
 
 
 def read_surfaces(file: str, unit: float) -> tuple[NDArray[np.float64], Ints]:
@@ -1363,21 +1426,14 @@ class ImportedMesh(ImportedPart):
         second = mesh.cells.shape[1] == 10
         solid = gmsh.model.addDiscreteEntity(3)
         gmsh.model.mesh.addNodes(3, solid, np.arange(1, len(mesh.points) + 1), mesh.points.ravel())
-        left = np.ones(len(mesh.cells), dtype=bool)
-        parts = []
-        for name, given in self._named.items():
-            cells = mesh.regions[given]
-            inside = cells[left[cells]]
-            left[inside] = False
-            parts.append((name, inside, gmsh.model.addDiscreteEntity(3)))
-        parts.append(("solid", np.flatnonzero(left), solid))
-        for name, cells, tag in parts:
-            if not len(cells):
-                continue
+        regions = {name: mesh.regions[given] for name, given in self._named.items()}
+        for name, cells in disjoint(regions, len(mesh.cells), MAIN).items():
+            tag = solid if name == MAIN else gmsh.model.addDiscreteEntity(3)
             nodes = mesh.cells[cells][:, TO_GMSH] if second else mesh.cells[cells]
             gmsh.model.mesh.addElementsByType(tag, 11 if second else 4, [], (nodes + 1).ravel())
             gmsh.model.addPhysicalGroup(3, [tag], name=name)
-        for role, triangles in Triangles(self, mesh).roles().items():
+        roles = Triangles(self, mesh).roles()
+        for role, triangles in disjoint(roles, len(mesh.triangles), OUTER).items():
             tag = gmsh.model.addDiscreteEntity(2)
             gmsh.model.mesh.addElementsByType(tag, 9 if second else 2, [], (mesh.triangles[triangles] + 1).ravel())
             gmsh.model.addPhysicalGroup(2, [tag], name=role)

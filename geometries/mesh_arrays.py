@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Mapping
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -182,14 +183,23 @@ KINDS = {4: 4, 11: 10}
 @dataclasses.dataclass(frozen=True, eq=False)
 class MeshArrays:
     """A mesh, whose nodes and cells count from 0: nodes in m, shape (n, 3); nodes of the tetrahedra in the order of VTK and
-    Abaqus, shape (m, 4) or (m, 10); cells by region; of each role on faces the cell behind each and which of its `SIDES` it
-    is, shape (k, 2); nodes by role, of faces, lines and points."""
+    Abaqus, shape (m, 4) or (m, 10); cells by region, some perhaps in several; of each role on faces the cell behind each and
+    which of its `SIDES` it is, shape (k, 2); nodes by role, of faces, lines and points."""
 
     points: NDArray[np.float64]
     cells: Ints
     regions: Mapping[str, Ints]
     faces: Mapping[str, Ints]
     nodes: Mapping[str, Ints]
+
+    def parted(self, first: Sequence[str]) -> MeshArrays:
+        """Return the mesh with each cell in only one region: the first ones keep all of theirs."""
+        left, regions = np.ones(len(self.cells), dtype=bool), dict[str, Ints]()
+        for name in sorted(self.regions, key=lambda name: name not in first):
+            regions[name] = self.regions[name][left[self.regions[name]]]
+            left[regions[name]] = False
+        kept = {name: regions[name] for name in self.regions if len(regions[name])}
+        return dataclasses.replace(self, regions=kept)
 
     def triangles(self, role: str) -> Ints:
         """Return the nodes of a role's faces, normals out of the solid, shape (k, 3) or (k, 6)."""
@@ -201,29 +211,30 @@ class MeshArrays:
 def read_arrays(path: Path) -> MeshArrays:
     """Read the Gmsh file that `Actuator.write` made of a solid device; FileNotFoundError or MeshFileError if it is none."""
     with private_model():
-        load_mesh(path, 3)
+        groups = load_mesh(path, 3)
         tags, places, _ = gmsh.model.mesh.getNodes()
         number = np.full(int(tags.max()) + 1, -1)
         number[tags.astype(int)] = np.arange(len(tags))
-        # A list: a face and the region behind it may bear one name.
-        groups = [(gmsh.model.getPhysicalName(*group), group) for group in gmsh.model.getPhysicalGroups()]
-        cells, regions, count = [], {}, 0
-        for name, (dimension, tag) in groups:
-            if dimension == 3:
-                found = number[_cells_of(tag)]
-                regions[name] = np.arange(count, count + len(found))
-                cells.append(found)
-                count += len(found)
-        if not cells or len({part.shape[1] for part in cells}) > 1:
+        parts = {tag: number[_cells_of(tag)] for dimension, tag, _ in groups if dimension == 3}
+        if not parts or len({part.shape[1] for part in parts.values()}) > 1:
             raise MeshFileError(f"{path} is not a mesh of tetrahedra of one kind")
-        nodes = {
-            name: number[gmsh.model.mesh.getNodesForPhysicalGroup(*group)[0].astype(int)]
-            for name, group in groups
-            if group[0] < 3
-        }
-        corners = {name: number[_corners_of(tag)] for name, (dimension, tag) in groups if dimension == 2}
-    whole = np.concatenate(cells)
-    return MeshArrays(places.reshape(-1, 3), whole, regions, _owned(whole, corners), nodes)
+        starts = dict(zip(parts, np.cumsum([0, *map(len, parts.values())]).tolist(), strict=False))
+        regions, nodes, corners = (defaultdict[str, list[Ints]](list) for _ in range(3))
+        for dimension, tag, name in groups:
+            if dimension == 3:
+                regions[name].append(starts[tag] + np.arange(len(parts[tag])))
+            else:
+                nodes[name].append(number[gmsh.model.mesh.getNodesForPhysicalGroup(dimension, tag)[0].astype(int)])
+            if dimension == 2:
+                corners[name].append(number[_corners_of(tag)])
+    whole, faces = np.concatenate(list(parts.values())), {name: np.concatenate(each) for name, each in corners.items()}
+    return MeshArrays(
+        places.reshape(-1, 3),
+        whole,
+        {name: np.concatenate(each) for name, each in regions.items()},
+        _owned(whole, faces),
+        {name: each[0] if len(each) == 1 else np.unique(np.concatenate(each)) for name, each in nodes.items()},
+    )
 
 
 def _cells_of(group: int) -> Ints:

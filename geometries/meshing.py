@@ -11,6 +11,7 @@ import dataclasses
 import errno
 import functools
 import hashlib
+import itertools
 import math
 import os
 import pickle
@@ -60,12 +61,8 @@ def apart[T](task: Callable[..., T], *arguments: Any, stopped: Callable[[], bool
     """Carry out a task, a function that is imported by name, in another process and return its result. Once ``stopped``,
     asked several times a second, is true the task is killed: MeshingStopped. MeshingError if the process died, else what the
     task raised."""
-    try:
-        order = pickle.dumps((task, arguments))
-    except (pickle.PicklingError, AttributeError, TypeError):
-        order = b"__main__"
-    if b"__main__" in order:
-        return task(*arguments)  # a class of a script, a notebook or a function: defined only in this process
+    if not (order := _pickled(task, arguments)):
+        return task(*arguments)
     with tempfile.TemporaryFile() as words, tempfile.TemporaryFile() as answer, tempfile.TemporaryFile() as errors:
         pickle.dump(sys.path, words)
         words.write(order)
@@ -94,6 +91,15 @@ def apart[T](task: Callable[..., T], *arguments: Any, stopped: Callable[[], bool
     if not done:
         raise value
     return value  # type: ignore[no-any-return]
+
+
+def _pickled(task: Callable[..., Any], arguments: tuple[Any, ...]) -> bytes:
+    """Return a task as bytes; none where another process cannot have it: with a class of a script, a notebook or a function,
+    which is defined only in this one."""
+    with contextlib.suppress(pickle.PicklingError, AttributeError, TypeError):
+        order = pickle.dumps((task, arguments))
+        return b"" if b"__main__" in order else order
+    return b""
 
 
 def interpreter() -> list[str]:
@@ -261,25 +267,28 @@ def _forget_old(place: Path) -> None:
 START = re.compile(rb"\$MeshFormat\r?\n4\.1 0 8\r?\n\$EndMeshFormat\r?\n")
 """How a mesh file begins: MSH 4.1, text."""
 
-LAST_WORDS = b"$EndElements"
-"""How a complete one ends."""
+LAST_WORDS = (b"$EndElements", b"$EndStraightEdges")
+"""How a complete one ends: without or with straight edges on curved faces."""
 
 SECTION = re.compile(rb"^\$(\w+)\s*$", re.MULTILINE)
 SECTIONS = ("MeshFormat", "PhysicalNames", "Entities", "Nodes", "Elements")
 """Sections of a mesh file, in order; each ends with its name after "End"."""
+STRAIGHT = "StraightEdges"
+"""Section behind them, and Gmsh's attribute, with how many edges on curved faces are straight; absent if none are."""
 
 
 def is_whole(path: Path) -> bool:
     """Return whether a mesh file is complete: Gmsh does not tell of a full disk, its file then ends early."""
     with path.open("rb") as file:
-        file.seek(max(path.stat().st_size - 2 * len(LAST_WORDS), 0))
-        return LAST_WORDS in file.read()
+        file.seek(max(path.stat().st_size - 2 * max(map(len, LAST_WORDS)), 0))
+        end = file.read()
+    return any(words in end for words in LAST_WORDS)
 
 
 def load_mesh(path: str | Path, dimension: int | None = None) -> list[tuple[int, int, str]]:
     """Read a mesh file of `Actuator.write` into the current Gmsh model (see `private_model`), of dimension 2 (axisymmetric),
-    3 (solid) or any; return dimension, tag and name of its physical groups: a region and the face of it may bear one name.
-    FileNotFoundError, or MeshFileError if it is no complete mesh of that dimension."""
+    3 (solid) or any; return dimension, tag and name of its physical groups (see `named_groups`). FileNotFoundError, or
+    MeshFileError if it is no complete mesh of that dimension."""
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path} is not a file")
@@ -293,7 +302,43 @@ def load_mesh(path: str | Path, dimension: int | None = None) -> list[tuple[int,
             raise MeshFileError(f"{path} is a broken mesh file ({str(error).strip() or 'no reason given'})") from None
     if dimension not in (None, found := gmsh.model.getDimension()):
         raise MeshFileError(f"{path} is the mesh of another device: its cells have {found} dimensions, not {dimension}")
-    return [(*group, gmsh.model.getPhysicalName(*group)) for group in gmsh.model.getPhysicalGroups()]
+    return named_groups()
+
+
+JOINT = "+"
+"""Between the names of what has several: every facet and every cell is in one physical group, as DOLFINx' reader wants."""
+
+
+def disjoint(groups: Mapping[str, NDArray[np.int64]], count: int, rest: str) -> dict[str, NDArray[np.int64]]:
+    """Return groups of numbers below a count without any in two: those of several have their names with `JOINT` between, those
+    of none the rest's."""
+    inside = np.zeros((count, len(groups) + 1), dtype=bool)  # one more: rows have to have a column
+    for column, members in enumerate(groups.values()):
+        inside[members, column] = True
+    kinds, kind = np.unique(inside, axis=0, return_inverse=True)
+    names = [JOINT.join(itertools.compress(groups, row)) or rest for row in kinds]
+    found = {name: np.flatnonzero(kind.ravel() == k) for k, name in enumerate(names)}
+    return dict(reversed(found.items()))  # in the order of the groups, the rest last
+
+
+def straight_edges() -> int:
+    """Return how many edges on curved faces of the current model's mesh are straight, without their mirror images."""
+    return int(gmsh.model.getAttribute(STRAIGHT)[0]) if STRAIGHT in gmsh.model.getAttributeNames() else 0
+
+
+def straight_text(count: int) -> str:
+    """Return what a user is told of straight edges on curved faces."""
+    return (
+        f"{count} edges of the mesh on curved faces are straight, because curved ones would turn cells inside out: thin walls "
+        "are polygons there, and too stiff or too soft; use smaller cells (--cell-size)"
+    )
+
+
+def named_groups() -> list[tuple[int, int, str]]:
+    """Return dimension, tag and name of the current model's physical groups, one with several names once for each; a region
+    and the face of it may bear one name."""
+    groups = [(*group, gmsh.model.getPhysicalName(*group)) for group in gmsh.model.getPhysicalGroups()]
+    return [(dimension, tag, name) for dimension, tag, names in groups for name in names.split(JOINT)]
 
 
 def _check(path: Path, content: bytes) -> None:
@@ -303,8 +348,8 @@ def _check(path: Path, content: bytes) -> None:
     if b"\0" in content:
         raise MeshFileError(f"{path} is a broken mesh file: it holds bytes that are no text")
     marks = list(SECTION.finditer(content))
-    expected = [word for name in SECTIONS for word in (name.encode(), b"End" + name.encode())]
-    if [mark[1] for mark in marks] != expected:
+    expected = [word for name in (*SECTIONS, STRAIGHT) for word in (name.encode(), b"End" + name.encode())]
+    if [mark[1] for mark in marks] not in (expected[:-2], expected):
         raise MeshFileError(f"{path} is a broken mesh file: its sections are not {', '.join(SECTIONS)}, each whole")
     between = [content[end.end() : start.start()] for end, start in zip(marks[1::2], marks[2::2], strict=False)]
     if b"".join([*between, content[marks[-1].end() :]]).strip():
@@ -423,8 +468,15 @@ SETTINGS = {
 DRAWN_IN = "Geometry.OCCTargetUnit"
 """Gmsh's option with the unit of a drawing's numbers; empty for the kernel's own, mm."""
 
-LEAST_QUALITY = 0.05
-"""Smallest quality (Gmsh's SICN) left alone; below it the mesher tries to improve the cells, at 0 it gives up."""
+SOUND, USABLE = 0.1, 0.05
+"""Least Jacobian determinant of a curved cell over that of the same cell with straight edges: below the first, Gmsh's own aim,
+nodes are moved; cells below the second are straightened. A flat cell is as flat without curved edges, so that its shape says
+nothing here."""
+
+CURVINGS = ("HighOrderElastic", "HighOrder", "")
+"""What moves nodes where curved edges spoil cells, in the order tried: an elastic smoother, which moves the inner ones; the
+direct optimisation, which also moves those on curved faces along them, and may end the process; none, which leaves the smoother
+and straight edges."""
 
 EDGES = ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3))
 """Ends of the edges of a second-order triangle (the first three) or tetrahedron, in Gmsh's order of nodes."""
@@ -438,17 +490,21 @@ QUICK = 10_000
 ROUNDS = 10
 """How often straightened cells may spoil their neighbours before that is given up."""
 
+ROUNDING = 1e-9
+"""Share of half an edge's length by which its middle is off the straight one, above which the edge is curved."""
+
 
 @dataclasses.dataclass(frozen=True)
 class MeshSummary:
     """Contents of a mesh file: numbers of cells and of nodes, those inside edges included; the smallest scaled Jacobian-based
     quality (Gmsh's SICN) of all cells, 1 regular and 0 or less invalid; the sum of the curved cells' volumes in m3 (3-D) or
-    areas in m2 (axisymmetric)."""
+    areas in m2 (axisymmetric); the number of straight edges on curved faces."""
 
     cells: int
     nodes: int
     quality: float
     measure: float
+    straight: int
 
 
 @contextlib.contextmanager
@@ -520,10 +576,7 @@ def write_mesh(actuator: Meshable, path: Path, stopped: Callable[[], bool] = boo
     try:
         kept = load_cached_mesh(actuator, partial) and is_whole(partial)
         if not kept:
-            if actuator.expected_cells <= QUICK:
-                _make(actuator, partial)
-            else:
-                apart(_make, actuator, partial, stopped=stopped)
+            _make_curved(actuator, partial, stopped)
         if not is_whole(partial):
             raise OSError(errno.ENOSPC, "the mesh file ended early; is the disk full?", str(path))
         if not kept:
@@ -534,13 +587,31 @@ def write_mesh(actuator: Meshable, path: Path, stopped: Callable[[], bool] = boo
     return path
 
 
-def _make(actuator: Meshable, path: Path) -> None:
-    """Mesh a device into a file with a private model of Gmsh's."""
+class SpoiltCells(MeshingError):
+    """Curved edges spoil cells, and moving nodes in one way does not mend them."""
+
+
+def _make_curved(actuator: Meshable, path: Path, stopped: Callable[[], bool]) -> None:
+    """Mesh a device into a file in the first of `CURVINGS` that makes its cells sound."""
+    try:
+        if actuator.expected_cells <= QUICK:
+            return _make(actuator, path, CURVINGS[0])
+        return apart(_make, actuator, path, CURVINGS[0], stopped=stopped)
+    except SpoiltCells:
+        pass
+    if _pickled(_make, (actuator, path, CURVINGS[1])):
+        with contextlib.suppress(MeshingError):  # spoilt, or its process has ended
+            return apart(_make, actuator, path, CURVINGS[1], stopped=stopped)
+    return apart(_make, actuator, path, CURVINGS[2], stopped=stopped)
+
+
+def _make(actuator: Meshable, path: Path, curving: str) -> None:
+    """Mesh a device into a file with a private model of Gmsh's; `SpoiltCells` if a way of `CURVINGS` leaves some."""
     with private_model():
         try:
             actuator.build()
             if not actuator.meshed:
-                _generate(actuator)
+                _generate(actuator, curving)
             elif _worst(actuator.dimension) <= 0.0:
                 raise MeshingError("the mesh has an inverted cell; remesh the part in its own program")
             for mirror in actuator.mirrors:
@@ -565,11 +636,11 @@ def summarize(path: str | Path) -> MeshSummary:
             raise MeshingError(f"{path} holds no cells")
         quality = gmsh.model.mesh.getElementQualities(cells, "minSICN").min()
         measure = _measure(gmsh.model.getDimension())
-        nodes = gmsh.model.mesh.getNodes()[0].size
-    return MeshSummary(int(cells.size), int(nodes), float(quality), measure)
+        nodes, straight = gmsh.model.mesh.getNodes()[0].size, straight_edges()
+    return MeshSummary(int(cells.size), int(nodes), float(quality), measure, straight)
 
 
-def _generate(actuator: Meshable) -> None:
+def _generate(actuator: Meshable, curving: str) -> None:
     if actuator.dimension == 3 and math.isinf(actuator.expected_cells):
         gmsh.model.mesh.generate(2)
         _check_cells()
@@ -582,15 +653,15 @@ def _generate(actuator: Meshable) -> None:
         with hushed(b"BFGS update error"):  # of Netgen's, at a cell so flat that one of its steps is left out
             gmsh.model.mesh.optimize("Netgen")
     gmsh.model.mesh.setOrder(actuator.mesh_order)
-    if _worst(actuator.dimension) > LEAST_QUALITY:
-        return
-    # Curving an edge onto an arc bends a flat cell too far; moving the inner nodes usually mends it.
-    with contextlib.suppress(
-        Exception
-    ):  # bare, and of no consequence: its solver gave up, and the cells are judged next
-        gmsh.model.mesh.optimize("HighOrderElastic")
-    if _worst(actuator.dimension) <= LEAST_QUALITY:
-        _straighten(actuator.dimension)
+    if actuator.mesh_order > 1 and _curvings(actuator.dimension).min() < SOUND:
+        # Curving an edge onto an arc bends a flat cell too far; moving the inner nodes usually mends it.
+        with contextlib.suppress(Exception):  # bare: its solver gave up, and the cells are judged next
+            gmsh.model.mesh.optimize(curving or CURVINGS[0])
+        if _curvings(actuator.dimension).min() < USABLE:
+            if curving:
+                raise SpoiltCells(f"{curving} leaves cells that curved edges spoil")
+            if straight := _straighten(actuator.dimension):
+                gmsh.model.setAttribute(STRAIGHT, [str(straight)])
     worst = _worst(actuator.dimension)
     if worst <= 0.0:
         raise MeshingError(
@@ -623,24 +694,50 @@ def _check_cells() -> None:
         )
 
 
-def _straighten(dimension: int) -> None:
-    """Put the mid-edge nodes of spoilt cells back on straight edges; their neighbours follow until all are sound.
+def _curvings(dimension: int) -> NDArray[np.float64]:
+    """Return of each cell its least Jacobian determinant over that of the same cell with straight edges."""
+    tags, nodes, at = _curved_cells(dimension)
+    corners = at[nodes[:, : dimension + 1]]
+    a, b, *c = np.moveaxis(corners[:, 1:] - corners[:, :1], 1, 0)
+    across = np.cross(a, b)
+    straight = np.abs(np.einsum("ni,ni->n", across, c[0])) if c else np.linalg.norm(across, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):  # a cell without volume, which is reported as inverted
+        shares = gmsh.model.mesh.getElementQualities(tags, "minDetJac") / straight
+    return np.nan_to_num(shares, nan=1.0)
 
-    With straight edges every cell is as good as before it was curved. A few chords instead of arcs cost little volume.
-    """
+
+def _curved_cells(dimension: int) -> tuple[NDArray[np.uint64], NDArray[np.int64], NDArray[np.float64]]:
+    """Return tags and nodes of the cells, which are of one kind, and places in the model's unit by node."""
     (kind,) = gmsh.model.mesh.getElementTypes(dimension)
     tags, nodes = gmsh.model.mesh.getElementsByType(kind)
-    nodes = nodes.reshape(len(tags), -1)
     known, places, _ = gmsh.model.mesh.getNodes()
     at = np.empty((int(known.max()) + 1, 3))
     at[known.astype(int)] = places.reshape(-1, 3)
+    return tags, nodes.astype(np.int64).reshape(len(tags), -1), at
+
+
+def _straighten(dimension: int) -> int:
+    """Put the mid-edge nodes of spoilt cells back on straight edges; their neighbours follow until all are sound. Return how
+    many edges on curved faces are straight now.
+
+    With straight edges every cell is as good as before it was curved, but a wall there is a polygon.
+    """
+    _, nodes, at = _curved_cells(dimension)
+    boundary = np.concatenate([gmsh.model.mesh.getNodes(d, includeBoundary=True)[0] for d in range(dimension)])
+    moved = set[int]()
     for _ in range(ROUNDS):
-        spoilt = nodes[gmsh.model.mesh.getElementQualities(tags, "minSICN") <= LEAST_QUALITY]
+        spoilt = nodes[_curvings(dimension) < USABLE]
         if not len(spoilt):
-            return
+            break
         for k, (a, b) in enumerate(EDGES[: nodes.shape[1] - dimension - 1]):
-            for middle, start, end in zip(spoilt[:, dimension + 1 + k], spoilt[:, a], spoilt[:, b], strict=True):
-                gmsh.model.mesh.setNode(int(middle), 0.5 * (at[int(start)] + at[int(end)]), [])
+            middles, chords = spoilt[:, dimension + 1 + k], 0.5 * (at[spoilt[:, a]] + at[spoilt[:, b]])
+            bent = np.linalg.norm(at[middles] - chords, axis=1) > ROUNDING * np.linalg.norm(
+                chords - at[spoilt[:, a]], axis=1
+            )
+            for middle, chord in zip(middles[bent].tolist(), chords[bent], strict=True):
+                gmsh.model.mesh.setNode(middle, chord, [])
+            moved.update(middles[bent].tolist())
+    return int(np.isin(list(moved), boundary).sum())
 
 
 def _cells(dimension: int) -> np.ndarray:

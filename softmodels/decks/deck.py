@@ -702,6 +702,8 @@ def deck_of(case: Case, mesh: Path, system: System | None = None) -> Deck:
         }
     supports = supports_of(case, arrays, freedoms)
     _check_apart(supports, springs)
+    # Other programs want each cell once: a region with a law of its own keeps all of its cells.
+    arrays = arrays.parted([part.name for part in case.components if isinstance(part, Region)])
     silicones = silicones_of(case.material, case.components, arrays.regions)
     return Deck(case, arrays, _pressures(case), supports, silicones, forces, springs)
 

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from geometries import Actuator, Hold
 from geometries.actuator import Opening, Vector, cavity_roles, find_openings
-from geometries.meshing import load_mesh, private_model
+from geometries.meshing import load_mesh, private_model, straight_edges
 from softmodels.common.arrays import Array
 from softmodels.common.errors import ComponentError, Spoken
 from softmodels.common.lazy import MPI, Expr, fem, gmsh, la, meshes, ufl
@@ -284,6 +284,7 @@ class Body:
         holds: What is held beside the cut planes: the device's own holds, unless clamps hold it (`mechanics.regions`).
         openings: Where its cavities' walls end.
         seal: What closes its first cavity, where that is a plane on which its rim is free.
+        straight: Number of the mesh's edges on curved faces that are straight.
     """
 
     actuator: Actuator
@@ -295,6 +296,7 @@ class Body:
     holds: tuple[Hold, ...] = ()
     openings: tuple[Opening, ...] = ()
     seal: Seal | None = None
+    straight: int = 0
 
     def __post_init__(self) -> None:
         # Made with the body, because the order in which constants are made is part of a form's signature.
@@ -315,18 +317,20 @@ class Body:
         with private_model() if is_root(comm) else contextlib.nullcontext():
             # An invalid file raises on all ranks; it must not hang.
             groups = on_root(comm, lambda: load_mesh(path, actuator.dimension))
-            openings = on_root(comm, lambda: find_openings(actuator))
+            openings, straight = on_root(comm, lambda: (find_openings(actuator), straight_edges()))
             with compiling():
                 data = gmshio.model_to_mesh(gmsh.model, comm, 0, gdim=actuator.dimension)
         data.mesh.geometry.x[:] /= actuator.size
         tdim = data.mesh.topology.dim
         by_dimension = {tdim - 1: data.facet_tags, tdim - 2: data.ridge_tags, tdim - 3: data.peak_tags}
-        entities, regions = {}, {}
-        for dimension, tag, name in groups:
+        entities, regions = dict[str, Entities](), dict[str, npt.NDArray[np.int32]]()
+        none = np.empty(0, dtype=np.int32)
+        for dimension, tag, name in groups:  # what several groups of the mesh share belongs to each of their names
             if dimension == tdim:
-                regions[name] = data.cell_tags.find(tag)
+                regions[name] = np.union1d(regions.get(name, none), data.cell_tags.find(tag))
             else:
-                entities[name] = (dimension, by_dimension[dimension].find(tag))
+                known = entities.get(name, (dimension, none))[1]
+                entities[name] = (dimension, np.union1d(known, by_dimension[dimension].find(tag)))
         names = cavity_roles(actuator)
         if missing := [name for name in names if name not in entities]:
             raise BodyError(
@@ -339,7 +343,9 @@ class Body:
         cavity = meshes.meshtags(data.mesh, tdim - 1, facets[order], tags[order])
         holds = tuple(actuator.holds)
         roles = Roles(entities, functools.partial(selected, data.mesh, actuator))
-        return cls(actuator, data.mesh, cavity, roles, _skew(actuator, holds), regions, holds, openings)
+        return cls(
+            actuator, data.mesh, cavity, roles, _skew(actuator, holds), regions, holds, openings, straight=straight
+        )
 
     def held_by(self, holds: Sequence[Hold]) -> Body:
         """Return the same body with other supports."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import abc
 import copy
 import dataclasses
+import itertools
 import math
 import types
 from collections.abc import Iterator, Mapping, Sequence
@@ -416,7 +417,8 @@ class Regions:
     None where that is the whole body.
 
     Raises:
-        ComponentError: A region that the mesh does not have, or regions that leave nothing to the main material.
+        ComponentError: A region that the mesh does not have, regions with cells in common, or that leave nothing to the main
+            material.
     """
 
     def __init__(self, body: Body, material: Material, components: Sequence[Component]):
@@ -431,12 +433,26 @@ class Regions:
         self.numbers: npt.NDArray[np.int32] | None = None
         if not self._parts:
             return
-        self.numbers = numbered(body.mesh, [part.cells(body) for part in self._parts])
+        cells = [part.cells(body) for part in self._parts]
+        self._check_apart(cells)
+        self.numbers = numbered(body.mesh, cells)
         counts = body.mesh.comm.allreduce(np.bincount(self.numbers[: self._owned()], minlength=1 + len(self._parts)))
         if not counts[0]:
             raise ComponentError(
                 f"{self._parts[0].where}: the regions cover the whole device; leave one of them to the main material"
             )
+
+    def _check_apart(self, cells: Sequence[npt.NDArray[np.int32]]) -> None:
+        """Reject regions that share cells: which material those have would depend on the order of the tables."""
+        own = [found[found < self._owned()] for found in cells]
+        for (one, part), (two, other) in itertools.combinations(enumerate(self._parts), 2):
+            sizes = [len(np.intersect1d(own[one], own[two])), len(own[one]), len(own[two])]
+            common, first, second = self._body.mesh.comm.allreduce(np.array(sizes)).tolist()
+            if common:
+                raise other.error(
+                    f"{common} of its {second} cells are also among the {first} of {part.where}, and a cell has one material: "
+                    "change the conditions (within), or the regions of the mesh, so that they exclude each other"
+                )
 
     def _owned(self) -> int:
         topology = self._body.mesh.topology

@@ -657,6 +657,8 @@ class Simulation:
         say(f"{cells} cells, {unknowns} unknowns, {ranks} rank{'s' if ranks > 1 else ''}")
         if told := self.solver.method.told:
             say(told)
+        if self.body.straight:
+            say(f"warning: {meshing.straight_text(self.body.straight)}")
         if abs(error := self.solver.system.volume_error) > COARSE:
             kind, amount = "less" if error < 0.0 else "more", f"{abs(error):.1%}"
             say(

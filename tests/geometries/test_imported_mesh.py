@@ -148,7 +148,7 @@ def test_files_that_are_no_mesh(files, tmp_path, capfd):
     (tmp_path / "text.inp").write_text("hello\n")
     (tmp_path / "text.msh").write_text('SystemCall "touch hit";\n')
     for name, words in {
-        "brick.inp": "hexahedron cells; only tetrahedra of 4 or 10 nodes are supported",
+        "brick.inp": "cells of type C3D8RH; only tetrahedra of 4 or 10 nodes are supported",
         "open.stl": "is not watertight: 3 edges",
         "skin.inp": "has no tetrahedra",
         "flat.inp": "cell without volume",

@@ -121,6 +121,34 @@ def test_a_ring_within_the_layer_of_a_membrane():
             sm.inflate(membrane, LAW, pressures="3 cm", components=sm.Region(LAW, within=within, name="stiff"))
 
 
+def test_regions_that_share_cells_are_refused():
+    """Whatever their order; those that meet between cells are not."""
+    membrane = sm.Membrane(rings=(0.008, 0.010))
+    inner, outer = (
+        sm.Region(sm.NeoHookean(modulus, 0.45), within=within, name=name)
+        for modulus, within, name in ((3e6, "r < 10 mm", "inner"), (3e5, "r > 8 mm", "outer"))
+    )
+    for one, two in ((inner, outer), (outer, inner)):
+        shared = rf"\[region.{two.name}\]: \d+ of its \d+ cells are also among the \d+ of \[region.{one.name}\]"
+        with pytest.raises(sm.ComponentError, match=shared):
+            sm.Model(membrane, LAW, [one, two])
+    beside = sm.Region(outer.material, within="10 mm < r < 12 mm", name="outer")
+    heights = [sm.Model(membrane, LAW, list(parts)).solve(pressure="3 cm").rises["apex"]
+               for parts in ((inner, beside), (beside, inner))]  # fmt: skip
+    assert heights[0] == pytest.approx(heights[1], rel=1e-9)
+
+
+def test_named_faces_of_a_part_that_overlap(step_file, tmp_path):
+    """A force on a face acts on all of it, whatever other names its pieces have; so does what holds the part."""
+    file = step_file(tmp_path / "bar.step", lambda occ: occ.fragment(
+        [(3, occ.addBox(0, -5, -2.5, 20, 10, 5))], [(3, occ.addBox(20, -5, -2.5, 20, 10, 5))]))  # fmt: skip
+    rises = []
+    for names in (("roof = z = 2.5 mm",), ("half = in 19..41, -6..6, 2..3 mm", "roof = z = 2.5 mm", "root = x = 0 mm")):
+        bar = sm.ImportedActuator(file=file, cavities=("none",), support="x = 0 mm", surfaces=names, cell_size=0.005)
+        rises.append(sm.Model(bar, LAW, sm.Force("roof", "-z", 0.005)).solve().rises["tip"])
+    assert rises[1] == pytest.approx(rises[0], rel=1e-9)
+
+
 def test_a_part_without_air(step_file, tmp_path):
     """A bar from a STEP file bends as the library's beam does; its faces have names of the user's."""
     file = step_file(tmp_path / "bar.step", lambda occ: occ.addBox(0, -5, -2.5, 40, 10, 5))
