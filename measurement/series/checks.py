@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import numpy.typing as npt
 
-from measurement.outline.edge import Traced, widest_patch
+from measurement.outline.edge import PART, Traced, widest_patch
 from measurement.outline.zero import (
     ON_SURFACE,
     UNCLEAR,
@@ -336,8 +336,8 @@ def saturation(e: Evidence) -> Iterator[Doubt]:
         yield Doubt(verdict, "reduce the exposure", rejects=True)
 
 
-PART, MOST_PART = 0.7, 0.05
-"""Share of the shadow's depth by which light must fall over its edge, and share of the edge where it may fall less."""
+MOST_PART = 0.05
+"""Share of the edge where light may fall over less than `PART` of the shadow's depth."""
 UNEVEN, PIECES, LEAST_POINTS = 0.08, 12, 20
 """Change of the shadow's depth along its edge that one lamp does not make, over means of so many pieces of the edge, each
 of so many points at least."""
@@ -346,9 +346,7 @@ of so many points at least."""
 @register_check(EDGE)
 def one_lamp(e: Evidence) -> Iterator[Doubt]:
     """Does the light fall all the way from the screen's to the shadow's, alike along the edge?"""
-    colour = e.traced.coarse.colour
-    whole = 1.0 / float(colour.direction @ colour.lit)
-    part = e.traced.edge.contrast / whole
+    part = e.traced.edge.contrast / e.traced.coarse.colour.depth
     if np.median(part) < PART:
         yield Doubt(
             f"the light falls in steps, by {np.median(part):.0%} of the shadow's depth at this edge: the shadow has "

@@ -79,6 +79,32 @@ def deep_case(case: Case, half: float = 10.5e-3) -> Case:
     return dataclasses.replace(case, body=body, bench=bench)
 
 
+LARGE, SHAPES = ("disc", "ring", "diodes", "sun", "square"), ("sheet", "block", "round")
+"""Lamps that are large for their distance, and bodies along the light, of `large_case`."""
+
+
+def large_case(seed: int, lamp: str | None = None, shape: str | None = None, camera: str | None = None) -> Case:
+    """The run of a seed, in small pictures, with a large lamp and a lens whose depth of field the screen exceeds."""
+    case, rng = random_case(seed, "disc", camera), np.random.default_rng([48, seed])
+    lamp, shape = lamp or LARGE[seed % 5], shape or SHAPES[seed % 3]
+    width = rng.uniform(9e-3, 10e-3) if shape != "sheet" or rng.integers(0, 2) else 0.2
+    body = rays.Body(
+        rng.uniform(3e-3, 5.5e-3), rng.uniform(6.3e-3, 7.2e-3), width, 0.0 if shape == "sheet" else min(width, 10e-3),
+        shape == "round", floor=rng.uniform(-3.2e-3, -2.4e-3), pitch=rng.uniform(1.5, 3.0),
+    )  # fmt: skip
+    far, near = case.bench.lamp_distance, body.depth + rng.uniform(8e-3, 25e-3)
+    size = rng.uniform(80e-6, 170e-6) * far / near  # standard deviation of the lamp itself, along one direction
+    size *= {"disc": 4.0, "ring": 4.0 / np.hypot(1.0, 0.75)}.get(lamp, np.sqrt(12.0))
+    if lamp == "sun":
+        far, size = 1e3, 2e3 * np.tan(np.radians(0.265))
+    bench = dataclasses.replace(
+        case.bench, lamp=rays.Lamp(lamp, size, rng.uniform(0.0, 45.0), points=324 if lamp == "diodes" else 256),
+        lamp_distance=far, screen_distance=near, size=(720, 460), pixel=32e-6, pitch=3.5e-3, looks_at=(0.0, 0.0),
+        opening=rng.uniform(1e-3, 3e-3), focus=rng.normal(0.0, 2e-3),
+    )  # fmt: skip
+    return Case(lamp, case.camera, bench, case.sensor, body)
+
+
 def pictures_of(case: Case, seed: int) -> list[np.ndarray]:
     """The grid's photograph, and those of the body at `SHARES` of its height."""
     bodies = [None, *(dataclasses.replace(case.body, height=share * case.body.height) for share in SHARES)]
