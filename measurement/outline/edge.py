@@ -481,7 +481,7 @@ WIDEST_LINE = 0.1
 """Greatest width of a grid line in pitches that is distinguished from a shadow."""
 
 RIM, PENUMBRA = 9, 3.0
-"""Side in px of the small version of the square that the rim of a part of it reaches, and an edge's half width in its widths."""
+"""Side in px of the square by which a part of the small version is made smaller, and reach of an edge's light in its widths."""
 
 LONGEST_BRIDGE = 10e-3
 """Length in m of the longest gap in an edge that is bridged, so that it can be shown; its points are no measured ones."""

@@ -191,7 +191,7 @@ def _only_shadow(dark: Mask) -> Mask:
     if len(order) > 1 and areas[order[1]] > max(0.04 * areas[order[0]], 60):
         raise Unmeasurable(
             f"there are several shadows: the second one has {areas[order[1]] / areas[order[0]]:.0%} of the first one's area; "
-            "select the right one with setup --roi"
+            "take away what throws it, cover it with setup --mask, or select the right one with setup --roi"
         )
     mask = labels == order[0] + 1
     outside = cv2.connectedComponents(np.pad(~mask, 1, constant_values=True).astype(np.uint8), connectivity=4)[1]
@@ -360,8 +360,8 @@ HALF = 30
 """Samples of a profile on each side of its middle."""
 
 ENDS, FLAT = (5, 15, -15, -5), 0.04
-"""Samples between which a profile's ends and what is next to them lie, and the change of light between these, as a share of all,
-up to which it is flat."""
+"""Samples between which a profile's ends and what is next to them lie, and the change of light between these, as a share of
+all, up to which it is flat."""
 
 LONGEST_STATION = 8.0
 """Length in px along the edge over which a profile is averaged at most."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from measurement.outline.edge import Traced
 from measurement.outline.outline import Outline, OutlineError
-from measurement.outline.profiles import DECISIVE
+from measurement.outline.profiles import DECISIVE, DEEP
 from measurement.outline.zero import ZeroLine, sides_of, with_known_body
 from measurement.pictures import TONES, Pixels, Unmeasurable, read_pixels
 from measurement.screen.setup import Setup
@@ -72,22 +72,22 @@ def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "",
     fits = first.edge.shape.chi_square < DECISIVE
     if likely and fits:
         return first
-    try:
-        second = _traced(image, setup, names[1], anyway)
-    except Unmeasurable:
-        if fits:
-            return first
-        raise
-    best, other = sorted((first, second), key=lambda traced: traced.edge.shape.chi_square)
+    traces = [first]
+    with contextlib.suppress(Unmeasurable):  # where only one tone shows an edge, the other is wrong
+        traces.append(_traced(image, setup, names[1], anyway))
+    best, *others = sorted(traces, key=lambda traced: traced.edge.shape.chi_square)
+    if not others and fits:
+        return first
     shape = best.edge.shape
     clear = shape.misfit < WRONG and abs(shape.tone) < LARGEST_TONE
     # A model that misses the profile by more than its error is no better evidence for missing another by as much more.
-    evidence = (other.edge.shape.chi_square - shape.chi_square) / max(1.0, shape.misfit**2)
+    more = others[0].edge.shape.chi_square - shape.chi_square if others else np.inf
+    evidence = more / max(1.0, shape.misfit**2)
     moved = float(np.median(best.edge.width)) * best.scale * TONE_SHIFT
     if moved <= TONE_HARM or (clear and evidence >= DECISIVE):
         return best
     # Without evidence against it, not even a shape, a photograph has the tone of its series.
-    if likely and not (first is other and evidence >= DECISIVE) and not first.edge.shape.misfit >= WRONG:
+    if likely and not (first is not best and evidence >= DECISIVE) and not first.edge.shape.misfit >= WRONG:
         return first
     best.tone_error = moved
     best.doubts += doubts(TONE, Evidence(best))
@@ -131,9 +131,15 @@ def zero_of(traced: Traced, raised: Traced | None = None) -> ZeroLine:
         sides=sides_of(placed, upwards, errors[seen]),
     )
     evidence = Evidence(traced, line)
-    level = float(np.hypot(hidden, 0.0 if evidence.bow is None else evidence.bow.level_error))
+    bow, lift = evidence.bow, traced.lift
+    left = 0.0 if bow is None else bow.level_error
     found = (*traced.doubts, *doubts(ZERO, evidence))
-    return dataclasses.replace(line, doubts=found, level_error=level, lift=traced.lift)
+    if bow is not None and bow.by_depth(lift):
+        # The penumbra's widening goes with the body's chord along the light, and so does the lift: the bow shows its mean too.
+        more = max(0.0, bow.mean - lift)
+        line = dataclasses.replace(line, origin=line.origin - more * line.normal)
+        left, lift = float(np.hypot(bow.error, DEEP * more)), lift + more
+    return dataclasses.replace(line, doubts=found, level_error=float(np.hypot(hidden, left)), lift=lift)
 
 
 def outline_of(traced: Traced, zero: ZeroLine, pressure: float, pressure_error: float, source: str) -> Outline:

@@ -13,6 +13,7 @@ X runs to the right and Z upwards on the screen, Y along the light; the body sta
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import cv2
 import numpy as np
@@ -119,7 +120,7 @@ class Body:
         return self.height * (1.0 - share) ** self.pitch
 
     def slices(self, x: np.ndarray) -> np.ndarray:
-        """Places (k, n) along the light at which the body is looked at, beside each of x (n,): from its one rim to the other."""
+        """Places (k, n) along the light at which the body is looked at beside each of x (n,): from rim to rim."""
         half = np.full(len(x), self.depth)
         if self.depth > 0.0 and self.round:
             half = self.depth * np.sqrt(np.maximum(1.0 - (x / self.width) ** 2, 0.0))
@@ -146,7 +147,7 @@ class Thing:
         """Distances of places from it, negative inside."""
         corners = np.array(self.path, dtype=float)
         far = np.hypot(x - corners[0, 0], z - corners[0, 1])
-        for (x0, z0), (x1, z1) in zip(corners[:-1], corners[1:], strict=True):
+        for (x0, z0), (x1, z1) in itertools.pairwise(corners):
             a, b = x1 - x0, z1 - z0
             share = np.clip(((x - x0) * a + (z - z0) * b) / (a * a + b * b), 0.0, 1.0)
             far = np.minimum(far, np.hypot(x - x0 - share * a, z - z0 - share * b))
@@ -409,7 +410,9 @@ class _Shadow:
         bench = self.bench
         return (bench.screen_distance + thing.nearer) / (bench.lamp_distance + bench.screen_distance)
 
-    def seen_past(self, thing: Thing, x: np.ndarray, z: np.ndarray, centre: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    def seen_past(
+        self, thing: Thing, x: np.ndarray, z: np.ndarray, centre: bool = False
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Places in a thing's plane through which places on the screen see this point, or the lamp's centre."""
         lamp = self.lamp - self.spot if centre else self.lamp
         share = self.share_at(thing)

@@ -7,6 +7,7 @@ in proportion, or as a phone does, which sharpens as well.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from pathlib import Path
 
@@ -105,6 +106,35 @@ def large_case(seed: int, lamp: str | None = None, shape: str | None = None, cam
     return Case(lamp, case.camera, bench, case.sensor, body)
 
 
+THINGS = ("ball", "peg", "hand", "hose", "ruler", "cable")
+"""Second things of `thing_beside`."""
+
+
+def thing_beside(case: Case, kind: str, seed: int) -> rays.Thing:
+    """A second thing at one side of a body: its shadow touches the body's, or it crosses the picture beside it."""
+    rng = np.random.default_rng([16, seed, THINGS.index(kind)])
+    side, top, edge = float(rng.choice([-1.0, 1.0])), case.body.floor, case.body.width
+
+    def at(*places: tuple[float, float]) -> tuple[tuple[float, float], ...]:
+        return tuple((side * (edge + beyond), top + above) for beyond, above in places)
+
+    nearer, radius = rng.uniform(-5e-3, 5e-3), rng.uniform(1.5e-3, 5e-3)
+    if kind == "ball":  # it lies against the side, its middle above or below the surface
+        return rays.Thing(kind, at((0.8 * radius, rng.uniform(-0.6, 0.6) * radius)), radius, nearer)
+    if kind == "peg":  # it stands on the table with a round head
+        return rays.Thing(kind, at((0.8 * radius, -30e-3), (0.8 * radius, rng.uniform(-0.5e-3, 2e-3))), radius, nearer)
+    if kind == "hand":  # three fingers from beside
+        tips = [(rng.uniform(-0.5e-3, 1e-3), height) for height in (-2.5e-3, 0.5e-3, 3.5e-3)]
+        path = [place for tip in tips for place in ((20e-3, tip[1]), tip, (20e-3, tip[1]))]
+        return rays.Thing(kind, at(*path), 1.8e-3, nearer)
+    if kind == "hose":  # it rises from the table beside the body and leaves the picture
+        path = [(0.5e-3 + 4e-3 * (1.0 - np.cos(t)), -4e-3 + 6e-3 * t) for t in np.linspace(0.0, 1.5, 9)]
+        return rays.Thing(kind, at((0.5e-3, -30e-3), *path, (25e-3, 6e-3)), rng.uniform(0.8e-3, 2e-3), nearer)
+    if kind == "ruler":  # it stands upright beside the body and leaves the picture
+        return rays.Thing(kind, at((3e-3, -30e-3), (3e-3, 30e-3)), 3.2e-3, nearer)
+    return rays.Thing(kind, at((0.3e-3, -30e-3), (1e-3, -1e-3), (4e-3, 30e-3)), rng.uniform(0.2e-3, 0.5e-3), nearer)
+
+
 def pictures_of(case: Case, seed: int) -> list[np.ndarray]:
     """The grid's photograph, and those of the body at `SHARES` of its height."""
     bodies = [None, *(dataclasses.replace(case.body, height=share * case.body.height) for share in SHARES)]
@@ -124,11 +154,13 @@ def measured(case: Case, pictures: list[np.ndarray], setup: Setup | None = None,
     raised = list(pictures[2:])
     try:
         # As `measuring.zero_line` does.
-        top = trace_image(raised[-1], setup, tone)
-        clear = None if top.doubts else top
+        clear = None
+        with contextlib.suppress(Unmeasurable):
+            top = trace_image(raised[-1], setup, tone)
+            clear = None if top.doubts else top
         zero = zero_of(trace_image(pictures[1], setup, tone), clear)
-        if zero.doubts:
-            zero = zero_of(trace_image(pictures[1], setup, top.tone), clear)
+        if zero.doubts and clear is not None:
+            zero = zero_of(trace_image(pictures[1], setup, clear.tone), clear)
         if zero.sides is not None:
             setup = with_known_body(setup, zero, 2.0 * case.body.width)
             zero = zero_of(trace_image(pictures[1], setup, zero.tone), clear)
