@@ -149,8 +149,8 @@ def find_shadow(
     contrast, no shadow, or several.
 
     Dark things thinner than ``line_px``, the greatest width of a grid line, are closed over. ``known`` is the light (3,) of a
-    sample of the shadow; ``masked`` (h, w) is where something else covers the screen: dark things that lie mostly there are
-    no shadows.
+    sample of the shadow; ``masked`` (h, w) is where something else covers the screen: of dark things that lie mostly there,
+    what lies there is no shadow.
     """
     plain = _close_lines(light, line_px)
     brightness = plain.mean(axis=2).astype(np.float64)
@@ -178,7 +178,9 @@ def find_shadow(
     dark = share < 0.5
     if masked is not None and masked.any():
         _, labels = cv2.connectedComponents(dark.astype(np.uint8))
-        dark &= ~(np.bincount(labels.ravel(), masked.ravel()) > 0.5 * np.bincount(labels.ravel()))[labels]
+        mostly = (np.bincount(labels.ravel(), masked.ravel()) > 0.5 * np.bincount(labels.ravel()))[labels]
+        # What merges with a larger thing under a mask (a ruler beside the body) may be the body.
+        dark &= ~(mostly & masked)
     return CoarseShadow(colour, _only_shadow(dark), dark, share, even)
 
 

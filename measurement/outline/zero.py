@@ -254,8 +254,8 @@ class Bow:
         return 0.25 * math.pi * self.rise
 
     def by_depth(self, lift: float) -> bool:
-        """Return whether it is that of a level surface that is deep along the light, whose half light a large lamp and blur have
-        lifted so far on the whole, in m."""
+        """Return whether it is that of a level surface that is deep along the light, whose half light a large lamp and blur
+        have lifted so far on the whole, in m."""
         return lift > 0.0 and self.mean < DEPTH_RATIO * lift + 4.0 * self.error
 
     @classmethod
@@ -433,7 +433,12 @@ class Displacement:
         reach = ENDS * (high - low)
         sinks = SETTLES * max(0.0, float(placed[:, 1].max()))
         worst, tolerance, sunk = 0.0, 0.0, 0.0
-        for end in (placed[:, 0] <= low + reach, placed[:, 0] >= high - reach):
+        # Where the surface's end is hidden or masked, what is seen last is the bulge's foot.
+        hidden = low - zero.extent[0] > reach, zero.extent[1] - high > reach
+        ends = placed[:, 0] <= low + reach, placed[:, 0] >= high - reach
+        for end in (
+            end for end, gone in zip(ends, hidden, strict=True) if not (gone and np.isfinite(zero.extent).all())
+        ):
             # Steep points are the body's sides or a bulge as wide as the picture; they do not lie on the surface anyway.
             mine = seen & end & (upwards > MIN_COSINE)
             if mine.sum() < 5:

@@ -301,8 +301,9 @@ def movement(e: Evidence) -> Iterator[Doubt]:
         if (line := look.odd_line(allowed * e.traced.setup.magnification)) is not None:
             way, number = line
             yield Doubt(
-                f"all lines of the grid but number {abs(number)} {BESIDE_ORIGIN[way][number < 0]} its origin are where they were: "
-                "a second thing (a cable, a hose, a hair) lies along that one", f"take it away, {OR_MASK}", rejects=True)  # fmt: skip
+                f"all lines of the grid but number {abs(number)} {BESIDE_ORIGIN[way][number < 0]} its origin are where they "
+                "were: a second thing (a cable, a hose, a hair) lies along that one",
+                f"take it away, {OR_MASK}", rejects=True)  # fmt: skip
         yield Doubt(
             f"the camera or the screen has moved by {moved * 1e6:.0f} um since the setup or during the exposure, or the "
             "picture is turned, mirrored, cropped or too noisy",
@@ -796,7 +797,7 @@ def _length(value: float) -> str:
     return f"{abs(value) * 1e3:.2f} mm" if abs(value) >= 95e-6 else f"{abs(value) * 1e6:.0f} um"
 
 
-CROWNED, CROWN_ERRORS = 0.1, 5.0
+CROWNED, CROWN_ERRORS = 0.06, 4.0
 """Change of the top's curvature, as a share of it, and in its own standard errors, that no smooth course of a run has."""
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from measurement.outline.edge import Traced
 from measurement.outline.outline import Outline, OutlineError
-from measurement.outline.profiles import DECISIVE, DEEP
+from measurement.outline.profiles import DECISIVE
 from measurement.outline.zero import ZeroLine, sides_of, with_known_body
 from measurement.pictures import TONES, Pixels, Unmeasurable, read_pixels
 from measurement.screen.setup import Setup
@@ -135,10 +135,11 @@ def zero_of(traced: Traced, raised: Traced | None = None) -> ZeroLine:
     left = 0.0 if bow is None else bow.level_error
     found = (*traced.doubts, *doubts(ZERO, evidence))
     if bow is not None and bow.by_depth(lift):
-        # The penumbra's widening goes with the body's chord along the light, and so does the lift: the bow shows its mean too.
-        more = max(0.0, bow.mean - lift)
+        # The lift goes with the body's chord along the light, so that the bow shows its mean too, which the shape underrates:
+        # the middle between both is taken, and half of their difference as its error.
+        more = 0.5 * max(0.0, bow.mean - lift)
         line = dataclasses.replace(line, origin=line.origin - more * line.normal)
-        left, lift = float(np.hypot(bow.error, DEEP * more)), lift + more
+        left, lift = float(np.hypot(bow.error, more)), lift + more
     return dataclasses.replace(line, doubts=found, level_error=float(np.hypot(hidden, left)), lift=lift)
 
 
