@@ -432,8 +432,8 @@ def _direction(px: Array) -> Array:
 # round).
 
 
-NARROWEST = 0.05
-"""Least square of the expected width over the usual one's."""
+NARROWEST, FITS = 0.05, 3
+"""Least square of the expected width over the usual one's, and fits of it, each with the scatter that the last one leaves."""
 
 WINDOW, MIN_WINDOW_POINTS = 1.2e-3, 15
 """Length in m and least number of points over which the width's median is taken: corners and dust are shorter."""
@@ -450,20 +450,23 @@ def widest_patch(edge: Edge, scale: float) -> tuple[float, float]:
     turn = 2.0 * np.arctan2(edge.normal[:, 1], edge.normal[:, 0])
     terms = np.column_stack([np.ones(len(x)), x, z, x**2, x * z, z**2, np.cos(turn), np.sin(turn)])
     width = np.log(edge.width)
-    usual = deviation(width - np.median(width)) + 1e-3
     square = float(np.exp(2.0 * np.median(width)))
 
     def expected(c: Array) -> Array:
         return square * np.maximum(terms @ c, NARROWEST)
 
     def missed(c: Array) -> Array:
-        return np.asarray(0.5 * np.log(expected(c)) - width) / usual
+        return np.asarray(0.5 * np.log(expected(c)) - width)
 
     def slopes(c: Array) -> Array:
-        return np.asarray(0.5 * square * terms / expected(c)[:, None] / usual)
+        return np.asarray(0.5 * square * terms / expected(c)[:, None])
 
-    start = np.eye(terms.shape[1])[0]
-    rest = -usual * missed(least_squares(missed, start, jac=slopes, loss="cauchy").x)
+    found, rest = np.eye(terms.shape[1])[0], np.median(width) - width
+    for _ in range(FITS):
+        # Of an edge out of focus the first fit leaves most; what a patch leaves is much only beside what the rest does.
+        usual = deviation(rest) + 1e-3
+        found = least_squares(missed, found, jac=slopes, loss="cauchy", f_scale=usual).x
+        rest = -missed(found)
     spacing = float(np.median(np.linalg.norm(np.diff(edge.px, axis=0), axis=1))) * scale
     count = min(max(MIN_WINDOW_POINTS, round(WINDOW / spacing)), len(rest) // 3)
     smooth = np.median(np.lib.stride_tricks.sliding_window_view(rest, count), axis=1)

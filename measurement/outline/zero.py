@@ -506,6 +506,8 @@ def scale_of(placed: Array, upwards: Array, error: Array, bridged: Mask, zero: Z
     if len(ratios) > 1 and np.ptp(ratios) > BULGE_ERRORS * max(own, *(part.error / own_sides.width for part in parts)):
         least = int(np.argmin(np.abs(ratios - 1.0)))
         scale, own = float(ratios[least]), float(np.hypot(parts[least].error, own_sides.error)) / own_sides.width
+    if zero.lift and abs(scale - 1.0) < 2.0 * own:
+        scale = 1.0  # a deep body's sides are known no better than its lift, which all photographs of a run share
     return scale, float(np.sqrt(max(0.0, (scale - 1.0) ** 2 - (2.0 * own) ** 2)))
 
 

@@ -303,7 +303,7 @@ def movement(e: Evidence) -> Iterator[Doubt]:
             yield Doubt(
                 f"all lines of the grid but number {abs(number)} {BESIDE_ORIGIN[way][number < 0]} its origin are where they "
                 "were: a second thing (a cable, a hose, a hair) lies along that one",
-                f"take it away, {OR_MASK}", rejects=True)  # fmt: skip
+                f"take it away and photograph it again, {OR_MASK}", rejects=True)  # fmt: skip
         yield Doubt(
             f"the camera or the screen has moved by {moved * 1e6:.0f} um since the setup or during the exposure, or the "
             "picture is turned, mirrored, cropped or too noisy",
@@ -465,10 +465,12 @@ BOWED = 20e-6
 def level(e: Evidence) -> Iterator[Doubt]:
     """Does the light run along the undeformed surface?"""
     bow = e.bow
-    if bow is None or bow.rise <= max(BOWED, 4.0 * bow.error) or bow.by_depth(e.traced.lift):
+    if bow is None or bow.rise <= max(BOWED, 4.0 * bow.error):
         return
     if np.isnan(bow.rise):
         yield Doubt("the surface reaches beyond what seem to be the body's sides, so that its level cannot be checked")
+    if bow.by_depth(e.traced.lift):
+        return
     bows = (
         f"the undeformed surface bows up by {bow.rise * 1e6:.0f} um towards its middle, as the rim of a round body does"
     )
@@ -499,7 +501,7 @@ def second_thing(e: Evidence) -> Iterator[Doubt]:
     A ball, a hand, a hose or a ruler beside the body makes a part of the edge lie off the surface too. So this is asked before
     the actuator is said to have moved.
     """
-    take = f"take it away, {OR_MASK}, or write anyway in the column use of the list"
+    take = f"take it away and photograph it again, {OR_MASK}, or write anyway in the column use of the list"
     sides, z = e.zero.sides, e.placed[:, 1]
     if sides is not None:
         rim = e.traced.rim
@@ -828,7 +830,7 @@ def scaling(e: Evidence) -> Iterator[Doubt]:
     lie = f"the body's sides lie {abs(own):.2%} {'farther apart' if own > 0.0 else 'nearer'} than at zero pressure"
     if common.course is None:
         if abs(own) * high > SCALE_BOUND:
-            yield Doubt(f"{lie}: it was moved along the light, its sides deform, or a second thing stands beside it")
+            yield Doubt(f"{lie}: it was moved along the light, or its sides deform, or a second thing stands beside it")
         return
     start, off = float(common.course(0.0)), own - float(common.course(high))
     if abs(start) * float(heights.max()) > SCALE_BOUND and abs(start) > 0.1 * np.abs(larger[common.known]).max():

@@ -17,7 +17,7 @@ import numpy as np
 
 from measurement.outline.edge import Traced
 from measurement.outline.outline import Outline, OutlineError
-from measurement.outline.profiles import DECISIVE
+from measurement.outline.profiles import DECISIVE, DEEP
 from measurement.outline.zero import ZeroLine, sides_of, with_known_body
 from measurement.pictures import TONES, Pixels, Unmeasurable, read_pixels
 from measurement.screen.setup import Setup
@@ -123,12 +123,15 @@ def zero_of(traced: Traced, raised: Traced | None = None) -> ZeroLine:
     line = ZeroLine.fit(traced.points[seen], traced.normals[seen], errors[seen])
     # The body's sides are not deep along the light: their edge is at their half light.
     placed, upwards = line.place(traced.points + traced.lift * traced.normals)[seen], traced.normals[seen] @ line.normal
+    sides = sides_of(placed, upwards, errors[seen])
+    if sides is not None and traced.lift:
+        sides = dataclasses.replace(sides, error=float(np.hypot(sides.error, 2.0 * DEEP * traced.lift)))
     line = dataclasses.replace(
         line,
         error=float(np.hypot(line.error, traced.shift_error)),
         model_error=traced.model_error,
         tone=traced.tone,
-        sides=sides_of(placed, upwards, errors[seen]),
+        sides=sides,
     )
     evidence = Evidence(traced, line)
     bow, lift = evidence.bow, traced.lift

@@ -22,13 +22,8 @@ class Photographs:
     """A small bench whose pictures show the body's sides, and its photographs of grid, undeformed and raised body."""
 
     def __init__(self) -> None:
-        case = runs.random_case(0, "disc", "srgb")
-        lamp = dataclasses.replace(case.bench.lamp, points=120)
-        bench = dataclasses.replace(
-            case.bench, lamp=lamp, size=(640, 420), pixel=36e-6, pitch=3.5e-3, looks_at=(0.0, 0.0)
-        )
-        body = runs.rays.Body(2.5e-3, 5e-3, 7e-3, floor=-2.6e-3, pitch=2.2)
-        self.case = dataclasses.replace(case, bench=bench, body=body)
+        self.case = runs.beside_case(0, (640, 420), 36e-6)
+        bench, case = self.case.bench, self.case
         self.setup = runs.setup_of(self.case, runs.rays.photograph(bench, case.sensor, None, 1))
         self.zero = zero_of(trace_image(self.picture(height=0.0), self.setup))
 

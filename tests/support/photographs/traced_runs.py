@@ -135,9 +135,20 @@ def thing_beside(case: Case, kind: str, seed: int) -> rays.Thing:
     return rays.Thing(kind, at((0.3e-3, -30e-3), (1e-3, -1e-3), (4e-3, 30e-3)), rng.uniform(0.2e-3, 0.5e-3), nearer)
 
 
-def pictures_of(case: Case, seed: int) -> list[np.ndarray]:
-    """The grid's photograph, and those of the body at `SHARES` of its height."""
-    bodies = [None, *(dataclasses.replace(case.body, height=share * case.body.height) for share in SHARES)]
+def beside_case(seed: int, size: tuple[int, int] = (720, 460), pixel: float = 32e-6) -> Case:
+    """The run of a seed with a disc lamp, in small pictures that show the body's sides and room beside them."""
+    case = random_case(seed, "disc", "srgb")
+    bench = dataclasses.replace(
+        case.bench, lamp=dataclasses.replace(case.bench.lamp, points=120), size=size, pixel=pixel, pitch=3.5e-3,
+        looks_at=(0.0, 0.0),
+    )  # fmt: skip
+    return dataclasses.replace(case, bench=bench, body=rays.Body(2.5e-3, 5e-3, 7e-3, floor=-2.6e-3, pitch=2.2))
+
+
+def pictures_of(case: Case, seed: int, shares: tuple[float, ...] | None = None) -> list[np.ndarray]:
+    """The grid's photograph, and those of the body at shares of its height, `SHARES` unless given."""
+    shares = SHARES if shares is None else shares
+    bodies = [None, *(dataclasses.replace(case.body, height=share * case.body.height) for share in shares)]
     return [rays.photograph(case.bench, case.sensor, body, 100 * seed + k) for k, body in enumerate(bodies)]
 
 
