@@ -17,7 +17,7 @@ import numpy as np
 
 from measurement.outline.edge import Traced
 from measurement.outline.outline import Outline, OutlineError
-from measurement.outline.profiles import DECISIVE, DEEP
+from measurement.outline.profiles import DECISIVE
 from measurement.outline.zero import ZeroLine, sides_of, with_known_body
 from measurement.pictures import TONES, Pixels, Unmeasurable, read_pixels
 from measurement.screen.setup import Setup
@@ -125,7 +125,8 @@ def zero_of(traced: Traced, raised: Traced | None = None) -> ZeroLine:
     placed, upwards = line.place(traced.points + traced.lift * traced.normals)[seen], traced.normals[seen] @ line.normal
     sides = sides_of(placed, upwards, errors[seen])
     if sides is not None and traced.lift:
-        sides = dataclasses.replace(sides, error=float(np.hypot(sides.error, 2.0 * DEEP * traced.lift)))
+        # A round body's sides are not, but a block's are: the lift is what is unknown of each.
+        sides = dataclasses.replace(sides, error=float(np.hypot(sides.error, 2.0 * traced.lift)))
     line = dataclasses.replace(
         line,
         error=float(np.hypot(line.error, traced.shift_error)),
