@@ -59,6 +59,9 @@ NEIGHBOUR_RATIO = 2.0
 WINDOW_STATIONS = 31
 """Stations over which the width's median is taken."""
 
+WHOLE, PART = 0.85, 0.7
+"""Share of the shadow's depth over which light falls in profiles that show all of the edge, and over which it must fall."""
+
 DRAWN_ERROR = 0.35
 """Share of the shift by ink that blurs with the edge by which its correction may be wrong."""
 
@@ -109,9 +112,11 @@ def refine_edge(shading: Shading, contour: Array, factor: float, camera: EdgeSha
         contour = contour[::-1]
     spacing, reach = max(2.0 * factor, length / 400.0), 4.0 * factor + 4.0
     for _ in range(4):
-        edge = _edge_in(Profiles.across(shading, contour, spacing, reach))
+        profiles = Profiles.across(shading, contour, spacing, reach)
+        edge = _edge_in(profiles)
         width = float(np.median(edge.width)) if len(edge.px) > 10 else np.inf
-        if 3.5 * width + factor <= reach:
+        # A large lamp's light may fall steeply in one part of its penumbra, which is all that short profiles show.
+        if 3.5 * width + factor <= reach and profiles.depth >= WHOLE * shading.colour.depth:
             break
         reach = 2.0 * reach
     if len(edge.px) < 10:
@@ -427,6 +432,9 @@ def _direction(px: Array) -> Array:
 # round).
 
 
+NARROWEST, FITS = 0.05, 3
+"""Least square of the expected width over the usual one's, and fits of it, each with the scatter that the last one leaves."""
+
 WINDOW, MIN_WINDOW_POINTS = 1.2e-3, 15
 """Length in m and least number of points over which the width's median is taken: corners and dust are shorter."""
 
@@ -440,12 +448,25 @@ def widest_patch(edge: Edge, scale: float) -> tuple[float, float]:
     x, z = place.T
     # The normal's doubled angle: an oblong lamp blurs opposite sides alike.
     turn = 2.0 * np.arctan2(edge.normal[:, 1], edge.normal[:, 0])
-    terms = np.column_stack([np.ones(len(x)), x, z, x**2, np.cos(turn), np.sin(turn)])
+    terms = np.column_stack([np.ones(len(x)), x, z, x**2, x * z, z**2, np.cos(turn), np.sin(turn)])
     width = np.log(edge.width)
-    usual = deviation(width - np.median(width)) + 1e-3
-    start = np.r_[np.median(width), np.zeros(terms.shape[1] - 1)]
-    fit = least_squares(lambda c: (terms @ c - width) / usual, start, jac=lambda c: terms / usual, loss="cauchy").x
-    rest = width - terms @ fit
+    square = float(np.exp(2.0 * np.median(width)))
+
+    def expected(c: Array) -> Array:
+        return square * np.maximum(terms @ c, NARROWEST)
+
+    def missed(c: Array) -> Array:
+        return np.asarray(0.5 * np.log(expected(c)) - width)
+
+    def slopes(c: Array) -> Array:
+        return np.asarray(0.5 * square * terms / expected(c)[:, None])
+
+    found, rest = np.eye(terms.shape[1])[0], np.median(width) - width
+    for _ in range(FITS):
+        # Of an edge out of focus the first fit leaves most; what a patch leaves is much only beside what the rest does.
+        usual = deviation(rest) + 1e-3
+        found = least_squares(missed, found, jac=slopes, loss="cauchy", f_scale=usual).x
+        rest = -missed(found)
     spacing = float(np.median(np.linalg.norm(np.diff(edge.px, axis=0), axis=1))) * scale
     count = min(max(MIN_WINDOW_POINTS, round(WINDOW / spacing)), len(rest) // 3)
     smooth = np.median(np.lib.stride_tricks.sliding_window_view(rest, count), axis=1)
@@ -461,6 +482,9 @@ COARSE = 640
 
 WIDEST_LINE = 0.1
 """Greatest width of a grid line in pitches that is distinguished from a shadow."""
+
+RIM, PENUMBRA = 9, 3.0
+"""Side in px of the square by which a part of the small version is made smaller, and reach of an edge's light in its widths."""
 
 LONGEST_BRIDGE = 10e-3
 """Length in m of the longest gap in an edge that is bridged, so that it can be shown; its points are no measured ones."""
@@ -570,7 +594,7 @@ class Traced:
         contour = coarse_contour(coarse.mask, coarse.share, self.factor, self.view.roi[:2])
         edge = refine_edge(shading, contour, self.factor, self.camera)
         masked = self.masked(edge.px)
-        if masked.all():
+        if masked.all() and len(edge.px):
             raise Unmeasurable("the masks cover the whole edge; give setup --mask smaller ones")
         return edge[self.view.inside(edge.px) & ~masked]
 
@@ -635,7 +659,9 @@ class Traced:
         if look is None:
             return Flatness(np.zeros(len(self.points)))
         parts = (~(coarse.dark | self.covered), coarse.mask & ~self.covered)
-        looks = [look_at_grid(self.view, look.pitch, _well_inside(part), look.line_reach) for part in parts]
+        # The penumbra's own fall of light would draw a line in it aside.
+        rim = max(RIM, 2 * int(np.ceil(PENUMBRA * self.width_px / self.factor)) + 1)
+        looks = [look_at_grid(self.view, look.pitch, _well_inside(part, rim), look.line_reach) for part in parts]
         return flatness(looks, self.points * self.setup.magnification)
 
     @property
@@ -669,6 +695,6 @@ def _region(image: Pixels, setup: Setup) -> tuple[int, int, int, int]:
     return x0, y0, x1, y1
 
 
-def _well_inside(part: Mask) -> Mask:
-    """Return a part (h, w) of the small version without its rim."""
-    return np.asarray(cv2.erode(part.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0)
+def _well_inside(part: Mask, size: int = RIM) -> Mask:
+    """Return a part (h, w) of the small version without its rim, half of a size in px wide."""
+    return np.asarray(cv2.erode(part.astype(np.uint8), np.ones((size, size), np.uint8)) > 0)

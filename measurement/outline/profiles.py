@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
-from scipy.special import ndtr
+from scipy.special import betainc, ndtr
 from scipy.stats import chi2
 from skimage.filters import threshold_otsu
 
@@ -74,6 +74,11 @@ class ShadowColour:
     def contrast(self) -> float:
         """Share of the screen's light that the shadow takes away."""
         return float(1.0 - self.shadow.sum() / self.lit.sum())
+
+    @property
+    def depth(self) -> float:
+        """The same share of the light in the mixture of the channels that `share` takes."""
+        return float(1.0 / (self.direction @ self.lit))
 
     def distance(self, light: Array) -> Array:
         """Return Mahalanobis distance to the shadow's colour of light (..., 3)."""
@@ -144,8 +149,8 @@ def find_shadow(
     contrast, no shadow, or several.
 
     Dark things thinner than ``line_px``, the greatest width of a grid line, are closed over. ``known`` is the light (3,) of a
-    sample of the shadow; ``masked`` (h, w) is where something else covers the screen: dark things that lie mostly there are
-    no shadows.
+    sample of the shadow; ``masked`` (h, w) is where something else covers the screen: of dark things that lie mostly there,
+    what lies there is no shadow.
     """
     plain = _close_lines(light, line_px)
     brightness = plain.mean(axis=2).astype(np.float64)
@@ -173,7 +178,9 @@ def find_shadow(
     dark = share < 0.5
     if masked is not None and masked.any():
         _, labels = cv2.connectedComponents(dark.astype(np.uint8))
-        dark &= ~(np.bincount(labels.ravel(), masked.ravel()) > 0.5 * np.bincount(labels.ravel()))[labels]
+        mostly = (np.bincount(labels.ravel(), masked.ravel()) > 0.5 * np.bincount(labels.ravel()))[labels]
+        # What merges with a larger thing under a mask (a ruler beside the body) may be the body.
+        dark &= ~(mostly & masked)
     return CoarseShadow(colour, _only_shadow(dark), dark, share, even)
 
 
@@ -186,7 +193,7 @@ def _only_shadow(dark: Mask) -> Mask:
     if len(order) > 1 and areas[order[1]] > max(0.04 * areas[order[0]], 60):
         raise Unmeasurable(
             f"there are several shadows: the second one has {areas[order[1]] / areas[order[0]]:.0%} of the first one's area; "
-            "select the right one with setup --roi"
+            "take away what throws it, cover it with setup --mask, or select the right one with setup --roi"
         )
     mask = labels == order[0] + 1
     outside = cv2.connectedComponents(np.pad(~mask, 1, constant_values=True).astype(np.uint8), connectivity=4)[1]
@@ -354,6 +361,10 @@ def _bilinear(table: Array, at: Array) -> Array:
 HALF = 30
 """Samples of a profile on each side of its middle."""
 
+ENDS, FLAT = (5, 15, -15, -5), 0.04
+"""Samples between which a profile's ends and what is next to them lie, and the change of light between these, as a share of
+all, up to which it is flat."""
+
 LONGEST_STATION = 8.0
 """Length in px along the edge over which a profile is averaged at most."""
 
@@ -423,6 +434,14 @@ class Profiles:
         mean = (weight * value).sum(axis=1) / np.maximum(total, 1e-9)
         return cls(place, normal, offsets, mean, total / count, points[:, :: max(1, (count - 1) // 2)])
 
+    @property
+    def depth(self) -> float:
+        """Share of the light that is missing at their dark ends, if it hardly changes at both ends any more; else 0."""
+        light = np.median(self.value, axis=0)
+        dark, next_dark, _, next_lit, lit = (float(np.median(part)) for part in np.split(light, np.array(ENDS)))
+        flat = max(next_dark - dark, lit - next_lit) < FLAT * (lit - dark)
+        return 1.0 - dark / lit if flat else 0.0
+
     def drawn(self, drawn: Drawn, z: Array, width: Array) -> Array:
         """Return what ink leaves in the profiles (n, k), averaged over the stations' lengths; see `Drawn`."""
         parts = range(self.points.shape[1])
@@ -460,7 +479,7 @@ def stations(path: Array, spacing: float) -> tuple[Array, Array]:
 # the edge nowhere; e and the mask do, and by how much is known as well as they are.
 #
 # The lamp's light over the distance t from its middle is (1 - t^2/R^2)^m: m = 1/2 is a uniform disc (the length of its
-# chords), m = 0 a square along its side, m = 3/2 stands for a turned square and for softer lamps.
+# chords), m = 0 a square along its side, m = 3/2 stands for a turned square and for softer lamps, m = -1/2 is a thin ring.
 #
 # The penumbra of a level surface with the half depth r along the light, at the distance b from the screen, is not symmetric.
 # Light from the lamp's upper half passes the rim near the screen, that from its lower half the rim near the lamp: the penumbra
@@ -472,7 +491,7 @@ def stations(path: Array, spacing: float) -> tuple[Array, Array]:
 STEP, FAR = 0.05, 9.0
 """Distance of the nodes of a tabulated shape, and the distance of the outermost from the edge, in its widths."""
 
-LAMPS, BULB = (0.5, 0.0, 1.5), 6.0
+LAMPS, BULB = (0.5, 0.0, 1.5, -0.5), 6.0
 """Exponents m of the lamps that are tried; that of a frosted bulb, whose outer light is not like blur in a deep penumbra."""
 
 BINS, PROFILE_REACH, MIN_SAMPLES_PER_BIN, KIN = 40, 4.0, 20, 4.0
@@ -719,9 +738,7 @@ def _penumbra(p: Array, lamp: float) -> Array:
 def _lamp(exponent: float) -> tuple[Array, Array]:
     """Return the nodes and the share of a lamp of unit variance that lies beyond them."""
     at = np.linspace(-1.0, 1.0, 801)
-    light = np.maximum(1.0 - at * at, 0.0) ** exponent
-    share = np.r_[0.0, np.cumsum(0.5 * (light[1:] + light[:-1]))]
-    return at * np.sqrt(2.0 * exponent + 3.0), share / share[-1]
+    return at * np.sqrt(2.0 * exponent + 3.0), betainc(exponent + 1.0, exponent + 1.0, 0.5 * (1.0 + at))
 
 
 def _blurred(values: Array, width: float) -> Array:

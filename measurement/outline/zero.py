@@ -33,6 +33,9 @@ SIDE_NORMAL_COSINE = 0.35
 DEPTH, SIDE_BAND = 0.3e-3, 2e-3
 """Depth in m below the surface from which a side counts, and the height in m of its lowest part that is taken."""
 
+SIDE_STEP, BULGE_ERRORS = 1e-3, 6.0
+"""Height in m of the bands in which sides are looked at for a bulge, and standard errors by which their widths differ then."""
+
 MIN_SIDE_POINTS = 8
 """Points of each side."""
 
@@ -43,22 +46,27 @@ CORRELATED_SIDE_POINTS = 5.0
 @dataclasses.dataclass(frozen=True)
 class Sides:
     """Both sides of a body as straight lines x = place + lean (z - depth): their distance in m at the depth z, negative,
-    how it grows with z, and its standard error."""
+    how it grows with z, its standard error, and x in m midway between them."""
 
     depth: float
     width: float
     lean: float
     error: float
+    middle: float = 0.0
+
+    def beyond(self, x: Array) -> Array:
+        """Return how far in m places x (n,) lie outside of the body, negative inside."""
+        return np.abs(x - self.middle) - 0.5 * self.width
 
     def width_at(self, depth: float) -> float:
         """Return the width in m at another depth nearby."""
         return self.width + self.lean * (depth - self.depth)
 
 
-def sides_of(placed: Array, upwards: Array, error: Array) -> Sides | None:
+def sides_of(placed: Array, upwards: Array, error: Array, band: tuple[float, float] | None = None) -> Sides | None:
     """Return the body's sides in a photograph; None where it does not show both. The edge (n, 2) is x along the surface
     and z above it in m, with the cosines of the angles between the way to the light and the surface's normal, and its
-    errors in m, shape (n,)."""
+    errors in m, shape (n,). The ``band`` of heights z is the lowest one that both sides show unless given."""
     steep = (np.abs(upwards) < SIDE_NORMAL_COSINE) & (placed[:, 1] < -DEPTH)
     if steep.sum() < 2 * MIN_SIDE_POINTS:
         return None
@@ -69,8 +77,8 @@ def sides_of(placed: Array, upwards: Array, error: Array) -> Sides | None:
     halves = [steep & (placed[:, 0] < middle), steep & (placed[:, 0] > middle)]
     if min(half.sum() for half in halves) < MIN_SIDE_POINTS:
         return None
-    bottom = max(float(placed[half, 1].min()) for half in halves)
-    top = min(bottom + SIDE_BAND, -DEPTH)
+    lowest = max(float(placed[half, 1].min()) for half in halves)
+    bottom, top = band or (lowest, min(lowest + SIDE_BAND, -DEPTH))
     depth = 0.5 * (bottom + top)
     lines, variance = [], 0.0
     for half in halves:
@@ -86,7 +94,8 @@ def sides_of(placed: Array, upwards: Array, error: Array) -> Sides | None:
         )
         lines.append(line.coefficients)
     width, lean = lines[1] - lines[0]
-    return Sides(depth, float(width), float(lean), float(np.sqrt(variance)))
+    middle = 0.5 * float(lines[0][0] + lines[1][0])
+    return Sides(depth, float(width), float(lean), float(np.sqrt(variance)), middle)
 
 
 STEEPEST = 20.0
@@ -106,6 +115,9 @@ SURFACE_BAND, CORNERS = 250e-6, 0.97
 
 FINEST = 1e-6
 """Least error of a bow in m."""
+
+DEPTH_RATIO = 3.0
+"""Mean height of a bow over the lift that the penumbra's shape shows, up to which depth makes both."""
 
 HIDDEN, LEVEL = 2.0, 0.1
 """Where the body's sides are not in the picture: the true bow over the visible one, and the standard error in degrees by
@@ -235,6 +247,16 @@ class Bow:
     error: float
     radius: float
     level_error: float
+
+    @property
+    def mean(self) -> float:
+        """Mean height in m of the half of an ellipse above its ends."""
+        return 0.25 * math.pi * self.rise
+
+    def by_depth(self, lift: float) -> bool:
+        """Return whether it is that of a level surface that is deep along the light, whose half light a large lamp and blur
+        have lifted so far on the whole, in m."""
+        return lift > 0.0 and self.mean < DEPTH_RATIO * lift + 4.0 * self.error
 
     @classmethod
     def of(cls, line: ZeroLine, placed: Array, upwards: Array) -> Bow | None:
@@ -411,7 +433,12 @@ class Displacement:
         reach = ENDS * (high - low)
         sinks = SETTLES * max(0.0, float(placed[:, 1].max()))
         worst, tolerance, sunk = 0.0, 0.0, 0.0
-        for end in (placed[:, 0] <= low + reach, placed[:, 0] >= high - reach):
+        # Where the surface's end is hidden or masked, what is seen last is the bulge's foot.
+        hidden = low - zero.extent[0] > reach, zero.extent[1] - high > reach
+        ends = placed[:, 0] <= low + reach, placed[:, 0] >= high - reach
+        for end in (
+            end for end, gone in zip(ends, hidden, strict=True) if not (gone and np.isfinite(zero.extent).all())
+        ):
             # Steep points are the body's sides or a bulge as wide as the picture; they do not lie on the surface anyway.
             mine = seen & end & (upwards > MIN_COSINE)
             if mine.sum() < 5:
@@ -462,13 +489,25 @@ def aslant(placed: Array, upwards: Array, error: Array, zero: ZeroLine) -> float
 
 
 def scale_of(placed: Array, upwards: Array, error: Array, bridged: Mask, zero: ZeroLine) -> tuple[float, float]:
-    """Return the body's width over that at zero pressure, NaN where it is not seen, and the heights' relative error by it."""
-    seen = ~bridged
-    sides = sides_of(placed[seen], upwards[seen], error[seen])
-    if sides is None or zero.sides is None or abs(sides.depth - zero.sides.depth) > SIDE_BAND:
+    """Return the body's width over that at zero pressure, NaN where it is not seen, and the heights' relative error by it.
+
+    A body that was moved along the light is larger or smaller at all depths alike. Sides that give way bulge, more at one depth
+    than at another: then the depth where they have given way least shows how far the body itself may have moved.
+    """
+    edge = placed[~bridged], upwards[~bridged], error[~bridged]
+    sides, own_sides = sides_of(*edge), zero.sides
+    if sides is None or own_sides is None or abs(sides.depth - own_sides.depth) > SIDE_BAND:
         return np.nan, 0.0
-    scale = sides.width_at(zero.sides.depth) / zero.sides.width
-    own = np.hypot(sides.error, zero.sides.error) / zero.sides.width
+    scale = sides.width_at(own_sides.depth) / own_sides.width
+    own = float(np.hypot(sides.error, own_sides.error)) / own_sides.width
+    bands = np.arange(sides.depth - 0.5 * SIDE_BAND, -DEPTH - SIDE_STEP, SIDE_STEP)
+    parts = [part for low in bands if (part := sides_of(*edge, (low, low + SIDE_STEP))) is not None]
+    ratios = np.array([part.width / own_sides.width_at(part.depth) for part in parts])
+    if len(ratios) > 1 and np.ptp(ratios) > BULGE_ERRORS * max(own, *(part.error / own_sides.width for part in parts)):
+        least = int(np.argmin(np.abs(ratios - 1.0)))
+        scale, own = float(ratios[least]), float(np.hypot(parts[least].error, own_sides.error)) / own_sides.width
+    if zero.lift and abs(scale - 1.0) < 2.0 * own:
+        scale = 1.0  # a deep body's sides are known no better than its lift, which all photographs of a run share
     return scale, float(np.sqrt(max(0.0, (scale - 1.0) ** 2 - (2.0 * own) ** 2)))
 
 

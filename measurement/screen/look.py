@@ -222,6 +222,21 @@ class GridLook:
         """Return the terms (m, 3) of an affine function over those places where a line was seen, in pitches."""
         return np.column_stack([np.ones(int(chosen.sum())), self.place[chosen] / self.pitch])
 
+    @functools.cached_property
+    def number(self) -> npt.NDArray[np.int64]:
+        """Numbers of the lines that were seen at `place`, shape (n,)."""
+        on = np.where(self.axis == 0, self.place[:, 0], self.place[:, 1])
+        return np.asarray(np.rint(on / self.pitch).astype(np.int64))
+
+    def odd_line(self, allowed: float) -> tuple[int, int] | None:
+        """Return the axis and the number of the only line off its place: without it, the others show a movement of up to
+        ``allowed`` in m; None if there is none."""
+        lines = sorted({(int(axis), int(number)) for axis, number in zip(self.axis, self.number, strict=True)})
+        if not lines:
+            return None
+        moved, line = min((movement(self, line)[0], line) for line in lines)
+        return line if moved <= allowed else None
+
     @property
     def line_reach(self) -> float:
         """Half length in pitches of the shortest profile across a line that still shows the bare screen on both sides."""
@@ -465,12 +480,15 @@ FEWEST = 24
 """Least number of places where a line was seen."""
 
 
-def movement(look: GridLook) -> tuple[float, float]:
+def movement(look: GridLook, without: tuple[int, int] | None = None) -> tuple[float, float]:
     """Return the root mean square in m of the affine movement that fits the lines' shifts since the setup best, over the
-    places where lines were seen, and of what it leaves; infinite where too few were seen."""
+    places where lines were seen, and of what it leaves; infinite where too few were seen. One line may be left ``without``: its
+    axis and its number."""
     moved2, rest2 = 0.0, 0.0
     for axis in (0, 1):
         mine = look.axis == axis
+        if without is not None and axis == without[0]:
+            mine &= look.number != without[1]
         if mine.sum() < FEWEST // 2:
             return np.inf, np.inf
         fit = robust_fit(look.affine_terms(mine), look.shift[mine], 6)

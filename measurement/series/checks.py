@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import numpy.typing as npt
 
-from measurement.outline.edge import Traced, widest_patch
+from measurement.outline.edge import PART, Traced, widest_patch
 from measurement.outline.zero import (
     ON_SURFACE,
     UNCLEAR,
@@ -42,6 +42,9 @@ FEWEST_POINTS = 40
 
 BELOW = 4.0
 """Standard errors that a point may lie below the surface and still be on it."""
+
+BESIDE_ORIGIN = (("to the right of", "to the left of"), ("above", "below"))
+"""Words for lines of constant X and of constant Z on the two sides of the grid's origin."""
 
 READING = 0.1
 """Movement in px that the grid's lines can tell from none."""
@@ -169,6 +172,13 @@ class Evidence:
         """Index of the highest of them."""
         return int(np.argmax(np.where(self.above, self.placed[:, 1], -np.inf)))
 
+    @functools.cached_property
+    def pieces(self) -> list[npt.NDArray[np.int64]]:
+        """Indices of the points of each piece of the edge that stands on the surface, along the edge."""
+        stands = np.flatnonzero(self.placed[:, 1] > THING_HEIGHT)
+        parts = np.split(stands, np.flatnonzero(np.diff(stands) > 1) + 1)
+        return [part for part in parts if len(part) >= SECOND_POINTS]
+
     @property
     def standing(self) -> bool:
         """Whether it rises above the surface."""
@@ -286,7 +296,14 @@ def movement(e: Evidence) -> Iterator[Doubt]:
         yield Doubt(
             "too few of the grid's lines are seen beside the shadow, along one of their two directions, to check whether "
             "the camera has moved", "show more of the grid, or use one with a smaller pitch", rejects=True)  # fmt: skip
-    if not moved <= max(MOVED[0], MOVED[1] * pixel):
+    allowed = max(MOVED[0], MOVED[1] * pixel)
+    if not moved <= allowed:
+        if (line := look.odd_line(allowed * e.traced.setup.magnification)) is not None:
+            way, number = line
+            yield Doubt(
+                f"all lines of the grid but number {abs(number)} {BESIDE_ORIGIN[way][number < 0]} its origin are where they "
+                "were: a second thing (a cable, a hose, a hair) lies along that one",
+                f"take it away and photograph it again, {OR_MASK}", rejects=True)  # fmt: skip
         yield Doubt(
             f"the camera or the screen has moved by {moved * 1e6:.0f} um since the setup or during the exposure, or the "
             "picture is turned, mirrored, cropped or too noisy",
@@ -336,8 +353,8 @@ def saturation(e: Evidence) -> Iterator[Doubt]:
         yield Doubt(verdict, "reduce the exposure", rejects=True)
 
 
-PART, MOST_PART = 0.7, 0.05
-"""Share of the shadow's depth by which light must fall over its edge, and share of the edge where it may fall less."""
+MOST_PART = 0.05
+"""Share of the edge where light may fall over less than `PART` of the shadow's depth."""
 UNEVEN, PIECES, LEAST_POINTS = 0.08, 12, 20
 """Change of the shadow's depth along its edge that one lamp does not make, over means of so many pieces of the edge, each
 of so many points at least."""
@@ -346,9 +363,7 @@ of so many points at least."""
 @register_check(EDGE)
 def one_lamp(e: Evidence) -> Iterator[Doubt]:
     """Does the light fall all the way from the screen's to the shadow's, alike along the edge?"""
-    colour = e.traced.coarse.colour
-    whole = 1.0 / float(colour.direction @ colour.lit)
-    part = e.traced.edge.contrast / whole
+    part = e.traced.edge.contrast / e.traced.coarse.colour.depth
     if np.median(part) < PART:
         yield Doubt(
             f"the light falls in steps, by {np.median(part):.0%} of the shadow's depth at this edge: the shadow has "
@@ -454,6 +469,8 @@ def level(e: Evidence) -> Iterator[Doubt]:
         return
     if np.isnan(bow.rise):
         yield Doubt("the surface reaches beyond what seem to be the body's sides, so that its level cannot be checked")
+    if bow.by_depth(e.traced.lift):
+        return
     bows = (
         f"the undeformed surface bows up by {bow.rise * 1e6:.0f} um towards its middle, as the rim of a round body does"
     )
@@ -472,6 +489,38 @@ def level(e: Evidence) -> Iterator[Doubt]:
 # Of an outline above the zero plane.
 
 
+THING_HEIGHT, BESIDE, SECOND_POINTS = 150e-6, 0.5e-3, 10
+"""Height in m above the surface from which a piece of the edge stands on it, distance in m beyond the body's sides from which
+it is no part of the body, and points of a piece that is one."""
+
+
+@register_check()
+def second_thing(e: Evidence) -> Iterator[Doubt]:
+    """Does nothing but the membrane between the body's sides stand above the surface?
+
+    A ball, a hand, a hose or a ruler beside the body makes a part of the edge lie off the surface too. So this is asked before
+    the actuator is said to have moved.
+    """
+    take = f"take it away and photograph it again, {OR_MASK}, or write anyway in the column use of the list"
+    sides, z = e.zero.sides, e.placed[:, 1]
+    if sides is not None:
+        rim = e.traced.rim
+        rim = e.zero.place(rim[~e.traced.masked(e.traced.setup.to_pixels(rim))])
+        far, out = ((place[:, 1] > THING_HEIGHT) & (sides.beyond(place[:, 0]) > BESIDE) for place in (e.placed, rim))
+        both = len(np.unique(np.sign(e.placed[far, 0] - sides.middle))) == 2
+        balloon = both and len(e.pieces) == 1 and not out.any()  # wider than the body it stands on
+        if far.sum() + out.sum() >= SECOND_POINTS and not balloon:
+            high = float(np.r_[z[far], rim[out, 1]].max())
+            yield Doubt(
+                f"beside the body something stands up to {high * 1e3:.1f} mm above its surface: a second thing (a ball, a "
+                "hand, a hose, a ruler, a cable) is in the light", take, rejects=True)  # fmt: skip
+    if len(e.pieces) > 1:
+        least = min(float(z[piece].max()) for piece in e.pieces)
+        yield Doubt(
+            f"the outline is in {len(e.pieces)} pieces above the surface, the lowest one {least * 1e3:.1f} mm high: a second "
+            "thing stands on the surface or before it, or the device has several bulges", take)  # fmt: skip
+
+
 RIM_HEIGHT = 150e-6
 """Height in m up to which the shadow may meet the frame: a flat surface runs out of the picture, an actuator must not."""
 
@@ -480,6 +529,7 @@ RIM_HEIGHT = 150e-6
 def rim(e: Evidence) -> Iterator[Doubt]:
     """Is there light all round the bulge?"""
     rim = e.traced.rim
+    rim = rim[~e.traced.masked(e.traced.setup.to_pixels(rim))]
     if not len(rim):
         return
     height = e.zero.place(rim)[:, 1].max()
@@ -749,6 +799,21 @@ def _length(value: float) -> str:
     return f"{abs(value) * 1e3:.2f} mm" if abs(value) >= 95e-6 else f"{abs(value) * 1e6:.0f} um"
 
 
+CROWNED, CROWN_ERRORS = 0.06, 4.0
+"""Change of the top's curvature, as a share of it, and in its own standard errors, that no smooth course of a run has."""
+
+
+@register_check(RUN)
+def crown(e: Evidence) -> Iterator[Doubt]:
+    """Is its top as round as those of the other photographs lead one to expect?"""
+    odd = e.run.odd_crown
+    if odd is not None and odd.number == e.number and abs(odd.off) > max(CROWNED, CROWN_ERRORS * odd.error):
+        more = "more" if odd.off > 0.0 else "less"
+        yield Doubt(
+            f"its top is {abs(odd.off):.0%} {more} curved than expected from the other photographs: something smooth (a drop, "
+            "a blob of silicone or grease) lies on it", "wipe it off and photograph it again")  # fmt: skip
+
+
 SCALE_BOUND = 10e-6
 """Error of the height in m that a change of scale may make unnoticed."""
 
@@ -765,7 +830,7 @@ def scaling(e: Evidence) -> Iterator[Doubt]:
     lie = f"the body's sides lie {abs(own):.2%} {'farther apart' if own > 0.0 else 'nearer'} than at zero pressure"
     if common.course is None:
         if abs(own) * high > SCALE_BOUND:
-            yield Doubt(f"{lie}: it was moved along the light, or its sides deform")
+            yield Doubt(f"{lie}: it was moved along the light, or its sides deform, or a second thing stands beside it")
         return
     start, off = float(common.course(0.0)), own - float(common.course(high))
     if abs(start) * float(heights.max()) > SCALE_BOUND and abs(start) > 0.1 * np.abs(larger[common.known]).max():

@@ -72,22 +72,22 @@ def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "",
     fits = first.edge.shape.chi_square < DECISIVE
     if likely and fits:
         return first
-    try:
-        second = _traced(image, setup, names[1], anyway)
-    except Unmeasurable:
-        if fits:
-            return first
-        raise
-    best, other = sorted((first, second), key=lambda traced: traced.edge.shape.chi_square)
+    traces = [first]
+    with contextlib.suppress(Unmeasurable):  # where only one tone shows an edge, the other is wrong
+        traces.append(_traced(image, setup, names[1], anyway))
+    best, *others = sorted(traces, key=lambda traced: traced.edge.shape.chi_square)
+    if not others and fits:
+        return first
     shape = best.edge.shape
     clear = shape.misfit < WRONG and abs(shape.tone) < LARGEST_TONE
     # A model that misses the profile by more than its error is no better evidence for missing another by as much more.
-    evidence = (other.edge.shape.chi_square - shape.chi_square) / max(1.0, shape.misfit**2)
+    more = others[0].edge.shape.chi_square - shape.chi_square if others else np.inf
+    evidence = more / max(1.0, shape.misfit**2)
     moved = float(np.median(best.edge.width)) * best.scale * TONE_SHIFT
     if moved <= TONE_HARM or (clear and evidence >= DECISIVE):
         return best
     # Without evidence against it, not even a shape, a photograph has the tone of its series.
-    if likely and not (first is other and evidence >= DECISIVE) and not first.edge.shape.misfit >= WRONG:
+    if likely and not (first is not best and evidence >= DECISIVE) and not first.edge.shape.misfit >= WRONG:
         return first
     best.tone_error = moved
     best.doubts += doubts(TONE, Evidence(best))
@@ -123,17 +123,28 @@ def zero_of(traced: Traced, raised: Traced | None = None) -> ZeroLine:
     line = ZeroLine.fit(traced.points[seen], traced.normals[seen], errors[seen])
     # The body's sides are not deep along the light: their edge is at their half light.
     placed, upwards = line.place(traced.points + traced.lift * traced.normals)[seen], traced.normals[seen] @ line.normal
+    sides = sides_of(placed, upwards, errors[seen])
+    if sides is not None and traced.lift:
+        # A round body's sides are not, but a block's are: the lift is what is unknown of each.
+        sides = dataclasses.replace(sides, error=float(np.hypot(sides.error, 2.0 * traced.lift)))
     line = dataclasses.replace(
         line,
         error=float(np.hypot(line.error, traced.shift_error)),
         model_error=traced.model_error,
         tone=traced.tone,
-        sides=sides_of(placed, upwards, errors[seen]),
+        sides=sides,
     )
     evidence = Evidence(traced, line)
-    level = float(np.hypot(hidden, 0.0 if evidence.bow is None else evidence.bow.level_error))
+    bow, lift = evidence.bow, traced.lift
+    left = 0.0 if bow is None else bow.level_error
     found = (*traced.doubts, *doubts(ZERO, evidence))
-    return dataclasses.replace(line, doubts=found, level_error=level, lift=traced.lift)
+    if bow is not None and bow.by_depth(lift):
+        # The lift goes with the body's chord along the light, so that the bow shows its mean too, which the shape underrates:
+        # the middle between both is taken, and half of their difference as its error.
+        more = 0.5 * max(0.0, bow.mean - lift)
+        line = dataclasses.replace(line, origin=line.origin - more * line.normal)
+        left, lift = float(np.hypot(bow.error, more)), lift + more
+    return dataclasses.replace(line, doubts=found, level_error=float(np.hypot(hidden, left)), lift=lift)
 
 
 def outline_of(traced: Traced, zero: ZeroLine, pressure: float, pressure_error: float, source: str) -> Outline:

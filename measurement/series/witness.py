@@ -19,6 +19,7 @@ import numpy.typing as npt
 from scipy.optimize import least_squares
 from scipy.stats import norm
 
+from measurement.outline.edge import SPAN
 from measurement.outline.outline import Outline, reached
 from measurement.outline.zero import ON_SURFACE
 from measurement.pictures import Pixels
@@ -311,6 +312,15 @@ class Run:
         """By which share the body's sides lie farther apart than at zero pressure."""
         return self._common(self._each("scale") - 1.0, 1e-4)
 
+    @functools.cached_property
+    def odd_crown(self) -> OddCrown | None:
+        """The outline whose top is curved least like those of the others; None where these are too few to tell."""
+        raised = {
+            k: o for k, o in self.outlines.items() if o.height > MIN_HEIGHT_RATIO * ON_SURFACE and len(o.measured().x)
+        }
+        crowns = {k: crown for k, o in raised.items() if (crown := crown_of(o.measured())) is not None}
+        return OddCrown.of(np.array([self.outlines[k].height for k in crowns]), crowns)
+
     def _common(self, values: Array, usual: float) -> Common:
         known = (self.heights > MIN_HEIGHT_RATIO * ON_SURFACE) & np.isfinite(values)
         return Common(list(self.outlines), self.heights, values, known, usual)
@@ -527,3 +537,67 @@ class Common:
             jac=lambda c: terms / self.usual,
         )  # fmt: skip
         return np.polynomial.Polynomial(fit.x / scale ** np.arange(terms.shape[1]))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The curvature of the top over the height.
+#
+# A drop or a blob on the top is as smooth as the membrane, and its edge as clear: one photograph does not show it. But a bulge
+# keeps nearly its shape as it rises, so that its curvature at the top, times the square of its half width over its height, is a
+# smooth function of the height, from which only the photograph with the blob departs.
+
+
+CROWN = 0.15
+"""Share of the height below the top over which its curvature is measured."""
+
+LEAST_SCATTER = 0.01
+"""Least scatter of that curvature about its course, as a share of it."""
+
+
+def crown_of(outline: Outline) -> tuple[float, float] | None:
+    """Return the curvature at an outline's top times the square of its half width over its height, and its standard error; None
+    where too few points are seen."""
+    x, z, error = outline.x - outline.x[outline.apex], outline.z, outline.error
+    top = z > (1.0 - CROWN) * outline.height
+    half = 0.5 * float(np.ptp(x[z > 0.5 * outline.height]))
+    if len(np.unique(x[top])) < SPAN:
+        return None
+    bend = -2.0 * float(np.polynomial.Polynomial.fit(x[top], z[top], 2).convert().coef[-1])
+    # Neighbours err together over a span of points, and the parabola is as deep as the part of the height.
+    own = float(np.median(error[top])) / np.sqrt(float(top.sum()) / SPAN) / (CROWN * outline.height)
+    value = bend * half**2 / outline.height
+    return value, 3.0 * own * abs(value)
+
+
+@dataclasses.dataclass(frozen=True)
+class OddCrown:
+    """The outline of a run whose top departs most from the others' course: its number, and by which share, with its standard
+    error, its curvature lies off it."""
+
+    number: int
+    off: float
+    error: float
+
+    @classmethod
+    def of(cls, heights: Array, crowns: Mapping[int, tuple[float, float]]) -> OddCrown | None:
+        """Return that of outlines of these heights (n,) in m and curvatures with errors; None where fewer than
+        `MIN_RAISED_OUTLINES` others tell what it should be."""
+        if len(crowns) < MIN_RAISED_OUTLINES + 1:
+            return None
+        values, errors = np.array(list(crowns.values())).T
+        best: tuple[float, OddCrown] | None = None
+        for place, number in enumerate(crowns):
+            others = np.arange(len(values)) != place
+            order = 3 if len(values) > CURVED else 2
+            terms = np.vander(heights / heights.max(), order, increasing=True)
+            slopes = np.linalg.pinv(terms[others])
+            rest = values[others] - terms[others] @ slopes @ values[others]
+            scatter = float(np.sqrt(np.sum(rest**2) / max(1, len(rest) - order)))
+            expected = float(terms[place] @ slopes @ values[others])
+            scatter = max(scatter, LEAST_SCATTER * abs(expected), float(np.median(errors)))
+            reach = float(np.linalg.norm(terms[place] @ slopes))
+            error = float(np.hypot(errors[place], scatter * np.hypot(1.0, reach))) / abs(expected)
+            odd = cls(number, (float(values[place]) - expected) / abs(expected), error)
+            if best is None or scatter < best[0]:
+                best = scatter, odd
+        return None if best is None else best[1]

@@ -9,7 +9,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.special import ndtr
 
-from measurement.outline.edge import Edge, coarse_contour, refine_edge, robust_loess, smoothed
+from measurement.outline.edge import Edge, coarse_contour, refine_edge, robust_loess, smoothed, widest_patch
 from measurement.outline.profiles import Shading, find_shadow
 from measurement.outline.zero import ZeroLine, highest_ripple
 from measurement.pictures import TONES, Unmeasurable
@@ -356,3 +356,21 @@ def test_stated_errors_are_true():
 def test_what_cannot_be_smoothed(x, y, span, reason):
     with pytest.raises(ValueError, match=reason):
         robust_loess(x, y, span)
+
+
+def _out_of_focus(drop: float) -> Edge:
+    """An arc's edge seen with a depth of field, in focus at a third of it, and a drop that blurs a part by a share."""
+    turn = np.linspace(0.2, np.pi - 0.2, 400)
+    normal = np.column_stack([np.cos(turn), -np.sin(turn)])
+    px = 300.0 * normal + [400.0, 400.0]
+    blur = 4.0 * (px[:, 0] - 300.0) / 300.0
+    width = np.hypot(1.2, blur) * np.exp(0.01 * np.random.default_rng(0).normal(size=400))
+    width[150:200] *= 1.0 + drop
+    ones = np.ones(400)
+    return Edge(px, normal, 0.02 * ones, width, 0.9 * ones)
+
+
+def test_a_depth_of_field_is_no_drop_on_the_lens():
+    assert widest_patch(_out_of_focus(0.0), 30e-6)[0] < 0.02
+    more, scatter = widest_patch(_out_of_focus(0.3), 30e-6)
+    assert more > max(0.12, 8.0 * scatter)

@@ -1,9 +1,10 @@
 """Photographs traced ray by ray: an independent model of lamp, body, camera and sensor for tests of `measurement`.
 
-Nothing here is shared with `measurement` or its synthetic photographer. A lamp is a set of points on a disc, a square or a
-ribbon; from each of them the body's shadow on the screen is a perspective projection of the body in three dimensions, and a
-place on the screen is lit by the points whose shadow it does not lie in. No penumbra is assumed. The camera is a pinhole;
-each pixel is averaged over its area, then blurred, given shot noise, a tone curve, sharpening, and stored with 8 bits.
+Nothing here is shared with `measurement` or its synthetic photographer. A lamp is a set of points on a disc, a square, a
+ring, an array of diodes or the sun; from each of them the body's shadow on the screen is a perspective projection of the body
+in three dimensions, and a place on the screen is lit by the points whose shadow it does not lie in, nor in that of a second
+thing. No penumbra is assumed. The camera is a pinhole, or a lens with a depth of field; each pixel is averaged over its area,
+then blurred, given shot noise, a tone curve, sharpening, and stored with 8 bits.
 
 X runs to the right and Z upwards on the screen, Y along the light; the body stands about Y = 0, the screen at
 ``screen_distance`` behind it and the lamp at ``lamp_distance`` before it. Lengths are in m, angles in degrees.
@@ -12,12 +13,14 @@ X runs to the right and Z upwards on the screen, Y along the light; the body sta
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import cv2
 import numpy as np
 
-SUPER = 2
-"""Places per side of a pixel at which light is computed where the shadow or a line is near."""
+SUPER, SMOOTH = 2, 8.0
+"""Places per side of a pixel at which light is computed where the shadow is near, and the half width of a penumbra in px from
+which one does."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,11 +28,14 @@ class Lamp:
     """A lamp.
 
     Attributes:
-        kind: ``disc``, ``square`` or ``gaussian`` (a frosted bulb).
-        size: Diameter of the disc, side of the square, or standard deviation.
-        turned: Angle by which a square is turned in its plane.
+        kind: ``disc``, ``square``, ``gaussian`` (a frosted bulb), ``ring``, ``diodes`` (a square array of chips) or ``sun``
+            (a disc that is darker towards its rim).
+        size: Diameter of the disc, the ring or the sun, side of the square or the array, or standard deviation.
+        turned: Angle by which a square or an array is turned in its plane.
         raised: Angle by which the lamp stands above the level of the body.
         points: Points on it.
+        hole: Inner diameter of a ring over its outer one.
+        rows, chip: Diodes along each side of an array, and a chip's side over their distance.
     """
 
     kind: str = "disc"
@@ -37,18 +43,31 @@ class Lamp:
     turned: float = 0.0
     raised: float = 0.0
     points: int = 400
+    hole: float = 0.75
+    rows: int = 6
+    chip: float = 0.5
 
     def places(self, seed: int) -> np.ndarray:
         """Points (n, 2) on the lamp about its centre; each has one opposite of it."""
         half = self.points // 2
-        if self.kind == "square":
+        if self.kind in ("square", "diodes"):
             side = round(np.sqrt(self.points))
             at = (np.arange(side) + 0.5) / side - 0.5
+            if self.kind == "diodes":
+                each = max(1, side // self.rows)
+                chip = self.chip * ((np.arange(each) + 0.5) / each - 0.5)
+                at = ((np.arange(self.rows)[:, None] + 0.5 + chip) / self.rows - 0.5).ravel()
             spots = self.size * np.column_stack([part.ravel() for part in np.meshgrid(at, at)])
         else:
             # A spiral covers the disc evenly (Vogel 1979); its mirror image keeps it symmetric.
             k = np.arange(half) + 0.5
             share = k / half
+            if self.kind == "ring":
+                share = self.hole**2 + (1.0 - self.hole**2) * share
+            if self.kind == "sun":
+                # Light 0.4 + 0.6 cos(angle) over the disc, the angle between the way to us and the sun's surface.
+                inner = np.linspace(0.0, 1.0, 1001)
+                share = np.interp(share, (inner + 1.0 - (1.0 - inner) ** 1.5) / 2.0, inner)
             radius = 0.5 * self.size * np.sqrt(share)
             if self.kind == "gaussian":
                 radius = self.size * np.sqrt(-2.0 * np.log(1.0 - share * (1.0 - 1e-4)))
@@ -73,6 +92,8 @@ class Body:
         lean: Angle by which it leans towards the screen.
         pitch: Exponent of the dome's shape, (1 - r^2)^pitch.
         table: Depth of the table below the top; None for no table in the picture.
+        gives, gives_at, gives_over: How far each side bulges outwards, at which depth most, and over which half height; of a
+            block or a sheet.
     """
 
     height: float = 5e-3
@@ -84,15 +105,53 @@ class Body:
     lean: float = 0.0
     pitch: float = 3.0
     table: float | None = None
+    gives: float = 0.0
+    gives_at: float = 3e-3
+    gives_over: float = 2e-3
+
+    def half_width(self, z: np.ndarray) -> np.ndarray:
+        """Half width at heights z of the body's plane."""
+        off = (z - self.floor + self.gives_at) / self.gives_over
+        return self.width + self.gives * np.maximum(1.0 - off * off, 0.0) ** 2
 
     def rise(self, x: np.ndarray, y: np.ndarray | float = 0.0) -> np.ndarray:
         """Height of the surface above the undeformed top."""
         share = np.clip((x * x + y * y) / self.dome**2, 0.0, 1.0)
         return self.height * (1.0 - share) ** self.pitch
 
-    def slices(self) -> np.ndarray:
-        """Places along the light at which the body is looked at."""
-        return np.array([0.0]) if self.depth == 0.0 else np.linspace(-self.depth, self.depth, 61)
+    def slices(self, x: np.ndarray) -> np.ndarray:
+        """Places (k, n) along the light at which the body is looked at beside each of x (n,): from rim to rim."""
+        half = np.full(len(x), self.depth)
+        if self.depth > 0.0 and self.round:
+            half = self.depth * np.sqrt(np.maximum(1.0 - (x / self.width) ** 2, 0.0))
+        return np.linspace(-1.0, 1.0, 25 if self.depth > 0.0 else 1)[:, None] * half
+
+
+@dataclasses.dataclass(frozen=True)
+class Thing:
+    """A second thing in the light: all that is nearer to a path than a radius, in a plane square to the light.
+
+    Attributes:
+        kind: What it is, for the reader.
+        path: Places X, Z on it (k, 2), joined by straight lines; a ball has one.
+        radius: Half of its thickness.
+        nearer: How much nearer to the lamp than the body's middle it stands.
+    """
+
+    kind: str
+    path: tuple[tuple[float, float], ...]
+    radius: float
+    nearer: float = 0.0
+
+    def outside(self, x: np.ndarray, z: np.ndarray) -> np.ndarray:
+        """Distances of places from it, negative inside."""
+        corners = np.array(self.path, dtype=float)
+        far = np.hypot(x - corners[0, 0], z - corners[0, 1])
+        for (x0, z0), (x1, z1) in itertools.pairwise(corners):
+            a, b = x1 - x0, z1 - z0
+            share = np.clip(((x - x0) * a + (z - z0) * b) / (a * a + b * b), 0.0, 1.0)
+            far = np.minimum(far, np.hypot(x - x0 - share * a, z - z0 - share * b))
+        return far - self.radius
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,6 +171,8 @@ class Bench:
         line, ink: Width of a line and the share of light that it takes.
         ambient: Share of light in the shadow.
         falloff: Share of light missing in the picture's corners.
+        opening: Diameter of the lens' opening; 0 for a pinhole, which has no depth of field.
+        focus: How much farther than the screen in the picture's middle the camera is focused.
     """
 
     lamp: Lamp = dataclasses.field(default_factory=Lamp)
@@ -129,15 +190,24 @@ class Bench:
     ink: float = 0.3
     ambient: float = 0.12
     falloff: float = 0.15
+    opening: float = 0.0
+    focus: float = 0.0
 
     @property
     def magnification(self) -> float:
         """Size of the shadow over that of the body."""
         return (self.lamp_distance + self.screen_distance) / self.lamp_distance
 
+    def confusion(self, px: np.ndarray) -> np.ndarray:
+        """Diameters (...) in px of the disc that a thin lens makes of a point of the screen seen at pixels (..., 2)."""
+        # The pixels are a plane's perspective picture: 1 over a place's distance along the axis is linear in them.
+        places = np.concatenate([self.on_screen(px), np.ones((*px.shape[:-1], 1))], axis=-1)
+        away, at = places @ self.matrix[2], self.pixel * self.focal + self.focus
+        return np.abs(self.opening * self.focal * (away - at) / (away * at))
+
     @property
     def matrix(self) -> np.ndarray:
-        """Homography (3, 3) from the screen (X, Z, 1) to pixels."""
+        """Homography (3, 3) from the screen (X, Z, 1) to pixels; the third row gives the distance from the camera."""
         b, a, c = (np.radians(value) for value in (self.aside, self.above, self.turned))
         # The camera stands before the screen at the distance at which a pixel has its length, and looks at `looks_at`.
         back = np.array([np.sin(b) * np.cos(a), -np.cos(b) * np.cos(a), np.sin(a)])
@@ -208,16 +278,45 @@ class Sensor:
         return np.ascontiguousarray(cv2.imdecode(packed, cv2.IMREAD_COLOR)[..., ::-1])
 
 
-def photograph(bench: Bench, sensor: Sensor, body: Body | None, seed: int = 0) -> np.ndarray:
-    """The picture (h, w, 3) of a body's shadow; of the grid alone without a body."""
+def photograph(
+    bench: Bench, sensor: Sensor, body: Body | None, seed: int = 0, things: tuple[Thing, ...] = ()
+) -> np.ndarray:
+    """The picture (h, w, 3) of the shadow of a body and of second things; of the grid alone without a body."""
     width, height = bench.size
     columns, rows = np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float))
     light = _printed(bench, columns, rows)
     if body is not None:
-        light *= _lit(bench, body, columns, rows, seed)
+        light *= _lit(bench, body, columns, rows, seed, things)
     u, v = columns / width - 0.45, rows / height - 0.4
     light *= 1.0 - bench.falloff * (u * u + v * v) / 0.6
-    return sensor.stored(light.astype(np.float32), seed + 1)
+    light = light.astype(np.float32)
+    if bench.opening:
+        light = _out_of_focus(light, bench.confusion(np.stack([columns, rows], axis=-1)))
+    return sensor.stored(light, seed + 1)
+
+
+FOCUS_STEP = 0.5
+"""Diameters in px between which pictures out of focus are mixed."""
+
+
+def _out_of_focus(light: np.ndarray, diameter: np.ndarray) -> np.ndarray:
+    """Light (h, w) in which each place is a disc of a diameter (h, w) in px."""
+    share = diameter / FOCUS_STEP
+    result = np.zeros_like(light)
+    for number in range(int(share.max()) + 2):
+        weight = np.maximum(1.0 - np.abs(share - number), 0.0).astype(np.float32)
+        if weight.any():
+            result += weight * (cv2.filter2D(light, -1, _disc(number * FOCUS_STEP)) if number else light)
+    return result
+
+
+def _disc(diameter: float) -> np.ndarray:
+    """The share of a disc in each pixel (n, n) about its middle."""
+    half = int(np.ceil(0.5 * diameter))
+    at = (np.arange((2 * half + 1) * 16) + 0.5) / 16 - half - 0.5
+    inside = np.hypot(at[:, None], at) < 0.5 * diameter
+    share = inside.reshape(2 * half + 1, 16, 2 * half + 1, 16).mean(axis=(1, 3))
+    return (share / share.sum()).astype(np.float32)
 
 
 def _printed(bench: Bench, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -233,13 +332,13 @@ def _printed(bench: Bench, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
     return 1.0 - bench.ink * (1.0 - bare)
 
 
-def _lit(bench: Bench, body: Body, columns: np.ndarray, rows: np.ndarray, seed: int) -> np.ndarray:
-    """Share of light (h, w) that is not in the body's shadow: the lamp's seen part, and what is ambient."""
+def _lit(
+    bench: Bench, body: Body, columns: np.ndarray, rows: np.ndarray, seed: int, things: tuple[Thing, ...] = ()
+) -> np.ndarray:
+    """Share of light (h, w) that is in no shadow: the lamp's seen part, and what is ambient."""
     middle = bench.on_screen(np.stack([columns, rows], axis=-1))
-    shadows = [
-        _Shadow(bench, body, spot, float(middle[..., 0].min()), float(middle[..., 0].max()))
-        for spot in bench.lamp.places(seed)
-    ]
+    ends = float(middle[..., 0].min()), float(middle[..., 0].max())
+    shadows = [_Shadow(bench, body, spot, *ends) for spot in bench.lamp.places(seed)]
     # Between the deepest and the highest of all shadows' edges, and beside the body's sides, a pixel is looked at closely.
     some = np.array([shadow.level for shadow in shadows])
     at = shadows[0].x
@@ -250,21 +349,29 @@ def _lit(bench: Bench, body: Body, columns: np.ndarray, rows: np.ndarray, seed: 
     low = np.minimum(np.interp(x - margin, at, some.min(axis=0)), np.interp(x + margin, at, some.min(axis=0)))
     tables = np.array([shadow.table for shadow in shadows])
     for side in (-1.0, 1.0):
-        edges = np.array([shadow.side(side) for shadow in shadows])
+        edges = np.array([shadow.side(side, gives) for shadow in shadows for gives in (0.0, body.gives)])
         beyond, near = (side * x > side * edges.mean()), (x > edges.min() - margin) & (x < edges.max() + margin)
         low, top = np.where(beyond, tables.min(), low), np.where(beyond, tables.max(), top)
         low, top = np.where(near, -np.inf, low), np.where(near, np.inf, top)
     lit = np.where(z > top + margin, 1.0, 0.0)
     rest = (z > low - margin) & (z <= top + margin)
+    for thing in things:
+        reach = 2.0 * margin + max(float(np.hypot(*shadow.spot)) for shadow in shadows) * shadows[0].share_at(thing)
+        off = thing.outside(*shadows[0].seen_past(thing, x, z, centre=True))
+        rest = (rest | (np.abs(off) < reach)) & (off > -reach)
+        lit = np.where(off <= -reach, 0.0, lit)
     y, c = np.nonzero(rest)
-    parts = (np.arange(SUPER) + 0.5) / SUPER - 0.5
+    penumbra = bench.magnification - 1.0
+    penumbra *= max(float(np.hypot(*shadow.spot)) for shadow in shadows) / bench.pixel
+    count = SUPER if penumbra < SMOOTH else 1
+    parts = (np.arange(count) + 0.5) / count - 0.5
     total = np.zeros(len(y))
     for a in parts:
         for b in parts:
             place = bench.on_screen(np.column_stack([c + a, y + b]))
             for shadow in shadows:
-                total += shadow.misses(place[:, 0], place[:, 1])
-    lit[y, c] = total / (SUPER**2 * len(shadows))
+                total += shadow.misses(place[:, 0], place[:, 1], things)
+    lit[y, c] = total / (count**2 * len(shadows))
     return bench.ambient + (1.0 - bench.ambient) * lit
 
 
@@ -272,40 +379,55 @@ class _Shadow:
     """The shadow that one point of the lamp throws: what lies below a curve over X on the screen."""
 
     def __init__(self, bench: Bench, body: Body, spot: np.ndarray, low: float, high: float) -> None:
-        self.body, distance = body, bench.lamp_distance
+        self.bench, self.body, self.spot, distance = bench, body, spot, bench.lamp_distance
         level = body.floor + distance * np.tan(np.radians(bench.lamp.raised))
         self.lamp = np.array([spot[0], level + spot[1]])
-        self.x = np.arange(low - 1e-3, high + 1e-3, 15e-6)
+        self.x = np.arange(low - 1e-3, high + 1e-3, 30e-6)
+        self.share = bench.screen_distance / (distance + bench.screen_distance)
         self.level = np.full(len(self.x), -np.inf)
         tilt = np.tan(np.radians(body.lean))
-        for y in body.slices():
+        for y in body.slices(self._within(self.x)):
             share = (bench.screen_distance - y) / (distance + bench.screen_distance)
             at = self.x + (self.lamp[0] - self.x) * share
-            inside = np.abs(at) <= body.width
-            if body.depth > 0.0 and body.round:
-                inside = at**2 + (y * body.width / body.depth) ** 2 <= body.width**2
             top = body.floor + body.rise(at, y) + tilt * y
-            z = (top - self.lamp[1] * share) / (1.0 - share)
-            self.level = np.maximum(self.level, np.where(inside, z, -np.inf))
-        self.share = bench.screen_distance / (distance + bench.screen_distance)
+            self.level = np.maximum(self.level, (top - self.lamp[1] * share) / (1.0 - share))
         self.table = -1.0
         if body.table is not None:
             self.table = (body.floor - body.table - self.lamp[1] * self.share) / (1.0 - self.share)
         # The curve over X is continued beyond the sides, which are looked at by themselves.
-        known = np.isfinite(self.level) & (np.abs(self._within(self.x)) <= body.width)
+        known = np.abs(self._within(self.x)) <= body.width
         self.level = np.interp(self.x, self.x[known], self.level[known])
 
     def _within(self, x: np.ndarray) -> np.ndarray:
         return x + (self.lamp[0] - x) * self.share
 
-    def side(self, sign: float) -> float:
-        """X on the screen of a side's shadow."""
-        return float((sign * self.body.width - self.lamp[0] * self.share) / (1.0 - self.share))
+    def side(self, sign: float, gives: float = 0.0) -> float:
+        """X on the screen of a side's shadow, where it bulges outwards so far."""
+        return float((sign * (self.body.width + gives) - self.lamp[0] * self.share) / (1.0 - self.share))
 
-    def misses(self, x: np.ndarray, z: np.ndarray) -> np.ndarray:
+    def share_at(self, thing: Thing) -> float:
+        """Share of the way from the screen to the lamp at which a second thing stands."""
+        bench = self.bench
+        return (bench.screen_distance + thing.nearer) / (bench.lamp_distance + bench.screen_distance)
+
+    def seen_past(
+        self, thing: Thing, x: np.ndarray, z: np.ndarray, centre: bool = False
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Places in a thing's plane through which places on the screen see this point, or the lamp's centre."""
+        lamp = self.lamp - self.spot if centre else self.lamp
+        share = self.share_at(thing)
+        return x + (lamp[0] - x) * share, z + (lamp[1] - z) * share
+
+    def misses(self, x: np.ndarray, z: np.ndarray, things: tuple[Thing, ...] = ()) -> np.ndarray:
         """Whether light from this point reaches places on the screen."""
         at = (x - self.x[0]) / (self.x[1] - self.x[0])
         cell = np.clip(at.astype(np.int64), 0, len(self.x) - 2)
         level = self.level[cell] + (at - cell) * (self.level[cell + 1] - self.level[cell])
-        beside = np.abs(self._within(x)) > self.body.width
-        return z > np.where(beside, self.table, level)
+        width = self.body.width
+        if self.body.gives:
+            width = self.body.half_width(z + (self.lamp[1] - z) * self.share)
+        beside = np.abs(self._within(x)) > width
+        free = z > np.where(beside, self.table, level)
+        for thing in things:
+            free &= thing.outside(*self.seen_past(thing, x, z)) > 0.0
+        return free

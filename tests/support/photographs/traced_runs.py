@@ -7,6 +7,7 @@ in proportion, or as a phone does, which sharpens as well.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from pathlib import Path
 
@@ -79,9 +80,75 @@ def deep_case(case: Case, half: float = 10.5e-3) -> Case:
     return dataclasses.replace(case, body=body, bench=bench)
 
 
-def pictures_of(case: Case, seed: int) -> list[np.ndarray]:
-    """The grid's photograph, and those of the body at `SHARES` of its height."""
-    bodies = [None, *(dataclasses.replace(case.body, height=share * case.body.height) for share in SHARES)]
+LARGE, SHAPES = ("disc", "ring", "diodes", "sun", "square"), ("sheet", "block", "round")
+"""Lamps that are large for their distance, and bodies along the light, of `large_case`."""
+
+
+def large_case(seed: int, lamp: str | None = None, shape: str | None = None, camera: str | None = None) -> Case:
+    """The run of a seed, in small pictures, with a large lamp and a lens whose depth of field the screen exceeds."""
+    case, rng = random_case(seed, "disc", camera), np.random.default_rng([48, seed])
+    lamp, shape = lamp or LARGE[seed % 5], shape or SHAPES[seed % 3]
+    width = rng.uniform(9e-3, 10e-3) if shape != "sheet" or rng.integers(0, 2) else 0.2
+    body = rays.Body(
+        rng.uniform(3e-3, 5.5e-3), rng.uniform(6.3e-3, 7.2e-3), width, 0.0 if shape == "sheet" else min(width, 10e-3),
+        shape == "round", floor=rng.uniform(-3.2e-3, -2.4e-3), pitch=rng.uniform(1.5, 3.0),
+    )  # fmt: skip
+    far, near = case.bench.lamp_distance, body.depth + rng.uniform(8e-3, 25e-3)
+    size = rng.uniform(80e-6, 170e-6) * far / near  # standard deviation of the lamp itself, along one direction
+    size *= {"disc": 4.0, "ring": 4.0 / np.hypot(1.0, 0.75)}.get(lamp, np.sqrt(12.0))
+    if lamp == "sun":
+        far, size = 1e3, 2e3 * np.tan(np.radians(0.265))
+    bench = dataclasses.replace(
+        case.bench, lamp=rays.Lamp(lamp, size, rng.uniform(0.0, 45.0), points=324 if lamp == "diodes" else 256),
+        lamp_distance=far, screen_distance=near, size=(720, 460), pixel=32e-6, pitch=3.5e-3, looks_at=(0.0, 0.0),
+        opening=rng.uniform(1e-3, 3e-3), focus=rng.normal(0.0, 2e-3),
+    )  # fmt: skip
+    return Case(lamp, case.camera, bench, case.sensor, body)
+
+
+THINGS = ("ball", "peg", "hand", "hose", "ruler", "cable")
+"""Second things of `thing_beside`."""
+
+
+def thing_beside(case: Case, kind: str, seed: int) -> rays.Thing:
+    """A second thing at one side of a body: its shadow touches the body's, or it crosses the picture beside it."""
+    rng = np.random.default_rng([16, seed, THINGS.index(kind)])
+    side, top, edge = float(rng.choice([-1.0, 1.0])), case.body.floor, case.body.width
+
+    def at(*places: tuple[float, float]) -> tuple[tuple[float, float], ...]:
+        return tuple((side * (edge + beyond), top + above) for beyond, above in places)
+
+    nearer, radius = rng.uniform(-5e-3, 5e-3), rng.uniform(1.5e-3, 5e-3)
+    if kind == "ball":  # it lies against the side, its middle above or below the surface
+        return rays.Thing(kind, at((0.8 * radius, rng.uniform(-0.6, 0.6) * radius)), radius, nearer)
+    if kind == "peg":  # it stands on the table with a round head
+        return rays.Thing(kind, at((0.8 * radius, -30e-3), (0.8 * radius, rng.uniform(-0.5e-3, 2e-3))), radius, nearer)
+    if kind == "hand":  # three fingers from beside
+        tips = [(rng.uniform(-0.5e-3, 1e-3), height) for height in (-2.5e-3, 0.5e-3, 3.5e-3)]
+        path = [place for tip in tips for place in ((20e-3, tip[1]), tip, (20e-3, tip[1]))]
+        return rays.Thing(kind, at(*path), 1.8e-3, nearer)
+    if kind == "hose":  # it rises from the table beside the body and leaves the picture
+        path = [(0.5e-3 + 4e-3 * (1.0 - np.cos(t)), -4e-3 + 6e-3 * t) for t in np.linspace(0.0, 1.5, 9)]
+        return rays.Thing(kind, at((0.5e-3, -30e-3), *path, (25e-3, 6e-3)), rng.uniform(0.8e-3, 2e-3), nearer)
+    if kind == "ruler":  # it stands upright beside the body and leaves the picture
+        return rays.Thing(kind, at((3e-3, -30e-3), (3e-3, 30e-3)), 3.2e-3, nearer)
+    return rays.Thing(kind, at((0.3e-3, -30e-3), (1e-3, -1e-3), (4e-3, 30e-3)), rng.uniform(0.2e-3, 0.5e-3), nearer)
+
+
+def beside_case(seed: int, size: tuple[int, int] = (720, 460), pixel: float = 32e-6) -> Case:
+    """The run of a seed with a disc lamp, in small pictures that show the body's sides and room beside them."""
+    case = random_case(seed, "disc", "srgb")
+    bench = dataclasses.replace(
+        case.bench, lamp=dataclasses.replace(case.bench.lamp, points=120), size=size, pixel=pixel, pitch=3.5e-3,
+        looks_at=(0.0, 0.0),
+    )  # fmt: skip
+    return dataclasses.replace(case, bench=bench, body=rays.Body(2.5e-3, 5e-3, 7e-3, floor=-2.6e-3, pitch=2.2))
+
+
+def pictures_of(case: Case, seed: int, shares: tuple[float, ...] | None = None) -> list[np.ndarray]:
+    """The grid's photograph, and those of the body at shares of its height, `SHARES` unless given."""
+    shares = SHARES if shares is None else shares
+    bodies = [None, *(dataclasses.replace(case.body, height=share * case.body.height) for share in shares)]
     return [rays.photograph(case.bench, case.sensor, body, 100 * seed + k) for k, body in enumerate(bodies)]
 
 
@@ -98,11 +165,13 @@ def measured(case: Case, pictures: list[np.ndarray], setup: Setup | None = None,
     raised = list(pictures[2:])
     try:
         # As `measuring.zero_line` does.
-        top = trace_image(raised[-1], setup, tone)
-        clear = None if top.doubts else top
+        clear = None
+        with contextlib.suppress(Unmeasurable):
+            top = trace_image(raised[-1], setup, tone)
+            clear = None if top.doubts else top
         zero = zero_of(trace_image(pictures[1], setup, tone), clear)
-        if zero.doubts:
-            zero = zero_of(trace_image(pictures[1], setup, top.tone), clear)
+        if zero.doubts and clear is not None:
+            zero = zero_of(trace_image(pictures[1], setup, clear.tone), clear)
         if zero.sides is not None:
             setup = with_known_body(setup, zero, 2.0 * case.body.width)
             zero = zero_of(trace_image(pictures[1], setup, zero.tone), clear)
