@@ -70,6 +70,7 @@ class LeastSquaresFit:
         starts: Where each start ended.
         problem: What `profile` solves again.
         troubles: Sentences on what speaks against the fit; none if it ended well.
+        converged: Whether it ended at a minimum; else its values are not to be used.
         shared: Change of each measured residual by one standard error of each thing that all of them have in common and that
             no parameter stands for, shape (count, k); None for none.
     """
@@ -87,6 +88,7 @@ class LeastSquaresFit:
     starts: tuple[StartResult, ...]
     problem: Problem
     troubles: tuple[str, ...]
+    converged: bool = True
     shared: Array | None = None
 
     def __post_init__(self) -> None:
@@ -95,10 +97,6 @@ class LeastSquaresFit:
     @property
     def free(self) -> list[Parameter]:
         return [p for p in self.parameters if not p.fixed]
-
-    @property
-    def converged(self) -> bool:
-        return not any("do not use its values" in trouble for trouble in self.troubles)
 
     @property
     def count(self) -> int:
@@ -386,18 +384,19 @@ def _judge(
         deviance=2 * float(found.cost), loss=problem.loss, errors=errors, evaluations=problem.evaluations,
         starts=tuple(runs), problem=problem, troubles=(),
     )  # fmt: skip
-    troubles = []
+    troubles, step = [], result.newton_step
     if found.status <= 0:
         troubles.append(f"the fit did not converge within {found.nfev} evaluations; do not use its values")
-    elif (step := result.newton_step) > FAR:
+    elif step > FAR:
         troubles.append(
             f"the fit stopped where a further step would still move it by {step:.2g} standard "
             "errors; do not use its values"
         )
+    converged = not troubles
     ends = [(p, result.at_bounds[p.name]) for p in result.free if p.name in result.at_bounds]
     troubles += [f"{p.words} ended at its bound {bound:.4g} {p.unit}".rstrip() for p, bound in ends]
     troubles += _disagreement(runs, result)
-    return dataclasses.replace(result, troubles=tuple(troubles))
+    return dataclasses.replace(result, troubles=tuple(troubles), converged=converged)
 
 
 def _disagreement(runs: list[StartResult], result: LeastSquaresFit) -> list[str]:
