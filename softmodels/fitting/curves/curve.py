@@ -52,6 +52,9 @@ _WORDS = (
     ("force", r"\bforce\b|\bload\b"),
     ("pressure", r"\bpressure\b"),
 )
+_COMPRESSION = re.compile(r"[ck]ompr[eéi]s|stauch|druc?k", re.IGNORECASE)
+_TENSION = re.compile(r"\btens(ile|ion)|\bzug|\btra[ck]tion|\btracci[oó]n|\btrazione", re.IGNORECASE)
+"""What says in a header that positive numbers are compression, or tension; in the languages of test machines."""
 _TIME = re.compile(r"^t$|^time\b|\btime$")
 _TIME_TAIL = re.compile(r"^(t|.*\btime) (s|secs?|seconds?|ms|min|minutes?|h|hours?)$")
 _CLOCK = re.compile(r"(?:(\d{4}-\d\d-\d\d)[ T])?(?:(\d+):)?(\d+):(\d+(?:[.,]\d+)?)")
@@ -69,13 +72,14 @@ class TensileError(Spoken, ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class CurveColumn:
-    """One column of a table: its kind, one of `KINDS`, its unit as written, ``""`` where none is, its place from 0, and
-    what stands above it."""
+    """One column of a table: its kind, one of `KINDS`, its unit as written, ``""`` where none is, its place from 0, what
+    stands above it, and the sign of its positive numbers by that: 1 for tension, -1 for compression, 0 if it says neither."""
 
     kind: str
     unit: str
     place: int
     header: str
+    sign: int = 0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -113,8 +117,18 @@ def recognise(header: str, place: int) -> CurveColumn | None:
         return None
     for kind, pattern in _WORDS:
         if re.search(pattern, words):
-            return CurveColumn(kind, _unit(unit), place, header)
+            return CurveColumn(kind, _unit(unit), place, header, _sign(kind, header))
+    if re.match(r"compression\b", words):  # of the height, or as a share of it
+        length = CurveColumn("extension", _unit(unit), place, header, -1)
+        return length if unit and _size(length.unit, length) is not None else dataclasses.replace(length, kind="strain")
     return None
+
+
+def _sign(kind: str, header: str) -> int:
+    """Return the sign of a column's positive numbers, see `CurveColumn`, from what stands above it."""
+    if kind in ("time", "pressure", "radius"):
+        return 0
+    return int(bool(_TENSION.search(header))) - int(bool(_COMPRESSION.search(header)))
 
 
 def _unit(text: str) -> str:
@@ -219,7 +233,9 @@ def _told_header(rows: Sequence[Line], told: Mapping[str, tuple[str, str | None]
                 break
             said = recognise(row[place], place)
             of_header = said.unit if said else ""
-            made[kind] = CurveColumn(kind, of_header if unit is None else _unit(unit), place, row[place].strip())
+            above = row[place] if not name.isdigit() else " ".join(cells[place] for _, cells in rows[:i] if place < len(cells))
+            unit = of_header if unit is None else _unit(unit)
+            made[kind] = CurveColumn(kind, unit, place, row[place].strip(), _sign(kind, above))
         else:
             if numbers and not all(_is_number(row[one.place]) for kind, one in made.items() if kind != "time"):
                 continue
@@ -379,6 +395,39 @@ def in_si(values: Array, column: CurveColumn) -> Array:
         return values * quantity(f"1 {column.unit}", wanted)
     except UnitError as error:
         raise TensileError(f"the column {column.header!r}: {error}") from None
+
+
+WRONG_SIGN = 0.05
+"""Largest value of the wrong sign, as a share of the largest one, that is noise."""
+
+
+def _directed(values: Array, column: CurveColumn) -> Array:
+    """Return a column's numbers in SI units with tension positive (a stretch above 1); `TensileError` where they contradict
+    what its header says."""
+    if not column.sign:
+        return values
+    own = (values - 1.0 if column.kind == "stretch" else values) * (column.sign if column.kind == "stretch" else 1)
+    # A load may well change its sign on the way back, a deformation does not.
+    worst = float(own[np.argmax(np.abs(own))] if column.kind in LOADS else own.min())
+    if worst < -WRONG_SIGN * float(np.abs(own).max()):
+        said, other = ("compression", "tension") if column.sign < 0 else ("tension", "compression")
+        raise TensileError(
+            f"the column {column.header!r} says {said}, but a value of it is {other} ({float(values[np.argmin(own)]):.4g} "
+            f"{KINDS[column.kind]}".rstrip() + f"); correct its sign, or call it {column.kind!r}, which is positive in tension"
+        )
+    return values if column.kind == "stretch" else column.sign * values
+
+
+def _check_directions(stretch: Array, stress: Array, deformation: CurveColumn, load: CurveColumn) -> None:
+    """Reject a tension in one column that is a compression in the other."""
+    work = stress * (stretch - 1.0)
+    if work.sum() < -0.5 * np.abs(work).sum():
+        compressed = next((one.header for one in (deformation, load) if one.sign < 0), None)
+        why = f" ({compressed!r} means compression)" if compressed else ""
+        raise TensileError(
+            f"the columns {deformation.header!r} and {load.header!r} contradict each other: one is tension where the other is "
+            f"compression{why}; check the signs and the columns"
+        )
 
 
 TESTS = (*MODES, "balloon")
@@ -587,6 +636,7 @@ def read_curve(
             _check_start(table.x, table.y, table.deformation, specimen or Specimen())
         stretch = _stretch(table.x, table.deformation, specimen or Specimen())
         stress = _nominal(table.y, table.load, stretch, kind, specimen or Specimen())
+        _check_directions(stretch, stress, table.deformation, table.load)
         time = table.time
         if rate is not None:
             way = np.cumsum(np.abs(np.diff(stretch, prepend=stretch[0])))
@@ -604,23 +654,25 @@ def read_curve(
 
 
 def _unbroken(curve: TensileCurve) -> TensileCurve:
-    """Return a history up to the break: where more than half of a large stress is lost from one reading to the next, and not
-    by unloading."""
-    x, y = curve.stretch, curve.stress
-    lost = (y[1:] < BREAK * y[:-1]) & (y[:-1] > BREAK * y.max()) & (x[1:] > x[:-1] - TURN * np.ptp(x))
+    """Return a history up to the break: where more than half of a large stress is lost for good from one reading to the next,
+    and not by unloading."""
+    way = direction(curve.stretch)
+    x, y = way * curve.stretch, way * curve.stress
+    lost = (_last(y)[1:] < BREAK * y[:-1]) & (y[:-1] > BREAK * y.max()) & (x[1:] > x[:-1] - TURN * np.ptp(x))
     if not lost.any():
         return curve
     end = int(np.argmax(lost)) + 1
+    x, y = curve.stretch, curve.stress
     remarks = (*curve.remarks, f"{len(x) - end} points after the break at stretch {x[end - 1]:.4g} are left out")
     assert curve.time is not None
     return dataclasses.replace(curve, stretch=x[:end], stress=y[:end], time=curve.time[:end], remarks=remarks)
 
 
 def _stretch(x: Array, column: CurveColumn, specimen: Specimen) -> Array:
-    values = in_si(x, column)
-    if column.kind in ("strain", "true-strain") and values.max() > PERCENT:
+    values = _directed(in_si(x, column), column)
+    if column.kind in ("strain", "true-strain") and (most := float(np.abs(values).max())) > PERCENT:
         raise TensileError(
-            f"the column {column.header!r} reaches a strain of {values.max():.4g}; if it is in percent, give "
+            f"the column {column.header!r} reaches a strain of {most:.4g}; if it is in percent, give "
             f"--columns {column.kind}={column.place + 1}[%],..."
         )
     if column.kind == "strain":
@@ -673,7 +725,7 @@ def _check_start(x: Array, y: Array, column: CurveColumn, specimen: Specimen) ->
 
 
 def _nominal(y: Array, column: CurveColumn, stretch: Array, test: str, specimen: Specimen) -> Array:
-    values = in_si(y, column)
+    values = _directed(in_si(y, column), column)
     if (column.kind == "pressure") != (test == "balloon"):
         raise TensileError(f"a {test} test cannot have a column {column.header!r}")
     if column.kind == "pressure":
@@ -709,13 +761,10 @@ def _ramp(stretch: Array, stress: Array) -> tuple[Array, Array, list[str], slice
     span = float(np.ptp(stretch))
     if span < 1e-3:
         raise TensileError(f"the stretch does not change ({stretch.min():.4g} to {stretch.max():.4g})")
-    whole = len(stretch)
-    backwards = bool(stretch[-1] < stretch[0] and np.all(np.diff(stretch) <= TURN * span))
-    if backwards:
-        stretch, stress = stretch[::-1], stress[::-1]  # compression in the order of the test
-    fallen = np.maximum.accumulate(stretch) - stretch > TURN * span
+    way = direction(stretch)
+    fallen = np.maximum.accumulate(way * stretch) - way * stretch > TURN * span
     if fallen.any():
-        end = int(np.argmax(stretch[: np.argmax(fallen) + 1])) + 1
+        end = int(np.argmax((way * stretch)[: np.argmax(fallen) + 1])) + 1
         if stretch[:end].max() - stretch[:end].min() < 0.5 * span or end < LEAST_POINTS:
             raise TensileError(
                 "the stretches are not in order; sort the rows, or cut one loading ramp out of the cycles"
@@ -724,16 +773,23 @@ def _ramp(stretch: Array, stress: Array) -> tuple[Array, Array, list[str], slice
             f"{len(stretch) - end} points after the reversal of the stretch at {stretch[end - 1]:.4g} are left out"
         )
         stretch, stress = stretch[:end], stress[:end]
-    peak = int(np.argmax(stress))
-    if stress[peak] > 0.0 and (stress[peak:] < BREAK * stress[peak]).any():
+    load = way * stress
+    peak = int(np.argmax(load))
+    if load[peak] > BREAK * np.abs(load).max() and (_last(load)[peak:] < BREAK * load[peak]).any():
         end = peak + 1
-        remarks.append(f"{len(stretch) - end} points after the break at stretch {stretch[peak]:.4g} are left out")
+        remarks.append(f"{len(stretch) - end} points after the break at stretch {stretch[end - 1]:.4g} are left out")
         stretch, stress = stretch[:end], stress[:end]
+    used = slice(0, len(stretch))
     order = np.argsort(stretch, kind="stable")  # the remaining disorder is noise of the strain
     stretch, stress = stretch[order], stress[order]
     if len(stretch) < LEAST_POINTS:
         raise TensileError(f"the loading ramp has {len(stretch)} points; at least {LEAST_POINTS} are needed")
-    return stretch, stress, remarks, slice(whole - len(stretch), whole) if backwards else slice(0, len(stretch))
+    return stretch, stress, remarks, used
+
+
+def _last(load: Array) -> Array:
+    """Return the largest value from each reading on, shape (n,): what falls below half of a load for good is broken."""
+    return np.asarray(np.maximum.accumulate(load[::-1])[::-1])
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -768,17 +824,31 @@ def corners(time: Array, stretch: Array) -> list[int]:
         tolerance *= 2
 
 
+def segments(time: Array, stretch: Array) -> list[tuple[int, int, bool]]:
+    """Return the straight parts of a history of stretch: first and last place, and whether it is held there."""
+    places, still = corners(time, stretch), TURN * float(np.ptp(stretch))
+    return [(a, b, bool(abs(stretch[b] - stretch[a]) < still)) for a, b in itertools.pairwise(places)]
+
+
 def pace(time: Array, stretch: Array) -> list[str]:
     """Return remarks on the rate of a test, and on the time for which it was held."""
-    places = corners(time, stretch)
-    dt, dx = np.diff(time[places]), np.abs(np.diff(stretch[places]))
-    moving = dx > TURN * float(np.ptp(stretch))
+    parts = segments(time, stretch)
+    dt = np.array([time[b] - time[a] for a, b, _ in parts])
+    dx = np.array([abs(stretch[b] - stretch[a]) for a, b, _ in parts])
+    moving = np.array([not held for *_, held in parts])
     said = []
     if dt[moving].sum() > 0.0:
         said.append(f"stretched at {dx[moving].sum() / dt[moving].sum():.2g} /s; the modulus is that of this rate")
     if (held := float(dt[~moving].sum())) > HELD * float(dt.sum()):
         said.append(f"held for {held:.3g} s")
     return said
+
+
+def direction(stretch: Array) -> int:
+    """Return the direction in which a test leaves rest: 1 upwards, -1 downwards, as in compression."""
+    first = stretch[turns(stretch)[1]]
+    falls = first < stretch[0] and (first == stretch[-1] or abs(stretch[0] - 1) <= abs(first - 1))
+    return -1 if falls else 1
 
 
 def turns(stretch: Array) -> list[int]:
@@ -799,8 +869,11 @@ def turns(stretch: Array) -> list[int]:
 
 def loop(stretch: Array, stress: Array) -> float:
     """Return the area between the first loading and unloading over the work of the loading; 0 without an unloading."""
-    places = turns(stretch)
-    if len(places) < 3 or len(stretch) < LEAST_POINTS:
+    if len(stretch) < LEAST_POINTS:
+        return 0.0
+    way, places = direction(stretch), turns(stretch)
+    stretch, stress = way * stretch, way * stress
+    if len(places) < 3:
         return 0.0
     up, down = (slice(a, b + 1) for a, b in itertools.pairwise(places[:3]))
     if down.stop - down.start < LEAST_POINTS or stretch[places[1]] < stretch[0]:
