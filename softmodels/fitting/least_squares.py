@@ -38,6 +38,8 @@ BLIND = 1e-8
 """Relative singular value of the scaled Jacobian below which a direction is undetermined."""
 LEAST_FREEDOM = 0.2
 """Minimum freedom of a residual, 1 - leverage."""
+MANY = 3.0
+"""Root mean square residual in errors of the measurement above which the model does not follow the data."""
 EXACT = 1e-6
 """Residuals below this fraction of the model count as rounding."""
 
@@ -281,6 +283,18 @@ class LeastSquaresFit:
             made[name] = GroupSummary(units[here[0]], len(part), rms, float(part.mean()), largest, run)
         return made
 
+    @functools.cached_property
+    def excess(self) -> dict[str, float]:
+        """Groups whose root mean square residual is more than `MANY` times the error of the measurement, and how many times:
+        the stated error, or the usual one of its source. Groups without either are left out."""
+        sizes, usual = np.array(self.rows.sizes), np.array(self.rows.usual)
+        if self.errors == "stated":
+            usual = np.where(np.isnan(usual), sizes, usual)
+        squares = (self.residuals[: self.count] * sizes / usual) ** 2
+        losses, labels = loss_of(self.loss, squares, 0)[0], np.array(self.rows.groups)
+        times = {name: math.sqrt(float(losses[labels == name].mean())) for name in self.runs}
+        return {name: value for name, value in times.items() if value > MANY}
+
     @property
     def aicc(self) -> float:
         """Akaike's criterion with its correction for few data (Hurvich & Tsai 1989, doi 10.1093/biomet/76.2.297)."""
@@ -396,6 +410,11 @@ def _judge(
     ends = [(p, result.at_bounds[p.name]) for p in result.free if p.name in result.at_bounds]
     troubles += [f"{p.words} ended at its bound {bound:.4g} {p.unit}".rstrip() for p, bound in ends]
     troubles += _disagreement(runs, result)
+    known = "stated" if errors == "stated" else "usual"
+    troubles += [
+        f"the model does not follow {name}: the residual is {times:.3g} times the {known} error (root mean square)"
+        for name, times in result.excess.items()
+    ]
     return dataclasses.replace(result, troubles=tuple(troubles), converged=converged)
 
 

@@ -40,9 +40,9 @@ def _searches(tree):
     for node in ast.walk(tree):
         if isinstance(node, ast.Compare) and _words_of(node.comparators[0], names):
             yield node.lineno
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.args:
-            if node.func.attr in SEARCHES and _words_of(node.func.value, names):
-                yield node.lineno
+        called = node.func if isinstance(node, ast.Call) and node.args else None
+        if isinstance(called, ast.Attribute) and called.attr in SEARCHES and _words_of(called.value, names):
+            yield node.lineno
 
 
 def test_no_code_searches_the_words_of_an_error():

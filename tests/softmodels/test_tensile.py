@@ -10,8 +10,8 @@ import openpyxl
 import pytest
 
 from softmodels.common.errors import spoken
-from softmodels.fitting.curves.curve import Specimen, TensileError, read_curve, recognise, small_modulus
-from softmodels.fitting.curves.residuals import DENSE, StressError, noise
+from softmodels.fitting.curves.curve import DENSE, Specimen, TensileError, read_curve, recognise, small_modulus
+from softmodels.fitting.curves.residuals import StressError, noise
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.specimens import balloon_pressure, respond
 
@@ -240,7 +240,16 @@ REFUSED = {
     "shuffled": (table(["stretch", "stress (kPa)"], np.roll(L, 11)[::-1], S / 1e3), {}, "not in order"),
     "few": (table(["stretch", "stress (kPa)"], L[:3], S[:3] / 1e3), {}, "has 3 points"),
     "no stretching": (table(["stretch", "stress (kPa)"], 1 + 0 * L, S / 1e3), {}, "does not change"),
-    "kPa called MPa": (table(["stretch", "stress (MPa)"], L, S / 1e3), {}, "2e\\+04 kPa.*factor 1000"),
+    "kPa called MPa": (
+        table(["stretch", "stress (MPa)", "true stress (kPa)"], L, S / 1e3, S * L / 1e3),
+        {},
+        "contradict.*1e\\+03 times",
+    ),
+    "kPa called MPa beside a force": (
+        table(["stretch", "force (N)", "stress (MPa)"], L, S * SECTION, S / 1e3),
+        {"specimen": Specimen(cross_section=SECTION)},
+        "'stress .MPa.' and 'force .N.' contradict each other",
+    ),
     "MPa called kPa": (table(["stretch", "stress (kPa)"], L, S / 1e6), {}, "0.02 kPa.*factor 1000"),
     "percent unsaid": (table(["strain", "stress (kPa)"], 100 * (L - 1), S / 1e3), {}, "if it is in percent"),
     "strain called stretch": (table(["stretch", "stress (kPa)"], L - 1, S / 1e3), {}, "starting at 0 holds strains"),
@@ -270,8 +279,12 @@ REFUSED = {
         "seems to hold the specimen's length",
     ),
     "stretch called strain": (table(["strain", "stress (kPa)"], L, S / 1e3), {}, "seems to hold stretches"),
-    "not tared": (table(["stretch", "stress (kPa)"], L, S / 1e3 + 20), {}, "stress at stretch 1 is 20 kPa"),
-    "falling": (table(["stretch", "stress (kPa)"], L, -S / 1e3), {}, "'stretch' and 'stress .kPa.' contradict each other"),
+    "not tared": (table(["stretch", "stress (kPa)"], L, S / 1e3 + 100), {}, "stress at stretch 1 is 100 kPa"),
+    "falling": (
+        table(["stretch", "stress (kPa)"], L, -S / 1e3),
+        {},
+        "'stretch' and 'stress .kPa.' contradict each other",
+    ),
     "zero": (table(["stretch", "stress (kPa)"], L, 0 * S), {}, "every stress is zero"),
     "binary": (b"\x7fELF\0\0stretch,stress", {}, "not a text file"),
     "half a workbook": (b"PK\x03\x04\0\0stretch,stress", {}, "not an Excel workbook .*, or a damaged one"),
@@ -363,7 +376,10 @@ def test_compression_is_a_stretch_below_one(name, back, write):
     [
         (["Stauchung", "Druckspannung"], "strain=Stauchung[%],stress=Druckspannung[kPa]"),
         (["Stauchung", "Druckspannung"], "strain=2[%],stress=3[kPa]"),
-        (["Compression (%)", "Contrainte de compression"], "strain=Compression[%],stress=Contrainte de compression[kPa]"),
+        (
+            ["Compression (%)", "Contrainte de compression"],
+            "strain=Compression[%],stress=Contrainte de compression[kPa]",
+        ),
     ],
 )
 def test_a_told_column_says_compression_in_its_own_language(header, told, write):
@@ -375,7 +391,11 @@ def test_a_told_column_says_compression_in_its_own_language(header, told, write)
     ("header", "signs", "words"),
     [
         (["Compressive strain (%)", "Compressive stress (kPa)"], (-1, 1), "'Compressive strain .%.' says compression"),
-        (["Compressive strain (%)", "Compressive stress (kPa)"], (1, -1), "'Compressive stress .kPa.' says compression"),
+        (
+            ["Compressive strain (%)", "Compressive stress (kPa)"],
+            (1, -1),
+            "'Compressive stress .kPa.' says compression",
+        ),
         (["Compressive strain (%)", "Stress (kPa)"], (1, 1), "contradict each other.*'Compressive strain .%.' means"),
         (["Strain (%)", "Compressive stress (kPa)"], (1, 1), "contradict each other"),
         (["Strain (%)", "Stress (kPa)"], (-1, 1), "contradict each other"),
