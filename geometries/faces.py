@@ -43,6 +43,10 @@ COLOURS: dict[str, Colour] = {
 """Colours by the names that STEP itself has for them (ISO 10303-46)."""
 
 
+class FaceNumberError(GeometryError):
+    """A choice of faces in a form that is known, with a number that cannot be read; the message is for the user."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Faces:
     """A choice of faces, as written in ``text``: by a plane (unit normal, and distance ``at`` from the origin in m), by a box
@@ -114,4 +118,4 @@ def _number(field: str, text: str, unit: str = "") -> float:
     try:
         return units.quantity(text, unit) if unit else units.number(text)
     except units.UnitError as error:
-        raise GeometryError(f"{field}: {error}") from None
+        raise FaceNumberError(f"{field}: {error}") from None

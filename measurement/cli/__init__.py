@@ -18,7 +18,7 @@ from softmodels.common.errors import reason
 from softmodels.common.files import replaced_whole
 from softmodels.common.lazy import consoles, progress
 from softmodels.common.processes import say
-from softmodels.common.units import LONGEST, UnitError, brief, number, quantity
+from softmodels.common.units import LONGEST, DecimalCommaError, UnitError, brief, number, quantity
 
 DONE, SOME_REFUSED = 0, 3
 """Beside `commands.FAILED` (nothing could be measured) and `UNUSABLE` (bad input): some photographs are left out."""
@@ -110,7 +110,7 @@ def per_metre(text: str) -> float:
     try:
         return quantity(f"{found[1]} {found[2]}^-1" if found else text, "1/m")
     except UnitError as error:
-        why = f" ({error})" if "decimal comma" in str(error) else ""
+        why = f" ({error})" if isinstance(error, DecimalCommaError) else ""
         raise SetupError(
             f"{brief(text.strip())} is not a scale{why}; write pixels per length like 75px/mm or 75000px/m"
         ) from None

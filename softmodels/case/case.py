@@ -209,8 +209,8 @@ class Pressures(Value):
 # Reject materials with implausible parameters, or unsuitable for the formulation.
 
 
-MODULI = (SOFTEST, 5e6)
-"""Accepted shear moduli in Pa, from the softest gels to the hardest rubbers, with a margin."""
+MODULI = (SOFTEST, 1e9)
+"""Accepted shear moduli in Pa, from the softest gels to the hardest elastomers, with a margin."""
 MOST_APART = 1e6
 """Maximum ratio of a region's shear modulus to the main one's that is solved accurately."""
 

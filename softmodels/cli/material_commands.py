@@ -45,7 +45,7 @@ from softmodels.fitting.comparison import (
 )
 from softmodels.fitting.curves.curve import EQUILIBRIUM, Specimen, TensileCurve, TensileError, read_curve
 from softmodels.fitting.curves.fit import fit_curves, prepared
-from softmodels.fitting.curves.residuals import StressError
+from softmodels.fitting.curves.residuals import ORIGIN, StressError
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.outlines.fit import device_names, fit, fit_heights
 from softmodels.fitting.outlines.shapes import OutlineFitError, read_outlines
@@ -317,24 +317,26 @@ def device_changes(options: FitGiven, lengths: Mapping[str, Sequence[str]]) -> d
 def _changes(
     options: FitGiven, units: Mapping[str, str], unknown: Callable[[str], str], value_needed: bool
 ) -> dict[str, Change]:
-    """Return the changes by parameter; the curves' factors ``gauge1`` and so on are known to all laws, and with ``--memory``
-    the weights of its branches, its softening and what its viscosity depends on."""
+    """Return the changes by parameter; the curves' own ``gauge1``, ``slack1`` and so on are known to all laws, and with
+    ``--memory`` the weights of its branches, its softening and what its viscosity depends on."""
     changes: dict[str, Change] = {}
     remembered = ("share_", *SOFTENING, *FLOW) if options.memory else ()
     if remembered:
         units = {**units, SOFTENING[1]: "Pa"}
+    of_tests = ("gauge", *ORIGIN)
     kinds: tuple[tuple[tuple[str, ...], Callable[[str, str], Change]], ...] = (
         (options.fix, _read_fixed), (options.bounds, read_bounds), (options.prior, read_prior),
     )  # fmt: skip
     for texts, read in kinds:
         for text in texts:
             name, equals, value = (part.strip() for part in text.partition("="))
-            if name not in units and not name.startswith(("gauge", *remembered)):
+            if name not in units and not name.startswith((*of_tests, *remembered)):
                 raise FitError(unknown(name))
             if value_needed and not equals:
                 raise FitError(f"{text!r} is not NAME=VALUE")
+            unit = units.get(name, "Pa" if name.startswith(ORIGIN[1]) else "")
             try:
-                changes.setdefault(name, {}).update(read(value, units.get(name, "")) if equals or read is not _read_fixed
+                changes.setdefault(name, {}).update(read(value, unit) if equals or read is not _read_fixed
                                                     else {"fixed": True})  # fmt: skip
             except (UnitError, FitError) as error:
                 raise FitError(f"{text!r}: {error}") from None

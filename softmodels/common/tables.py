@@ -68,7 +68,8 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def _first(error: ValueError) -> str:
-    return "a whole number of thousands of digits" if "integer string" in str(error) else str(error)[:300]
+    # Only whole numbers beyond Python's limit of digits raise something else than the parser's own error.
+    return str(error)[:300] if isinstance(error, tomllib.TOMLDecodeError) else "a whole number of thousands of digits"
 
 
 def _check(tables: dict[str, Any]) -> None:

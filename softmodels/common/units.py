@@ -64,6 +64,7 @@ LONGEST = 100
 
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _SPACES = r"[\s_'\u2019]"
+_DECIMAL_COMMA = re.compile(rf"[+-]?[0-9]*,[0-9]+(?![0-9.,]|{_SPACES}[0-9])")
 _NAME = r"(?:[^\W\d_]|[%°])\w*"
 """A unit's name, such as mm, % or cmH2O."""
 _FACTOR = rf"\(*\s*{_NAME}(?:\s*(?:\^|\*\*)\s*-?[0-9]|[⁻]?[¹²³⁴])?\s*\)*(?:\s*(?:\^|\*\*)\s*-?[0-9])?"
@@ -73,6 +74,10 @@ _ANGLES = {"degree", "radian", "milliradian", "arcminute", "arcsecond", "turn", 
 
 class UnitError(ValueError):
     """A text that is not a number with a fitting unit; the message is for the user."""
+
+
+class DecimalCommaError(UnitError):
+    """A number with a comma in the place of its decimal point; the message is for the user."""
 
 
 @functools.cache
@@ -186,7 +191,8 @@ def _split(text: str, what: str, hint: str = "") -> tuple[float, str]:
         raise UnitError(f"{brief(shown)} is not {what}{hint}")
     found = re.fullmatch(rf"({_NUMBER})\s*(.*)", shown, re.DOTALL)
     if found is None or (found[2] and not _UNIT.fullmatch(found[2])):
-        raise UnitError(_reason(shown, what, hint))
+        kind = DecimalCommaError if _DECIMAL_COMMA.match(shown) else UnitError
+        raise kind(_reason(shown, what, hint))
     read = float(found[1])
     if not math.isfinite(read):
         raise UnitError(f"{brief(shown)} is not a finite number")
@@ -197,7 +203,7 @@ def _reason(shown: str, what: str, hint: str) -> str:
     """Return why a text is no quantity."""
     if shown.startswith("="):
         return f"{brief(shown)} {FORMULA}"
-    if re.match(rf"[+-]?[0-9]*,[0-9]+(?![0-9.,]|{_SPACES}[0-9])", shown):
+    if _DECIMAL_COMMA.match(shown):
         more = (
             f" (or {shown.replace(',', '')}, if it separates thousands)"
             if re.search(r",[0-9]{3}(?![0-9])", shown)

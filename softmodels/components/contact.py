@@ -31,7 +31,7 @@ import numpy.typing as npt
 
 from geometries import Actuator, GeometryError
 from geometries.actuator import AXES, Vector, cavity_roles, reflected
-from geometries.faces import UNITS, faces as plane_faces
+from geometries.faces import UNITS, FaceNumberError, faces as plane_faces
 from softmodels.common.arrays import Array
 from softmodels.common.errors import whole_path
 from softmodels.common.lazy import Expr, fem, scipy, ufl
@@ -609,9 +609,10 @@ class Obstacle(ContactPart):
             if chosen.normal is not None:
                 x, y, z = chosen.normal
                 return (x * chosen.at, y * chosen.at, z * chosen.at), chosen.normal
-        except GeometryError as error:
-            if str(error).startswith("contact plane: "):  # the form is right, and a number in it is not
-                raise ComponentError(str(error)) from None
+        except FaceNumberError as error:  # the form is right, and a number in it is not
+            raise ComponentError(str(error)) from None
+        except GeometryError:
+            pass
         raise ComponentError(
             f"contact plane {self.plane!r} is not a plane; write 'z = 9mm', 'normal 0.6, 0, 0.8 at 9 mm' or a cut "
             "plane's name"

@@ -522,9 +522,8 @@ def follow(under_way: Evaluating, theta: Array) -> StartEnd:
             ends.append(StartEnd(under_way.start, best, form, *under_way.confirmed(best), why))
     except DesignStopped:
         found = form.best(seen)
-        if not ends or found is not None:
-            return StartEnd(under_way.start, found, form, {}, "", StartEnd.STOPPED)
-        return dataclasses.replace(ends[-1], why=StartEnd.STOPPED)
+        end = ends[-1] if ends and found is None else StartEnd(under_way.start, found, form)
+        return dataclasses.replace(end, why="because the user stopped it", stopped=True)
     return min(ends, key=StartEnd.order)
 
 
@@ -657,7 +656,7 @@ def run_variants(
         try:
             found.append(Variant(words, one, run_in(one, own, comm, **how)))
         except RunError as error:
-            if "stopped" in str(error):
+            if error.status == STOPPED:
                 raise
             found.append(Variant(words, one, None, str(error)))
         finally:

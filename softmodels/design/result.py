@@ -9,7 +9,7 @@ import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import ClassVar, TypedDict
+from typing import TypedDict
 
 import numpy as np
 import tomli_w
@@ -364,9 +364,7 @@ FRESH = 0.02
 class StartEnd:
     """The result of one start: its best trial, if one could be judged; the problem in scaled numbers, with what is known of
     the difference to a fresh mesh; the values confirmed on it, or the trouble why there are none; and why it ended before an
-    optimum, if it did."""
-
-    STOPPED: ClassVar[str] = "because the user stopped it"
+    optimum, if it did; ``stopped`` if the user stopped it."""
 
     start: int
     best: Trial | None
@@ -374,10 +372,7 @@ class StartEnd:
     confirmed: Mapping[str, float] = dataclasses.field(default_factory=dict)
     trouble: str = ""
     why: str = ""
-
-    @property
-    def stopped(self) -> bool:
-        return self.why == self.STOPPED
+    stopped: bool = False
 
     @property
     def values(self) -> Mapping[str, float]:

@@ -140,8 +140,8 @@ def _means(fit: LeastSquaresFit) -> dict[str, float]:
     losses = loss_of(fit.loss, squares, len(squares) - fit.count)[0]
     means = {str(name): float(losses[: fit.count][labels == name].mean()) for name in dict.fromkeys(fit.rows.groups)}
     for source in fit.problem.sources:
-        if hidden := float(getattr(source, "averaged_away", 0.0)):
-            means[source.label] += hidden**2 * float(np.mean(np.array(fit.rows.sizes)[labels == source.label] ** -2.0))
+        if np.any(hidden := np.asarray(getattr(source, "averaged_away", 0.0))):
+            means[source.label] += float(np.mean((hidden / np.array(fit.rows.sizes)[labels == source.label]) ** 2))
     means[fit.rows.groups[0]] += float(losses[fit.count :].sum()) / CURVE_VALUES
     return means
 
@@ -159,7 +159,8 @@ def _ratios(fits: Sequence[LeastSquaresFit]) -> list[float]:
     """Return the root mean square misfit of each law over that of the closest one, all curves or photographs weighted
     equally."""
     labels, sizes = np.array(fits[0].rows.groups), np.array(fits[0].rows.sizes)
-    hidden = {source.label: float(getattr(source, "averaged_away", 0.0)) for source in fits[0].problem.sources}
+    away = {source.label: np.asarray(getattr(source, "averaged_away", 0.0)) for source in fits[0].problem.sources}
+    hidden = {label: math.sqrt(float(np.mean(values**2))) for label, values in away.items()}
     misfits = [{k: math.hypot(v.rms, hidden.get(k, 0.0)) for k, v in fit.summaries.items()} for fit in fits]
     least = {
         name: max(min(one[name] for one in misfits), SAME * float(sizes[labels == name].mean()))

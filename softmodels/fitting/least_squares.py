@@ -38,6 +38,8 @@ BLIND = 1e-8
 """Relative singular value of the scaled Jacobian below which a direction is undetermined."""
 LEAST_FREEDOM = 0.2
 """Minimum freedom of a residual, 1 - leverage."""
+MANY = 3.0
+"""Root mean square residual in errors of the measurement above which the model does not follow the data."""
 EXACT = 1e-6
 """Residuals below this fraction of the model count as rounding."""
 
@@ -70,6 +72,7 @@ class LeastSquaresFit:
         starts: Where each start ended.
         problem: What `profile` solves again.
         troubles: Sentences on what speaks against the fit; none if it ended well.
+        converged: Whether it ended at a minimum; else its values are not to be used.
         shared: Change of each measured residual by one standard error of each thing that all of them have in common and that
             no parameter stands for, shape (count, k); None for none.
     """
@@ -87,6 +90,7 @@ class LeastSquaresFit:
     starts: tuple[StartResult, ...]
     problem: Problem
     troubles: tuple[str, ...]
+    converged: bool = True
     shared: Array | None = None
 
     def __post_init__(self) -> None:
@@ -95,10 +99,6 @@ class LeastSquaresFit:
     @property
     def free(self) -> list[Parameter]:
         return [p for p in self.parameters if not p.fixed]
-
-    @property
-    def converged(self) -> bool:
-        return not any("do not use its values" in trouble for trouble in self.troubles)
 
     @property
     def count(self) -> int:
@@ -283,6 +283,18 @@ class LeastSquaresFit:
             made[name] = GroupSummary(units[here[0]], len(part), rms, float(part.mean()), largest, run)
         return made
 
+    @functools.cached_property
+    def excess(self) -> dict[str, float]:
+        """Groups whose root mean square residual is more than `MANY` times the error of the measurement, and how many times:
+        the stated error, or the usual one of its source. Groups without either are left out."""
+        sizes, usual = np.array(self.rows.sizes), np.array(self.rows.usual)
+        if self.errors == "stated":
+            usual = np.where(np.isnan(usual), sizes, usual)
+        squares = (self.residuals[: self.count] * sizes / usual) ** 2
+        losses, labels = loss_of(self.loss, squares, 0)[0], np.array(self.rows.groups)
+        times = {name: math.sqrt(float(losses[labels == name].mean())) for name in self.runs}
+        return {name: value for name, value in times.items() if value > MANY}
+
     @property
     def aicc(self) -> float:
         """Akaike's criterion with its correction for few data (Hurvich & Tsai 1989, doi 10.1093/biomet/76.2.297)."""
@@ -386,18 +398,24 @@ def _judge(
         deviance=2 * float(found.cost), loss=problem.loss, errors=errors, evaluations=problem.evaluations,
         starts=tuple(runs), problem=problem, troubles=(),
     )  # fmt: skip
-    troubles = []
+    troubles, step = [], result.newton_step
     if found.status <= 0:
         troubles.append(f"the fit did not converge within {found.nfev} evaluations; do not use its values")
-    elif (step := result.newton_step) > FAR:
+    elif step > FAR:
         troubles.append(
             f"the fit stopped where a further step would still move it by {step:.2g} standard "
             "errors; do not use its values"
         )
+    converged = not troubles
     ends = [(p, result.at_bounds[p.name]) for p in result.free if p.name in result.at_bounds]
     troubles += [f"{p.words} ended at its bound {bound:.4g} {p.unit}".rstrip() for p, bound in ends]
     troubles += _disagreement(runs, result)
-    return dataclasses.replace(result, troubles=tuple(troubles))
+    known = "stated" if errors == "stated" else "usual"
+    troubles += [
+        f"the model does not follow {name}: the residual is {times:.3g} times the {known} error (root mean square)"
+        for name, times in result.excess.items()
+    ]
+    return dataclasses.replace(result, troubles=tuple(troubles), converged=converged)
 
 
 def _disagreement(runs: list[StartResult], result: LeastSquaresFit) -> list[str]:

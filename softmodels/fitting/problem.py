@@ -32,11 +32,13 @@ SHORTEST = 8
 
 @dataclasses.dataclass(frozen=True)
 class Rows:
-    """Group of each measured residual, and the size and unit of a residual of 1."""
+    """Group of each measured residual, the size and unit of a residual of 1, and the standard error that such a measurement
+    usually has, in that unit; nan where its source does not tell."""
 
     groups: list[str]
     sizes: list[float]
     units: list[str]
+    usual: list[float]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -201,7 +203,8 @@ Changes = Mapping[str, Change]
 
 class Residuals(Protocol):
     """A source of residuals. It may also carry ``unit`` (str) and ``errors`` (scalar or one per residual, in that unit):
-    what a residual of 1 stands for. A fit then reports its residuals in that unit."""
+    what a residual of 1 stands for. A fit then reports its residuals in that unit. Where only the ratios of ``errors`` are
+    known, or they are weights too, it may carry ``usual_errors``, by which a fit tells whether its model follows the data."""
 
     @property
     def label(self) -> str:
@@ -274,7 +277,7 @@ class Problem:
         out."""
         column = {p.name: i for i, p in enumerate(self.free)}
         blocks: list[Array] = []
-        rows = Rows([], [], [])
+        rows = Rows([], [], [], [])
         for source in self.sources:
             _, J, labels = source.evaluate(values, True)
             assert J is not None
@@ -286,6 +289,8 @@ class Problem:
             rows.groups.extend(str(label) for label in labels)
             rows.sizes.extend(np.broadcast_to(getattr(source, "errors", 1.0), (len(J),)).tolist())
             rows.units.extend([str(getattr(source, "unit", "errors"))] * len(J))
+            usual = getattr(source, "usual_errors", None)
+            rows.usual.extend(np.broadcast_to(math.nan if usual is None else usual, (len(J),)).tolist())
         priors = [p for p in self.free if p.prior]
         block = np.zeros((len(priors), len(self.free)))
         for row, p in enumerate(priors):

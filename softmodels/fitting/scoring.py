@@ -144,12 +144,13 @@ def score_curve(
     worst = (
         f"{off[at] / 1e3:+.3g} kPa at stretch {curve.stretch[at]:.4g}{when} ({sizes[at]:+.2g} standard errors{share})"
     )
+    data = f"{curve.name} ({curve.mode}{', slack and zero taken off' if curve.origin else ''})"
     explained = math.nan
     if errors is not None:
         slopes = slopes_of(material, curve, errors.names) / error.of(curve)[:, None]
         explained = _explained(sizes, slopes, np.zeros((len(off), 0)), errors) / len(off)
     return Score(
-        name, f"{curve.name} ({curve.mode})", len(off), _rms(off), "Pa", _mean_square(sizes), _covered(sizes), worst,
+        name, data, len(off), _rms(off), "Pa", _mean_square(sizes), _covered(sizes), worst,
         chi2_material=explained,
     )  # fmt: skip
 

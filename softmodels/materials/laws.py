@@ -206,6 +206,8 @@ Parameters = Any
 
 SOFTEST = 500.0
 """Minimum shear modulus in Pa of a silicone: of the softest gels, with a margin."""
+STIFFEST = 5e6
+"""Maximum shear modulus in Pa of a silicone or soft rubber, with a margin; above it a wrong unit is likely."""
 
 
 class MaterialError(Spoken, ValueError):

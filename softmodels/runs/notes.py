@@ -21,6 +21,7 @@ from softmodels.common.commands import FULL
 from softmodels.components.contact import Walls, obstacle_of
 from softmodels.components.loads import Gravity
 from softmodels.components.rigid import Clamp, Rigid
+from softmodels.materials.laws import STIFFEST
 from softmodels.materials.silicones import (
     break_words,
     density_of,
@@ -283,7 +284,13 @@ def sealing_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
 
 
 def law_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
-    """Yield a sentence if a run stretches its silicone beyond the stability of its law by Drucker's criterion."""
+    """Yield a sentence if a material is stiffer than silicones and soft rubbers, and if a run stretches it beyond the stability
+    of its law by Drucker's criterion."""
+    if (modulus := case.material.shear_modulus_0) > STIFFEST:
+        yield (
+            f"the material's shear modulus is {modulus / 1e6:.4g} MPa; silicones have 5 to 500 kPa, so check the units of its "
+            "parameters"
+        )
     most = max((float(row.get("max_stretch", 1.0)) for row in rows), default=1.0)
     # Of all deformations with this largest stretch, uniaxial tension has the least I1: the others reach it earlier. In the
     # other modes of tension the stretch itself is compared, because a membrane is pulled in both directions.

@@ -282,7 +282,6 @@ REFUSED = {
     "fit --tensile .": ["folder"],
     "fit --tensile empty.csv": ["empty.csv", "empty"],
     "fit --tensile uniaxial.csv:torsion": ["'torsion'", "planar"],
-    "fit --tensile mpa.csv": ["mpa.csv", "kPa", "factor 1000"],
     "fit --tensile soft.csv": ["soft.csv", "kPa", "factor 1000"],
     "fit --tensile uniaxial.csv --tensile stiff.csv": ["uniaxial.csv", "stiff.csv", "one material"],
     f"{T} --material rubber": ["'rubber'", "yeoh"],

@@ -58,7 +58,9 @@ def test_line_is_linear_algebra():
     assert found.covariance == pytest.approx(covariance, rel=1e-6, abs=1e-12)
     reach = student.ppf(0.975, len(X) - 2) * np.sqrt(covariance[1, 1])
     assert found.interval("b") == pytest.approx((by_hand[1] - reach, by_hand[1] + reach))
-    assert found.troubles == () and unseen(found) == () and found.converged
+    times = np.sqrt(misfit[0] / len(X)) / 0.01
+    assert found.excess == {"curve": pytest.approx(times)} and "times the stated error" in found.troubles[0]
+    assert len(found.troubles) == 1 and unseen(found) == () and found.converged
 
 
 def test_unknown_errors_let_each_residual_speak():
@@ -164,7 +166,7 @@ def test_nearly_the_same_is_seen_only_together():
 def test_a_bound_that_holds_the_fit_is_told():
     found = fit_parameters([Curve(line, ("a", "b"), 2 + 3 * X, 0.1)], [*free("a"), *free("b", upper=2.0)])
     assert found.values["b"] == pytest.approx(2.0)
-    assert found.troubles == ("b ended at its bound 2 mm",)
+    assert found.troubles[0] == "b ended at its bound 2 mm" and "times the stated error" in found.troubles[1]
     assert np.isnan(found.error("b")) and np.isfinite(found.error("a"))
 
 

@@ -10,8 +10,8 @@ import openpyxl
 import pytest
 
 from softmodels.common.errors import spoken
-from softmodels.fitting.curves.curve import Specimen, TensileError, read_curve, recognise, small_modulus
-from softmodels.fitting.curves.residuals import DENSE, StressError, noise
+from softmodels.fitting.curves.curve import DENSE, Specimen, TensileError, read_curve, recognise, small_modulus
+from softmodels.fitting.curves.residuals import StressError, noise
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.specimens import balloon_pressure, respond
 
@@ -240,7 +240,16 @@ REFUSED = {
     "shuffled": (table(["stretch", "stress (kPa)"], np.roll(L, 11)[::-1], S / 1e3), {}, "not in order"),
     "few": (table(["stretch", "stress (kPa)"], L[:3], S[:3] / 1e3), {}, "has 3 points"),
     "no stretching": (table(["stretch", "stress (kPa)"], 1 + 0 * L, S / 1e3), {}, "does not change"),
-    "kPa called MPa": (table(["stretch", "stress (MPa)"], L, S / 1e3), {}, "2e\\+04 kPa.*factor 1000"),
+    "kPa called MPa": (
+        table(["stretch", "stress (MPa)", "true stress (kPa)"], L, S / 1e3, S * L / 1e3),
+        {},
+        "contradict.*1e\\+03 times",
+    ),
+    "kPa called MPa beside a force": (
+        table(["stretch", "force (N)", "stress (MPa)"], L, S * SECTION, S / 1e3),
+        {"specimen": Specimen(cross_section=SECTION)},
+        "'stress .MPa.' and 'force .N.' contradict each other",
+    ),
     "MPa called kPa": (table(["stretch", "stress (kPa)"], L, S / 1e6), {}, "0.02 kPa.*factor 1000"),
     "percent unsaid": (table(["strain", "stress (kPa)"], 100 * (L - 1), S / 1e3), {}, "if it is in percent"),
     "strain called stretch": (table(["stretch", "stress (kPa)"], L - 1, S / 1e3), {}, "starting at 0 holds strains"),
@@ -270,8 +279,12 @@ REFUSED = {
         "seems to hold the specimen's length",
     ),
     "stretch called strain": (table(["strain", "stress (kPa)"], L, S / 1e3), {}, "seems to hold stretches"),
-    "not tared": (table(["stretch", "stress (kPa)"], L, S / 1e3 + 20), {}, "stress at stretch 1 is 20 kPa"),
-    "falling": (table(["stretch", "stress (kPa)"], L, -S / 1e3), {}, "decreases with the stretch"),
+    "not tared": (table(["stretch", "stress (kPa)"], L, S / 1e3 + 100), {}, "stress at stretch 1 is 100 kPa"),
+    "falling": (
+        table(["stretch", "stress (kPa)"], L, -S / 1e3),
+        {},
+        "'stretch' and 'stress .kPa.' contradict each other",
+    ),
     "zero": (table(["stretch", "stress (kPa)"], L, 0 * S), {}, "every stress is zero"),
     "binary": (b"\x7fELF\0\0stretch,stress", {}, "not a text file"),
     "half a workbook": (b"PK\x03\x04\0\0stretch,stress", {}, "not an Excel workbook .*, or a damaged one"),
@@ -321,6 +334,85 @@ def test_refusals_are_sentences(name, write):
         read_curve(write(text), **more)
     assert re.search(spoken(words), str(caught.value))
     assert "\n" not in str(caught.value) and "--" not in str(caught.value)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Compression: what a header says about the sign.
+
+
+SQUEEZED = np.linspace(1.0, 0.6, 21)
+PRESSED = 30e3 * (SQUEEZED**-2 - SQUEEZED)  # Pa, positive in compression, of a neo-Hookean of 30 kPa
+SHORTER = 1.0 - SQUEEZED
+BODY = Specimen(cross_section=SECTION, gauge_length=LENGTH)
+PRESSES = {
+    "strain and stress": (["Compressive strain (%)", "Compressive stress (kPa)"], 100 * SHORTER, PRESSED / 1e3),
+    "load and extension": (
+        ["Compressive extension (mm)", "Compressive load (N)"], 1e3 * LENGTH * SHORTER, PRESSED * SECTION
+    ),
+    "compression": (["Compression (mm)", "Compression force (N)"], 1e3 * LENGTH * SHORTER, PRESSED * SECTION),
+    "a share of the height": (["compression [%]", "compressive stress [Pa]"], 100 * SHORTER, PRESSED),
+    "true": (["True compressive strain", "Compressive stress (Pa)"], -np.log(SQUEEZED), PRESSED),
+    "stretch": (["Compressive stretch", "Compressive stress (Pa)"], SQUEEZED, PRESSED),
+    "one signed": (["Strain (%)", "Compressive stress (Pa)"], -100 * SHORTER, PRESSED),
+    "both signed": (["Strain (%)", "Stress (Pa)"], -100 * SHORTER, -PRESSED),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("back", [False, True])
+@pytest.mark.parametrize("name", PRESSES)
+def test_compression_is_a_stretch_below_one(name, back, write):
+    """Also where the specimen is let go again."""
+    header, *columns = PRESSES[name]
+    if back:
+        columns = [np.r_[one, one[-2::-1]] for one in columns]
+    curve = read_curve(write(table(header, *columns)), specimen=BODY)
+    assert curve.stretch == pytest.approx(SQUEEZED[::-1], abs=1e-7)
+    assert curve.stress == pytest.approx(-PRESSED[::-1], rel=1e-5, abs=1e-3)
+    assert small_modulus(curve) == pytest.approx(30e3, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("header", "told"),
+    [
+        (["Stauchung", "Druckspannung"], "strain=Stauchung[%],stress=Druckspannung[kPa]"),
+        (["Stauchung", "Druckspannung"], "strain=2[%],stress=3[kPa]"),
+        (
+            ["Compression (%)", "Contrainte de compression"],
+            "strain=Compression[%],stress=Contrainte de compression[kPa]",
+        ),
+    ],
+)
+def test_a_told_column_says_compression_in_its_own_language(header, told, write):
+    curve = read_curve(write(table(["t", *header], SHORTER, 100 * SHORTER, PRESSED / 1e3)), columns=told)
+    assert small_modulus(curve) == pytest.approx(30e3, rel=1e-5) and curve.stretch.max() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("header", "signs", "words"),
+    [
+        (["Compressive strain (%)", "Compressive stress (kPa)"], (-1, 1), "'Compressive strain .%.' says compression"),
+        (
+            ["Compressive strain (%)", "Compressive stress (kPa)"],
+            (1, -1),
+            "'Compressive stress .kPa.' says compression",
+        ),
+        (["Compressive strain (%)", "Stress (kPa)"], (1, 1), "contradict each other.*'Compressive strain .%.' means"),
+        (["Strain (%)", "Compressive stress (kPa)"], (1, 1), "contradict each other"),
+        (["Strain (%)", "Stress (kPa)"], (-1, 1), "contradict each other"),
+        (["Tensile strain (%)", "Stress (kPa)"], (-1, -1), "'Tensile strain .%.' says tension, but a value of it is"),
+        (["Tensile strain (%)", "Compressive stress (kPa)"], (1, 1), "contradict each other"),
+    ],
+)
+def test_a_sign_that_contradicts_its_header_or_the_other_column_is_refused(header, signs, words, write):
+    path = write(table(header, 100 * signs[0] * SHORTER, signs[1] * PRESSED / 1e3))
+    with pytest.raises(TensileError, match=words):
+        read_curve(path)
+
+
+def test_the_loop_of_a_compression_is_measured(write):
+    lower = np.r_[PRESSED, 0.8 * PRESSED[-2::-1]]
+    path = write(table(["Compressive strain", "Compressive stress (Pa)"], np.r_[SHORTER, SHORTER[-2::-1]], lower))
+    assert read_curve(path).loop == pytest.approx(0.2, abs=0.02)
 
 
 def test_a_file_that_is_not_there(tmp_path):

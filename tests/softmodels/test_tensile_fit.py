@@ -248,7 +248,7 @@ WRONG = {
     "a strain": (GOOD - 1, 25e3 * (GOOD - GOOD**-2), "not above zero; values starting at 0 are strains"),
     "a strain from 2 % on": (FINE - 1, 25e3 * (FINE - FINE**-2), "these seem to be strains; add 1"),
     "stress in MPa": (GOOD, 0.025 * (GOOD - GOOD**-2), "a factor 1000"),
-    "an offset": (GOOD, 25e3 * (GOOD - GOOD**-2 + 1), "subtract the load cell's offset"),
+    "an offset": (GOOD, 25e3 * (GOOD - GOOD**-2 + 9), "subtract the load cell's offset"),
     "unequal": (GOOD, GOOD[1:], "21 stretches but 20 stresses"),
     "nothing": ([], [], "the curve is empty"),
     "a hole": (GOOD, [*GOOD[1:], float("nan")], "must be a finite number"),

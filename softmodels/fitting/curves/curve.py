@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import datetime
+import functools
 import itertools
 import math
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.common.errors import FieldError, Spoken, known_are, meant, reason
@@ -18,6 +21,7 @@ from softmodels.common.names import checked, keep_arrays
 from softmodels.common.schema import Quantity, Several
 from softmodels.common.tables import Line, Worksheet, named, pick, read_sheets
 from softmodels.common.units import FORMULA, UnitError, brief, quantity
+from softmodels.materials.laws import STIFFEST
 from softmodels.materials.specimens import MODES
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -52,6 +56,9 @@ _WORDS = (
     ("force", r"\bforce\b|\bload\b"),
     ("pressure", r"\bpressure\b"),
 )
+_COMPRESSION = re.compile(r"[ck]ompr[eéi]s|stauch|druc?k", re.IGNORECASE)
+_TENSION = re.compile(r"\btens(ile|ion)|\bzug|\btra[ck]tion|\btracci[oó]n|\btrazione", re.IGNORECASE)
+"""What says in a header that positive numbers are compression, or tension; in the languages of test machines."""
 _TIME = re.compile(r"^t$|^time\b|\btime$")
 _TIME_TAIL = re.compile(r"^(t|.*\btime) (s|secs?|seconds?|ms|min|minutes?|h|hours?)$")
 _CLOCK = re.compile(r"(?:(\d{4}-\d\d-\d\d)[ T])?(?:(\d+):)?(\d+):(\d+(?:[.,]\d+)?)")
@@ -69,19 +76,20 @@ class TensileError(Spoken, ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class CurveColumn:
-    """One column of a table: its kind, one of `KINDS`, its unit as written, ``""`` where none is, its place from 0, and
-    what stands above it."""
+    """One column of a table: its kind, one of `KINDS`, its unit as written, ``""`` where none is, its place from 0, what
+    stands above it, and the sign of its positive numbers by that: 1 for tension, -1 for compression, 0 if it says neither."""
 
     kind: str
     unit: str
     place: int
     header: str
+    sign: int = 0
 
 
 @dataclasses.dataclass(frozen=True)
 class CurveTable:
     """A file's two columns with their raw numbers x and y, shape (n,), and the line of each row; times in s since the
-    first row, shape (n,), or None and a clause why they cannot be used."""
+    first row, shape (n,), or None and a clause why they cannot be used; and what reads the same rows with other loads."""
 
     deformation: CurveColumn
     load: CurveColumn
@@ -90,6 +98,7 @@ class CurveTable:
     lines: tuple[int, ...]
     time: Array | None = None
     untimed: str = "it has no column of times, such as 'time (s)'"
+    others: Sequence[Callable[[], CurveTable]] = ()
 
 
 def recognise(header: str, place: int) -> CurveColumn | None:
@@ -113,8 +122,18 @@ def recognise(header: str, place: int) -> CurveColumn | None:
         return None
     for kind, pattern in _WORDS:
         if re.search(pattern, words):
-            return CurveColumn(kind, _unit(unit), place, header)
+            return CurveColumn(kind, _unit(unit), place, header, _sign(kind, header))
+    if re.match(r"compression\b", words):  # of the height, or as a share of it
+        length = CurveColumn("extension", _unit(unit), place, header, -1)
+        return length if unit and _size(length.unit, length) is not None else dataclasses.replace(length, kind="strain")
     return None
+
+
+def _sign(kind: str, header: str) -> int:
+    """Return the sign of a column's positive numbers, see `CurveColumn`, from what stands above it."""
+    if kind in ("time", "pressure", "radius"):
+        return 0
+    return int(bool(_TENSION.search(header))) - int(bool(_COMPRESSION.search(header)))
 
 
 def _unit(text: str) -> str:
@@ -158,8 +177,10 @@ def read_table(path: Path, told: Mapping[str, tuple[str, str | None]]) -> CurveT
     except OSError as error:
         raise TensileError(f"the file cannot be read ({reason(error)})") from None
     if chosen is not None:
-        sheet, (after, columns) = chosen
-        return _numbers(sheet, after, columns, {kind for kind, (_, unit) in told.items() if unit is not None})
+        sheet, (after, columns, others) = chosen
+        sure = {kind for kind, (_, unit) in told.items() if unit is not None}
+        more = [functools.partial(_numbers, sheet, after, (columns[0], other), sure) for other in others]
+        return dataclasses.replace(_numbers(sheet, after, columns, sure), others=more)
     if not any(sheet.rows for sheet in sheets):
         raise TensileError("the file is empty")
     where = f"no row of {named(sheets)}" if named(sheets) else "no line"
@@ -172,8 +193,8 @@ def read_table(path: Path, told: Mapping[str, tuple[str, str | None]]) -> CurveT
     )
 
 
-type _Header = tuple[int, tuple[CurveColumn, ...]]
-"""Rows above the numbers, and the columns: deformation, load and perhaps time."""
+type _Header = tuple[int, tuple[CurveColumn, ...], tuple[CurveColumn, ...]]
+"""Rows above the numbers, the columns: deformation, load and perhaps time, and further loads."""
 
 
 def _header(rows: Sequence[Line]) -> _Header | None:
@@ -192,7 +213,8 @@ def _header(rows: Sequence[Line]) -> _Header | None:
         if deformation and load:
             times = [c for c in known if c.kind == "time"]
             times.sort(key=lambda c: "total" not in c.header.lower())  # beside the time of each cycle
-            return i + 1, (kinds[deformation], kinds[load], *times[:1])
+            further = tuple(column for column in known if column.kind in LOADS and column.kind != load)
+            return i + 1, (kinds[deformation], kinds[load], *times[:1]), further
     return None
 
 
@@ -219,15 +241,18 @@ def _told_header(rows: Sequence[Line], told: Mapping[str, tuple[str, str | None]
                 break
             said = recognise(row[place], place)
             of_header = said.unit if said else ""
-            made[kind] = CurveColumn(kind, of_header if unit is None else _unit(unit), place, row[place].strip())
+            unit = of_header if unit is None else _unit(unit)
+            told_over = [line[place] for _, line in rows[:i] if place < len(line)] if name.isdigit() else [row[place]]
+            sign = _sign(kind, " ".join(told_over))
+            made[kind] = CurveColumn(kind, unit, place, row[place].strip(), sign)
         else:
             if numbers and not all(_is_number(row[one.place]) for kind, one in made.items() if kind != "time"):
                 continue
             columns = tuple(made[kind] for kind in (*DEFORMATIONS, *LOADS, "time") if kind in made)
             if not numbers:
-                return i + 1, columns
+                return i + 1, columns, ()
             above = [_cell(rows[i - 1][1], column) if i else "" for column in columns]
-            return (i - 1 if _row_of_units(columns, above) else i), columns
+            return (i - 1 if _row_of_units(columns, above) else i), columns, ()
     return None
 
 
@@ -381,6 +406,60 @@ def in_si(values: Array, column: CurveColumn) -> Array:
         raise TensileError(f"the column {column.header!r}: {error}") from None
 
 
+WRONG_SIGN = 0.05
+"""Largest value of the wrong sign, as a share of the largest one, that is noise."""
+
+
+def _directed(values: Array, column: CurveColumn) -> Array:
+    """Return a column's numbers in SI units with tension positive (a stretch above 1); `TensileError` where they contradict
+    what its header says."""
+    if not column.sign:
+        return values
+    own = (values - 1.0 if column.kind == "stretch" else values) * (column.sign if column.kind == "stretch" else 1)
+    # A load may well change its sign on the way back, a deformation does not.
+    worst = float(own[np.argmax(np.abs(own))] if column.kind in LOADS else own.min())
+    if worst < -WRONG_SIGN * float(np.abs(own).max()):
+        said, other = ("compression", "tension") if column.sign < 0 else ("tension", "compression")
+        raise TensileError(
+            f"the column {column.header!r} says {said}, but a value of it is {other} ({float(values[np.argmin(own)]):.4g} "
+            f"{KINDS[column.kind]}".rstrip()
+            + f"); correct its sign, or call it {column.kind!r}, which is positive in tension"
+        )
+    return values if column.kind == "stretch" else column.sign * values
+
+
+OTHER_UNIT = 10.0
+"""Ratio of a file's loads from which on their units contradict each other."""
+
+
+def _check_units(table: CurveTable, stretch: Array, stress: Array, test: str, specimen: Specimen) -> None:
+    """Reject a stress that another load of the same file contradicts by a factor of ten or more."""
+    for read in table.others:
+        with contextlib.suppress(TensileError):  # one that cannot be used contradicts nothing
+            other = read()
+            ratio = float(stress @ stress) / float(stress @ _nominal(other.y, other.load, stretch, test, specimen))
+            if not 1 / OTHER_UNIT < ratio < OTHER_UNIT:
+                break
+    else:
+        return
+    raise TensileError(
+        f"the columns {table.load.header!r} and {other.load.header!r} contradict each other: the first gives {ratio:.3g} times "
+        "the stress of the second; check their units, and the cross-section"
+    )
+
+
+def _check_directions(stretch: Array, stress: Array, deformation: CurveColumn, load: CurveColumn) -> None:
+    """Reject a tension in one column that is a compression in the other."""
+    work = stress * (stretch - 1.0)
+    if work.sum() < -0.5 * np.abs(work).sum():
+        compressed = next((one.header for one in (deformation, load) if one.sign < 0), None)
+        why = f" ({compressed!r} means compression)" if compressed else ""
+        raise TensileError(
+            f"the columns {deformation.header!r} and {load.header!r} contradict each other: one is tension where the other is "
+            f"compression{why}; check the signs and the columns"
+        )
+
+
 TESTS = (*MODES, "balloon")
 SYNONYMS = {
     "uniaxial": "uniaxial", "ut": "uniaxial", "tension": "uniaxial",
@@ -388,8 +467,12 @@ SYNONYMS = {
     "equibiaxial": "equibiaxial", "biaxial": "equibiaxial", "et": "equibiaxial", "bulge": "equibiaxial",
     "balloon": "balloon",
 }  # fmt: skip
-INITIAL_MODULUS_RANGE = (1e3, 5e6)
-"""Range of shear moduli in Pa of silicones and soft rubbers; outside, a wrong unit is assumed."""
+SOFTEST_TEST = 1e3
+"""Minimum shear modulus in Pa of a silicone's test; below it a wrong unit is assumed."""
+AT_STRETCH_1 = 0.005
+"""Largest distance from stretch 1 of an undeformed specimen."""
+LARGEST_ZERO = 0.5
+"""Largest stress at stretch 1, as a share of the largest one, that can be the load cell's zero."""
 LEAST_POINTS = 4
 TURN = 0.02
 """Decrease of the stretch, relative to the range, that counts as a reversal."""
@@ -420,6 +503,17 @@ class Specimen:
                 raise TensileError(f"{name.replace('_', ' ')} is {value:g}; it must be above zero")
 
 
+@dataclasses.dataclass(frozen=True)
+class Origin:
+    """What the rows of a test count from: the stretch at which the specimen is taut and the stress in Pa without a load, as
+    recorded, with standard errors of what is known of each before a fit; None where that is nothing."""
+
+    slack: float
+    zero: float
+    slack_error: float | None = None
+    zero_error: float | None = None
+
+
 @checked
 @dataclasses.dataclass(frozen=True, eq=False)
 class TensileCurve:
@@ -431,11 +525,13 @@ class TensileCurve:
         stretch: Rising, shape (n,); in the order of the test where there are times.
         stress: Nominal stress in Pa, shape (n,).
         remarks: Sentences on what was left out, and on the rate.
-        noise: Standard deviation in Pa of the readings that its points are averages of; None if they are readings themselves.
-        readings: Readings per point.
+        noise: Standard deviation in Pa of the readings that its points are averages of, with times one per point; None if
+            they are readings themselves.
+        readings: Readings per point, with times one number per point.
         time: In s, not falling, shape (n,). Only fits of a memory look at it; a curve without times is taken there as
             so slow that the silicone is relaxed at each point.
         loop: Area between first loading and unloading over the work of the loading; 0 where it does not unload.
+        origin: The slack and the load cell's zero that are taken off stretch and stress already; None for none.
     """
 
     name: str
@@ -443,10 +539,11 @@ class TensileCurve:
     stretch: Array
     stress: Array
     remarks: tuple[str, ...] = ()
-    noise: float | None = None
-    readings: float = 1.0
+    noise: float | Array | None = None
+    readings: float | Array = 1.0
     time: Array | None = None
     loop: float = 0.0
+    origin: Origin | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
@@ -513,21 +610,40 @@ class TensileCurve:
             yield "the stretch does not rise from row to row; give one loading ramp, sorted"
         if top == 0.0:
             yield "every stress is zero"
-        # Within half a percent of rest, even the stiffest start is far below a tenth of the largest stress.
-        at_rest = np.abs(self.stress[np.abs(self.stretch - 1) < 0.005])
-        if len(at_rest) and at_rest.min() > 0.1 * top and high > 1.2:
+        at_rest = np.abs(self.stress[np.abs(self.stretch - 1) < AT_STRETCH_1])
+        if len(at_rest) and at_rest.min() > LARGEST_ZERO * top and high > 1.2:
             yield (
-                f"the stress at stretch 1 is {at_rest.min() / 1e3:.4g} kPa instead of zero; subtract the load cell's offset "
-                "first"
+                f"the stress at stretch 1 is {at_rest.min() / 1e3:.4g} kPa instead of zero, more than half of the largest one; "
+                "subtract the load cell's offset first"
             )
-        modulus, (least, most) = small_modulus(self), INITIAL_MODULUS_RANGE
+        modulus, least = small_modulus(self), SOFTEST_TEST
         if not modulus > 0.0:
             yield "the stress decreases with the stretch; check its sign and the columns"
-        if not least <= modulus <= most:
+        if not modulus >= least:
             yield (
                 f"the curve starts with a shear modulus of {modulus / 1e3:.3g} kPa; silicones and soft rubbers have "
-                f"{least / 1e3:g} to {most / 1e3:g} kPa, so check the unit of the stress (a factor 1000?)"
+                f"{least / 1e3:g} kPa or more, so check the unit of the stress (a factor 1000?)"
             )
+
+    @property
+    def stiff(self) -> str:
+        """A sentence if it is stiffer than silicones and soft rubbers; else empty."""
+        modulus = small_modulus(self)
+        if modulus <= STIFFEST:
+            return ""
+        return (
+            f"{self.name} starts with a shear modulus of {modulus / 1e6:.3g} MPa; silicones and soft rubbers have at most "
+            f"{STIFFEST / 1e6:g} MPa, so check the unit of the stress (a factor 1000?)"
+        )
+
+    def counting_from(self, slack: float, zero: float) -> TensileCurve:
+        """Return the curve with another slack and zero of the load cell (Pa) taken off, see `origin`."""
+        if self.origin is None:
+            return self
+        stretch, stress = self.stretch - (slack - self.origin.slack), self.stress - (zero - self.origin.zero)
+        return dataclasses.replace(
+            self, stretch=stretch, stress=stress, origin=dataclasses.replace(self.origin, slack=slack, zero=zero)
+        )
 
     def within(self, low: float, high: float) -> TensileCurve:
         """Return the part between two stretches.
@@ -587,6 +703,7 @@ def read_curve(
             _check_start(table.x, table.y, table.deformation, specimen or Specimen())
         stretch = _stretch(table.x, table.deformation, specimen or Specimen())
         stress = _nominal(table.y, table.load, stretch, kind, specimen or Specimen())
+        _check_directions(stretch, stress, table.deformation, table.load)
         time = table.time
         if rate is not None:
             way = np.cumsum(np.abs(np.diff(stretch, prepend=stretch[0])))
@@ -599,28 +716,36 @@ def read_curve(
     except TensileError as error:
         raise TensileError(f"{path}: {error}") from None
     whole = TensileCurve(str(path), "equibiaxial" if kind == "balloon" else kind, stretch, stress, time=time)
+    whole = without_jumps(whole, [f"line {number}" for number in table.lines])
     curve = (_unbroken(whole) if history and time is not None else _ramp_of(whole)).check()
+    if curve.stiff:
+        try:
+            _check_units(table, stretch, stress, kind, specimen or Specimen())
+        except TensileError as error:
+            raise TensileError(f"{path}: {error}") from None
     return dataclasses.replace(curve, name=path.name)
 
 
 def _unbroken(curve: TensileCurve) -> TensileCurve:
-    """Return a history up to the break: where more than half of a large stress is lost from one reading to the next, and not
-    by unloading."""
-    x, y = curve.stretch, curve.stress
-    lost = (y[1:] < BREAK * y[:-1]) & (y[:-1] > BREAK * y.max()) & (x[1:] > x[:-1] - TURN * np.ptp(x))
+    """Return a history up to the break: where more than half of a large stress is lost for good from one reading to the next,
+    and not by unloading."""
+    way = direction(curve.stretch)
+    x, y = way * curve.stretch, way * curve.stress
+    lost = (_last(y)[1:] < BREAK * y[:-1]) & (y[:-1] > BREAK * y.max()) & (x[1:] > x[:-1] - TURN * np.ptp(x))
     if not lost.any():
         return curve
     end = int(np.argmax(lost)) + 1
+    x, y = curve.stretch, curve.stress
     remarks = (*curve.remarks, f"{len(x) - end} points after the break at stretch {x[end - 1]:.4g} are left out")
     assert curve.time is not None
     return dataclasses.replace(curve, stretch=x[:end], stress=y[:end], time=curve.time[:end], remarks=remarks)
 
 
 def _stretch(x: Array, column: CurveColumn, specimen: Specimen) -> Array:
-    values = in_si(x, column)
-    if column.kind in ("strain", "true-strain") and values.max() > PERCENT:
+    values = _directed(in_si(x, column), column)
+    if column.kind in ("strain", "true-strain") and (most := float(np.abs(values).max())) > PERCENT:
         raise TensileError(
-            f"the column {column.header!r} reaches a strain of {values.max():.4g}; if it is in percent, give "
+            f"the column {column.header!r} reaches a strain of {most:.4g}; if it is in percent, give "
             f"--columns {column.kind}={column.place + 1}[%],..."
         )
     if column.kind == "strain":
@@ -673,7 +798,7 @@ def _check_start(x: Array, y: Array, column: CurveColumn, specimen: Specimen) ->
 
 
 def _nominal(y: Array, column: CurveColumn, stretch: Array, test: str, specimen: Specimen) -> Array:
-    values = in_si(y, column)
+    values = _directed(in_si(y, column), column)
     if (column.kind == "pressure") != (test == "balloon"):
         raise TensileError(f"a {test} test cannot have a column {column.header!r}")
     if column.kind == "pressure":
@@ -709,13 +834,10 @@ def _ramp(stretch: Array, stress: Array) -> tuple[Array, Array, list[str], slice
     span = float(np.ptp(stretch))
     if span < 1e-3:
         raise TensileError(f"the stretch does not change ({stretch.min():.4g} to {stretch.max():.4g})")
-    whole = len(stretch)
-    backwards = bool(stretch[-1] < stretch[0] and np.all(np.diff(stretch) <= TURN * span))
-    if backwards:
-        stretch, stress = stretch[::-1], stress[::-1]  # compression in the order of the test
-    fallen = np.maximum.accumulate(stretch) - stretch > TURN * span
+    way = direction(stretch)
+    fallen = np.maximum.accumulate(way * stretch) - way * stretch > TURN * span
     if fallen.any():
-        end = int(np.argmax(stretch[: np.argmax(fallen) + 1])) + 1
+        end = int(np.argmax((way * stretch)[: np.argmax(fallen) + 1])) + 1
         if stretch[:end].max() - stretch[:end].min() < 0.5 * span or end < LEAST_POINTS:
             raise TensileError(
                 "the stretches are not in order; sort the rows, or cut one loading ramp out of the cycles"
@@ -724,16 +846,23 @@ def _ramp(stretch: Array, stress: Array) -> tuple[Array, Array, list[str], slice
             f"{len(stretch) - end} points after the reversal of the stretch at {stretch[end - 1]:.4g} are left out"
         )
         stretch, stress = stretch[:end], stress[:end]
-    peak = int(np.argmax(stress))
-    if stress[peak] > 0.0 and (stress[peak:] < BREAK * stress[peak]).any():
+    load = way * stress
+    peak = int(np.argmax(load))
+    if load[peak] > BREAK * np.abs(load).max() and (_last(load)[peak:] < BREAK * load[peak]).any():
         end = peak + 1
-        remarks.append(f"{len(stretch) - end} points after the break at stretch {stretch[peak]:.4g} are left out")
+        remarks.append(f"{len(stretch) - end} points after the break at stretch {stretch[end - 1]:.4g} are left out")
         stretch, stress = stretch[:end], stress[:end]
+    used = slice(0, len(stretch))
     order = np.argsort(stretch, kind="stable")  # the remaining disorder is noise of the strain
     stretch, stress = stretch[order], stress[order]
     if len(stretch) < LEAST_POINTS:
         raise TensileError(f"the loading ramp has {len(stretch)} points; at least {LEAST_POINTS} are needed")
-    return stretch, stress, remarks, slice(whole - len(stretch), whole) if backwards else slice(0, len(stretch))
+    return stretch, stress, remarks, used
+
+
+def _last(load: Array) -> Array:
+    """Return the largest value from each reading on, shape (n,): what falls below half of a load for good is broken."""
+    return np.asarray(np.maximum.accumulate(load[::-1])[::-1])
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -768,17 +897,31 @@ def corners(time: Array, stretch: Array) -> list[int]:
         tolerance *= 2
 
 
+def segments(time: Array, stretch: Array) -> list[tuple[int, int, bool]]:
+    """Return the straight parts of a history of stretch: first and last place, and whether it is held there."""
+    places, still = corners(time, stretch), TURN * float(np.ptp(stretch))
+    return [(a, b, bool(abs(stretch[b] - stretch[a]) < still)) for a, b in itertools.pairwise(places)]
+
+
 def pace(time: Array, stretch: Array) -> list[str]:
     """Return remarks on the rate of a test, and on the time for which it was held."""
-    places = corners(time, stretch)
-    dt, dx = np.diff(time[places]), np.abs(np.diff(stretch[places]))
-    moving = dx > TURN * float(np.ptp(stretch))
+    parts = segments(time, stretch)
+    dt = np.array([time[b] - time[a] for a, b, _ in parts])
+    dx = np.array([abs(stretch[b] - stretch[a]) for a, b, _ in parts])
+    moving = np.array([not held for *_, held in parts])
     said = []
     if dt[moving].sum() > 0.0:
         said.append(f"stretched at {dx[moving].sum() / dt[moving].sum():.2g} /s; the modulus is that of this rate")
     if (held := float(dt[~moving].sum())) > HELD * float(dt.sum()):
         said.append(f"held for {held:.3g} s")
     return said
+
+
+def direction(stretch: Array) -> int:
+    """Return the direction in which a test leaves rest: 1 upwards, -1 downwards, as in compression."""
+    first = stretch[turns(stretch)[1]]
+    falls = first < stretch[0] and (first == stretch[-1] or abs(stretch[0] - 1) <= abs(first - 1))
+    return -1 if falls else 1
 
 
 def turns(stretch: Array) -> list[int]:
@@ -799,8 +942,11 @@ def turns(stretch: Array) -> list[int]:
 
 def loop(stretch: Array, stress: Array) -> float:
     """Return the area between the first loading and unloading over the work of the loading; 0 without an unloading."""
-    places = turns(stretch)
-    if len(places) < 3 or len(stretch) < LEAST_POINTS:
+    if len(stretch) < LEAST_POINTS:
+        return 0.0
+    way, places = direction(stretch), turns(stretch)
+    stretch, stress = way * stretch, way * stress
+    if len(places) < 3:
         return 0.0
     up, down = (slice(a, b + 1) for a, b in itertools.pairwise(places[:3]))
     if down.stop - down.start < LEAST_POINTS or stretch[places[1]] < stretch[0]:
@@ -814,6 +960,222 @@ def loop(stretch: Array, stress: Array) -> float:
         return float(np.trapezoid(np.interp(grid, x, y), grid))
 
     return max(1.0 - work(down) / work(up), 0.0) if work(up) > 0.0 else 0.0
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Noise, and single readings that jump.
+
+
+DENSE = 30
+"""Minimum number of points to separate the noise of a curve from its curvature."""
+JUMP, JUMP_NOISE, JUMP_RANGE = 0.02, 8.0, 3.0
+"""Least distance of a jump from the readings around it: as a share of the largest value, in standard deviations of the
+noise, and in ranges of these readings."""
+NAMED_JUMPS = 5
+
+
+def noise_of(curve: TensileCurve) -> float | Array:
+    """Return the standard deviation in Pa of a curve's noise, 0 where the points are too few to tell it from the bend; with
+    times one per reading, (n,): that of the moving or of the holding parts, because a drive that runs shakes the load cell."""
+    if curve.time is None:
+        return _scatter(np.diff(curve.stress, 3))
+    found = np.full(len(curve.stress), _scatter(np.diff(curve.stress, 3)))
+    parts = segments(curve.time, curve.stretch)
+    for still in (False, True):
+        of_kind = [slice(a, b + 1) for a, b, held in parts if held is still]
+        differences = [np.diff(curve.stress[part], 3) for part in of_kind]
+        if sum(map(len, differences)) >= DENSE - 3:
+            for part in of_kind:
+                found[part] = _scatter(np.concatenate(differences))
+    return found
+
+
+def _scatter(differences: Array) -> float:
+    """Return the standard deviation of noise from third differences, which suppress smooth curvature; the median makes jumps
+    count little."""
+    if len(differences) < DENSE - 3:
+        return 0.0
+    return float(np.median(np.abs(differences))) / 0.6745 / math.sqrt(20)
+
+
+def without_jumps(curve: TensileCurve, names: Sequence[str] = ()) -> TensileCurve:
+    """Return a curve without single readings that jump away from those around them, such as a 0 in a hold, which a remark
+    names; ``names`` are those of all readings."""
+    if curve.noise is not None or len(curve.stretch) < 7:
+        return curve
+    still = np.full(len(curve.stretch), 0.0)
+    jumps = _jumps(curve.stress, noise_of(curve), curve.stretch) | _jumps(curve.stretch, still, curve.stretch)
+    if not jumps.any():
+        return curve
+    said = []
+    for place in np.flatnonzero(jumps)[:NAMED_JUMPS]:
+        when = "" if curve.time is None else f" at {curve.time[place]:.4g} s"
+        name = names[place] if names else f"reading {place + 1}"
+        said.append(f"{name} ({curve.stress[place] / 1e3:.4g} kPa at stretch {curve.stretch[place]:.4g}{when})")
+    more = int(jumps.sum()) - len(said)
+    remark = f"single readings that jump are left out: {', '.join(said)}{f' and {more} more' if more else ''}"
+    kept = ~jumps
+    time = None if curve.time is None else curve.time[kept]
+    return dataclasses.replace(
+        curve, stretch=curve.stretch[kept], stress=curve.stress[kept], time=time, remarks=(*curve.remarks, remark)
+    )
+
+
+def _jumps(values: Array, noise: float | Array, stretch: Array) -> npt.NDArray[np.bool_]:
+    """Return which readings jump, shape (n,): far from the nearest four, which lie close together. The first never does, and
+    the last only in a hold: a step may begin there, or a specimen break."""
+    n = len(values)
+    around = np.clip(np.arange(n) - 2, 0, n - 5)[:, None] + np.arange(5)
+    others = around[around != np.arange(n)[:, None]].reshape(n, 4)
+    near = values[others]
+    off = np.abs(values - np.median(near, axis=1))
+    found = (off > JUMP * np.abs(values).max()) & (off > JUMP_NOISE * noise) & (off > JUMP_RANGE * np.ptp(near, axis=1))
+    found[0] = False
+    found[-1] &= bool(np.ptp(stretch[-5:]) < TURN * np.ptp(stretch))
+    return found
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Slack of the specimen and the load cell's zero: rows at constant load while the strain rises, and a first stress off zero.
+
+
+SLACK_ROWS, SLACK_LEAST = 3, 0.005
+"""Least number of rows at constant load, and least change of the stretch over them."""
+LEVEL, STEEPER = 0.2, 6.0
+"""Largest slope of the load over them, as a share of that beyond, and how much steeper this is, in standard errors."""
+SURE = 4.0
+"""Least first stress in its standard errors that is off zero."""
+NOTICED = 0.01
+"""The same in the stress of a strain this large."""
+START_POINTS = 60
+"""Number of averages over steps of stretch in which the start of a test is looked at."""
+
+
+def taut(curve: TensileCurve) -> TensileCurve:
+    """Return a curve that counts from where its specimen is taut and its load cell at zero, with a remark, if rows at constant
+    load while the strain rises, or a first stress off zero, show that it does not; see `Origin`. Rows of a slack specimen are
+    left out. The values are first estimates, for a fit to refine."""
+    if curve.noise is not None or curve.origin is not None or len(curve.stretch) < 8:
+        return curve
+    if curve.time is None:
+        way = -1 if abs(curve.stretch[-1] - 1) < abs(curve.stretch[0] - 1) else 1
+        leg = slice(None, None, way)
+    else:
+        way, leg = direction(curve.stretch), slice(0, turns(curve.stretch)[1] + 1)
+    x, y = way * (curve.stretch[leg] - curve.stretch[leg][0]), way * curve.stress[leg]
+    start = _start(x, y)
+    if start is None:
+        return curve
+    first = float(curve.stretch[leg][0])
+    if start.slack:
+        origin = Origin(first + way * start.slack - 1.0, way * start.zero, zero_error=start.error)
+        moved = dataclasses.replace(curve, stretch=curve.stretch - origin.slack, stress=curve.stress - origin.zero)
+        loaded = way * (moved.stretch - 1.0) > 0.0
+        said = (
+            f"slack: over its first {start.slack:.3g} of stretch the load stays at {origin.zero / 1e3:.3g} kPa; "
+            f"{int((~loaded).sum())} rows of a slack specimen are left out, and the slack and the load cell's zero are fitted"
+        )
+        return _only(dataclasses.replace(moved, origin=origin, remarks=(*curve.remarks, said)), loaded)
+    if abs(first - 1.0) > AT_STRETCH_1:
+        return curve
+    # The same first stress would come of a slack below zero: a preload at which the stretch was set to 1.
+    origin = Origin(0.0, way * start.zero, slack_error=start.zero / start.slope)
+    said = (
+        f"the stress at stretch 1 is {origin.zero / 1e3:.3g} kPa: the load cell's zero, or a preload; the zero and a shift of "
+        "the stretch are fitted"
+    )
+    stress = curve.stress - origin.zero
+    return dataclasses.replace(curve, stress=stress, origin=origin, remarks=(*curve.remarks, said))
+
+
+def _only(curve: TensileCurve, kept: npt.NDArray[np.bool_]) -> TensileCurve:
+    """Return the rows of a curve that are kept; a history begins at rest, where its specimen becomes taut."""
+    if curve.time is None:
+        return dataclasses.replace(curve, stretch=curve.stretch[kept], stress=curve.stress[kept])
+    first = int(np.argmax(kept))
+    ends = [max(first - 1, 0), first]
+    begin = float(np.interp(0.0, np.abs(curve.stretch[ends] - 1.0) * np.array([-1.0, 1.0]), curve.time[ends]))
+    columns = ((begin, curve.time), (1.0, curve.stretch), (0.0, curve.stress))
+    time, stretch, stress = (np.r_[start, values[kept]] for start, values in columns)
+    return dataclasses.replace(curve, time=time - begin, stretch=stretch, stress=stress)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Start:
+    """The start of a test: its slack (a change of the stretch, 0 for none), the load cell's zero with its standard error and
+    the slope beyond in Pa, positive in the direction of the test."""
+
+    slack: float
+    zero: float
+    error: float
+    slope: float
+
+
+def _start(x: Array, y: Array) -> _Start | None:
+    """Return how a test starts, from the way x of its stretch and the stresses y in Pa, shape (n,); None where nothing is off.
+
+    The load is fitted by a level followed by a parabola, over what lies before a tenth of the largest load and as much beyond.
+    """
+    x = np.maximum.accumulate(x)
+    way, load = _averages(x, y, 4 * START_POINTS)
+    level = float(np.median(y[:SLACK_ROWS]))
+    risen = np.flatnonzero(_last(level + 0.1 * (load.max() - level) - load) <= 0.0)  # for good
+    reach = 2.0 * float(way[risen[0]]) if len(risen) else 0.0
+    least = float(x[min(7, len(x) - 1)])
+    nearer = [_level_and_parabola(x, y, max(reach / part, least)) for part in (1, 2, 4, 8)]
+    if slack := next((one.slack for one in nearer if one.slack), 0.0):
+        found = _level_and_parabola(x, y, max(slack + max(slack, 0.1), least))
+        return found if found.slack else None
+    # A bend that is no parabola shows in the difference of two reaches.
+    both = nearer[:2]
+    off = min(abs(float(y[0])), *(abs(one.zero) for one in both))
+    agree = min(one.zero * float(y[0]) for one in both) > 0.0
+    if agree and off > max(SURE * both[1].error, NOTICED * both[0].slope, abs(both[0].zero - both[1].zero)):
+        return both[1]
+    return None
+
+
+def _averages(x: Array, y: Array, count: int) -> tuple[Array, Array]:
+    """Return the means of both over at most so many equal steps of x."""
+    if len(x) <= count or x[-1] <= x[0]:
+        return x, y
+    place = np.clip(((x - x[0]) / (x[-1] - x[0]) * count).astype(int), 0, count - 1)
+    counts = np.bincount(place, minlength=count)
+    here = counts > 0
+    means = [np.bincount(place, values, count)[here] / counts[here] for values in (x, y)]
+    return means[0], means[1]
+
+
+def _level_and_parabola(x: Array, y: Array, reach: float) -> _Start:
+    """Return the start of a test from its rows within a reach, with a slack only where the load is level over it."""
+    x, y = _averages(x[x <= reach], y[x <= reach], START_POINTS)
+
+    def fit(slack: float) -> tuple[float, Array, float]:
+        u = np.maximum(x - slack, 0.0)
+        A = np.column_stack([np.ones_like(u), u, u**2])
+        found, *_ = np.linalg.lstsq(A, y, rcond=None)
+        squares = float(np.sum((A @ found - y) ** 2))
+        variance = squares / max(len(x) - 4, 1) * float(np.linalg.pinv(A.T @ A)[0, 0])
+        return squares, found, math.sqrt(variance)
+
+    _, found, error = fit(0.0)
+    plain = _Start(0.0, float(found[0]), error, max(float(found[1]), 1e-300))
+    tried = [(fit(float(at)), float(at)) for at in x[SLACK_ROWS - 1 : -3] if at > 0.0]
+    if not tried:
+        return plain
+    (squares, found, _), slack = min(tried, key=lambda one: one[0][0])
+    before = x <= slack
+    count = int(before.sum())
+    if slack < SLACK_LEAST or count < SLACK_ROWS or found[1] <= 0.0:
+        return plain
+    rest = y[before]
+    line = np.polynomial.polynomial.polyfit(x[before], rest, 1)
+    off = rest - np.polynomial.polynomial.polyval(x[before], line)
+    noise = math.sqrt(max(float(off @ off) / max(count - 2, 1), squares / max(len(x) - 4, 1)))
+    doubt = noise * math.sqrt(12.0 / count) / slack  # standard error of the line's slope
+    if abs(line[1]) > LEVEL * found[1] + doubt or found[1] - abs(line[1]) < STEEPER * doubt:
+        return plain
+    return _Start(slack, float(rest.mean()), max(noise / math.sqrt(count), 1e-3 * abs(float(y.max()))), float(found[1]))
 
 
 def small_modulus(curve: TensileCurve) -> float:

@@ -29,12 +29,22 @@ from softmodels.fitting.comparison import (
     stretch_of,
     with_rubber,
 )
-from softmodels.fitting.curves.curve import TensileCurve, TensileError, loop, read_curve, small_modulus
+from softmodels.fitting.curves.curve import (
+    TensileCurve,
+    TensileError,
+    loop,
+    read_curve,
+    segments,
+    small_modulus,
+    taut,
+    without_jumps,
+)
 from softmodels.fitting.curves.residuals import (
     Spectrum,
     StressError,
     TensileResiduals,
     branch_stresses,
+    counted_from,
     further_parameters,
     largest_strain,
     may_soften,
@@ -48,7 +58,7 @@ from softmodels.fitting.curves.residuals import (
     stretches_of,
     thinned,
 )
-from softmodels.fitting.least_squares import NOTHING, LeastSquaresFit, fit_parameters, profile, settled
+from softmodels.fitting.least_squares import Judgement, LeastSquaresFit, fit_parameters, profile, settled
 from softmodels.fitting.problem import (
     DEFAULTS,
     NOTHING_ELSE,
@@ -197,6 +207,8 @@ type Curves = TensileCurve | Path | str | Sequence[TensileCurve | Path | str]
 
 SMALLEST_LOOP = 0.005
 """Smallest area of a loop, as a share of the work, that is reported."""
+LOOP_TOLERANCE = 0.2
+"""Largest difference of a fitted loop from the measured one, as a share of it, at which the fit is accepted."""
 FAR_GAUGE = 3.0
 """Largest factor on a test that its errors explain, in standard errors from 1."""
 LARGEST_RATIO = 100.0
@@ -211,8 +223,10 @@ def prepared(curves: Curves, stretch: tuple[float, float] | None = None, history
     Raises `TensileError` where one cannot be used, they cannot be one material's, or too few points are left.
     """
     given = [curves] if isinstance(curves, TensileCurve | Path | str) else curves
-    read = [one if isinstance(one, TensileCurve) else read_curve(Path(one), history=history) for one in given]
-    read = [(one if history else one.ramp()).check() for one in read]
+    read = [
+        without_jumps(one) if isinstance(one, TensileCurve) else read_curve(Path(one), history=history) for one in given
+    ]
+    read = [taut((one if history else one.ramp()).check()) for one in read]
     if not read:
         return []
     moduli = [small_modulus(curve) for curve in read]
@@ -295,7 +309,8 @@ class _Task:
         comparison = compare(fits, judged)
         laws = self._laws(fits, comparison, known)
         report = FitReport(laws, comparison, tuple(self.curves), _how(self.options), notes=tuple(self._notes(laws)))
-        return self._compared(report, scale)
+        report = self._compared(report, scale)
+        return dataclasses.replace(report, curves=tuple(counted_from(self.curves, report.chosen.fit.values)))
 
     def _notes(self, laws: Sequence[FittedLaw]) -> list[str]:
         return []
@@ -330,7 +345,7 @@ class _Task:
                 p.name: profile(ranked.fit, p.name) for p in ranked.fit.free if self._profiled(ranked.fit, p.name)
             }
             material = self._material(choice, ranked.fit)
-            judgement = dataclasses.replace(NOTHING, warnings=tuple(self._cautions(ranked.fit)))
+            judgement = Judgement(tuple(self._objections(material)), tuple(self._cautions(ranked.fit)))
             judgement = with_rubber(choice, ranked.fit, judgement)
             if self.options.silicone:
                 judgement = hold_against(material, stretch_of(strain), known, judgement)
@@ -343,9 +358,13 @@ class _Task:
     def _material(self, choice: LawChoice, fit: LeastSquaresFit) -> Material:
         return choice.material(fit.values, stretches_of(self.curves))
 
+    def _objections(self, material: Material) -> list[str]:
+        return []
+
     def _cautions(self, fit: LeastSquaresFit) -> list[str]:
-        """Return warnings on curves whose unloading no law without a memory can follow."""
-        return [
+        """Return warnings on curves that are stiffer than any silicone, and on those whose unloading no law without a memory
+        can follow."""
+        return [curve.stiff for curve in self.curves if curve.stiff] + [
             f"{curve.name} unloads below its loading: the loop is {100 * curve.loop:.2g} % of the work, which a law without a "
             "memory does not lose; --memory fits it"
             for curve in self.curves
@@ -379,12 +398,31 @@ class _MemoryTask(_Task):
         return {}
 
     def _fit_all(self, loss: str = "linear", scale: float | None = None) -> list[LeastSquaresFit]:
+        """Fit every law; where the errors are usual ones again, with those of the moving and the holding parts as they scatter
+        about the closest law."""
+        fits = self._fits([np.ones(len(curve.stretch)) for curve in self.curves], loss, scale)
+        if self.options.stress_error != "auto" or not any(
+            len({held for *_, held in segments(curve.time, curve.stretch)}) > 1
+            for curve in self.curves
+            if curve.time is not None
+        ):
+            return fits
+        closest = min(fits, key=lambda fit: fit.deviance)
+        ends = np.cumsum([len(curve.stretch) for curve in self.curves])
+        parts = np.split(closest.residuals[: ends[-1]], ends[:-1])
+        sources: list[TensileResiduals] = list(closest.problem.sources)  # type: ignore[arg-type]
+        return self._fits([one.part_scales(r) for one, r in zip(sources, parts, strict=True)], loss, scale)
+
+    def _fits(self, scales: Sequence[Array], loss: str, scale: float | None) -> list[LeastSquaresFit]:
+        """Fit every law with the points' errors scaled."""
         fits: list[LeastSquaresFit] = []
+        self.stiffer.clear()
         for choice in self.choices:
             self.progress(f"fitting {choice.name} and its memory")
             sources, extra = residuals_of(
                 self.curves, choice, self.error, self.options.gauge_error, level=True, spectrum=self.spectrum
             )
+            sources = [dataclasses.replace(s, errors=s.errors * by) for s, by in zip(sources, scales, strict=True)]
 
             def fitted(
                 changes: Changes, *further: str, choice: LawChoice = choice, sources: Sequence[TensileResiduals] = sources,
@@ -417,9 +455,21 @@ class _MemoryTask(_Task):
         """A weight that ended at zero has no other interval."""
         return self.options.profiles or fit.at_bounds.get(name) == 0.0
 
+    def _objections(self, material: Material) -> list[str]:
+        """Return the loops that the material does not have: it loses another work than the silicone."""
+        return [
+            f"{curve.name}: the fitted loop is {100 * fitted:.3g} % of the work, the measured one {100 * measured:.3g} %; "
+            "compare laws (--material all), or add tests that show the softening"
+            for curve in self.curves
+            for measured, fitted in [
+                (loop(curve.stretch, curve.stress), loop(curve.stretch, predicted(material, curve)))
+            ]
+            if abs(fitted - measured) > max(LOOP_TOLERANCE * measured, SMALLEST_LOOP)
+        ]
+
     def _cautions(self, fit: LeastSquaresFit) -> list[str]:
         """Return warnings on factors of tests that their errors do not explain: they bend what other tests would show."""
-        said = [
+        said = [curve.stiff for curve in self.curves if curve.stiff] + [
             f"{p.name} ({curve.name}) is {fit.values[p.name]:.3g}, beyond {FAR_GAUGE:g} standard errors of such a factor: the "
             "law does not follow the tests together; compare laws (--material all), or fit no factors (--gauge-error none)"
             for p, curve in zip([p for p in fit.parameters if p.name.startswith("gauge")], self.curves, strict=False)

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.common.units import UnitError, brief, quantity
-from softmodels.fitting.curves.curve import HELD, TURN, TensileCurve, TensileError, corners, turns
+from softmodels.fitting.curves.curve import HELD, TURN, TensileCurve, TensileError, corners, noise_of, segments, turns
 from softmodels.fitting.least_squares import LeastSquaresFit, fit_parameters
 from softmodels.fitting.problem import CannotEvaluate, Extra, LawChoice, Parameter, Prior
 from softmodels.materials.laws import Material, MaterialError, NeoHookean
@@ -229,11 +229,11 @@ def further_parameters(modulus: float, strain: float) -> list[Parameter]:
 RELATIVE = SHOWN
 """Default relative error of a test's stress: cross-section, load cell, crosshead strain."""
 
+LEAST_WEIGHT = 0.01
+"""Minimum weight of a point by its time, relative to the mean: several rows of one time are not nothing."""
+
 LEAST_ABSOLUTE = 0.003
 """Minimum absolute error, relative to the largest stress: a load cell's resolution."""
-
-DENSE = 30
-"""Minimum number of points to separate the noise of a curve from its curvature."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -275,21 +275,54 @@ class StressError:
 
     def of(self, curve: TensileCurve) -> Array:
         """Return the error in Pa of each point of a curve."""
-        absolute = self.absolute
+        absolute: float | Array | None = self.absolute
         if absolute is None:
-            absolute = max(noise(curve), LEAST_ABSOLUTE * float(np.abs(curve.stress).max()))
+            absolute = np.maximum(_left_noise(curve), LEAST_ABSOLUTE * float(np.abs(curve.stress).max()))
         return np.hypot(self.relative * curve.stress, absolute)
 
+    def weighed(self, curve: TensileCurve) -> Array:
+        """Return the errors in Pa to fit a history with, shape (n,): what disturbs the test as a whole weighs by time, see
+        `time_weights`, and the noise by itself. A stated error is not weighed."""
+        if self.absolute is not None or curve.time is None:
+            return self.of(curve)
+        whole = np.hypot(self.relative * curve.stress, LEAST_ABSOLUTE * float(np.abs(curve.stress).max()))
+        return np.hypot(whole / np.sqrt(time_weights(curve)), _left_noise(curve))
 
-def noise(curve: TensileCurve) -> float:
-    """Return the standard deviation in Pa of a dense curve's noise, from third differences, which suppress smooth
-    curvature; the median makes jumps count little. 0 where the points are too few to tell noise from the bend. Averaged
-    curves carry that of their readings."""
-    if curve.noise is not None:
-        return curve.noise
-    if len(curve.stress) < DENSE:
-        return 0.0
-    return float(np.median(np.abs(np.diff(curve.stress, 3)))) / 0.6745 / math.sqrt(20)
+
+USUAL_ERROR = StressError(RELATIVE, None, False)
+"""Error of a test whose errors nobody has stated."""
+
+
+def noise(curve: TensileCurve) -> float | Array:
+    """Return the standard deviation in Pa of the noise of a curve's readings, see `noise_of`; averaged curves carry it."""
+    return noise_of(curve) if curve.noise is None else curve.noise
+
+
+def _left_noise(curve: TensileCurve) -> float | Array:
+    """Return the noise in Pa of a curve's points. In a history averages have that of an average, because its parts differ in
+    noise and in readings; that of a ramp stays that of a reading, a measure of what else disturbs the test."""
+    return noise(curve) / np.sqrt(curve.readings) if curve.time is not None else noise(curve)
+
+
+def time_weights(curve: TensileCurve) -> Array:
+    """Return the weights of a history's points, shape (n,), of mean 1: by the time that each stands for and not by rows. Where
+    the stretch is held, time counts by the logarithm of 1 + t / T with T the duration of the movement before, as silicone
+    relaxes."""
+    assert curve.time is not None
+    t, measure, before = curve.time, np.zeros(len(curve.time)), 0.0
+    for a, b, held in segments(t, curve.stretch):
+        own = t[a : b + 1] - t[a]
+        if held and before > 0.0:
+            own = before * np.log1p(own / before)
+        elif not held:
+            before = float(own[-1])
+        measure[a : b + 1] = measure[a] + own
+    ends = np.r_[measure[0], (measure[1:] + measure[:-1]) / 2, measure[-1]]
+    weights = np.diff(ends)
+    if not weights.sum() > 0.0:
+        return np.ones(len(t))
+    weights = np.maximum(weights / weights.mean(), LEAST_WEIGHT)
+    return weights / weights.mean()
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -300,8 +333,10 @@ class TensileResiduals:
         curve: The measured ramp, within the fit's range; the whole history with a spectrum.
         errors: Standard errors in Pa, shape (n,).
         gauge: Name of the test's own factor on the stress (cross-section, load cell), or empty.
+        origin: Names of its slack and of its load cell's zero; empty where its curve has no `Origin`.
         spectrum: Relaxing branches of the law; None without a memory.
         further: Names of the free parameters of the softening, and of the branches' viscosity if that depends on stress.
+        usual_errors: Standard errors in Pa as stated, or else usual for a test, shape (n,); see `Residuals`.
     """
 
     curve: TensileCurve
@@ -310,6 +345,8 @@ class TensileResiduals:
     gauge: str = ""
     spectrum: Spectrum | None = None
     further: tuple[str, ...] = ()
+    usual_errors: Array | None = None
+    origin: tuple[str, str] | tuple[()] = ()
 
     unit = "Pa"
 
@@ -318,23 +355,45 @@ class TensileResiduals:
         return f"{self.curve.name} ({self.curve.mode})"
 
     @property
-    def averaged_away(self) -> float:
+    def averaged_away(self) -> float | Array:
         """Standard deviation in Pa of the readings' noise that thinning has averaged out."""
-        return noise(self.curve) * math.sqrt(1 - 1 / self.curve.readings)
+        return noise(self.curve) * np.sqrt(1 - 1 / np.asarray(self.curve.readings))
+
+    def part_scales(self, residuals: Array) -> Array:
+        """Return by how much the errors of a history's points are to be scaled, shape (n,), so that its moving and its holding
+        parts scatter alike about a fit with these standardised residuals; not below their noise or a load cell's resolution.
+
+        The errors of a test as a whole are alike at all points of a hold, so that it shows relaxation more closely.
+        """
+        curve, scales = self.curve, np.ones(len(residuals))
+        if curve.time is None:
+            return scales
+        parts = segments(curve.time, curve.stretch)
+        mean = math.sqrt(float(np.mean(residuals**2)))
+        still = np.zeros(len(residuals), dtype=bool)
+        for a, b, held in parts:
+            still[a + 1 : b + 1] = held
+        for kind in (still, ~still):
+            if kind.any() and mean > 0.0:
+                scales[kind] = math.sqrt(float(np.mean(residuals[kind] ** 2))) / mean
+        least = np.hypot(LEAST_ABSOLUTE * float(np.abs(curve.stress).max()), _left_noise(curve))
+        return np.maximum(scales, np.minimum(least / self.errors, 1.0))
 
     def on_yardstick(self) -> TensileResiduals:
         """Return the residuals by which laws are compared, see `on_yardstick`; a history keeps its points."""
+        if self.spectrum is not None and self.curve.time is not None:
+            return dataclasses.replace(self, errors=told(self.curve) / np.sqrt(time_weights(self.curve)))
         curve = evened(self.curve) if self.spectrum is None else self.curve
-        return dataclasses.replace(self, curve=curve, errors=told(curve))
+        return dataclasses.replace(self, curve=curve, errors=told(curve), usual_errors=None)
 
     @property
     def parameters(self) -> tuple[str, ...]:
         weights = self.spectrum.names if self.spectrum else ()
-        return (*self.choice.names, *weights, *self.further, *([self.gauge] if self.gauge else []))
+        return (*self.choice.names, *weights, *self.further, *([self.gauge] if self.gauge else []), *self.origin)
 
     def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
         """See `softmodels.fitting.problem.Residuals`."""
-        curve = self.curve
+        curve = self.curve if not self.origin else self.curve.counting_from(*(values[name] for name in self.origin))
         try:
             material = self.choice.material(values)
             if self.spectrum is not None:
@@ -342,19 +401,37 @@ class TensileResiduals:
         except MaterialError as error:
             raise CannotEvaluate(str(error)) from None
         names = self.choice.names if derivatives else ()
-        if self.spectrum is None:
-            found = respond(material, curve.stretch, curve.mode, names)
-            stress, by = found.stress, found.slopes
-        else:
-            if derivatives:
-                names = (*names, *(f"share{k}" for k, _ in enumerate(self.spectrum.times, 1)), *self.further)
-            linear = None if FLOW[0] in self.further else branch_stresses(curve, self.spectrum)
-            stress, by = stress_in_time(material, curve.time, curve.stretch, curve.mode, names, linear)
+        if self.spectrum is not None and derivatives:
+            names = (*names, *(f"share{k}" for k, _ in enumerate(self.spectrum.times, 1)), *self.further)
+        stress, by = self._stress(material, curve, names)
         factor = values[self.gauge] if self.gauge else 1.0
         slopes = None
         if derivatives:
-            slopes = np.hstack([factor * by, *([stress[:, None]] if self.gauge else [])]) / self.errors[:, None]
+            columns = [factor * by, *([stress[:, None]] if self.gauge else [])]
+            if self.origin:
+                columns += [-factor * self._tangent(material, curve)[:, None], np.ones((len(stress), 1))]
+            slopes = np.hstack(columns) / self.errors[:, None]
         return (factor * stress - curve.stress) / self.errors, slopes, [self.label] * len(stress)
+
+    def _stress(self, material: Material, curve: TensileCurve, names: Sequence[str]) -> tuple[Array, Array]:
+        """Return the nominal stress in Pa along a curve, and its derivatives by the named parameters."""
+        if self.spectrum is None:
+            found = respond(material, curve.stretch, curve.mode, names)
+            return found.stress, found.slopes
+        linear = None if FLOW[0] in self.further else branch_stresses(curve, self.spectrum)
+        return stress_in_time(material, curve.time, curve.stretch, curve.mode, names, linear)
+
+    def _tangent(self, material: Material, curve: TensileCurve) -> Array:
+        """Return the change of the stress in Pa by one of all stretches."""
+        if self.spectrum is None:
+            return respond(material, curve.stretch, curve.mode).tangent
+        ends = [dataclasses.replace(curve, stretch=curve.stretch + step) for step in (-SHIFT, SHIFT)]
+        low, high = (self._stress(material, end, ())[0] for end in ends)
+        return (high - low) / (2.0 * SHIFT)
+
+
+SHIFT = 1e-5
+"""Step of the stretch in a difference: truncation and rounding are both below 1e-8 of the stress."""
 
 
 def predicted(material: Material, curve: TensileCurve) -> Array:
@@ -384,15 +461,52 @@ def residuals_of(
     With ``level``, and errors of unknown size, every curve weighs the same, however many points it has: a densely sampled
     curve must not silence a sparse one. With a spectrum the curves are histories.
     """
-    sources, gauges = [], []
+    sources, own = [], []
     mean = sum(len(curve.stretch) for curve in curves) / max(len(curves), 1)
     for i, curve in enumerate(curves, 1):
         name = f"gauge{i}" if gauge_error else ""
-        weight = math.sqrt(len(curve.stretch) / mean) if level and not error.stated else 1.0
-        sources.append(TensileResiduals(curve, choice, weight * error.of(curve), name, spectrum))
+        errors = error.of(curve) if spectrum is None else error.weighed(curve)
+        usual = errors if error.stated else USUAL_ERROR.of(curve)
+        if level and not error.stated:
+            errors = math.sqrt(len(curve.stretch) / mean) * errors
         if name:
-            gauges.append(Parameter(name, "", 1.0, 0.2, 5.0, Prior(1.0, gauge_error)))
-    return sources, Extra((), gauges)
+            own.append(Parameter(name, "", 1.0, 0.2, 5.0, Prior(1.0, gauge_error)))
+        origin = origin_parameters(curve, i)
+        own += origin
+        names = (origin[0].name, origin[1].name) if origin else ()
+        sources.append(TensileResiduals(curve, choice, errors, name, spectrum, (), usual, names))
+    return sources, Extra((), own)
+
+
+ORIGIN = ("slack", "load_zero")
+"""Names of a test's shift of the stretch, and of its load cell's zero in Pa; the test's number follows."""
+FARTHEST_SLACK = 0.1
+"""Largest change of the slack in a fit, or as much as it is."""
+
+
+def origin_parameters(curve: TensileCurve, number: int) -> list[Parameter]:
+    """Return the slack and the load cell's zero of the test of this number, if it has an `Origin`."""
+    if (origin := curve.origin) is None:
+        return []
+    room = max(FARTHEST_SLACK, abs(origin.slack))
+    priors = [
+        None if error is None else Prior(mean, abs(error))
+        for mean, error in ((origin.slack, origin.slack_error), (origin.zero, origin.zero_error))
+    ]
+    slack, zero = (f"{name}{number}" for name in ORIGIN)
+    return [
+        Parameter(slack, "", origin.slack, origin.slack - room, origin.slack + room, priors[0]),
+        Parameter(zero, "Pa", origin.zero, prior=priors[1]),
+    ]
+
+
+def counted_from(curves: Sequence[TensileCurve], values: Mapping[str, float]) -> list[TensileCurve]:
+    """Return the curves that count from their fitted slack and zero of the load cell."""
+    names = [tuple(f"{name}{i}" for name in ORIGIN) for i, _ in enumerate(curves, 1)]
+    return [
+        curve.counting_from(values[slack], values[zero]) if slack in values else curve
+        for curve, (slack, zero) in zip(curves, names, strict=True)
+    ]
 
 
 def stretches_of(curves: Sequence[TensileCurve]) -> tuple[float, float] | None:
@@ -462,13 +576,11 @@ def _history_thinned(curve: TensileCurve, most: int) -> TensileCurve:
     n, time = len(curve.stretch), curve.time
     if n <= most:
         return curve
-    places = corners(time, curve.stretch)
-    steps = max(most // (len(places) - 1), LEAST_STEPS)
+    parts = segments(time, curve.stretch)
+    steps = max(most // len(parts), LEAST_STEPS)
     group = np.zeros(n, dtype=int)
-    span = float(np.ptp(curve.stretch))
-    for a, b in itertools.pairwise(places):
+    for a, b, held in parts:
         duration, first = float(time[b] - time[a]), float(time[min(a + 1, b)] - time[a])
-        held = abs(curve.stretch[b] - curve.stretch[a]) < TURN * span
         u = np.linspace(0.0, 1.0, steps + 1)[1:-1]
         edges = first * (duration / first) ** u if held and 0.0 < first < duration else duration * u**1.5
         inner = np.arange(a + 1, b)
@@ -476,10 +588,10 @@ def _history_thinned(curve: TensileCurve, most: int) -> TensileCurve:
         group[b] = group[a] + steps + 2
     _, member, counts = np.unique(group, return_inverse=True, return_counts=True)
     means = [np.bincount(member, values) / counts for values in (time, curve.stretch, curve.stress)]
-    remark = f"{n} readings averaged over steps of time between {len(places)} corners, {len(counts)} points"
+    remark = f"{n} readings averaged over steps of time between {len(parts) + 1} corners, {len(counts)} points"
     return dataclasses.replace(
         curve, time=means[0], stretch=means[1], stress=means[2], remarks=(*curve.remarks, remark),
-        noise=noise(curve), readings=n / len(counts),
+        noise=np.bincount(member, noise(curve)) / counts, readings=counts.astype(float),
     )  # fmt: skip
 
 
@@ -552,5 +664,5 @@ def evened(curve: TensileCurve) -> TensileCurve:
 
 def told(curve: TensileCurve) -> Array:
     """Return the common error in Pa at each point of a curve, shape (n,)."""
-    least = max(RESOLVES * float(np.abs(curve.stress).max()), noise(curve))
+    least = np.maximum(RESOLVES * float(np.abs(curve.stress).max()), _left_noise(curve))
     return np.hypot(TELLS * curve.stress, least)

@@ -575,6 +575,7 @@ def judge_outlines(
             f"{f'the pressures{of}' if name == source.readings else name}: the law cannot follow "
             f"{'them' if name == source.readings else 'it'} (chi squared {chi2:.0f} of {count} values)"
             for name, (chi2, count) in found.items()
+            if name not in fit.excess
         ]
     for k in bad:
         wrong = by_course(rows[k]) or by_fit(fit, _photographs(sources, k, fit), rows[k], good)
