@@ -354,7 +354,7 @@ def _joint(body: ElementTree.Element, chain: Chain, kind: str, k: int, **more: s
     that of joints implicitly."""
     stiffness = chain.stiffness[kind]
     spring = {} if chain.follows(kind) else {"stiffness": f"{stiffness:.9g}"}
-    ElementTree.SubElement(body, "joint", name=f"{kind}{k}", damping=f"{DAMPING * stiffness:.9g}", **spring, **more)
+    ElementTree.SubElement(body, "joint", spring | more, name=f"{kind}{k}", damping=f"{DAMPING * stiffness:.9g}")
 
 
 def _link(body: ElementTree.Element, length: float, radius: float, mass: float) -> None:
