@@ -35,7 +35,7 @@ from softmodels.mechanics.mpi import is_root, on_root, start
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.path.continuation import Continuation
 from softmodels.runs.analyses import KINDS, Limit
-from softmodels.runs.columns import load_columns, overlap_text, state_labels, term
+from softmodels.runs.columns import overlap_text, state_labels, term
 from softmodels.runs.fields import OUTPUTS, OutputField, Row, requestable, split
 from softmodels.runs.formats import CELL_TYPES, TENSOR
 from softmodels.runs.notes import notes_of, sentences
@@ -407,9 +407,9 @@ class StateIndexError(Spoken, IndexError):
 
 
 def _number(value: object, what: str, more: str = "") -> float:
-    """Return a finite number, also from numpy's types; else `CaseError`."""
+    """Return a finite number; else `CaseError`."""
     try:
-        return number(value.item() if isinstance(value, np.generic) else value)
+        return number(value)
     except UnitError as error:
         raise CaseError(f"{what}: {error}; give a finite number{more}") from None
 
@@ -451,7 +451,7 @@ def state_figures(case: Case, row: Row) -> Table:
     """Return the main figures of a state, with their units and 95 % bands."""
     words = state_labels(case)
     columns = [
-        *(name for name in ("time_s", "load_step", "stroke_ml") if name in row), *words.volumes(row), *load_columns(row),
+        *(name for name in ("time_s", "load_step", "stroke_ml") if name in row), *words.volumes(row), *words.load_columns(row),
         *(f"{probe}_mm" for probe in case.actuator.probes), "max_stretch", "max_von_mises_kPa", "stored_energy_mJ",
     ]  # fmt: skip
     table = [("pressure", _pressure(row))] if words.pressure else []

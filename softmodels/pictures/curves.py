@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import itertools
 import math
-import re
 import textwrap
 from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
@@ -36,7 +35,7 @@ from softmodels.pictures.style import (
     chart,
     number,
 )
-from softmodels.runs.columns import SourceRows, StateLabels, key_of, load_columns, term
+from softmodels.runs.columns import SourceRows, StateLabels, key_of, term
 from softmodels.runs.fields import Row, at_rise, split
 from softmodels.runs.grid import parabolas
 from softmodels.runs.notes import cycles, jumped_over
@@ -163,8 +162,7 @@ def curves(
         *([(over, ("added_volume_ml", "added volume in ml"))] if words.volume else []),
     ]
     wanted += [(over, (name, f"{term(name).name} in N")) for name in FORCES if name in rows[0]]
-    loads = [name for name in rows[0] if re.fullmatch(r"(moved|turned)(_\w+)?_(mm|deg)|sag_mm", name)]
-    wanted += [(over, (name, str(term(name)))) for name in loads]
+    wanted += [(over, (name, str(term(name)))) for name in words.moved]
     if "stroke_ml" in rows[0]:
         wanted.insert(0, (("stroke_ml", f"stroke of the {words.driver} in ml"), PRESSURE))
     figures = []
@@ -314,7 +312,7 @@ def steps(rows: Sequence[Row], words: StateLabels) -> Figure:
         (words.pressures(rows[0]), "pressure in\ncm of water"),
         (words.volumes(rows[0]), "added volume\nin ml"),
         *(([name], label) for name, label in SUPPLIED.items() if not np.isnan(rows[0].get(name, np.nan))),
-        *(([name], str(term(name))) for name in load_columns(rows[0])),
+        *(([name], str(term(name))) for name in words.loads),
         *([(["kinetic_energy_mJ"], "kinetic energy\nin mJ")] if "kinetic_energy_mJ" in rows[0] else []),
     ]
     panels = [panel for panel in panels if panel[0]]

@@ -162,12 +162,16 @@ def _solids(shown: Look, out: DrawnFolder, few: bool) -> None:
     texts = {
         "Camera": camera.text,
         "Scale": f"{scale.low:g} to {scale.top:.9g} {scale.unit}",
-        "Largest": f"{scale.largest:.4g} {scale.unit} {scale.defined}",
     }
     for k, (step, image) in enumerate(images, 1):
-        caption = shown.caption(step, camera)
+        caption = shown.caption(step, camera, scale)
         again = "cut" if k == len(images) and shown.opened and not few else ""
-        out.save(f"stress-{k}", solid.page(image, caption, scale), {**texts, "Title": caption.title}, again)
+        out.save(
+            f"stress-{k}",
+            solid.page(image, caption, scale),
+            {**texts, "Title": caption.title, "Largest": caption.largest},
+            again,
+        )
     out.save("stress", solid.sheet(images, shown, camera), texts)
     if few:
         return

@@ -206,7 +206,6 @@ def shapes(pair: tuple[States, States], colormap: str = COLORMAP) -> Figure:
     looks = [look(states, colormap) for states in pair]
     scales = [one.scales["von_mises"] for one in looks]
     scale = max(scales, key=lambda one: one.top)
-    scale.largest = max(one.largest for one in scales)
     clouds = [one.points(step) for one in looks for step in (0, one.states.main)]
     camera = ViewCamera.around(clouds, looks[0].direction, looks[0].up, PIXELS // 2, 1.1)
     images = []
@@ -216,7 +215,9 @@ def shapes(pair: tuple[States, States], colormap: str = COLORMAP) -> Figure:
             shot = shoot(one.coloured(states.main, scale))
         images.append((f"{name}: {headline(states.rows[states.main], states.words)}", shot))
     figure = tiled(images, FOOT)
-    scale.bar(figure)
+    shown = [(one.states, one.states.main) for one in looks]
+    values = np.concatenate([states.field(step, scale.field) for states, step in shown])
+    scale.bar(figure, scale.largest([states.rows[step] for states, step in shown], values))
     rulers(figure, camera.metres, camera.axes)
     return figure
 

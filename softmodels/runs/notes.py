@@ -40,7 +40,7 @@ from softmodels.path.program import VALVE, drivers, step_text, time_at, value_at
 from softmodels.path.schedule import LostInTime, SnapInTime
 from softmodels.path.stability import PathEnd
 from softmodels.path.supply import TURBULENT_FROM, Reservoir
-from softmodels.runs.columns import SourceRows, StateLabels, loads_words, span_sentence, state_labels
+from softmodels.runs.columns import SourceRows, StateLabels, overlap_of, span_sentence, state_labels
 from softmodels.runs.fields import Fields, Row, split
 from softmodels.runs.outcomes import RunError, UnwrittenError, no_memory
 
@@ -375,17 +375,17 @@ def contact_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
     invalid = [row for row in rows if row.get("walls_touch")]
     if not invalid:
         return
-    where, deepest = state_labels(case), min(invalid, key=lambda row: row["least_gap_mm"])
+    where, deepest = state_labels(case), max(invalid, key=overlap_of)
     count = f"{len(invalid)} of {len(rows)} states" if len(invalid) > 1 else "one state"
     since, told = f"from {where.place(invalid[0])} on, in {count},", "these states are invalid"
-    if deepest["least_gap_mm"] >= 0.0:
+    if not overlap_of(deepest):
         yield (
             f"SURFACE FOLDED: {since} the silicone's surface is folded onto itself within a cell: {told} (walls_touch in "
             "path.csv); round its edges more, or use smaller cells there (--cell-size)"
         )
         return
     found = (
-        f"WALLS OVERLAP: {since} walls overlap by up to {-deepest['least_gap_mm']:.3g} mm at {where.place(deepest)}: {told} "
+        f"WALLS OVERLAP: {since} walls overlap by up to {overlap_of(deepest):.3g} mm at {where.place(deepest)}: {told} "
         "(least_gap_mm and walls_touch in path.csv)"
     )
     walls = [part for part in case.components if isinstance(part, Walls) and not part.off]
@@ -726,7 +726,7 @@ def explain_step(case: Case, end: PathEnd, rows: Sequence[Row], come: float, pet
         f"{name}{at[pressure]:.4g} cm with {at[volume]:.4g} ml added"
         for name, pressure, volume in zip(names, pressures, volumes, strict=True)
     ]
-    place = ", ".join([*cavities, *loads_words(at)])
+    place = ", ".join([*cavities, *words.loads_words(at)])
     asked = f"step {number} of the program ({step_text(case.program, number)})"
     gauge = case.actuator.gauge
     moved = f"the {gauge} has moved {at[f'{gauge}_mm']:+.4g} mm"
