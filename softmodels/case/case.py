@@ -70,6 +70,7 @@ from softmodels.common.units import (
     exact_text,
     number,
     pascal_per_cm,
+    plain,
     quantity,
 )
 from softmodels.components.loads import Gravity
@@ -839,10 +840,10 @@ def _in_time(
 
 def _doubt_pressures(pressures: Values | None, case: Case) -> None:
     """Warn of pressures so small that their unit is doubtful."""
-    plain = isinstance(pressures, int | float) or (
-        pressures is not None and not isinstance(pressures, str) and not any(isinstance(one, str) for one in pressures)
-    )
-    highest = float(max(np.asarray(pressures, dtype=float).flat, key=abs)) if plain else LEAST_PRESSURE
+    given = [] if pressures is None else _listed(pressures, "pressure")
+    if any(isinstance(one, str) for one in given):
+        return
+    highest = float(max(given, key=abs, default=LEAST_PRESSURE))
     if abs(highest) < LEAST_PRESSURE:
         doubt(
             f"the highest pressure is {highest:.4g} Pa, {highest / case.cm:.2g} cm of water; numbers are in Pa, so write "
@@ -895,17 +896,16 @@ def in_unit(unit: str, values: Values | None, what: str, pascal_in_cm: float, fa
 EXAMPLES = {"cm": "'0:177 cm'", "ml": "'0:60 ml'"}
 
 
-def _listed(values: object, what: str) -> list[object]:
+def _listed(values: object, what: str) -> list[Any]:
     """Return the requested values as a list of Python's numbers and texts; else `CaseError`."""
-    if not isinstance(values, list | tuple):
-        if not hasattr(values, "tolist") and (isinstance(values, bool) or not isinstance(values, int | float)):
-            raise CaseError(f"{what} {brief(values)} is neither numbers nor a text with a unit")
-        values = np.asarray(values).tolist()
-    flat = values if isinstance(values, list | tuple) else [values]
-    plain = [one.item() if isinstance(one, np.generic) else one for one in flat]
-    if not all(isinstance(one, int | float | str) and not isinstance(one, bool) for one in plain):
+    try:
+        given = plain(values)
+        each = [plain(one) for one in (given if isinstance(given, list | tuple) else [given])]
+    except UnitError as error:
+        raise CaseError(f"{what} {error}") from None
+    if not all(isinstance(one, int | float | str) and not isinstance(one, bool) for one in each):
         raise CaseError(f"{what} {brief(values)} is neither numbers nor a text with a unit")
-    return plain
+    return each
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -409,6 +409,8 @@ def _notes(question: LimitRequest, materials: Mapping[str, Material], limits: Ma
             )
         if text := extrapolated(materials[name], found.stretch):
             yield f"note: {name}: {text}"
+        if materials[name].misread:
+            yield f"note: {materials[name].misread}"
     if hidden := unseen(device):
         yield f"note: {hidden}"
     if len(device.ratios) > 1:

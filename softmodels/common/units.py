@@ -99,9 +99,24 @@ def brief(value: object) -> str:
     return text if count <= 80 else f"{text[:60]}… ({count} characters)"
 
 
+def plain(value: Any) -> Any:
+    """Return NumPy's numbers and arrays, and the columns of tables, as Python's numbers and lists, all else as it is;
+    `UnitError` for masked values, which are none."""
+    array = value.to_numpy() if hasattr(value, "to_numpy") else value
+    if not hasattr(array, "tolist"):
+        return value
+    mask = getattr(array, "mask", None)
+    if mask is not None and mask.any():
+        raise UnitError(
+            f"{brief(value)} has masked values, which are no numbers; leave them out, as .compressed() does"
+        )
+    return array.tolist()
+
+
 def number(value: Any) -> float:
-    """Return a finite number from its text, or from a number; `UnitError` for all else, such as a comma, spaces between
-    digits, or a list."""
+    """Return a finite number from its text, or from a number, NumPy's too; `UnitError` for all else, such as a comma, spaces
+    between digits, or a list."""
+    value = plain(value)
     if isinstance(value, str):
         read, unit = _split(value, "a number")
         if unit:

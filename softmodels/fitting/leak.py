@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.names import checked, one_of
-from softmodels.common.units import brief
+from softmodels.common.units import UnitError, brief, plain
 from softmodels.fitting.least_squares import LeastSquaresFit, fit_parameters, profile, settled
 from softmodels.fitting.problem import FitError, Parameter
 from softmodels.path.supply import GASES, Reservoir
@@ -148,7 +148,9 @@ def fit_leak(
 
 def _numbers(name: str, given: object) -> Array:
     try:
-        found = np.asarray(given, dtype=float)
+        found = np.asarray(plain(given), dtype=float)
+    except UnitError as error:
+        raise FitError(f"{name}: {error}") from None
     except (TypeError, ValueError, OverflowError):
         found = np.array(np.nan)
     if isinstance(given, bool | str | bytes) or not found.size or not np.isfinite(found).all():

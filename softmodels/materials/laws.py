@@ -319,11 +319,16 @@ class Material:
     def doubt(self) -> str:
         """A sentence if its parameters are implausible; empty for silicones and stiffer materials."""
         if self.shear_modulus_0 >= SOFTEST:
-            return ""
+            return self.misread
         return (
             f"{self.name}: the shear modulus is {self.shear_modulus_0:.4g} Pa, but silicones have 5 to 500 kPa; "
             "numbers are in Pa, so write kPa as a text such as '14 kPa'"
         )
+
+    @property
+    def misread(self) -> str:
+        """A sentence if its numbers look like those of another of its `conventions`; empty for most materials."""
+        return ""
 
     # -- the energy ---------------------------------------------------------------------------------------------------
 
@@ -697,6 +702,19 @@ class Ogden(Material):
             )
         if 0.0 in self.alpha:
             raise MaterialError("ogden: an exponent alpha is zero; it must not be")
+
+    @property
+    def misread(self) -> str:
+        falling = [i for i, (mu, alpha) in enumerate(self.stretch_terms, 1) if mu * alpha < 0.0]
+        if not falling:
+            return ""
+        own, other = self.conventions
+        terms = f"term {falling[0]}" if len(falling) == 1 else f"terms {', '.join(map(str, falling))}"
+        return (
+            f"ogden: mu * alpha is below 0 in {terms} of W = sum {own} (...), so that the stiffness falls there; published "
+            f"tables that look so mostly follow sum {other} (...): check which one yours follows (convention = '{other}', "
+            "in Python Ogden.from_two_mu)"
+        )
 
     @staticmethod
     def shape(strain: StrainMeasures, m: Parameters) -> Expression:

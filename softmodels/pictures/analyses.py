@@ -451,6 +451,7 @@ def _analysed(study: Study, figures: dict[str, Figure]) -> tuple[dict[str, Indic
             notes.append(f"{name}: {error}")
             continue
         indices[name] = found
+        notes += [f"{name}: {found.doubt}"] if found.doubt else []
         share = made.error / made.spread if made.spread else 0.0
         size = f"{made.error:.3g} {split(name)[1]}".strip()
         errors[name] = f"{size}, {100 * share:.2g} % of the standard deviation"

@@ -282,7 +282,10 @@ def sealing_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
 
 
 def law_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
-    """Yield a sentence if a run stretches its silicone beyond the stability of its law by Drucker's criterion."""
+    """Yield a sentence if the law's numbers look like those of another convention, and one if a run stretches its silicone
+    beyond the stability of its law by Drucker's criterion."""
+    if case.material.misread:
+        yield case.material.misread
     most = max((float(row.get("max_stretch", 1.0)) for row in rows), default=1.0)
     # Of all deformations with this largest stretch, uniaxial tension has the least I1: the others reach it earlier. In the
     # other modes of tension the stretch itself is compared, because a membrane is pulled in both directions.

@@ -10,6 +10,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from types import NoneType
 from typing import Protocol
 
 import numpy as np
@@ -21,7 +22,7 @@ from softmodels.case.materials import MaterialErrors, SourceBand
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.lazy import MPI, PETSc
-from softmodels.common.names import checked, read_only
+from softmodels.common.names import checked, flag, one_of, read_only, whole
 from softmodels.common.processes import one_at_a_time
 from softmodels.components.loads import densities
 from softmodels.materials.laws import Material
@@ -309,9 +310,14 @@ class Model:
                 cavities keep their pressures.
 
         Raises:
-            CaseError: A device without mass, or a sealed one without a cavity.
+            ArgumentError: Something else than an equilibrium, or than a number of modes.
+            CaseError: A state of another model, a device without mass, or a sealed one without a cavity.
             RunError: There is no such state, or the modes do not converge.
         """
+        one_of("equilibrium", equilibrium, (Equilibrium, NoneType), "a state that this model has solved, or None")
+        if equilibrium is not None and equilibrium.model is not self:
+            raise CaseError("equilibrium is a state of another model; solve it with this one (model.solve, model.path)")
+        count, sealed = whole("count", count, 1), flag("sealed", sealed)
         density = self._densities[0]
         state = (equilibrium or self.solve()).state
         self.system.load(state)
