@@ -39,7 +39,7 @@ from geometries.meshing import apart, drawn_in, private_model
 from geometries.registry import register_device
 from geometries.revolved import TRIANGLE
 from softmodels.common.arrays import Array
-from softmodels.common.errors import GeometryError, MeshingError, whole_path
+from softmodels.common.errors import GeometryError, MeshingError, reason, whole_path
 from softmodels.common.files import GEOMETRY, check_file, file_digest, read_file
 from softmodels.common.lazy import gmsh, scipy
 from softmodels.common.schema import choice_field, length_field, list_field, number_field, shown, text_field
@@ -142,7 +142,7 @@ class ImportedPart(Actuator):
         try:
             return file_digest(self.file)
         except OSError as error:
-            raise GeometryError(f"file {self.file} cannot be read ({error.strerror})") from None
+            raise GeometryError(f"file {self.file} cannot be read ({reason(error)})") from None
         except ValueError:  # a zero byte in its name
             raise GeometryError(f"file {self.file!r} is not a file name") from None
 
@@ -991,7 +991,7 @@ def _by_meshio(file: str, format_name: str) -> Any:
         check_file(file)
         deck = read_file(file, GEOMETRY).decode("utf-8", errors="replace") if format_name == "abaqus" else ""
     except OSError as error:
-        raise GeometryError(f"file {file} cannot be read ({error.strerror})") from None
+        raise GeometryError(f"file {file} cannot be read ({reason(error)})") from None
     _check_deck(file, deck)
     try:
         with (
@@ -1001,7 +1001,7 @@ def _by_meshio(file: str, format_name: str) -> Any:
         ):
             found = meshio.read(file, format_name)
     except OSError as error:
-        raise GeometryError(f"file {file} cannot be read ({error.strerror})") from None
+        raise GeometryError(f"file {file} cannot be read ({reason(error)})") from None
     except SystemExit:  # meshio's way with some files
         raise GeometryError(f"file {file} is not a mesh of the format of its extension") from None
     except Exception as error:  # meshio raises what its readers happen to meet

@@ -30,6 +30,7 @@ from measurement.series.witness import Refusal, Result
 from softmodels.common.commands import (
     FAILED,
     UNUSABLE,
+    Choice,
     FolderType,
     ResultFolder,
     open_folder,
@@ -53,7 +54,7 @@ from softmodels.common.units import WATER_DENSITY, UnitError, quantity
 @click.option("-o", "--output", type=FolderType(), help="Folder for the results.  [default: outlines; outlines-2 and so "
               "on if that holds others]")  # fmt: skip
 @click.option("--jobs", type=click.IntRange(min=1), help="Processes at a time.  [default: one per core]")
-@click.option("--tone", type=click.Choice([AUTO, *TONES]), default=AUTO, show_default=True,
+@click.option("--tone", type=Choice([AUTO, *TONES]), default=AUTO, show_default=True,
               help="Tone curve of the files: srgb (camera JPEG) or linear; auto estimates it from the edge.")  # fmt: skip
 @click.option(
     "--water-density", default=f"{WATER_DENSITY:g}kg/m^3", show_default=True, help="Density of the column's liquid."

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from geometries import Actuator
 from softmodels.api.run import Run
-from softmodels.case.case import Case, Values, case_of
+from softmodels.case.case import Case, Values, case_of, in_unit
 from softmodels.case.entries import CaseError, Probes
 from softmodels.case.load import LoadRequest
 from softmodels.case.materials import AnyBand, without_walls
@@ -20,7 +20,7 @@ from softmodels.common.files import GEOMETRY, read_file, read_text
 from softmodels.common.lazy import MPI
 from softmodels.common.names import callback, checked, flag, place
 from softmodels.common.processes import one_at_a_time
-from softmodels.common.units import WATER_DENSITY
+from softmodels.common.units import WATER_DENSITY, pascal_per_cm
 from softmodels.decks.deck import WRITTEN, Deck, calculix, check, check_without_springs, deck_of, febio, needs_equations
 from softmodels.materials.laws import Material
 from softmodels.mechanics.body import Body
@@ -385,7 +385,7 @@ def modes(
     Args:
         device: The device. One without a cavity is at rest, or hangs under its weight.
         material: Its silicone, or the name of one.
-        pressures: Pressures to stop at, see `inflate`; None for the state at rest.
+        pressures: Pressures to stop at, see `inflate`; None or 0 for the state at rest.
         count: Number of modes, 1 to 20.
         sealed: Each cavity is closed, with air that keeps its temperature; else they keep their pressures.
         components, solver: As of a `Case`.
@@ -398,7 +398,7 @@ def modes(
     if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST_MODES:
         raise CaseError(f"count is {count!r}; it must be a whole number of modes from 1 to {MOST_MODES}")
     closed, how = flag("sealed", sealed), {"components": components, "solver": solver}
-    if pressures is None:
+    if pressures is None or not any(in_unit("cm", pressures, "pressure", pascal_per_cm())):
         case: Case = AtRest("modes", device, material, **how)  # type: ignore[arg-type]
     else:
         case = case_of(device, material, pressures, **how)  # type: ignore[arg-type]

@@ -82,8 +82,12 @@ class LoadRequestEntry(Entry[LoadRequest | None]):
     tables = ("load",)
     more = ("on", "at_pressure_cm")
 
+    @property
+    def keys(self) -> tuple[str, ...]:  # type: ignore[override]
+        return *asked_of_loads(), *self.more
+
     def known(self, key: str) -> bool:
-        return key in asked_of_loads() or key in self.more
+        return key in self.keys
 
     def read(self, tables: Tables) -> LoadRequest | Missing | None:
         table = table_of(tables, "load")
@@ -240,6 +244,11 @@ class Load:
                 "(--supply syringe with --stroke-ml), or forces on a face (--force-N), or shares of the weight "
                 "(--weight-share), or in a case file a series for each cavity (cavity1.pressure_cm); give exactly one of these"
             )
+        given = {"pressure": self.pressures_cm, "volume": self.volumes_ml, "stroke": self.strokes_ml}
+        given |= {self.driven.key: self.driven.values} if self.driven else {}
+        for what, values in given.items():
+            if values and not any(values):
+                raise CaseError(f"the only {what} requested is 0; add a value above 0")
         if not actuator.ratios and (self.pressures_cm or self.volumes_ml or self.strokes_ml):
             raise CaseError(
                 f"{type(actuator).__name__} has no cavity for a pressure or a volume; load it by a force (--force with "

@@ -304,7 +304,7 @@ class LimitRequest:
     ) -> LimitRequest:
         """Make it from the command's options, of a case file or else a device, and those of device and law, None where not
         given; `CaseError`, `GeometryError` or `MaterialError` for invalid input."""
-        case = None if file is None else Case.from_file(file)
+        case = None if file is None else AtRest.from_file(file)
         device, materials = _asked(kind, case, file, names, dict(values))
         for material in materials.values():
             check_rest(material)
@@ -534,15 +534,15 @@ def _modes_of(device: type[Actuator]) -> click.Command:
     "modes", cls=by_device(_modes_of, "A device, with options of its own, instead of a FILE: {}."), help=MODES_HELP
 )
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("--material", metavar="NAME", help="Material, instead of the case's [material]: a silicone, or a TOML "
-              "file.")  # fmt: skip
+@click.option("--material", metavar="NAME", help="Material, instead of the case's [material]: a silicone, a law "
+              "with its numbers (yeoh:c1=8kPa,c2=90Pa), or a TOML file.")  # fmt: skip
 @click.option("--pressure-cm", "pressures", metavar="SERIES", help="Pressures in cm of the column, instead of the "
-              "case's load: 0:40, 0:40:10 or 0,10,40.")  # fmt: skip
+              "case's load: 0:40, 0:40:10 or 0,10,40; 0: at rest.")  # fmt: skip
 @options(ModesOptions)
 def modes_command(file: Path, how: ModesOptions, material: str | None, pressures: str | None) -> None:
-    cm = series(pressures, "pressure") if pressures else ()
+    cm = None if pressures is None else series(pressures, "pressure")
     asked = {**vars(how), "material": material, "pressures": pressures}
-    _find_modes(case_for_modes(case_of_file(file, material), cm), how, asked, [file])
+    _find_modes(case_for_modes(case_of_file(file, material, kind=AtRest), cm), how, asked, [file])
 
 
 def _find_modes(case: Case, how: ModesOptions, asked: Mapping[str, object], files: Sequence[Path]) -> None:

@@ -11,6 +11,7 @@ import functools
 import importlib
 import inspect
 import operator
+import re
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping, Sequence
@@ -191,6 +192,11 @@ def whole(name: str, value: object, least: int) -> int:
     if isinstance(count, bool) or not isinstance(count, int) or count < least:
         raise wrong(name, value, f"a whole number from {least} up")
     return count
+
+
+def spelling(name: str) -> str:
+    """Return a name without what people write in different ways: large letters, separators, zeros before a number."""
+    return "".join(part.lstrip("0") for part in re.findall(r"[^\W\d_]+|\d+", name.lower()))
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ import io
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Unpack, cast
+from typing import Unpack, cast
 
 import numpy as np
 from scipy.optimize import least_squares, linprog, minimize
@@ -127,10 +127,10 @@ def _how(
     return cast("SearchOptions", how)
 
 
-def _finer(value: Any) -> float:
+def _finer(value: object) -> float:
     """Return the refinement of the fresh mesh; raise `ArgumentError` if it is below 1."""
     try:
-        finer = quantity(value, "")
+        finer = quantity(cast("float", value), "")
     except UnitError:
         finer = 0.0
     if isinstance(value, str) or not 1.0 <= finer <= 10.0:

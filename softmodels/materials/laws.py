@@ -13,6 +13,7 @@ import cmath
 import dataclasses
 import functools
 import math
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Self
 
@@ -20,7 +21,7 @@ import numpy as np
 
 from softmodels.common.errors import FieldError, Spoken
 from softmodels.common.lazy import ufl
-from softmodels.common.names import Registry, checked
+from softmodels.common.names import Registry, checked, spelling
 from softmodels.common.schema import Quantity, Several
 from softmodels.common.units import with_prefix
 from softmodels.materials.memory import Expression, Memory
@@ -521,6 +522,20 @@ def _field(law: type[Material], name: str) -> dataclasses.Field[Any]:
 LAWS: Registry[type[Material]] = Registry("law", lambda law: law.name)
 """Every law by the name that a command line or a case file uses."""
 register_law = LAWS.register
+
+
+def law_called(name: str) -> tuple[type[Material], int] | None:
+    """Return the law of a name, and the number of its terms where the name ends in one, as of ``"ogden3"``, else 0; None if
+    there is none. Large letters and separators do not count."""
+    if name in LAWS:
+        return LAWS[name], 0
+    laws = {spelling(known): known for known in LAWS}
+    found = re.fullmatch(r"(.*\D)([1-9])", name)
+    for plain, terms in ((name, 0), *([(found[1], int(found[2]))] if found else [])):
+        law = LAWS.get(laws.get(spelling(plain), ""))
+        if law is not None and (not terms or law.most_terms):
+            return law, terms
+    return None
 
 
 # ----------------------------------------------------------------------------------------------------------------------

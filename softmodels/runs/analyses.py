@@ -493,18 +493,18 @@ class NaturalFrequencies(Shown):
         return found
 
 
-def case_for_modes(case: Case, pressures_cm: Sequence[float] = ()) -> Case:
+def case_for_modes(case: Case, pressures_cm: Sequence[float] | None = None) -> Case:
     """Return a case with only its pressures or added volumes, or the given pressures in cm, as a load; at rest, or under its
-    dead loads, if it has none. `CaseError` for another load."""
-    load = {
-        "pressures_cm": tuple(pressures_cm) or case.pressures_cm,
-        "volumes_ml": () if pressures_cm else case.volumes_ml,
-    }
-    if case.values and not any(load.values()):
+    dead loads, if these are 0 or it has none. `CaseError` for another load."""
+    load = {"pressures_cm": case.pressures_cm, "volumes_ml": case.volumes_ml}
+    if pressures_cm is not None:
+        load = {"pressures_cm": tuple(pressures_cm), "volumes_ml": ()}
+    elif any(case.values) and not any(load.values()):
         raise CaseError(
             "frequencies are found at rest, or at rising pressures or added volumes, and not along a program, strokes or "
-            "forces; give the pressures (--pressure-cm)"
+            "forces; give the pressures (--pressure-cm 0:10), or 0 for the state at rest (--pressure-cm 0)"
         )
+    load = {key: values if any(values) else () for key, values in load.items()}
     values = {field.name: getattr(case, field.name) for field in dataclasses.fields(case)} | load
     others = {"strokes_ml": (), "supply": None, "program": (), "driven": None, "load_unload": False, "band": None,
               "inertia": False}  # fmt: skip

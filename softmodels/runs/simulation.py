@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import NoneType
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -93,10 +93,12 @@ def body_of(device: Actuator, mesh: Path, comm: MPI.Comm) -> Body:
 
 
 class AtRest(Case):
-    """A case of a device without a cavity, of which nothing is requested but how it hangs under its dead loads."""
+    """A case of which nothing may be requested but how the device hangs under its dead loads: a file needs no [load]."""
+
+    needed_tables: ClassVar = ("geometry",)
 
     def _check_load(self) -> None:
-        if self.load.values:
+        if any(self.load.values):
             super()._check_load()
 
 
@@ -213,6 +215,10 @@ class Model:
             raise CaseError("give the pressures or the added volumes that the path goes to, one of them")
         unit, values, what = ("cm", pressures, "pressure") if volumes is None else ("ml", volumes, "volume")
         asked = in_unit(unit, values, what, self.case.cm)
+        if not any(asked):
+            raise CaseError(
+                f"the only {what} requested is 0; add a value above 0, or take the state at rest by solve()"
+            )
         quantity = {f"{what}s_{unit}": asked, **({"pressures_cm": ()} if unit == "ml" else {})}
         case = dataclasses.replace(self.case, control=control, **quantity)  # type: ignore[arg-type]
         return self.followed(case, what)
