@@ -63,9 +63,11 @@ from softmodels.common.schema import About, Choice, Flag, Kind, Quantity, Severa
 from softmodels.common.tables import TomlError, parse_toml, read_toml
 from softmodels.common.units import (
     FACTORS,
+    LIGHTER,
     WATER_DENSITY,
     UnitError,
     brief,
+    column_unit,
     exact_text,
     number,
     pascal_per_cm,
@@ -291,7 +293,7 @@ class Case:
         name: Stem of the result files.
         actuator: The device.
         material: The silicone.
-        pressures_cm: Requested heights of the water column in cm, rising; empty if volumes are requested.
+        pressures_cm: Requested heights of the column in cm, rising; empty if volumes are requested.
         volumes_ml: Requested added volumes of the cavity in ml, rising; empty if pressures are requested.
         water_density: Density in kg/m3 of the column's liquid.
         control: What the path follows.
@@ -324,13 +326,20 @@ class Case:
     actuator: Actuator = dataclasses.field(metadata=_written(DeviceEntry()))
     material: Material = dataclasses.field(metadata=_written(MaterialEntry()))
     pressures_cm: tuple[float, ...] = _series(
-        "pressure_cm", "pressure", "pressures in cm of water: 0:177, 0:177:10 or 0,70,130,177", Pressures
+        "pressure_cm",
+        "pressure",
+        "pressures in cm of the column (of --water-density): 0:177, 0:177:10 or 0,70,130,177",
+        Pressures,
     )
     volumes_ml: tuple[float, ...] = _series(
         "volume_ml", "volume", "added volumes of the cavity in ml, instead of pressures"
     )
     water_density: float = _value(
-        "load", "water_density", Quantity("kg/m^3"), "density of the column's liquid", WATER_DENSITY
+        "load",
+        "water_density",
+        Quantity("kg/m^3"),
+        f"density of the column's liquid; the default is {LIGHTER}",
+        WATER_DENSITY,
     )
     control: str = _value("load", "control", Choice(CONTROLS), "control of the continuation", "auto")
     formulation: str = _value(
@@ -848,8 +857,8 @@ def _doubt_pressures(pressures: Values | None, case: Case) -> None:
     highest = max(typed, key=abs, default=LEAST_PRESSURE) if len(typed) == len(given) else LEAST_PRESSURE
     if abs(highest) < LEAST_PRESSURE:
         doubt(
-            f"the highest pressure is {highest:.4g} Pa, {highest / case.cm:.2g} cm of water; numbers are in Pa, so write "
-            f"another unit as a text such as '{highest:g} kPa' or '{highest:g} cm'"
+            f"the highest pressure is {highest:.4g} Pa, {highest / case.cm:.2g} {column_unit(case.cm)}; numbers are in Pa, so "
+            f"write another unit as a text such as '{highest:g} kPa' or '{highest:g} cm'"
         )
 
 

@@ -104,7 +104,7 @@ class LoadRequestEntry(Entry[LoadRequest | None]):
         for key, asked in asked_of_loads().items():
             yield Option(OPTIONS.get(key, key), About(SeriesKind(), asked.help), metavar="SERIES")
         yield Option("on", About(Words(), "name of the load they refer to, if a case has several"), metavar="NAME")
-        text = "pressure in cm of water, applied first and then constant, for forces on an inflated device"
+        text = "pressure in cm of the column, applied first and then constant, for forces on an inflated device"
         yield Option("at_pressure_cm", About(Quantity(), text))
 
     def arguments(self, field: str) -> dict[str, str]:

@@ -228,10 +228,10 @@ def _children(parents: list[int]) -> list[int]:
 
 HELP = """Inflate {what} and write its whole load path.
 
-Pressures are heights of a water column in cm, as on the bench: {pressures} goes from rest to the end in steps chosen by the
-solver; 0:177:10 also stops every 10 cm; 0,70,130,177 stops at each. Lengths, angles and stresses carry a unit (20mm,
-45deg, 30kPa). Near a limit point, beyond which no equilibrium exists at that pressure, the run switches to volume
-control, finds the limit and reports it.
+Pressures are heights of a column in cm, as on the bench (0.97 g/ml, or --water-density): {pressures} goes from rest to the
+end in steps chosen by the solver; 0:177:10 also stops every 10 cm; 0,70,130,177 stops at each. Lengths, angles and stresses
+carry a unit (20mm, 45deg, 30kPa). Near a limit point, beyond which no equilibrium exists at that pressure, the run switches
+to volume control, finds the limit and reports it.
 
 \b
 Examples:

@@ -245,6 +245,17 @@ def pascal_per_cm(density: float = WATER_DENSITY) -> float:
     return 0.01 * density * STANDARD_GRAVITY
 
 
+def column_unit(pascal: float | None = None) -> str:
+    """Return the unit of the heights of a column, ``"cm, 0.97 g/ml"``: its liquid makes so many Pa of one cm, by default the
+    usual one's."""
+    density = (pascal_per_cm() if pascal is None else pascal) / pascal_per_cm(1e3)
+    return f"cm, {density:.4g} g/ml"
+
+
+LIGHTER = "3 % less than water at 20 degC"
+"""What the usual density of a column's liquid is, `WATER_DENSITY`, for texts that ask for another."""
+
+
 _FRIENDLY = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "degree": ("deg", 1.0), "m^3": ("ml", 1e6)}
 
 

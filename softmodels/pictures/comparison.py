@@ -105,7 +105,7 @@ class Difference:
 @dataclasses.dataclass(frozen=True)
 class Figures:
     """A figure of each of the results, nan where one has none, in a unit that is ``""`` for pure numbers. ``pascal`` is Pa in
-    one of its unit for a pressure in cm of water; 0 for all else."""
+    one of its unit for a pressure in cm of the column; 0 for all else."""
 
     what: str
     unit: str

@@ -85,7 +85,7 @@ def load(row: Row, words: StateLabels, kilopascals: bool = True) -> str:
         kilopascals: Whether a pressure is shown in kPa too.
     """
     step = f"step {row['load_step']:.3g}: " if "load_step" in row else ""
-    pressure = f"{' and '.join(number(row[name]) for name in words.pressures(row))} cm of water"
+    pressure = f"{' and '.join(number(row[name]) for name in words.pressures(row))} {words.unit}"
     if kilopascals and words.pressure and not step:
         pressure += f" ({row['pressure_Pa'] / 1e3:.3g} kPa)"
     overlap = overlap_text(row)

@@ -23,6 +23,7 @@ from softmodels.case.case import Case
 from softmodels.case.materials import MaterialErrors, SourceBand
 from softmodels.common.arrays import Array
 from softmodels.common.files import csv_text, write_text
+from softmodels.common.units import column_unit
 from softmodels.materials.silicones import named, silicone_called, source_names, stretch_at_break
 from softmodels.mechanics.component import COMPONENTS
 from softmodels.mechanics.controls import LoadPart, volume_control
@@ -148,7 +149,7 @@ def cavity_columns(row: Row, what: str, unit: str) -> list[str]:
 
 
 def _height(solved: Solved) -> float:
-    """Return the height of the water column in cm."""
+    """Return the height of the column in cm."""
     height = solved.pressure / solved.case.cm
     asked = solved.case.pressures_cm if solved.point.requested else ()
     # as typed, without the rounding of two conversions
@@ -342,13 +343,13 @@ BAND = Columns("band", lambda s: s.band, _band_term)
 _COLUMNS: tuple[PathColumn | Columns, ...] = (
     PathColumn("step", "step", "number of the state along the path, from rest", lambda s: s.number),
     PathColumn("pressure_cm", "pressure",
-           "of the air in the cavity, as the height of the water column that balances it", _height),
+           "of the air in the cavity, as the height of the column that balances it, of the load's water_density", _height),
     PathColumn("pressure_Pa", "pressure", "the same in pascal, above ambient pressure", lambda s: s.pressure),
     PathColumn("added_volume_ml", "added volume", "volume of the whole device's cavities minus that at rest; with pressure "
            "ratios, the work-conjugate of the common pressure", lambda s: s.figures.added_volume * 1e6),
     PathColumn("stroke_ml", "stroke", "volume that the {supply} has displaced or let in",
            lambda s: _stroke(s) * 1e6, _by_strokes),
-    PathColumn("source_pressure_cm", "source pressure", "of the {supply}, as the height of the water column that balances it",
+    PathColumn("source_pressure_cm", "source pressure", "of the {supply}, as the height of the column that balances it",
            _source_height, _in_time),
     PathColumn("flow_ml_per_min", "flow", "from the source towards the device, as volume at ambient pressure", _flow, _in_time),
     PathColumn("gas_ml", "gas", "amount of gas in tubes, fittings and cavity, as its volume at ambient pressure",
@@ -454,6 +455,7 @@ class StateLabels:
         driver: The air supply, in a word.
         along: Columns of the load and its conjugate, which locate a state on the path.
         loads, moved: Columns with weights, forces and moments, and of what each works on.
+        unit: Of the heights of the column, with the density of its liquid.
     """
 
     gauge: str
@@ -463,6 +465,7 @@ class StateLabels:
     along: tuple[str, str] = PRESSURE_AND_VOLUME
     loads: tuple[str, ...] = ()
     moved: tuple[str, ...] = ()
+    unit: str = column_unit()
 
     def load_columns(self, row: Row) -> list[str]:
         """Return the columns with weights, forces and moments that a row has."""
@@ -514,6 +517,7 @@ def state_labels(case: Case) -> StateLabels:
     words = StateLabels(
         case.actuator.gauge, case.load.has_pressure, bool(case.actuator.ratios), case.load.driver,
         loads=tuple(load.column for load in loads), moved=tuple(load.moved_column for load in loads),
+        unit=column_unit(case.cm),
     )  # fmt: skip
     if case.driven is None:
         return words

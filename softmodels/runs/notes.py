@@ -18,6 +18,7 @@ from softmodels.case.case import Case
 from softmodels.case.entries import followed_text
 from softmodels.case.materials import Region
 from softmodels.common.commands import FULL
+from softmodels.common.units import column_unit
 from softmodels.components.contact import Walls, obstacle_of
 from softmodels.components.loads import Gravity
 from softmodels.components.rigid import Clamp, Rigid
@@ -671,7 +672,7 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
     """Return why and where the path ended and how to fix it; ``petsc`` is whether the user gave PETSc options."""
     asked = f"{case.values[-1]:g} {case.unit}"
     device, last = case.actuator, fields.figures(path.last.state)
-    pressure = f"{last.pressure / case.cm:.4g} cm ({last.pressure:.4g} Pa)"
+    pressure = f"{last.pressure / case.cm:.4g} {column_unit(case.cm)} ({last.pressure:.4g} Pa)"
     where = (
         f"The last state is at {state_labels(case).under(Row(last.device), pressure)}, {device.gauge} rise "
         f"{last.rises[device.gauge] * 1e3:+.4g} mm, largest stretch {last.max_stretch:.3g}. "
@@ -710,8 +711,8 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
         )
     happens = "balloons" if at.added_volume > 0.0 else "collapses"
     return (
-        f"no equilibrium at {asked} on this path: the pressure has a limit point at {at.pressure / case.cm:.4g} cm "
-        f"({at.pressure:.5g} Pa), where {_risen(device, at.rises)} and the cavity has "
+        f"no equilibrium at {asked} on this path: the pressure has a limit point at {at.pressure / case.cm:.4g} "
+        f"{column_unit(case.cm)} ({at.pressure:.5g} Pa), where {_risen(device, at.rises)} and the cavity has "
         f"{gained(at.added_volume * 1e6)}; beyond it the device {happens}. Stay below (with 25 % margin: "
         f"{0.8 * at.pressure / case.cm:.4g} cm), use {device.stiffer} or a stiffer silicone, or drive it by volume "
         f"past the limit (--volume-ml, or --control volume)"

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+import re
+
 import numpy as np
 import pytest
 
@@ -14,7 +17,7 @@ from softmodels.components.loads import Force
 from softmodels.components.rigid import Rigid
 from softmodels.pictures import curves, offscreen, report, solid
 from softmodels.pictures.offscreen import look
-from softmodels.pictures.style import Pixels
+from softmodels.pictures.style import Pixels, headline
 from softmodels.runs.columns import PathColumn, StateLabels, every_column, overlap_of, state_labels, term
 from softmodels.runs.fields import Row
 from softmodels.runs.notes import events, gained, jumps_text, risen, unlocated
@@ -85,6 +88,26 @@ def test_a_picture_has_the_largest_value_of_its_own_state(inflated):
     between = seen.states.row(lower - 0.5)["max_von_mises_kPa"]
     assert f"integration point: {between:.4g} kPa" in seen.caption(lower - 0.5, None, scale).largest
     assert f"integration point: {rows[-1]['max_von_mises_kPa']:.4g} kPa" in texts(solid.section_sheet(seen))
+
+
+def test_centimetres_name_their_liquid(inflated, tmp_path):
+    """0.97 g/ml of the thesis unless another is given: on the command line, in titles, at axes, in the report's menu."""
+    folder, done = inflated
+    assert "177 cm, 0.97 g/ml (16.837 kPa): apex" in done.out
+    states = StoredStates(folder, "disk")
+    assert curves.rise_of(states).axes[0].get_xlabel() == "pressure in cm, 0.97 g/ml"
+    page = report.Report(look(states), folder, "disk").write().read_text()
+    assert (
+        '<option value="cm" selected>cm, 0.97 g/ml</option>' in page
+        and "At 177 cm, 0.97 g/ml (16.8 kPa) the apex" in page
+    )
+    water = dataclasses.replace(states.case, water_density=998.2)
+    row = Row({"pressure_cm": 10.0, "pressure_Pa": 978.9, "apex_mm": 1.0})
+    assert headline(row, state_labels(water)) == "10 cm, 0.9982 g/ml (0.979 kPa), apex rise 1.00 mm"
+    assert curves.over_of(water) == ("pressure_cm", "pressure in cm, 0.9982 g/ml")
+    limits = runs.run("-m", "softmodels", "limit", "--variant", "shadow", "--cell-size", "6mm", "--refinement", "1",
+                      "--water-density", "1000kg/m^3")  # fmt: skip
+    assert re.search(r"limit pressure \d+\.\d+ cm, 1 g/ml \(", limits.out), limits.err
 
 
 def test_columns_are_described_by_their_own_names():
