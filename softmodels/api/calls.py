@@ -180,8 +180,9 @@ def inflate(
         volumes: The same for added volumes of the cavity: ``"0:60 ml"``, or numbers in m3.
         times: When these values are reached, in s or as texts, for a silicone with a memory: the values may fall then, and one
             that repeats is a hold.
-        rate, hold, cycles: Instead of times how fast the values change (``"1 kPa/s"``, ``"2 ml/s"``; at once if empty), how
-            long the last one is held (in s, or a text), and how often all is gone through and back to 0.
+        rate: Instead of times, how fast the values change: ``"1 kPa/s"``, ``"2 ml/s"``; at once if empty.
+        hold: How long the last value is held then, in s or as a text.
+        cycles: How often all is gone through and back to 0 then; once, without coming back, if 0.
         time_tolerance: Error of the stress by one step in time, over the largest stress; with inertia of the displacement too.
         inertia: Let mass count in time: the device swings, and is followed through jumps.
         spectral_radius: With inertia, what one step leaves of a vibration that it is far too long for, 0 to 0.99.
@@ -306,7 +307,9 @@ def compare(first: Run | str | Path, second: Run | str | Path, *more: Run | str 
     """Compare runs: what differs in their cases, and their main figures side by side.
 
     Args:
-        first, second, more: Runs, or folders of results; the others are compared with the first.
+        first: A run, or a folder of results, that the others are compared with.
+        second: Another one.
+        more: Further ones.
 
     Returns:
         The comparison: ``print`` shows it, `Comparison.plot` overlays the paths, `Comparison.save` writes a report.
@@ -345,7 +348,9 @@ def limit(
     Args:
         device: The device.
         material: Its silicone, or the name of one.
-        formulation, components, solver: As of a `Case`.
+        formulation: As of a `Case`.
+        components: As of a `Case`.
+        solver: As of a `Case`.
         hold: How long the pressure must be borne by a silicone with a memory, in s or a text such as ``"5 min"``; 0 for ever.
         vacuum: Whether the pressure falls from ambient instead of rising.
 
@@ -388,7 +393,8 @@ def modes(
         pressures: Pressures to stop at, see `inflate`; None or 0 for the state at rest.
         count: Number of modes, 1 to 20.
         sealed: Each cavity is closed, with air that keeps its temperature; else they keep their pressures.
-        components, solver: As of a `Case`.
+        components: As of a `Case`.
+        solver: As of a `Case`.
 
     Raises:
         CaseError: Invalid input.

@@ -197,8 +197,9 @@ class SolvedState(Shown):
         """Return the values along a straight line of the undeformed device, which moves with it.
 
         Args:
-            begin, end: Places in device coordinates: a text such as ``"0, 0, 10 mm"``, the name of a probe or a named point, or
-                three numbers in m. They need not lie in the modelled slice.
+            begin: Place in device coordinates: a text such as ``"0, 0, 10 mm"``, the name of a probe or a named point, or
+                three numbers in m. It need not lie in the modelled slice.
+            end: The line's other end.
             points: How many values.
 
         Raises:
