@@ -328,11 +328,9 @@ class DevicePage(TabPage):
         bands = {name.replace("_ci95", ""): f" ± {row[name]:.2g}" for name in row if "_ci95_" in name}
         probes = [(name.removesuffix("_mm"), f"{row[name]:.4g}{bands.get(name, '')} mm") for name in row
                   if name.removesuffix("_mm") in self.project.case.actuator.probes and name.endswith("_mm")]  # fmt: skip
+        unit, pressure = column_unit(self.project.case.cm), float(row["pressure_Pa"])  # type: ignore[arg-type]
         found = [
-            (
-                "pressure",
-                f"{row['pressure_cm']:.4g} {column_unit(self.project.case.cm)} ({float(row['pressure_Pa']) / 1e3:.4g} kPa)",
-            ),  # type: ignore[arg-type]
+            ("pressure", f"{row['pressure_cm']:.4g} {unit} ({pressure / 1e3:.4g} kPa)"),
             *((f"rise of the {name}", text) for name, text in probes),
             ("added volume", f"{row['added_volume_ml']:.4g} ml"),
             ("largest stretch", f"{row['max_stretch']:.4g}"),
