@@ -210,7 +210,7 @@ def test_implausible_pressures_say_what_is_plausible():
 
 
 def test_a_cavitys_pressure_with_a_unit_is_told_in_cm():
-    with pytest.raises(ProgramError, match=r"4 kPa are 42\.05 cm of the usual column: cavity1\.pressure_cm = 42\.05"):
+    with pytest.raises(ProgramError, match=r"4 kPa are 42\.05 cm, 0\.97 g/ml: cavity1\.pressure_cm = 42\.05"):
         _series("cavity1", {"pressure": "4 kPa"}, {"pressure_cm": None, "volume_ml": None})
 
 
