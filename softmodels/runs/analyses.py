@@ -24,7 +24,7 @@ from softmodels.common.lazy import MPI, scipy
 from softmodels.common.names import read_only
 from softmodels.common.processes import answers, cores
 from softmodels.common.schema import Length, Quantity, about, shown
-from softmodels.common.units import UnitError, brief, number, quantity
+from softmodels.common.units import UnitError, brief, column_unit, number, quantity
 from softmodels.components.loads import weighed
 from softmodels.materials.laws import Material
 from softmodels.materials.silicones import (
@@ -367,7 +367,7 @@ def band_texts(bands: Mapping[str, tuple[str, ...]], limits: Mapping[str, Limit]
             continue
         found = sorted(((limits[name], name) for name in names), key=lambda pair: pair[0].pressure)
         low, high = (
-            f"{one.pressure / cm:.4g} cm ({one.pressure / 1e3:.4g} kPa, {_what(one, name)})"
+            f"{one.pressure / cm:.4g} {column_unit(cm)} ({one.pressure / 1e3:.4g} kPa, {_what(one, name)})"
             for one, name in (found[0], found[-1])
         )
         texts.append(f"{product} over its {len(names)} sources: {low} to {high}; see softmodels silicones {product}")
