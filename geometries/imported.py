@@ -40,7 +40,7 @@ from geometries.meshing import apart, disjoint, drawn_in, private_model
 from geometries.registry import register_device
 from geometries.revolved import TRIANGLE
 from softmodels.common.arrays import Array
-from softmodels.common.errors import GeometryError, MeshingError, whole_path
+from softmodels.common.errors import GeometryError, MeshingError, reason, whole_path
 from softmodels.common.files import GEOMETRY, check_file, file_digest, read_file
 from softmodels.common.lazy import gmsh, scipy
 from softmodels.common.schema import choice_field, length_field, list_field, number_field, shown, text_field
@@ -145,7 +145,7 @@ class ImportedPart(Actuator):
         try:
             return file_digest(self.file)
         except OSError as error:
-            raise GeometryError(f"file {self.file} cannot be read ({error.strerror})") from None
+            raise GeometryError(f"file {self.file} cannot be read ({reason(error)})") from None
         except ValueError:  # a zero byte in its name
             raise GeometryError(f"file {self.file!r} is not a file name") from None
 
@@ -1001,7 +1001,7 @@ def _by_meshio(file: str, format_name: str) -> Any:
         check_file(file)
         content = b"" if format_name == "stl" else read_file(file, GEOMETRY)
     except OSError as error:
-        raise GeometryError(f"file {file} cannot be read ({error.strerror})") from None
+        raise GeometryError(f"file {file} cannot be read ({reason(error)})") from None
     try:
         with (
             contextlib.redirect_stdout(io.StringIO()),
@@ -1018,7 +1018,7 @@ def _by_meshio(file: str, format_name: str) -> Any:
             else:
                 found = meshio.read(file, format_name)
     except OSError as error:
-        raise GeometryError(f"file {file} cannot be read ({error.strerror})") from None
+        raise GeometryError(f"file {file} cannot be read ({reason(error)})") from None
     except GeometryError:
         raise
     except SystemExit:  # meshio's way with some files

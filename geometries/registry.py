@@ -12,6 +12,7 @@ import click
 
 from geometries import PLACES
 from softmodels.common import schema
+from softmodels.common.commands import Choice as NamedChoice
 from softmodels.common.errors import FieldError, GeometryError
 from softmodels.common.names import Registry, checked
 from softmodels.common.schema import About, Choice, Flag, Kind, Open, Quantity, Several, Text, Words, about, shown
@@ -139,7 +140,7 @@ def _(kind: Open) -> click.ParamType:
 
 @_type.register
 def _(kind: Choice) -> click.ParamType:
-    return click.IntRange(*kind.ends) if kind.ends else click.Choice([str(known) for known in kind.choices])
+    return click.IntRange(*kind.ends) if kind.ends else NamedChoice([str(known) for known in kind.choices])
 
 
 @_type.register
@@ -182,7 +183,7 @@ def device_options(device: type[Actuator]) -> Callable[[Command], Command]:
         return None if kind.several or isinstance(kind, Words) else getattr(device, name, None)
 
     options = [
-        click.option("--variant", type=click.Choice(list(device.variants)), help=_variant_help(device)),
+        click.option("--variant", type=NamedChoice(list(device.variants)), help=_variant_help(device)),
         *(field_option(name, field, default(name, field.kind)) for name, field in about(device).items()),
     ]
 

@@ -30,6 +30,7 @@ from measurement.series.witness import Refusal, Result
 from softmodels.common.commands import (
     FAILED,
     UNUSABLE,
+    Choice,
     FolderType,
     ResultFolder,
     open_folder,
@@ -40,7 +41,7 @@ from softmodels.common.commands import (
 from softmodels.common.errors import reason
 from softmodels.common.folders import OwnFolderError
 from softmodels.common.processes import cores, say
-from softmodels.common.units import WATER_DENSITY, UnitError, quantity
+from softmodels.common.units import LIGHTER, WATER_DENSITY, UnitError, column_unit, quantity
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The command ``photos``: outlines from a list of photographs.
@@ -53,11 +54,9 @@ from softmodels.common.units import WATER_DENSITY, UnitError, quantity
 @click.option("-o", "--output", type=FolderType(), help="Folder for the results.  [default: outlines; outlines-2 and so "
               "on if that holds others]")  # fmt: skip
 @click.option("--jobs", type=click.IntRange(min=1), help="Processes at a time.  [default: one per core]")
-@click.option("--tone", type=click.Choice([AUTO, *TONES]), default=AUTO, show_default=True,
+@click.option("--tone", type=Choice([AUTO, *TONES]), default=AUTO, show_default=True,
               help="Tone curve of the files: srgb (camera JPEG) or linear; auto estimates it from the edge.")  # fmt: skip
-@click.option(
-    "--water-density", default=f"{WATER_DENSITY:g}kg/m^3", show_default=True, help="Density of the column's liquid."
-)
+@click.option("--water-density", help=f"Density of the column's liquid.  [default: {WATER_DENSITY:g}kg/m^3, {LIGHTER}]")
 @click.option("--density-error", default=f"{DENSITY_ERROR:.2g}kg/m^3", show_default=True, help="Its standard error.")
 @click.option("--reading-error", default=f"{READING_ERROR * 1e3:g}mm", show_default=True,
               help="Standard error of reading one level of the column.")  # fmt: skip
@@ -81,7 +80,7 @@ def photos(listing: Path, setup_file: Path, output: Path | None, **given: Any) -
     """
     try:
         column = Column(
-            quantity(given["water_density"], "kg/m^3"),
+            WATER_DENSITY if given["water_density"] is None else quantity(given["water_density"], "kg/m^3"),
             quantity(given["density_error"], "kg/m^3"),
             length(given["reading_error"]),
         )
@@ -90,6 +89,10 @@ def photos(listing: Path, setup_file: Path, output: Path | None, **given: Any) -
         setup = Setup.from_file(setup_file)
     except (ColumnError, PhotoListError, SetupError, UnitError) as error:
         stop(str(error))
+    if given["water_density"] is None and not given["quiet"] and any(photo.by_length for photo in listed):
+        say(
+            f"pressures are read in {column_unit()}, {LIGHTER}; --water-density sets another liquid's density", err=True
+        )
     # Of the photographs only the names: their contents are gigabytes. Whoever replaces one has another list to measure.
     files = [(photo.file.name, *_stamp(photo.file)) for photo in listed]
     asked = {"tone": tone, "column": column, "width": width, "photographs": files}

@@ -26,7 +26,7 @@ from measurement.screen.calibration import (
 )
 from measurement.screen.grid import GridError, counted_from, find_grid
 from measurement.screen.setup import PITCH_ERROR, Plane, PlaneError, Setup, SetupError, plane_of_points, plane_of_scale
-from softmodels.common.commands import FAILED, UNUSABLE, check_output_file, status_of
+from softmodels.common.commands import FAILED, UNUSABLE, Choice, check_output_file, status_of
 from softmodels.common.errors import reason
 from softmodels.common.files import has_table, is_drawn, is_same
 from softmodels.common.folders import OwnFolderError
@@ -187,7 +187,7 @@ def _plane(given: dict[str, Any], picture: NDArray[np.uint8], camera: Camera, pi
 
 @click.command()
 @click.argument("photograph", type=click.Path(path_type=Path))
-@click.option("--target", type=click.Choice(["grid", "chessboard", "charuco"]), default="grid", show_default=True,
+@click.option("--target", type=Choice(["grid", "chessboard", "charuco"]), default="grid", show_default=True,
               help="Object in the screen's plane.")  # fmt: skip
 @click.option("--grid-pitch", default="9mm", show_default=True, metavar="LENGTH",
               help="Distance of the grid's lines, or side of a board's square; 9mm+-0.01mm gives its error; default "

@@ -26,7 +26,7 @@ from softmodels.common.files import image_uri, read_text
 from softmodels.common.lazy import cm, colors, figures, matplotlib
 from softmodels.common.pages import Cell, Fact, Gallery, Page, Picture, Table
 from softmodels.common.processes import plain
-from softmodels.common.units import pascal_per_cm
+from softmodels.common.units import column_unit, pascal_per_cm
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -276,7 +276,7 @@ def _facts(outlines: Sequence[Outline]) -> list[Fact]:
         return []
     highest = max(outlines, key=lambda outline: outline.height)
     height, error = highest.height * 1e3, highest.height_error * 1e3
-    column = f"{highest.pressure / pascal_per_cm():.4g} cm of water ({highest.pressure / 1e3:.4g} kPa)"
+    column = f"{highest.pressure / pascal_per_cm():.4g} {column_unit()} ({highest.pressure / 1e3:.4g} kPa)"
     at = f"at {column}, {highest.source}"
     return [Fact("Largest height", f"{height:.4f} ± {error:.4f} mm", at)]
 

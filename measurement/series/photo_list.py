@@ -184,6 +184,17 @@ class Photograph:
     anyway: bool = False
 
     @property
+    def by_length(self) -> bool:
+        """Whether its pressure was read as a height of the column above 0, so that it depends on the liquid's density."""
+        if self.row.get("left"):
+            return True
+        try:
+            height, is_length = _length_or_pressure(self.row.get("pressure", ""))
+        except ColumnError:
+            return False
+        return is_length and height != 0.0
+
+    @property
     def is_zero(self) -> bool:
         """Whether its pressure does not differ from zero by more than twice its error."""
         return abs(self.pressure) <= 2.0 * self.pressure_error

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from geometries import Actuator
 from softmodels.api.run import Run
-from softmodels.case.case import Case, Values, case_of
+from softmodels.case.case import Case, Values, case_of, in_unit
 from softmodels.case.entries import CaseError, Probes
 from softmodels.case.load import LoadRequest
 from softmodels.case.materials import AnyBand, without_walls
@@ -20,7 +20,7 @@ from softmodels.common.files import GEOMETRY, read_file, read_text
 from softmodels.common.lazy import MPI
 from softmodels.common.names import callback, checked, flag, place
 from softmodels.common.processes import one_at_a_time
-from softmodels.common.units import WATER_DENSITY
+from softmodels.common.units import WATER_DENSITY, pascal_per_cm
 from softmodels.decks.deck import WRITTEN, Deck, calculix, check, deck_of, needs_equations
 from softmodels.materials.laws import Material
 from softmodels.mechanics.body import Body
@@ -180,8 +180,9 @@ def inflate(
         volumes: The same for added volumes of the cavity: ``"0:60 ml"``, or numbers in m3.
         times: When these values are reached, in s or as texts, for a silicone with a memory: the values may fall then, and one
             that repeats is a hold.
-        rate, hold, cycles: Instead of times how fast the values change (``"1 kPa/s"``, ``"2 ml/s"``; at once if empty), how
-            long the last one is held (in s, or a text), and how often all is gone through and back to 0.
+        rate: Instead of times, how fast the values change: ``"1 kPa/s"``, ``"2 ml/s"``; at once if empty.
+        hold: How long the last value is held then, in s or as a text.
+        cycles: How often all is gone through and back to 0 then; once, without coming back, if 0.
         time_tolerance: Error of the stress by one step in time, over the largest stress; with inertia of the displacement too.
         inertia: Let mass count in time: the device swings, and is followed through jumps.
         spectral_radius: With inertia, what one step leaves of a vibration that it is far too long for, 0 to 0.99.
@@ -306,7 +307,9 @@ def compare(first: Run | str | Path, second: Run | str | Path, *more: Run | str 
     """Compare runs: what differs in their cases, and their main figures side by side.
 
     Args:
-        first, second, more: Runs, or folders of results; the others are compared with the first.
+        first: A run, or a folder of results, that the others are compared with.
+        second: Another one.
+        more: Further ones.
 
     Returns:
         The comparison: ``print`` shows it, `Comparison.plot` overlays the paths, `Comparison.save` writes a report.
@@ -345,7 +348,9 @@ def limit(
     Args:
         device: The device.
         material: Its silicone, or the name of one.
-        formulation, components, solver: As of a `Case`.
+        formulation: As of a `Case`.
+        components: As of a `Case`.
+        solver: As of a `Case`.
         hold: How long the pressure must be borne by a silicone with a memory, in s or a text such as ``"5 min"``; 0 for ever.
         vacuum: Whether the pressure falls from ambient instead of rising.
 
@@ -385,10 +390,11 @@ def modes(
     Args:
         device: The device. One without a cavity is at rest, or hangs under its weight.
         material: Its silicone, or the name of one.
-        pressures: Pressures to stop at, see `inflate`; None for the state at rest.
+        pressures: Pressures to stop at, see `inflate`; None or 0 for the state at rest.
         count: Number of modes, 1 to 20.
         sealed: Each cavity is closed, with air that keeps its temperature; else they keep their pressures.
-        components, solver: As of a `Case`.
+        components: As of a `Case`.
+        solver: As of a `Case`.
 
     Raises:
         CaseError: Invalid input.
@@ -398,7 +404,7 @@ def modes(
     if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST_MODES:
         raise CaseError(f"count is {count!r}; it must be a whole number of modes from 1 to {MOST_MODES}")
     closed, how = flag("sealed", sealed), {"components": components, "solver": solver}
-    if pressures is None:
+    if pressures is None or not any(in_unit("cm", pressures, "pressure", pascal_per_cm())):
         case: Case = AtRest("modes", device, material, **how)  # type: ignore[arg-type]
     else:
         case = case_of(device, material, pressures, **how)  # type: ignore[arg-type]

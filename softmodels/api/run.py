@@ -35,7 +35,7 @@ from softmodels.mechanics.mpi import is_root, on_root, start
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.path.continuation import Continuation
 from softmodels.runs.analyses import KINDS, Limit
-from softmodels.runs.columns import load_columns, overlap_text, state_labels, term
+from softmodels.runs.columns import StateLabels, overlap_text, state_labels, term
 from softmodels.runs.fields import OUTPUTS, OutputField, Row, requestable, split
 from softmodels.runs.formats import CELL_TYPES, TENSOR
 from softmodels.runs.notes import notes_of, sentences
@@ -197,8 +197,9 @@ class SolvedState(Shown):
         """Return the values along a straight line of the undeformed device, which moves with it.
 
         Args:
-            begin, end: Places in device coordinates: a text such as ``"0, 0, 10 mm"``, the name of a probe or a named point, or
-                three numbers in m. They need not lie in the modelled slice.
+            begin: Place in device coordinates: a text such as ``"0, 0, 10 mm"``, the name of a probe or a named point, or
+                three numbers in m. It need not lie in the modelled slice.
+            end: The line's other end.
             points: How many values.
 
         Raises:
@@ -407,9 +408,9 @@ class StateIndexError(Spoken, IndexError):
 
 
 def _number(value: object, what: str, more: str = "") -> float:
-    """Return a finite number, also from numpy's types; else `CaseError`."""
+    """Return a finite number; else `CaseError`."""
     try:
-        return number(value.item() if isinstance(value, np.generic) else value)
+        return number(value)
     except UnitError as error:
         raise CaseError(f"{what}: {error}; give a finite number{more}") from None
 
@@ -419,7 +420,7 @@ def headline(case: Case, row: Row) -> str:
     words = state_labels(case)
     volume = f", added volume {row['added_volume_ml']:.4g} ml" if words.volume else ""
     return (
-        f"{words.under(row, _pressure(row))}: {words.gauge} rise {row[f'{words.gauge}_mm']:.4g} mm{volume}, "
+        f"{words.under(row, _pressure(row, words))}: {words.gauge} rise {row[f'{words.gauge}_mm']:.4g} mm{volume}, "
         f"largest stretch {row['max_stretch']:.4g}"
     )
 
@@ -443,18 +444,18 @@ def ingredients(case: Case) -> Table:
     ]
 
 
-def _pressure(row: Row) -> str:
-    return f"{row['pressure_Pa'] / 1e3:.4g} kPa ({row['pressure_cm']:.4g} cm of water)"
+def _pressure(row: Row, words: StateLabels) -> str:
+    return f"{row['pressure_Pa'] / 1e3:.4g} kPa ({row['pressure_cm']:.4g} {words.unit})"
 
 
 def state_figures(case: Case, row: Row) -> Table:
     """Return the main figures of a state, with their units and 95 % bands."""
     words = state_labels(case)
     columns = [
-        *(name for name in ("time_s", "load_step", "stroke_ml") if name in row), *words.volumes(row), *load_columns(row),
+        *(name for name in ("time_s", "load_step", "stroke_ml") if name in row), *words.volumes(row), *words.load_columns(row),
         *(f"{probe}_mm" for probe in case.actuator.probes), "max_stretch", "max_von_mises_kPa", "stored_energy_mJ",
     ]  # fmt: skip
-    table = [("pressure", _pressure(row))] if words.pressure else []
+    table = [("pressure", _pressure(row, words))] if words.pressure else []
     for column in columns:
         known, (name, unit) = term(column, case.actuator, words.driver), split(column)
         band = row.get(f"{name}_ci95{column.removeprefix(name)}", np.nan)

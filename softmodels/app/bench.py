@@ -29,7 +29,6 @@ from softmodels.case.entries import INPUT_ERRORS, CaseError
 from softmodels.common.errors import FieldError, reason
 from softmodels.common.files import read_file, read_text, write_bytes, write_text
 from softmodels.common.tables import TomlError, read_toml
-from softmodels.common.units import pascal_per_cm
 from softmodels.materials.silicones import silicone
 
 if TYPE_CHECKING:
@@ -241,9 +240,9 @@ class Photographs:
     def take_list(self, listing: Path) -> None:
         """Take the rows of a list of photographs, for these and those that come, in its order; PhotoListError if it cannot be
         read."""
-        for photo in read_photos(listing):
+        for photo in read_photos(listing, self.column):
             row = dict(photo.row)
-            row.setdefault("pressure", f"{photo.pressure / pascal_per_cm():.7g} cm")
+            row.setdefault("pressure", f"{photo.pressure / self.project.case.cm:.7g} cm")
             self.rows[photo.file.name] = {name: row.get(name, "") for name in COLUMNS}
         named = [name for name in self.rows if name in self.listed]
         self.listed = {name: self.listed[name] for name in (*named, *self.listed)}
@@ -296,7 +295,12 @@ class Photographs:
 
     def pressure_of(self, one: Listed) -> float:
         """Return the pressure in Pa as typed; NaN where there is none. ColumnError if it cannot be read."""
-        return Column().read(one.pressure)[0] if one.pressure else math.nan
+        return self.column.read(one.pressure)[0] if one.pressure else math.nan
+
+    @property
+    def column(self) -> Column:
+        """The column that pressures in cm are read from; its liquid is the case's."""
+        return Column(self.project.case.water_density)
 
     # -- work ---------------------------------------------------------------------------------------------------------
 

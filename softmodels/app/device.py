@@ -36,6 +36,7 @@ from softmodels.app.jobs import AnswerError, Job, SupersededError
 from softmodels.case.case import Case, in_unit
 from softmodels.common.errors import GeometryError, reason
 from softmodels.common.files import read_text
+from softmodels.common.units import LIGHTER, column_unit, exact_text
 from softmodels.materials.silicones import PRODUCTS, named, silicone
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ class DevicePage(TabPage):
                 self.slider.on("change", lambda _: self._solve_between())
                 self.about = tagged(ui.label(), "linear", "text-sm", "")
                 self.numbers = ui.grid(columns="auto auto").classes("gap-x-6 gap-y-0")
-                self.chart = ui.echart(_chart([], "")).classes("w-full h-64")
+                self.chart = ui.echart(_chart([], "", column_unit(bench.project.case.cm))).classes("w-full h-64")
                 self.limit = tagged(ui.label(), "limit", "", "")
                 self.spread = tagged(ui.label(), "spread", "text-sm", "")
                 self.notes = ui.column().classes("gap-1")
@@ -106,7 +107,11 @@ class DevicePage(TabPage):
         )
         values = case.pressures_cm
         box = tagged(ui.input("Pressures", value=f"{values[0]:g}:{values[-1]:g} cm" if values else ""), "pressures")
-        box.tooltip("such as 0:60 cm of water, or 0:6 kPa").on("change", lambda _: self._take_pressures(str(box.value)))
+        box.tooltip(f"such as 0:60 cm ({column_unit(case.cm)}), or 0:6 kPa")
+        box.on("change", lambda _: self._take_pressures(str(box.value)))
+        liquid = tagged(ui.input("Liquid of the column", value=exact_text(case.water_density, "kg/m^3")), "liquid")
+        liquid.tooltip(f"Its density: centimetres here and on the photographs are of it. 970 kg/m^3 is {LIGHTER}")
+        liquid.on("change", lambda _: self._take_liquid(str(liquid.value)))
 
     def _take_device(self, name: str) -> None:
         kind = ACTUATORS[name]
@@ -128,6 +133,10 @@ class DevicePage(TabPage):
     def _take_pressures(self, text: str) -> None:
         with self.saying():
             self._take(pressures_cm=in_unit("cm", text, "pressure", self.project.case.cm))
+
+    def _take_liquid(self, text: str) -> None:
+        with self.saying():
+            self._take(water_density=text)
 
     def _take(self, **fields: object) -> None:
         try:
@@ -265,7 +274,7 @@ class DevicePage(TabPage):
         if main not in rows[0]:
             return
         points = [(float(str(row["pressure_cm"])), float(str(row[main]))) for row in rows]
-        self.chart.options.update(_chart(points, main.removesuffix("_mm")))
+        self.chart.options.update(_chart(points, main.removesuffix("_mm"), column_unit(self.project.case.cm)))
         self.chart.update()
 
     def _report(self, answer: PathAnswer) -> None:
@@ -319,8 +328,9 @@ class DevicePage(TabPage):
         bands = {name.replace("_ci95", ""): f" ± {row[name]:.2g}" for name in row if "_ci95_" in name}
         probes = [(name.removesuffix("_mm"), f"{row[name]:.4g}{bands.get(name, '')} mm") for name in row
                   if name.removesuffix("_mm") in self.project.case.actuator.probes and name.endswith("_mm")]  # fmt: skip
+        unit, pressure = column_unit(self.project.case.cm), float(row["pressure_Pa"])  # type: ignore[arg-type]
         found = [
-            ("pressure", f"{row['pressure_cm']:.4g} cm ({float(row['pressure_Pa']) / 1e3:.4g} kPa)"),  # type: ignore[arg-type]
+            ("pressure", f"{row['pressure_cm']:.4g} {unit} ({pressure / 1e3:.4g} kPa)"),
             *((f"rise of the {name}", text) for name, text in probes),
             ("added volume", f"{row['added_volume_ml']:.4g} ml"),
             ("largest stretch", f"{row['max_stretch']:.4g}"),
@@ -399,12 +409,12 @@ def is_section(device: Actuator) -> bool:
     return device.dimension == 2
 
 
-def _chart(points: Sequence[tuple[float, float]], name: str) -> dict[str, object]:
+def _chart(points: Sequence[tuple[float, float]], name: str, unit: str) -> dict[str, object]:
     return {
         "animation": False,
         "grid": {"left": 55, "right": 20, "top": 30, "bottom": 45},
         "xAxis": {
-            "name": "pressure in cm",
+            "name": f"pressure in {unit}",
             "nameLocation": "middle",
             "nameGap": 26,
             "nameTextStyle": {"color": GREY},

@@ -19,6 +19,7 @@ from softmodels.app.forms import Command, TabPage, job_panel, page_words, tagged
 from softmodels.app.jobs import AnswerError, Job, SupersededError
 from softmodels.app.replies import PREVIEW, Handles
 from softmodels.common.arrays import Array
+from softmodels.common.units import WATER_DENSITY, column_unit, exact_text
 
 if TYPE_CHECKING:
     from nicegui.events import MouseEventArguments, MultiUploadEventArguments
@@ -109,6 +110,7 @@ class PhotographsPage(TabPage):
         self.tone = tagged(tone, "tone").on_value_change(self._tone)
         self.find = tagged(ui.button("Find the grid", on_click=self._find), "find-grid", "")
         ui.label("Photographs").classes("font-bold")
+        self.liquid = tagged(ui.label(), "liquid-shown", "text-sm", "")
         self.rows: dict[str, tuple[ui.row, ui.input, ui.icon, ui.tooltip]] = {}
         self.listing = ui.column().classes("w-full gap-1")
         self._update()
@@ -124,6 +126,8 @@ class PhotographsPage(TabPage):
         if self.lens.options != lenses:
             self.lens.set_options(lenses, value=self.photos.lens if self.photos.lens in lenses else "none")
         count = len(self.project.files(BOARDS, PICTURES))
+        unit = column_unit(self.project.case.cm)
+        self.liquid.set_text(f"Pressures in {unit} (the liquid is set beside the device's pressures), or in kPa")
         self.boards.set_text(f"{count} photographs of the board" if count else "")
         shown = {one.file.name: one for one in self.photos.shadows}
         for name in [name for name in self.rows if name not in shown]:
@@ -355,13 +359,15 @@ class PhotographsPage(TabPage):
             return "choose the photograph that shows the grid, and find the grid first"
         try:
             self.photos.write_list()
-            listed = read_photos(self.photos.project / PHOTOS)
+            listed = read_photos(self.photos.project / PHOTOS, self.photos.column)
         except (PhotoListError, OSError) as error:
             return f"{error}; type the pressures beside the photographs"
         if not any(photo.is_zero for photo in listed) and self.handles.zero is None:
             return "none of the photographs is at zero pressure: type 0 cm beside it, or drag the zero line"
         words = ["measurement", "photos", PHOTOS, "--setup", SETUP, "-o", OUTLINES]
         words += ["--tone", self.photos.tone] if self.photos.tone != AUTO else []
+        density = self.photos.column.density
+        words += ["--water-density", exact_text(density, "kg/m^3")] if density != WATER_DENSITY else []
         return words, OUTLINES, False
 
 

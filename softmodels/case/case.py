@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import math
 import re
 import types
 from collections.abc import Iterator, Mapping, MutableMapping, Sequence
 from pathlib import Path
-from typing import Any, TypedDict, Unpack
+from typing import Any, ClassVar, TypedDict, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -57,19 +56,22 @@ from softmodels.case.materials import (
     with_walls,
 )
 from softmodels.common import errors
-from softmodels.common.errors import FieldError, known_are, meant
+from softmodels.common.errors import FieldError, known_are, meant, near_paths
 from softmodels.common.files import file_digest
 from softmodels.common.names import checked, doubt, one_of, several
 from softmodels.common.schema import About, Choice, Flag, Kind, Quantity, Several, Text, Words, about
 from softmodels.common.tables import TomlError, parse_toml, read_toml
 from softmodels.common.units import (
     FACTORS,
+    LIGHTER,
     WATER_DENSITY,
     UnitError,
     brief,
+    column_unit,
     exact_text,
     number,
     pascal_per_cm,
+    plain,
     quantity,
 )
 from softmodels.components.loads import Gravity
@@ -129,8 +131,12 @@ class ProgramEntry(Entry[Program]):
 
     tables = ("load",)
 
+    @property
+    def keys(self) -> tuple[str, ...]:  # type: ignore[override]
+        return "cavity1", *requestable(), TIME_KEY, *SUPPLY_KEYS
+
     def known(self, key: str) -> bool:
-        return key.startswith("cavity") or key in requestable() or key in (TIME_KEY, *SUPPLY_KEYS)
+        return key.startswith("cavity") or key in self.keys
 
     def read(self, tables: Tables) -> Program | Missing:
         series = {key: value for key, value in table_of(tables, "load").items() if self.known(key)}
@@ -167,7 +173,7 @@ class Pressures(Value):
     """``pressure_cm``, heights of the column; or ``pressure`` with a unit, such as ``"0:4 kPa"``."""
 
     @property
-    def keys(self) -> tuple[str, ...]:
+    def keys(self) -> tuple[str, ...]:  # type: ignore[override]
         return self.key, WITH_UNIT
 
     def read(self, tables: Tables) -> object:
@@ -287,7 +293,7 @@ class Case:
         name: Stem of the result files.
         actuator: The device.
         material: The silicone.
-        pressures_cm: Requested heights of the water column in cm, rising; empty if volumes are requested.
+        pressures_cm: Requested heights of the column in cm, rising; empty if volumes are requested.
         volumes_ml: Requested added volumes of the cavity in ml, rising; empty if pressures are requested.
         water_density: Density in kg/m3 of the column's liquid.
         control: What the path follows.
@@ -313,17 +319,27 @@ class Case:
         CaseError: From the constructor, if the case is invalid.
     """
 
+    needed_tables: ClassVar[tuple[str, ...]] = ("geometry", "load")
+    """Tables that a case file must have."""
+
     name: str = dataclasses.field(metadata=_written(NameEntry()))
     actuator: Actuator = dataclasses.field(metadata=_written(DeviceEntry()))
     material: Material = dataclasses.field(metadata=_written(MaterialEntry()))
     pressures_cm: tuple[float, ...] = _series(
-        "pressure_cm", "pressure", "pressures in cm of water: 0:177, 0:177:10 or 0,70,130,177", Pressures
+        "pressure_cm",
+        "pressure",
+        "pressures in cm of the column (of --water-density): 0:177, 0:177:10 or 0,70,130,177",
+        Pressures,
     )
     volumes_ml: tuple[float, ...] = _series(
         "volume_ml", "volume", "added volumes of the cavity in ml, instead of pressures"
     )
     water_density: float = _value(
-        "load", "water_density", Quantity("kg/m^3"), "density of the column's liquid", WATER_DENSITY
+        "load",
+        "water_density",
+        Quantity("kg/m^3"),
+        f"density of the column's liquid; the default is {LIGHTER}",
+        WATER_DENSITY,
     )
     control: str = _value("load", "control", Choice(CONTROLS), "control of the continuation", "auto")
     formulation: str = _value(
@@ -571,7 +587,7 @@ class Case:
     @classmethod
     def _from_tables(cls, tables: Tables, folder: Path | None) -> Case:
         try:
-            _check_tables(tables)
+            _check_tables(tables, cls.needed_tables)
             tables = _found(tables, folder)
             read = {name: entry.read(tables) for name, entry in entries().items()}
         except PART_ERRORS as error:
@@ -597,11 +613,8 @@ def _check_case_file(path: Path) -> None:
             f"case file {path} cannot be read (it is a results folder; its case file is {path / 'case.toml'})"
         )
     if not path.exists():
-        near = ""
-        with contextlib.suppress(OSError, ValueError):
-            near = meant(path.name, [file.name for file in path.parent.glob("*.toml")])
-        near = near or "; softmodels examples writes some to begin with"
-        raise CaseError(f"case file {path} cannot be read (No such file or directory){near}")
+        near = near_paths(path) or "; softmodels examples writes some to begin with"
+        raise CaseError(f"case file {path} cannot be read (No such file or directory{near})")
 
 
 _KINDS: dict[str, tuple[tuple[type, ...], str]] = {
@@ -634,8 +647,8 @@ def _with_files(table: Mapping[str, object], files: Mapping[str, str]) -> dict[s
     return written
 
 
-def _check_tables(tables: Tables) -> None:
-    """Reject unknown tables and entries, and a case without a device or a load."""
+def _check_tables(tables: Tables, needed: tuple[str, ...]) -> None:
+    """Reject unknown tables and entries, and a case without its needed tables."""
     known = list(dict.fromkeys(table for entry in entries().values() for table in entry.tables))
     _known(tables, "the case", ("name", *known))
     for table in known:
@@ -644,8 +657,8 @@ def _check_tables(tables: Tables) -> None:
         if values:
             owners = [entry for entry in entries().values() if table in entry.tables]
             rest = (key for key in found if any(entry.known(key) for entry in owners))
-            _known(found, f"[{table}]", (*(key for entry in values for key in entry.keys), *rest))
-    for table in ("geometry", "load"):
+            _known(found, f"[{table}]", (*(key for entry in owners for key in entry.keys), *rest))
+    for table in needed:
         if table not in tables:
             raise CaseError(f"the case has no [{table}] table")
 
@@ -840,14 +853,13 @@ def _in_time(
 
 def _doubt_pressures(pressures: Values | None, case: Case) -> None:
     """Warn of pressures so small that their unit is doubtful."""
-    plain = isinstance(pressures, int | float) or (
-        pressures is not None and not isinstance(pressures, str) and not any(isinstance(one, str) for one in pressures)
-    )
-    highest = float(max(np.asarray(pressures, dtype=float).flat, key=abs)) if plain else LEAST_PRESSURE
+    given = [] if pressures is None else _listed(pressures, "pressure")
+    typed = [one for one in given if not isinstance(one, str)]
+    highest = max(typed, key=abs, default=LEAST_PRESSURE) if len(typed) == len(given) else LEAST_PRESSURE
     if abs(highest) < LEAST_PRESSURE:
         doubt(
-            f"the highest pressure is {highest:.4g} Pa, {highest / case.cm:.2g} cm of water; numbers are in Pa, so write "
-            f"another unit as a text such as '{highest:g} kPa' or '{highest:g} cm'"
+            f"the highest pressure is {highest:.4g} Pa, {highest / case.cm:.2g} {column_unit(case.cm)}; numbers are in Pa, so "
+            f"write another unit as a text such as '{highest:g} kPa' or '{highest:g} cm'"
         )
 
 
@@ -896,17 +908,16 @@ def in_unit(unit: str, values: Values | None, what: str, pascal_in_cm: float, fa
 EXAMPLES = {"cm": "'0:177 cm'", "ml": "'0:60 ml'"}
 
 
-def _listed(values: object, what: str) -> list[object]:
+def _listed(values: object, what: str) -> list[float | str]:
     """Return the requested values as a list of Python's numbers and texts; else `CaseError`."""
-    if not isinstance(values, list | tuple):
-        if not hasattr(values, "tolist") and (isinstance(values, bool) or not isinstance(values, int | float)):
-            raise CaseError(f"{what} {brief(values)} is neither numbers nor a text with a unit")
-        values = np.asarray(values).tolist()
-    flat = values if isinstance(values, list | tuple) else [values]
-    plain = [one.item() if isinstance(one, np.generic) else one for one in flat]
-    if not all(isinstance(one, int | float | str) and not isinstance(one, bool) for one in plain):
+    try:
+        given = plain(values)
+        each = [plain(one) for one in (given if isinstance(given, list | tuple) else [given])]
+    except UnitError as error:
+        raise CaseError(f"{what} {error}") from None
+    if not all(isinstance(one, int | float | str) and not isinstance(one, bool) for one in each):
         raise CaseError(f"{what} {brief(values)} is neither numbers nor a text with a unit")
-    return plain
+    return each
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -22,7 +22,7 @@ from geometries.actuator import Vector
 from geometries.faces import Faces, faces, point
 from softmodels.common import schema
 from softmodels.common.arrays import Array
-from softmodels.common.errors import FieldError, GeometryError, Spoken, known_are, meant
+from softmodels.common.errors import FieldError, GeometryError, Spoken, at_command_line, known_are, meant
 from softmodels.common.names import checked
 from softmodels.common.schema import About, Choice, Flag, Kind, Text, about
 from softmodels.common.units import FACTORS, UnitError, brief, number, numbers, pascal_per_cm, quantity
@@ -299,8 +299,6 @@ def series(text: object, what: str) -> Typed:
             more = ", and decimals with a point" if isinstance(text, str) and "," in text else ""
             turns, order = ("falls", "from low to high") if way > 0 else ("rises", "from high to low")
             raise SeriesError(f"{what} {turns} from {before:g} to {after:g}; give the values {order}{more}")
-    if values and values[-1] == 0:
-        raise SeriesError(f"the only {what} requested is 0; add a value above 0")
     return _typed(values, _decimal_comma(text, what) if isinstance(text, str) else getattr(text, "doubt", ""))
 
 
@@ -401,17 +399,23 @@ def one_of_text(unit: str, text: str, what: str, pascal_in_cm: float) -> float:
 
 
 def _scale(unit: str, text: str, written: str, what: str, pascal_in_cm: float) -> float:
-    if written == unit:
+    if written == unit or (not written and _is_zero(text)):
         return 1.0
     factor = factor_of(written, "Pa" if unit == "cm" else "m^3")
     if factor is None:
         examples = "0:177 cm or 0:17 kPa" if unit == "cm" else "0:60 ml"
         known = ["cm", *FACTORS["Pa"]] if unit == "cm" else FACTORS["m^3"]
         trouble = f"an unknown unit, {brief(written)}" if written else "no unit"
-        raise SeriesError(
-            f"{what} {brief(text)} has {trouble}; write it like {examples}, or give numbers in SI units{meant(written, known)}"
-        )
+        plain = "" if at_command_line() else ", or give numbers in SI units"
+        raise SeriesError(f"{what} {brief(text)} has {trouble}; write it like {examples}{plain}{meant(written, known)}")
     return factor / (pascal_in_cm if unit == "cm" else ML)
+
+
+def _is_zero(text: str) -> bool:
+    try:
+        return number(text) == 0.0
+    except UnitError:
+        return False
 
 
 def split_text(text: str) -> tuple[str, str]:
@@ -464,9 +468,11 @@ class Option:
 
 
 class Entry[V](abc.ABC):
-    """Conversion of a field with values V to and from text; ``tables`` are those of the case file that it reads."""
+    """Conversion of a field with values V to and from text; ``tables`` are those of the case file that it reads, ``keys`` its
+    keys in a table that it shares with other fields."""
 
     tables: tuple[str, ...] = ()
+    keys: tuple[str, ...] = ()
 
     @abc.abstractmethod
     def read(self, tables: Tables) -> V | Missing:
@@ -527,8 +533,7 @@ class Value(Entry[object]):
         return (self.table,)
 
     @property
-    def keys(self) -> tuple[str, ...]:
-        """Keys of its table that may set it."""
+    def keys(self) -> tuple[str, ...]:  # type: ignore[override]
         return (self.key,)
 
     @property

@@ -82,8 +82,12 @@ class LoadRequestEntry(Entry[LoadRequest | None]):
     tables = ("load",)
     more = ("on", "at_pressure_cm")
 
+    @property
+    def keys(self) -> tuple[str, ...]:  # type: ignore[override]
+        return *asked_of_loads(), *self.more
+
     def known(self, key: str) -> bool:
-        return key in asked_of_loads() or key in self.more
+        return key in self.keys
 
     def read(self, tables: Tables) -> LoadRequest | Missing | None:
         table = table_of(tables, "load")
@@ -100,7 +104,7 @@ class LoadRequestEntry(Entry[LoadRequest | None]):
         for key, asked in asked_of_loads().items():
             yield Option(OPTIONS.get(key, key), About(SeriesKind(), asked.help), metavar="SERIES")
         yield Option("on", About(Words(), "name of the load they refer to, if a case has several"), metavar="NAME")
-        text = "pressure in cm of water, applied first and then constant, for forces on an inflated device"
+        text = "pressure in cm of the column, applied first and then constant, for forces on an inflated device"
         yield Option("at_pressure_cm", About(Quantity(), text))
 
     def arguments(self, field: str) -> dict[str, str]:
@@ -240,6 +244,11 @@ class Load:
                 "(--supply syringe with --stroke-ml), or forces on a face (--force-N), or shares of the weight "
                 "(--weight-share), or in a case file a series for each cavity (cavity1.pressure_cm); give exactly one of these"
             )
+        given = {"pressure": self.pressures_cm, "volume": self.volumes_ml, "stroke": self.strokes_ml}
+        given |= {self.driven.key: self.driven.values} if self.driven else {}
+        for what, values in given.items():
+            if values and not any(values):
+                raise CaseError(f"the only {what} requested is 0; add a value above 0")
         if not actuator.ratios and (self.pressures_cm or self.volumes_ml or self.strokes_ml):
             raise CaseError(
                 f"{type(actuator).__name__} has no cavity for a pressure or a volume; load it by a force (--force with "

@@ -6,6 +6,7 @@ import dataclasses
 import importlib.util
 import json
 import os
+import re
 import sys
 from collections import Counter
 from collections.abc import Iterator, Mapping, MutableMapping, Sequence
@@ -29,7 +30,7 @@ from softmodels.components.contact import AUTO, Obstacle, RigidShape, Walls
 from softmodels.components.fibres import Fabric, Fibres, Sheet
 from softmodels.components.loads import Force, Gravity, Mass, Moment, check_density
 from softmodels.components.rigid import Clamp, Rigid
-from softmodels.materials.laws import LAWS, SOFTEST, Material, MaterialError, NeoHookean, parameter_fields
+from softmodels.materials.laws import LAWS, SOFTEST, Material, MaterialError, NeoHookean, law_called, parameter_fields
 from softmodels.materials.memory import Memory
 from softmodels.materials.silicones import (
     PRODUCTS,
@@ -81,14 +82,18 @@ def _flag(name: str) -> str:
 
 
 def material_from(name: str | None, values: Mapping[str, object]) -> Material:
-    """Return the material of a command line, from a law, a silicone, a TOML file or None for the default law, and parameters
-    as texts with units; `MaterialError` for an unknown name, or a parameter that is missing, foreign or impossible."""
+    """Return the material of a command line, from a law, perhaps with its numbers (``"yeoh:c1=8kPa,c2=90Pa"``), a silicone, a
+    TOML file or None for the default law, and parameters as texts with units; `MaterialError` for an unknown name, or a
+    parameter that is missing, foreign or impossible."""
     given = {key: value for key, value in values.items() if value is not None}
     if name is None and not given:
         return DEFAULT
-    law = DEFAULT.name if name is None else name
-    if law in LAWS:
-        if law == DEFAULT.name and not {*DEFAULT.parameters, *DEFAULT.alternatives} & set(given):
+    law, own = (DEFAULT.name, {}) if name is None else _with_numbers(name)
+    if twice := own.keys() & given.keys():
+        raise MaterialError(f"material {name!r} has {min(twice)} already; leave out {_flag(min(twice))}")
+    given = {**own, **given}
+    if found := law_called(law):
+        if found[0] is type(DEFAULT) and not {*DEFAULT.parameters, *DEFAULT.alternatives} & set(given):
             given["shear_modulus"] = exact_text(DEFAULT.shear_modulus, "Pa")
         return from_table({"law": law, **given})
     if silicone := silicone_called(law):
@@ -105,6 +110,20 @@ def material_from(name: str | None, values: Mapping[str, object]) -> Material:
         known = known_are(law, [*LAWS, *PRODUCTS])
         raise MaterialError(f"material {law!r} is neither a law, a silicone nor a TOML file; {known}")
     return from_table({**table, **given})
+
+
+def _with_numbers(text: str) -> tuple[str, dict[str, object]]:
+    """Return the name and the numbers of ``"yeoh:c1=8kPa,c2=90Pa"``; commas within a number's text separate terms."""
+    name, found, numbers = text.partition(":")
+    if not found or Path(text).is_file():
+        return text, {}
+    own: dict[str, object] = {}
+    for part in re.split(r",(?=\s*[\w-]+\s*=)", numbers):
+        key, found, value = part.partition("=")
+        if not found:
+            raise MaterialError(f"material {text!r}: {part!r} is not KEY=VALUE; write it like yeoh:c1=8kPa,c2=90Pa")
+        own[key.strip().replace("-", "_")] = value.strip()
+    return name.strip(), own
 
 
 def _from_file(file: object, changes: Mapping[str, object]) -> Material:
@@ -163,8 +182,8 @@ def from_table(table: Mapping[str, object]) -> Material:
         return _from_file(values.pop("file"), values)
     if "silicone" in values:
         silicone = values.pop("silicone")
-        found = silicone_called(silicone) if isinstance(silicone, str) else None
-        if found is None:
+        listed = silicone_called(silicone) if isinstance(silicone, str) else None
+        if listed is None:
             known = known_are(silicone, PRODUCTS, ", and their sources (softmodels silicones)")
             raise MaterialError(f"silicone {silicone!r} is unknown; {known}")
         if mixed := _mixed(values):
@@ -173,17 +192,18 @@ def from_table(table: Mapping[str, object]) -> Material:
                 f"silicone = {silicone!r} already defines its law and parameters, which {names} would mix; delete "
                 f"{names} to use the silicone, or delete silicone to use your own law"
             )
-        return from_table({**to_table(found.material), **values})
+        return from_table({**to_table(listed.material), **values})
     if "law" not in values:
         known = f"a law (law = one of {', '.join(LAWS)})"
         raise MaterialError(
             f"the material names neither a silicone (silicone = '{next(iter(PRODUCTS))}') nor {known} nor a fitted one "
             "(file = 'fitted.toml')"
         )
-    name = values.pop("law")
-    if not isinstance(name, str) or name not in LAWS:
-        raise MaterialError(f"law {name!r} is unknown; {known_are(name, LAWS)}")
-    law = LAWS[name]
+    text = values.pop("law")
+    found = law_called(text) if isinstance(text, str) else None
+    if found is None:
+        raise MaterialError(f"law {text!r} is unknown; {known_are(text, LAWS)}")
+    (law, terms), name = found, found[0].name
     further: dict[str, object] = {
         FITTED: _range(name, values.pop(FITTED, None)),
         MEMORY: _memory(name, values.pop(MEMORY, None)),
@@ -206,6 +226,8 @@ def from_table(table: Mapping[str, object]) -> Material:
             if key not in parameters and field.default is dataclasses.MISSING:
                 raise MaterialError(f"{name} needs {key} ({field.metadata['help']}); give it with {_flag(key)}")
     made = law.from_values(parameters, convention)
+    if terms and made.terms != terms:
+        raise MaterialError(f"law {text!r} has {made.terms} terms here; give {terms} values of each of its parameters")
     further = {key: value for key, value in further.items() if value is not None}
     return dataclasses.replace(made, **further) if further else made  # type: ignore[arg-type]
 

@@ -47,7 +47,7 @@ from softmodels.common.lazy import MPI
 from softmodels.common.pages import Bullets, Cell, Charts, Fact, Folded, Listing, Page, Picture, Table, Text
 from softmodels.common.processes import say
 from softmodels.common.schema import shown
-from softmodels.common.units import WATER_DENSITY, UnitError, quantity, readable
+from softmodels.common.units import WATER_DENSITY, UnitError, column_unit, quantity, readable
 from softmodels.materials.laws import Material
 from softmodels.materials.silicones import extrapolated, publications
 from softmodels.materials.specimens import check_rest, weakest, weakness
@@ -130,7 +130,7 @@ def sentence(name: str, found: Limit, column: LimitColumn) -> str:
     place = f"largest stretch {found.stretch:.3g}, {radius:.3g} mm from the axis at height {height:.3g} mm"
     rises = ", ".join(f"{name} {rise * 1e3:+.4g} mm" for name, rise in found.rises.items())
     state = f"{rises}, {found.added_volume * 1e6:+.4g} ml; {place}"
-    at = f"{found.pressure / column.cm:.4g} cm ({found.pressure / 1e3:.4g} kPa)"
+    at = f"{found.pressure / column.cm:.4g} {column_unit(column.cm)} ({found.pressure / 1e3:.4g} kPa)"
     what = {
         "limit": f"limit pressure {at}: {state}",
         "bifurcation": f"bifurcation at {at}: {state}",
@@ -156,7 +156,7 @@ def scatter_text(scatter: Scatter, column: LimitColumn) -> str:
         return f"none of the {count} devices within the tolerances has a limit"
     pressures = np.array([found.pressure / column.cm for _, found in counted])
     quantiles = np.percentile(pressures, PERCENTILES)
-    text = f"{count} devices within the tolerances: {what} " + ", ".join(
+    text = f"{count} devices within the tolerances: {what} ({column_unit(column.cm)}) " + ", ".join(
         f"{q:.4g} cm ({p} %)" for p, q in zip(PERCENTILES, quantiles, strict=True)
     )
     text += f"; lowest {pressures.min():.4g} cm, highest {pressures.max():.4g} cm"
@@ -203,7 +203,7 @@ def write(folder: Path, limits: Mapping[str, Limit], scatter: Scatter, column: L
 
     pressures = [(changes, found.pressure / column.cm) for changes, found in counted]
     nominal = next(iter(limits.values())).pressure / column.cm
-    figure = scatter_figure(pressures, scatter.tolerances, what, nominal, column.working)
+    figure = scatter_figure(pressures, scatter.tolerances, what, nominal, column.working, column_unit(column.cm))
     figure.savefig(folder / "scatter.png")
     return figure
 
@@ -228,7 +228,7 @@ def write_page(
         )
         kind = KINDS[found.kind] if found.pressure > 0.0 else KINDS[found.kind].replace("up to", "down to")
         what = f"borne for {found.held:g} s" if found.held else kind
-        pressure = f"{found.pressure / column.cm:.4g} cm of water ({found.pressure / 1e3:.4g} kPa)"
+        pressure = f"{found.pressure / column.cm:.4g} {column_unit(column.cm)} ({found.pressure / 1e3:.4g} kPa)"
         note = "; ".join([*notes_of_it, f"largest stretch there {found.stretch:.4g}"])
         facts.append(Fact(f"{name}: {what}", pressure, note, margin < 1 or found.kind == "lost"))
     sentences = [f"{sentence(name, found, column)}." for name, found in limits.items()]
@@ -258,7 +258,7 @@ SAMPLES = 32
 class LimitOptions:
     """The options of the command except those of devices and laws."""
 
-    working_pressure: str | None = option(metavar="PRESSURE", help="Working pressure, for the margin: cm of water (20), or "
+    working_pressure: str | None = option(metavar="PRESSURE", help="Working pressure, for the margin: cm of column (20), or "
                                           "with a unit (2kPa).")  # fmt: skip
     vacuum: bool = flag_option("How much vacuum it can take, instead of pressure.")
     hold: float | None = option(type=QuantityType("s"), help="Time for which the pressure, applied at once, must be borne by "
@@ -304,7 +304,7 @@ class LimitRequest:
     ) -> LimitRequest:
         """Make it from the command's options, of a case file or else a device, and those of device and law, None where not
         given; `CaseError`, `GeometryError` or `MaterialError` for invalid input."""
-        case = None if file is None else Case.from_file(file)
+        case = None if file is None else AtRest.from_file(file)
         device, materials = _asked(kind, case, file, names, dict(values))
         for material in materials.values():
             check_rest(material)
@@ -408,6 +408,8 @@ def _notes(question: LimitRequest, materials: Mapping[str, Material], limits: Ma
             )
         if text := extrapolated(materials[name], found.stretch):
             yield f"note: {name}: {text}"
+        if materials[name].misread:
+            yield f"note: {materials[name].misread}"
     if hidden := unseen(device):
         yield f"note: {hidden}"
     if len(device.ratios) > 1:
@@ -531,15 +533,15 @@ def _modes_of(device: type[Actuator]) -> click.Command:
     "modes", cls=by_device(_modes_of, "A device, with options of its own, instead of a FILE: {}."), help=MODES_HELP
 )
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("--material", metavar="NAME", help="Material, instead of the case's [material]: a silicone, or a TOML "
-              "file.")  # fmt: skip
+@click.option("--material", metavar="NAME", help="Material, instead of the case's [material]: a silicone, a law "
+              "with its numbers (yeoh:c1=8kPa,c2=90Pa), or a TOML file.")  # fmt: skip
 @click.option("--pressure-cm", "pressures", metavar="SERIES", help="Pressures in cm of the column, instead of the "
-              "case's load: 0:40, 0:40:10 or 0,10,40.")  # fmt: skip
+              "case's load: 0:40, 0:40:10 or 0,10,40; 0: at rest.")  # fmt: skip
 @options(ModesOptions)
 def modes_command(file: Path, how: ModesOptions, material: str | None, pressures: str | None) -> None:
-    cm = series(pressures, "pressure") if pressures else ()
+    cm = None if pressures is None else series(pressures, "pressure")
     asked = {**vars(how), "material": material, "pressures": pressures}
-    _find_modes(case_for_modes(case_of_file(file, material), cm), how, asked, [file])
+    _find_modes(case_for_modes(case_of_file(file, material, kind=AtRest), cm), how, asked, [file])
 
 
 def _find_modes(case: Case, how: ModesOptions, asked: Mapping[str, object], files: Sequence[Path]) -> None:
@@ -575,7 +577,7 @@ def _report_modes(case: Case, found: NaturalFrequencies, how: ModesOptions, fold
 
 def _pressure_text(found: NaturalFrequencies, state: int, cm: float) -> str:
     pressure = found.pressure[state]
-    return f"{pressure / cm:.4g} cm ({pressure / 1e3:.4g} kPa)" if pressure else "no pressure"
+    return f"{pressure / cm:.4g} {column_unit(cm)} ({pressure / 1e3:.4g} kPa)" if pressure else "no pressure"
 
 
 def modes_table(found: NaturalFrequencies, cm: float) -> str:
@@ -629,7 +631,7 @@ def _draw_modes(case: Case, found: NaturalFrequencies, sealed: bool, place: Path
     from softmodels.pictures.analyses import DRAWN, frequency_figure, section_shapes, solid_shapes
     from softmodels.pictures.style import png
 
-    figure = frequency_figure(found.pressure / case.cm, found.frequency, sealed)
+    figure = frequency_figure(found.pressure / case.cm, found.frequency, sealed, column_unit(case.cm))
     write_bytes(place / "frequencies.png", png(figure))
     last, state = found.modes[-1][:DRAWN], len(found.modes) - 1
     at = _pressure_text(found, state, case.cm)
@@ -752,8 +754,9 @@ def told(made: Grasp, found: Sequence[Held]) -> list[str]:
     for held in found if not found[-1].load else [held for held in found if not held.load] + [found[-1]]:
         forces = ", ".join(f"{force:.4g}" for force in held.press)
         closed = "force closure" if held.closed(friction) else "no force closure"
+        pressure = f"{held.pressure / made.case.cm:.4g} {column_unit(made.case.cm)}"
         lines.append(
-            f"{held.pressure / made.case.cm:.4g} cm, load {held.load:.4g} N: the fingers press with {forces} N, {closed}; the "
+            f"{pressure}, load {held.load:.4g} N: the fingers press with {forces} N, {closed}; the "
             f"object has moved {_zero(held.moved[0] * 1e3):.4g} mm along and {_zero(held.moved[1] * 1e3):.4g} mm across the "
             f"load and turned by {_zero(math.degrees(held.turned)):.3g} deg"
         )

@@ -19,6 +19,7 @@ from softmodels.case.case import Case
 from softmodels.case.materials import MaterialErrors, material_from
 from softmodels.cli.options import command, fail, write_into
 from softmodels.common.commands import (
+    Choice,
     Provenance,
     flag_option,
     open_folder,
@@ -204,7 +205,7 @@ class OutlineOptions:
 
     untrusted: bool = flag_option("Also use outlines that the measurement flags as untrusted.")
     height_datum: str | None = option(
-        type=click.Choice(HEIGHTS_FROM),
+        type=Choice(HEIGHTS_FROM),
         help="Zero of the heights if the case has gravity or forces, or a top that is not flat (balloon, bellows): the "
         "upper edge of the shadow at zero pressure, the apex there, or the undeformed top.  [default: the shadow; if the "
         "undeformed top is not flat the apex, which outlines have to name]",
@@ -573,7 +574,8 @@ def curve(how: CurveOptions) -> None:
     low, high = stretch_range(how.stretch)
     if not how.material:
         raise MaterialError("nothing to show; give a material with --material NAME")
-    materials = [read_material(text, how.incompressible) for text in how.material]
+    beside = {"poisson": "0.5"} if how.incompressible else {}
+    materials = [material_from(text, beside) for text in how.material]
     how.check_given()
     files = [*map(Path, how.material), *how.files_read]
     folder = open_folder(how.output, Path("results/curve"), "curves", vars(how), files) if speaks() else None
@@ -600,20 +602,6 @@ def curve(how: CurveOptions) -> None:
         for one in many:
             say(table_of(one, ratio))
         say(f"written to {folder.path}")
-
-
-def read_material(text: str, incompressible: bool = False) -> Material:
-    """Read ``"ecoflex-00-30"``, a TOML file's name or ``"yeoh:c1=8kPa,c2=90Pa"``."""
-    name, _, numbers = text.partition(":")
-    values: dict[str, str] = {}
-    for part in re.split(r",(?=\s*\w+=)", numbers) if numbers else []:
-        key, found, value = part.partition("=")
-        if not found:
-            raise MaterialError(f"material {text!r}: {part!r} is not KEY=VALUE")
-        values[key.strip().replace("-", "_")] = value.strip()
-    if incompressible:
-        values["poisson"] = "0.5"
-    return material_from(name, values)
 
 
 def table_of(one: MaterialCurves, thickness_over_radius: float) -> str:
@@ -726,7 +714,7 @@ def _materials(names: tuple[str, ...]) -> dict[str, Material]:
         raise MaterialError("nothing to score; give a material with --material NAME")
     if len(set(names)) < len(names):
         raise MaterialError("a material is named twice")
-    return {name: read_material(name) for name in names}
+    return {name: material_from(name, {}) for name in names}
 
 
 def _device(files: tuple[Path, ...], how: ScoreOptions) -> tuple[MeasuredDevice, list[Outline]]:

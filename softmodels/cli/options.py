@@ -35,6 +35,7 @@ from softmodels.case.materials import (
 from softmodels.common.commands import (
     STOPPED,
     STOPS,
+    Choice,
     ResultFolder,
     RunOptions,
     asked_to_stop,
@@ -42,6 +43,7 @@ from softmodels.common.commands import (
     options,
     status_of,
     stoppable,
+    usage_sentence,
     written,
 )
 from softmodels.common.errors import Spoken, meant, reason
@@ -70,7 +72,8 @@ def material_options[Command: Callable[..., object]](
         of = "all laws" if len(laws) == len(LAWS) else ", ".join(laws)
         command = click.option(flag(name), name, help=f"{text[0].upper()}{text[1:]} ({of}).")(command)
     text = (
-        f"A law ({', '.join(LAWS)}), a silicone ({', '.join(PRODUCTS)}; perhaps with its source, such as "
+        f"A law ({', '.join(LAWS)}), perhaps with its numbers (yeoh:c1=8kPa,c2=90Pa), a silicone "
+        f"({', '.join(PRODUCTS)}; perhaps with its source, such as "
         "ecoflex-00-30/liao-2021: see softmodels silicones) or a TOML file with a [material] table.  "
         f"[default: {default or f'neo-hookean, shear modulus {exact_text(DEFAULT.shear_modulus, "Pa")}'}]"
     )
@@ -231,10 +234,10 @@ def _children(parents: list[int]) -> list[int]:
 
 HELP = """Inflate {what} and write its whole load path.
 
-Pressures are heights of a water column in cm, as on the bench: {pressures} goes from rest to the end in steps chosen by the
-solver; 0:177:10 also stops every 10 cm; 0,70,130,177 stops at each. Lengths, angles and stresses carry a unit (20mm,
-45deg, 30kPa). Near a limit point, beyond which no equilibrium exists at that pressure, the run switches to volume
-control, finds the limit and reports it.
+Pressures are heights of a column in cm, as on the bench (0.97 g/ml, or --water-density): {pressures} goes from rest to the
+end in steps chosen by the solver; 0:177:10 also stops every 10 cm; 0,70,130,177 stops at each. Lengths, angles and stresses
+carry a unit (20mm, 45deg, 30kPa). Near a limit point, beyond which no equilibrium exists at that pressure, the run switches
+to volume control, finds the limit and reports it.
 
 \b
 Examples:
@@ -276,15 +279,17 @@ def command_of(device: type[Actuator]) -> click.Command:
     return device_command(device, f"softmodels run {DEVICE} {device.__name__}", words)
 
 
-def case_of_file(file: Path, material: str | None, band: str | None = None, solver: str | None = None) -> Case:
-    """Return a case file's case, with the given material, band or solver."""
+def case_of_file(
+    file: Path, material: str | None, band: str | None = None, solver: str | None = None, kind: type[Case] = Case
+) -> Case:
+    """Return a case file's case, as the class given, with the given material, band or solver."""
     more: dict[str, Mapping[str, object]] = {}
     if material is not None:
         more["material"] = to_table(material_from(material, {}))
     if band is not None:
         product = product_of(band) if silicone_called(band) else ""
         more["band"] = {"silicone": product} if product else {"file": str(Path(band).absolute())}
-    case = Case.from_file(file, more)
+    case = kind.from_file(file, more)
     return case if solver is None else dataclasses.replace(case, solver=solver)
 
 
@@ -396,7 +401,7 @@ def main(command: click.Command) -> None:
         except click.MissingParameter as error:
             fail(_missing(error))
         except click.ClickException as error:
-            fail(f"{error.format_message()} (see --help)")
+            fail(f"{usage_sentence(error)} (see --help)")
         finally:
             gc.unfreeze()  # for callers whose process continues
 
@@ -410,12 +415,17 @@ DEVICE = "--device"
 
 def device_named(name: str) -> type[Actuator]:
     """Return a registered device by name, in small or large letters; `click.UsageError` if there is none."""
-    name = next((known for known in ACTUATORS if known.lower() == name.lower()), name)
-    if name not in ACTUATORS:
+    known = _known_device(name)
+    if known is None:
         raise click.UsageError(
             f"{DEVICE} is {name!r}; it must be one of {', '.join(ACTUATORS)}{meant(name, ACTUATORS)}"
         )
-    return ACTUATORS[name]
+    return ACTUATORS[known]
+
+
+def _known_device(name: str) -> str | None:
+    """Return a device's name from one in small or large letters; None if there is none."""
+    return next((known for known in ACTUATORS if known.lower() == name.lower()), None)
 
 
 def by_device(made_for: Callable[[type[Actuator]], click.Command], text: str) -> type[click.Command]:
@@ -423,7 +433,12 @@ def by_device(made_for: Callable[[type[Actuator]], click.Command], text: str) ->
     delegates to ``made_for(device)``."""
 
     def option(text: str) -> click.Option:
-        return click.Option([DEVICE], metavar="NAME", expose_value=False, help=text.format(", ".join(ACTUATORS)))
+        return click.Option(
+            [DEVICE], metavar="NAME", expose_value=False, help=text.format(", ".join(ACTUATORS)),
+            shell_complete=lambda ctx, param, begun: [
+                name for name in ACTUATORS if name.lower().startswith(begun.lower())
+            ],
+        )  # fmt: skip
 
     class ByDevice(Command):
         def __init__(self, *args: Any, **given: Any):
@@ -434,11 +449,25 @@ def by_device(made_for: Callable[[type[Actuator]], click.Command], text: str) ->
             self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: object
         ) -> click.Context:
             name = _named(args)
-            if name is None:
-                return super().make_context(info_name, args, parent, **extra)  # type: ignore[arg-type]
+            if name is None or (extra.get("resilient_parsing") and not _known_device(name)):
+                return self._of_file(info_name, args, parent, **extra)
             made = made_for(device_named(name))
             made.params.insert(0, option("The device: {}."))
             return made.make_context(info_name, args, parent, **extra)  # type: ignore[arg-type]
+
+        def _of_file(
+            self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: object
+        ) -> click.Context:
+            try:
+                return super().make_context(info_name, args, parent, **extra)  # type: ignore[arg-type]
+            except click.NoSuchOption as error:
+                given = error.option_name
+                if not any(given in param.opts for kind in ACTUATORS.values() for param in made_for(kind).params):
+                    raise
+                raise click.UsageError(
+                    f"{given} goes with {DEVICE} NAME; what a case FILE requests and consists of stands in the file",
+                    error.ctx,
+                ) from None
 
     return ByDevice
 
@@ -458,11 +487,11 @@ def _named(args: list[str]) -> str | None:
                               "NAME --help shows them."))  # fmt: skip
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--material", metavar="NAME", help="Material, instead of the case's [material]: a silicone, "
-              "or a TOML file such as fitted.toml of softmodels fit.")  # fmt: skip
+              "a law with its numbers (yeoh:c1=8kPa,c2=90Pa), or a TOML file such as fitted.toml.")  # fmt: skip
 @click.option("--band", metavar="FILE|NAME", help="fitted.toml of a fitted material, instead of the case's [band]: "
               "adds the 95 % band from its errors to path.csv and the curves. Or a silicone's name: each of its sources "
               "is solved, and the curves show the band they span.")  # fmt: skip
-@click.option("--solver", type=click.Choice(METHODS), help="Linear solver, instead of the case's: direct "
+@click.option("--solver", type=Choice(METHODS), help="Linear solver, instead of the case's: direct "
               "(factorisation), iterative (multigrid), or auto by the available memory.")  # fmt: skip
 @options(RunOptions)
 def run(file: Path, how: RunOptions, material: str | None, band: str | None, solver: str | None) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 from softmodels.case.materials import import_own_modules
 from softmodels.cli.options import command, fail, unwritable
 from softmodels.common.commands import DrawingOptions, check_output_file, options, unswept
+from softmodels.common.errors import near_paths
 from softmodels.common.files import check_file, csv_text, is_drawn, read_file, write_bytes, write_text
 from softmodels.common.processes import say
 from softmodels.runs.states import POINTS, Line
@@ -60,7 +61,8 @@ def open_command(folder: Path, no_browser: bool) -> None:
 def report_of(folder: Path) -> Path:
     """Return the report of a folder of results, made if need be; exit with a sentence where there are none."""
     if not folder.is_dir():
-        fail(f"{folder} is not a folder; give a folder of results, such as results/disk")
+        near = "" if folder.exists() else near_paths(folder)
+        fail(f"{folder} is not a folder{near or '; give a folder of results, such as results/disk'}")
     for attempt in (False, True):
         if attempt and not _made(folder):
             break

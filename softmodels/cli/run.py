@@ -327,9 +327,12 @@ def _sideways(row: Row, gauge: str) -> str:
 
 
 def _loaded(row: Row, words: StateLabels) -> str:
-    cavities, pressure = words.pressures(row), f"{row['pressure_cm']:.6g} cm ({row['pressure_Pa'] / 1e3:.5g} kPa)"
+    cavities, pressure = (
+        words.pressures(row),
+        f"{row['pressure_cm']:.6g} {words.unit} ({row['pressure_Pa'] / 1e3:.5g} kPa)",
+    )
     if "load_step" in row and len(cavities) > 1:
-        pressure = ", ".join(f"cavity{i} {row[name]:.6g} cm" for i, name in enumerate(cavities, 1))
+        pressure = ", ".join(f"cavity{i} {row[name]:.6g} {words.unit}" for i, name in enumerate(cavities, 1))
     return words.under(row, pressure)
 
 

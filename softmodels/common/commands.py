@@ -129,6 +129,13 @@ class ColormapType(click.ParamType):
         return str(value)
 
 
+class Choice(click.Choice[str]):
+    """One of some names; a sentence names the nearest one."""
+
+    def get_invalid_choice_message(self, value: Any, ctx: click.Context | None) -> str:
+        return super().get_invalid_choice_message(value, ctx).rstrip(".") + meant(value, self.choices)
+
+
 class FolderType(click.Path):
     """Type of a folder's name; an empty one, such as from an unset variable, is an error."""
 
@@ -171,7 +178,7 @@ COLORMAP_OPTION: dict[str, Any] = {
 
 def _pictures(*choices: str) -> Any:
     text = "Pictures and report; few: only the curves, the stress and the report."
-    return option(type=click.Choice(choices), default="all", show_default=True, help=text)
+    return option(type=Choice(choices), default="all", show_default=True, help=text)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -308,6 +315,14 @@ CASES = (".toml", ".step", ".stp", ".msh", ".inp", ".stl")
 """File endings of cases, drawings and meshes."""
 
 
+def usage_sentence(error: click.ClickException) -> str:
+    """Return the sentence of a usage error, with the option that may have been meant."""
+    if not isinstance(error, click.NoSuchOption) or error.ctx is None:
+        return error.format_message()
+    known = (name for param in error.ctx.command.params for name in param.opts if isinstance(param, click.Option))
+    return f"there is no option {error.option_name}{meant(error.option_name, known)}"
+
+
 class CommandGroup(click.Group):
     """A group that answers a misspelt command with the one that may have been meant."""
 
@@ -377,6 +392,8 @@ def run_command(command: click.Command, name: str) -> None:
             sys.exit(command.main(prog_name=name, standalone_mode=False))
         except click.ClickException as error:
             shown = io.StringIO()
+            if isinstance(error, click.NoSuchOption):
+                error = click.UsageError(usage_sentence(error), error.ctx)
             error.show(shown)
             click.echo(bounded(shown.getvalue()), err=True, nl=False)
             sys.exit(error.exit_code)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import importlib
+import itertools
 import re
 import sys
 from collections.abc import Iterable
@@ -76,11 +77,38 @@ def at_command_line() -> bool:
 
 def meant(name: object, known: Iterable[str]) -> str:
     """Return the end of a sentence: which of some names may have been meant; empty for none."""
-    if not isinstance(name, str):
+    near = _nearest(name, known) if isinstance(name, str) else []
+    return f"; did you mean {' or '.join(near)}?" if near else ""
+
+
+def _nearest(name: str, known: Iterable[str]) -> list[str]:
+    """Return the names nearest to another one, at most two; letters' case and an option's dashes do not count."""
+    names = {str(one).lower().lstrip("-"): str(one) for one in known}
+    return [names[one] for one in difflib.get_close_matches(name.lower().lstrip("-"), names, 2, 0.6)]
+
+
+MOST_BESIDE = 1000
+"""Files of a folder that are looked through for a near name."""
+
+
+def near_paths(path: Path | str) -> str:
+    """Return the end of a sentence on a path that does not exist: which existing file of the same ending, or folder, may have
+    been meant; empty for none."""
+    wanted = Path(path)
+    try:
+        while not wanted.parent.exists():
+            wanted = wanted.parent
+        beside = {file.name: file for file in itertools.islice(wanted.parent.iterdir(), MOST_BESIDE)}
+    except (OSError, ValueError):  # the folder may not be read, or a name has a zero byte in it
         return ""
-    names = {str(one).lower(): str(one) for one in known}
-    near = difflib.get_close_matches(name.lower(), names, 2, 0.6)
-    return f"; did you mean {' or '.join(names[one] for one in near)}?" if near else ""
+    alike = [name for name, file in beside.items() if file.suffix == wanted.suffix and not name.startswith(".")]
+    near = [str(beside[name]) for name in _nearest(wanted.name, alike)]
+    return f"; did you mean {' or '.join(near)}?" if near else ""
+
+
+def no_case(folder: Path) -> str:
+    """Return why a folder holds no results of a run: it has no case file, or does not exist."""
+    return "there is no case.toml in it" if folder.exists() else f"there is no such folder{near_paths(folder)}"
 
 
 def known_are(name: object, known: Iterable[str], more: str = "") -> str:
@@ -153,5 +181,8 @@ class MeshFileError(Spoken, ValueError):
 
 
 def reason(error: BaseException) -> str:
-    """Return ``"No such file or directory"`` where Python has ``"[Errno 2] No such file or directory: 'a.csv'"``."""
-    return getattr(error, "strerror", None) or str(error)
+    """Return ``"No such file or directory"`` where Python has ``"[Errno 2] No such file or directory: 'a.csv'"``, and which
+    file may have been meant."""
+    why = getattr(error, "strerror", None) or str(error)
+    missing = error.filename if isinstance(error, FileNotFoundError) else None
+    return why + (near_paths(missing) if isinstance(missing, str) else "")

@@ -11,6 +11,7 @@ import functools
 import importlib
 import inspect
 import operator
+import re
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping, Sequence
@@ -20,7 +21,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from softmodels.common import errors
 from softmodels.common.errors import Spoken, known_are, meant
-from softmodels.common.units import UnitError, brief, numbers
+from softmodels.common.units import UnitError, brief, numbers, plain
 
 if TYPE_CHECKING:
     import numpy as np
@@ -170,11 +171,11 @@ def span(name: str, value: object) -> tuple[float, float] | None:
     if value is None:
         return None
     wanted = "two numbers, from and to, such as (1.0, 2.5)"
-    plain = value.tolist() if hasattr(value, "tolist") else value
-    if not isinstance(plain, list | tuple) or len(plain) != 2:
-        raise wrong(name, value, wanted)
     try:
-        low, high = numbers(plain)
+        ends = plain(value)
+        if not isinstance(ends, list | tuple) or len(ends) != 2:
+            raise wrong(name, value, wanted)
+        low, high = numbers(ends)
     except UnitError as error:
         raise ArgumentError(f"{name}: {error}; it must be {wanted}") from None
     if not low < high:
@@ -184,10 +185,18 @@ def span(name: str, value: object) -> tuple[float, float] | None:
 
 def whole(name: str, value: object, least: int) -> int:
     """Return a whole number that is no smaller than another; `ArgumentError` for anything else."""
-    plain = value.item() if hasattr(value, "item") else value
-    if isinstance(plain, bool) or not isinstance(plain, int) or plain < least:
+    try:
+        count = plain(value)
+    except UnitError:
+        count = None
+    if isinstance(count, bool) or not isinstance(count, int) or count < least:
         raise wrong(name, value, f"a whole number from {least} up")
-    return plain
+    return count
+
+
+def spelling(name: str) -> str:
+    """Return a name without what people write in different ways: large letters, separators, zeros before a number."""
+    return "".join(part.lstrip("0") for part in re.findall(r"[^\W\d_]+|\d+", name.lower()))
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -16,10 +16,10 @@ from typing import ClassVar
 
 from softmodels.common.commands import Provenance
 from softmodels.common.files import render
-from softmodels.common.units import FACTORS, pascal_per_cm, quantity
+from softmodels.common.units import FACTORS, column_unit, pascal_per_cm, quantity
 
 UNITS = {"kPa": "kPa", "mbar": "mbar", "psi": "psi"}
-"""Units of pressure beside the column of water, by their names in `softmodels.common.units`."""
+"""Units of pressure beside the cm of a column, by their names in `softmodels.common.units`."""
 # ----------------------------------------------------------------------------------------------------------------------
 # What a page consists of. Each part is written by the macro of ``parts.html`` that its ``kind`` names.
 
@@ -163,7 +163,7 @@ class Page:
         warnings: What a reader must know before using them.
         sources: Publications of the laws and data used.
         downloads: Tables to download from the page: text by the name of the file.
-        pascal_per_cm: Pa in one cm of the column of water.
+        pascal_per_cm: Pa in one cm of the column.
         unit: Unit of pressure that its texts and tables are written in: ``"cm"`` or one of `UNITS`.
     """
 
@@ -187,7 +187,7 @@ class Page:
         ]
         factors = json.dumps({"cm": self.pascal_per_cm, **{unit: pascal(unit) for unit in UNITS}})
         return render(
-            "page.html", "softmodels.common", page=self, links=links, factors=factors,
+            "page.html", "softmodels.common", page=self, links=links, factors=factors, column=column_unit(self.pascal_per_cm),
             sections=[(heading, parts) for heading, parts in sections if parts],
         )  # fmt: skip
 

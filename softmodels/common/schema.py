@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 
 from softmodels.common import errors
 from softmodels.common.errors import FieldError, GeometryError, known_are, meant
-from softmodels.common.units import UnitError, brief, exact_text, example, quantity, readable
+from softmodels.common.units import UnitError, brief, exact_text, example, plain, quantity, readable
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Kinds of values: reading from text or tables, writing, and checking.
@@ -51,6 +51,14 @@ def shown(value: object, unit: str) -> str:
     return readable(value, unit)
 
 
+def _plain(name: str, value: object) -> Any:
+    """Return NumPy's numbers and arrays as Python's; `FieldError` for masked values."""
+    try:
+        return plain(value)
+    except UnitError as error:
+        raise FieldError(f"{name}: {error}") from None
+
+
 def _given(value: object) -> str:
     """Return an invalid value's text for its message."""
     return brief(value)
@@ -83,17 +91,18 @@ class Quantity(Kind):
     unit: str = ""
 
     def settled(self, name: str, value: object) -> float:
+        value = _plain(name, value)
         if isinstance(value, str):
             return Quantity.read(self, name, value)
         if not isinstance(value, numbers.Real) or isinstance(value, bool):
             raise FieldError(f"{name} is {_given(value)}; it must be {self._wanted}")
         try:
-            plain = float(value)
+            finite = float(value)
         except OverflowError:
-            plain = math.inf
-        if not math.isfinite(plain):
+            finite = math.inf
+        if not math.isfinite(finite):
             raise FieldError(f"{name} is {_given(value)}; it must be a finite number")
-        return plain
+        return finite
 
     @property
     def _wanted(self) -> str:
@@ -102,6 +111,7 @@ class Quantity(Kind):
         return f"a number in {self.unit}, or a text with a unit such as '{example(self.unit)}'"
 
     def read(self, name: str, value: object) -> float:
+        value = _plain(name, value)
         if isinstance(value, bool) or not isinstance(value, str | int | float):
             raise FieldError(f"{name} is {brief(value)}; it must be a {'text with a unit' if self.unit else 'number'}")
         try:
@@ -122,10 +132,10 @@ class Length(Quantity):
     signed: bool = False
 
     def settled(self, name: str, value: object) -> float:
-        plain = super().settled(name, value)
-        size = abs(plain) if self.signed else plain
+        length = super().settled(name, value)
+        size = abs(length) if self.signed else length
         if self.zero and size == 0.0:
-            return plain
+            return length
         if size <= 0.0:
             raise FieldError(
                 f"{name} is {shown(size, 'm')}; it must be {'0 or more' if self.zero else 'larger than 0'}"
@@ -134,7 +144,7 @@ class Length(Quantity):
             raise FieldError(f"{name} is {size * 1e6:.6g} um; lengths below {SHORTEST * 1e6:g} um cannot be modelled")
         if size > LONGEST * (1 + ROUNDING):
             raise FieldError(f"{name} is {shown(size, 'm')}; above {LONGEST:g} m this suggests a wrong unit")
-        return plain
+        return length
 
 
 @dataclasses.dataclass(frozen=True)
@@ -167,6 +177,7 @@ class Choice(Kind):
         errors.choices(self.choices)
 
     def settled(self, name: str, value: object) -> str | int | float:
+        value = _plain(name, value)
         for known in self.choices:
             if isinstance(value, str | numbers.Real) and value == known and not isinstance(value, bool):
                 return known
@@ -200,6 +211,7 @@ class Flag(Kind):
     """Yes or no."""
 
     def settled(self, name: str, value: object) -> bool:
+        value = _plain(name, value)
         if not isinstance(value, bool):
             raise FieldError(f"{name} is {_given(value)}; it must be true or false")
         return value
@@ -217,8 +229,9 @@ class Several(Kind):
         object.__setattr__(self, "unit", self.of.unit)
 
     def settled(self, name: str, value: object) -> tuple[object, ...]:
-        if not isinstance(value, str | list | tuple) and hasattr(value, "tolist"):  # an array
-            value = value.tolist()
+        value = _plain(name, value)
+        if isinstance(value, list | tuple):
+            value = [_plain(name, item) for item in value]
         if not isinstance(value, list | tuple) or not all(isinstance(item, self._wanted) for item in value):
             raise self._refused(name, value)
         if any(isinstance(item, bool) for item in value):
@@ -230,6 +243,7 @@ class Several(Kind):
     def read(self, name: str, value: object) -> object:
         if not self.unit:
             return self.settled(name, value)
+        value = _plain(name, value)
         if not isinstance(value, list | tuple):
             raise self._refused(name, value)
         return tuple(self.of.read(f"{name}[{place}]", item) for place, item in enumerate(value, 1))

@@ -104,9 +104,24 @@ def brief(value: object) -> str:
     return text if count <= 80 else f"{text[:60]}… ({count} characters)"
 
 
+def plain(value: Any) -> Any:
+    """Return NumPy's numbers and arrays, and the columns of tables, as Python's numbers and lists, all else as it is;
+    `UnitError` for masked values, which are none."""
+    array = value.to_numpy() if hasattr(value, "to_numpy") else value
+    if not hasattr(array, "tolist"):
+        return value
+    mask = getattr(array, "mask", None)
+    if mask is not None and mask.any():
+        raise UnitError(
+            f"{brief(value)} has masked values, which are no numbers; leave them out, as .compressed() does"
+        )
+    return array.tolist()
+
+
 def number(value: Any) -> float:
-    """Return a finite number from its text, or from a number; `UnitError` for all else, such as a comma, spaces between
-    digits, or a list."""
+    """Return a finite number from its text, or from a number, NumPy's too; `UnitError` for all else, such as a comma, spaces
+    between digits, or a list."""
+    value = plain(value)
     if isinstance(value, str):
         read, unit = _split(value, "a number")
         if unit:
@@ -234,6 +249,17 @@ def _unit(text: str) -> Any:
 def pascal_per_cm(density: float = WATER_DENSITY) -> float:
     """Return the pressure in Pa of one centimetre of a column of liquid with this density in kg/m3."""
     return 0.01 * density * STANDARD_GRAVITY
+
+
+def column_unit(pascal: float | None = None) -> str:
+    """Return the unit of the heights of a column, ``"cm, 0.97 g/ml"``: its liquid makes so many Pa of one cm, by default the
+    usual one's."""
+    density = (pascal_per_cm() if pascal is None else pascal) / pascal_per_cm(1e3)
+    return f"cm, {density:.4g} g/ml"
+
+
+LIGHTER = "3 % less than water at 20 degC"
+"""What the usual density of a column's liquid is, `WATER_DENSITY`, for texts that ask for another."""
 
 
 _FRIENDLY = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "degree": ("deg", 1.0), "m^3": ("ml", 1e6)}

@@ -33,7 +33,7 @@ from geometries import Actuator, GeometryError
 from geometries.actuator import AXES, Vector, cavity_roles, reflected
 from geometries.faces import UNITS, FaceNumberError, faces as plane_faces
 from softmodels.common.arrays import Array
-from softmodels.common.errors import whole_path
+from softmodels.common.errors import reason, whole_path
 from softmodels.common.lazy import Expr, fem, scipy, ufl
 from softmodels.common.schema import (
     Flag,
@@ -504,7 +504,7 @@ def surface_of(shape: RigidShape) -> tuple[Array, Indices]:
     try:
         points, triangles = _read(shape.file, UNITS[shape.unit], Path(shape.file).stat().st_mtime_ns)
     except OSError as error:
-        raise shape.error(f"file {shape.file} cannot be read ({error.strerror})") from None
+        raise shape.error(f"file {shape.file} cannot be read ({reason(error)})") from None
     except GeometryError as error:
         raise shape.error(f"{error}") from None
     return points + np.asarray(shape.at), triangles

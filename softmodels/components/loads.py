@@ -191,14 +191,14 @@ class Gravity(DirectedLoad):
 @register_component
 @dataclasses.dataclass(frozen=True)
 class Mass(HeavyPart):
-    """A mass that hangs on a face, its weight spread evenly over the undeformed face.
+    """A mass that hangs on a face or an edge, spread evenly over it, undeformed.
 
     Attributes:
-        face: Role of the facets.
+        face: Role of the facets, or an edge.
         amount: The mass on the whole device.
     """
 
-    face: str = field_of(Words(), "face that the mass hangs on, such as tip")
+    face: str = field_of(Words(), "face or edge that the mass hangs on, such as tip or 'edge of tip and top'")
     amount: float = field_of(Quantity("kg"), "mass on the face, of the whole device", usual=20.0)
 
     table: ClassVar[str] = "mass"

@@ -22,6 +22,7 @@ from softmodels.common.files import write_text
 from softmodels.common.lazy import MPI
 from softmodels.common.names import callback, checked, flag, place, several, whole as whole_number, wrong
 from softmodels.common.processes import one_at_a_time
+from softmodels.common.units import UnitError, quantity
 from softmodels.design.model import DESIGN, START, TABLE, DesignFolder, EnoughError, Evaluating, evaluator, table
 from softmodels.design.problem import (
     CLEARANCES,
@@ -128,10 +129,13 @@ def _how(
 
 def _finer(value: object) -> float:
     """Return the refinement of the fresh mesh; raise `ArgumentError` if it is below 1."""
-    plain = value.item() if isinstance(value, np.generic) else value
-    if isinstance(plain, bool) or not isinstance(plain, int | float) or not 1.0 <= plain <= 10.0:
+    try:
+        finer = quantity(cast("float", value), "")
+    except UnitError:
+        finer = 0.0
+    if isinstance(value, str) or not 1.0 <= finer <= 10.0:
         raise wrong("finer", value, "a number from 1 to 10")
-    return float(plain)
+    return finer
 
 
 def open_folder(problem: DesignProblem, output: Path | None, comm: MPI.Comm, how: SearchOptions) -> DesignFolder | None:

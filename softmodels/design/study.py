@@ -8,6 +8,7 @@ it (``sampling = "saltelli"``; Saltelli et al. 2010, doi 10.1016/j.cpc.2009.09.0
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import dataclasses
 import functools
@@ -37,7 +38,7 @@ from softmodels.common.folders import InUseError, OwnFolder, OwnFolderError, tak
 from softmodels.common.names import callback, checked, flag, one_of, place, whole
 from softmodels.common.processes import Answer, Worker, answers, cores
 from softmodels.common.tables import TomlError, parse_toml, read_toml
-from softmodels.common.units import UnitError, number, number_and_unit
+from softmodels.common.units import UnitError, number, number_and_unit, plain
 from softmodels.design.trials import dotted
 from softmodels.materials.laws import Material
 from softmodels.materials.specimens import nudged
@@ -82,8 +83,11 @@ class Input:
         how = (
             f'[vary] {key} = {given!r} is not like "1.8:2.2 mm", "1.8:2.2:0.1 mm", "2 mm +- 0.2 mm" or a list of values'
         )
-        if isinstance(given, list) and given and all(isinstance(one, str | int | float) for one in given):
-            return cls._listed(key, given)
+        with contextlib.suppress(UnitError):
+            listed = plain(given)
+            each = [plain(one) for one in listed] if isinstance(listed, list | tuple) else []
+            if each and all(isinstance(one, str | int | float) for one in each):
+                return cls._listed(key, each)
         if not isinstance(given, str):
             raise StudyError(how)
         try:
@@ -252,7 +256,6 @@ class StudyPlan:
 
     def case_at(self, point: Array) -> Case:
         """Return the case of a sample; CaseError if its fields make none."""
-        plain = dataclasses.replace(self.case, band=None)
         tables = copy.deepcopy(self._tables)
         steps = {one.key: x for one, x in zip(self.inputs, point, strict=True) if one.key.startswith(f"{FIT}.")}
         if steps:
@@ -261,7 +264,7 @@ class StudyPlan:
             if one.key not in steps:
                 _set(tables, one.key, one.text(float(x)))
         made = Case.from_toml(tomli_w.dumps(tables))
-        return dataclasses.replace(made, name=plain.name)
+        return dataclasses.replace(made, name=self.case.name)
 
     @functools.cached_property
     def _tables(self) -> dict[str, object]:
@@ -669,6 +672,26 @@ class Indices:
     first_half: tuple[float, ...]
     total_half: tuple[float, ...]
     surrogate_error: float = 0.0
+
+    @property
+    def doubt(self) -> str:
+        """A sentence if indices contradict each other; empty if all lie between 0 and the total one, as exact ones do."""
+        pairs = zip(self.inputs, self.first, self.total, strict=True)
+        wrong = [
+            f"{key} ({first:.3f} of {total:.3f})"
+            for key, first, total in pairs
+            if first < -SCATTER or first > total + SCATTER
+        ]
+        if not wrong:
+            return ""
+        return (
+            f"the first-order index is below 0 or above the total one for {', '.join(wrong)}: that is scatter of too few "
+            "samples, as wide as the intervals; take more samples"
+        )
+
+
+SCATTER = 0.01
+"""Share of the variance by which an index may contradict another without a word."""
 
 
 def features(inputs: Sequence[Input], points: Array) -> Array:

@@ -17,7 +17,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.errors import reason
 from softmodels.common.lazy import fem, la
 from softmodels.common.tables import Line, Worksheet, pick, read_sheets, records
-from softmodels.common.units import UnitError, number, quantity
+from softmodels.common.units import UnitError, number, plain, quantity
 from softmodels.design.quantities import (
     DesignQuantity,
     FacePlace,
@@ -180,8 +180,10 @@ class Outline(DesignQuantity):
             object.__setattr__(self, "run", run)
         else:
             try:
-                points = np.array(self.points, dtype=float).reshape(len(self.points), 2)
-            except (TypeError, ValueError):
+                points = np.array(plain(self.points), dtype=float).reshape(len(self.points), 2)
+            except (TypeError, ValueError) as error:
+                if isinstance(error, UnitError):
+                    raise
                 raise ValueError(
                     "the points of an outline are pairs: distance from the axis and height, in m"
                 ) from None

@@ -16,7 +16,7 @@ import numpy as np
 from geometries import Actuator
 from softmodels.common.arrays import Array
 from softmodels.common.names import keep_arrays
-from softmodels.common.units import UnitError, brief, quantity, readable
+from softmodels.common.units import UnitError, brief, plain, quantity, readable
 
 PRESSURE, VOLUME = "pressure", "volume"
 
@@ -71,9 +71,11 @@ def spelled(unit: str) -> str:
 def read(what: str, value: object, unit: str, bare: bool = True) -> float:
     """Return a value in SI units from a text with a unit, or from a number where these are ``bare``; in files a unit is
     needed. DesignError names what it is of."""
-    if isinstance(value, bool) or not isinstance(value, str | int | float):
-        raise DesignError(f"{what} is {brief(value)}; it must be a {'text with a unit' if spelled(unit) else 'number'}")
     try:
+        value = plain(value)
+        if isinstance(value, bool) or not isinstance(value, str | int | float):
+            kind = "text with a unit" if spelled(unit) else "number"
+            raise DesignError(f"{what} is {brief(value)}; it must be a {kind}")
         return quantity(value, "" if bare and not isinstance(value, str) else spelled(unit))
     except UnitError as error:
         raise DesignError(f"{what}: {error}") from None

@@ -22,7 +22,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.names import checked, one_of
-from softmodels.common.units import brief
+from softmodels.common.units import UnitError, brief, plain
 from softmodels.fitting.least_squares import LeastSquaresFit, fit_parameters, profile, settled
 from softmodels.fitting.problem import FitError, Parameter
 from softmodels.path.supply import GASES, Reservoir
@@ -227,7 +227,9 @@ def _fitted(kind: str, t: Array, P: Array, cavity: Array, supply: Reservoir, err
 
 def _numbers(name: str, given: object) -> Array:
     try:
-        found = np.asarray(given, dtype=float)
+        found = np.asarray(plain(given), dtype=float)
+    except UnitError as error:
+        raise FitError(f"{name}: {error}") from None
     except (TypeError, ValueError, OverflowError):
         found = np.array(np.nan)
     if isinstance(given, bool | str | bytes) or not found.size or not np.isfinite(found).all():

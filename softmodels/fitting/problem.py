@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Protocol, TypedDict
@@ -20,7 +19,7 @@ from softmodels.common.errors import FieldError, Spoken, meant
 from softmodels.common.names import checked
 from softmodels.common.schema import Flag, Kind, Quantity, Several, Words
 from softmodels.common.units import brief
-from softmodels.materials.laws import LAWS, RUBBER, Material, MaterialError, parameter_fields
+from softmodels.materials.laws import LAWS, RUBBER, Material, MaterialError, law_called, parameter_fields
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Groups of residuals, such as those of one curve or photograph, and their correlation length.
@@ -465,18 +464,20 @@ class LawChoice:
     @classmethod
     def from_text(cls, text: str, poisson: float = RUBBER) -> LawChoice:
         """Read ``"yeoh"`` or ``"ogden2"``; `FitError` for no such law, or too many terms."""
-        if text in LAWS:
-            return cls.from_law(LAWS[text], poisson)
-        found = re.fullmatch(r"(.*\D)([1-9])", text)
-        law = LAWS.get(found[1]) if found else None
-        if found is None or law is None or not law.most_terms:
+        name, _, numbers = text.partition(":")
+        found = law_called(name)
+        if found is None:
             raise FitError(f"law {text!r} is unknown; known are {known_laws()} and all{meant(text, [*LAWS, 'all'])}")
-        terms = int(found[2])
+        if numbers:
+            raise FitError(f"law {text!r}: a fit finds its numbers; name only the law, {name}, and fix one by --fix")
+        law, terms = found
+        if not terms:
+            return cls.from_law(law, poisson)
         if terms > law.most_terms:
             raise FitError(
                 f"law {text!r}: at most {law.most_terms} terms of {law.title or law.name} can be distinguished"
             )
-        return cls(text, law, terms, poisson)
+        return cls(f"{law.name}{terms}", law, terms, poisson)
 
     @classmethod
     def from_law(cls, law: type[Material], poisson: float = RUBBER) -> LawChoice:

@@ -13,6 +13,7 @@ import cmath
 import dataclasses
 import functools
 import math
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Self
 
@@ -20,7 +21,7 @@ import numpy as np
 
 from softmodels.common.errors import FieldError, Spoken
 from softmodels.common.lazy import ufl
-from softmodels.common.names import Registry, checked
+from softmodels.common.names import Registry, checked, spelling
 from softmodels.common.schema import Quantity, Several
 from softmodels.common.units import with_prefix
 from softmodels.materials.memory import Expression, Memory
@@ -325,11 +326,16 @@ class Material:
     def doubt(self) -> str:
         """A sentence if its parameters are implausible; empty for silicones and stiffer materials."""
         if self.shear_modulus_0 >= SOFTEST:
-            return ""
+            return self.misread
         return (
             f"{self.name}: the shear modulus is {self.shear_modulus_0:.4g} Pa, but silicones have 5 to 500 kPa; "
             "numbers are in Pa, so write kPa as a text such as '14 kPa'"
         )
+
+    @property
+    def misread(self) -> str:
+        """A sentence if its numbers look like those of another of its `conventions`; empty for most materials."""
+        return ""
 
     # -- the energy ---------------------------------------------------------------------------------------------------
 
@@ -524,6 +530,20 @@ LAWS: Registry[type[Material]] = Registry("law", lambda law: law.name)
 register_law = LAWS.register
 
 
+def law_called(name: str) -> tuple[type[Material], int] | None:
+    """Return the law of a name, and the number of its terms where the name ends in one, as of ``"ogden3"``, else 0; None if
+    there is none. Large letters and separators do not count."""
+    if name in LAWS:
+        return LAWS[name], 0
+    laws = {spelling(known): known for known in LAWS}
+    found = re.fullmatch(r"(.*\D)([1-9])", name)
+    for plain, terms in ((name, 0), *([(found[1], int(found[2]))] if found else [])):
+        law = LAWS.get(laws.get(spelling(plain), ""))
+        if law is not None and (not terms or law.most_terms):
+            return law, terms
+    return None
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Hyperelastic laws, a frozen dataclass each.
 #
@@ -703,6 +723,19 @@ class Ogden(Material):
             )
         if 0.0 in self.alpha:
             raise MaterialError("ogden: an exponent alpha is zero; it must not be")
+
+    @property
+    def misread(self) -> str:
+        falling = [i for i, (mu, alpha) in enumerate(self.stretch_terms, 1) if mu * alpha < 0.0]
+        if not falling:
+            return ""
+        own, other = self.conventions
+        terms = f"term {falling[0]}" if len(falling) == 1 else f"terms {', '.join(map(str, falling))}"
+        return (
+            f"ogden: mu * alpha is below 0 in {terms} of W = sum {own} (...), so that the stiffness falls there; published "
+            f"tables that look so mostly follow sum {other} (...): check which one yours follows (convention = '{other}', "
+            "in Python Ogden.from_two_mu)"
+        )
 
     @staticmethod
     def shape(strain: StrainMeasures, m: Parameters) -> Expression:

@@ -15,7 +15,7 @@ import statistics
 from collections.abc import Sequence
 
 from softmodels.common.errors import known_are
-from softmodels.common.names import checked, one_of
+from softmodels.common.names import checked, one_of, spelling
 from softmodels.common.units import brief
 from softmodels.materials.laws import RUBBER, Material, MaterialError, Ogden, Yeoh
 from softmodels.materials.specimens import secant_modulus
@@ -224,9 +224,20 @@ OTHER_NAMES = {f"{product}/{middle(many).origin.key}": product for product, many
 OTHER_NAMES["ecoflex-00-30-liao"] = OTHER_NAMES.get("ecoflex-00-30/liao-2021", "ecoflex-00-30/liao-2021")
 
 
+_SPELLINGS = {spelling(name): OTHER_NAMES.get(name, name) for name in (*SILICONES, *OTHER_NAMES)}
+LONGEST_NAME = 100
+
+
+def listed_name(name: str) -> str:
+    """Return the name in `SILICONES` of one that people write, such as ``"Ecoflex 00-30"`` or ``"ecoflex30"``, or of the full
+    name of a source that is listed by its product's; the name itself if there is none."""
+    known = OTHER_NAMES.get(name, name)
+    return known if known in SILICONES or len(name) > LONGEST_NAME else _SPELLINGS.get(spelling(name), known)
+
+
 def silicone_called(name: str) -> Silicone | None:
     """Return the silicone of a name; None if there is none."""
-    return SILICONES.get(OTHER_NAMES.get(name, name)) if isinstance(name, str) else None
+    return SILICONES.get(listed_name(name)) if isinstance(name, str) else None
 
 
 def named(material: Material) -> str | None:
@@ -330,7 +341,7 @@ def silicone(name: str) -> Material:
 
 def product_of(name: str) -> str:
     """Return the product of a name such as ``"ecoflex-00-30/liao-2021"``."""
-    return OTHER_NAMES.get(name, name).partition("/")[0]
+    return listed_name(name).partition("/")[0]
 
 
 def full_name(product: str, source: Silicone) -> str:
@@ -372,7 +383,7 @@ def usual_factors() -> tuple[float, float, float]:
 def spread_sentence(name: str) -> str:
     """Return a sentence on the spread between the sources of a named silicone."""
     product = product_of(name)
-    used = SILICONES[OTHER_NAMES.get(name, name)]
+    used = SILICONES[listed_name(name)]
     many = spanning(product)
     if not many:
         low, middle, high = usual_factors()

@@ -666,7 +666,7 @@ class Verdict:
 
 def judge(material: Material, strain: float) -> Verdict:
     """Check the stability of a law up to the largest fitted (or shown) I1 - 3."""
-    flags, notes = [], []
+    flags, notes = [], [material.misread] if material.misread else []
     weak = instabilities(material)
     inside = [one for one in weak if one.strain <= strain]
     if inside:

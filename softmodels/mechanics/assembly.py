@@ -718,7 +718,7 @@ def mass_matrix(
         form = density * work * ufl.Measure("dx", mesh, metadata={"quadrature_degree": 4})
     matrix = sparse_matrix(fem.form(form, jit_options=JIT), bcs, 0.0)
     for face, mass in inertia.faces if inertia else ():
-        measure, one = system.body.sheet_face(face)[0], fem.Constant(mesh, 1.0)
+        measure, one = system.body.measure(face), fem.Constant(mesh, 1.0)
         area = system.integral(fem.form(one * system.body.hoop * measure, jit_options=JIT))
         spread = fem.form(fem.Constant(mesh, mass / area) * work * measure, jit_options=JIT)
         plate = sparse_matrix(spread, bcs, 0.0)

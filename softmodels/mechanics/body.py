@@ -89,6 +89,8 @@ def _piece(text: str) -> Piece:
     if text.endswith(WITHIN.rstrip()):
         raise ComponentError(f"{brief(text)} has no condition; write {EXAMPLE}")
     between = EDGE.fullmatch(face.strip())
+    if between and between[1] == between[2]:
+        raise ComponentError(f"{brief(text)} names one face twice; an edge is where two faces meet")
     names = between.groups() if between else (face.strip(),)
     parts = condition.split(" and ") if condition else []
     return Piece(names, tuple(bound for part in parts for bound in _bounds(text, part.strip())), text)
@@ -211,6 +213,11 @@ def _common(mesh: meshes.Mesh, roles: Mapping[str, Entities], piece: Piece) -> E
         marked.scatter_reverse(la.InsertMode.add)
         marked.scatter_forward()
         of_both = of_both & (marked.array > 0.0)
+    first, second = (roles[face][1] for face in piece.faces)
+    if any_rank(mesh.comm, bool(np.isin(first, second).any())):
+        raise ComponentError(
+            f"{brief(piece.text)}: the two faces overlap, so they do not meet in an edge; name two others"
+        )
     return dimension, np.flatnonzero(of_both).astype(np.int32)
 
 

@@ -18,7 +18,15 @@ import numpy.typing as npt
 
 from softmodels.common.errors import Spoken
 from softmodels.common.names import checked
-from softmodels.common.units import WATER_DENSITY, UnitError, brief, numbers as as_numbers, pascal_per_cm, quantity
+from softmodels.common.units import (
+    WATER_DENSITY,
+    UnitError,
+    brief,
+    column_unit,
+    numbers as as_numbers,
+    pascal_per_cm,
+    quantity,
+)
 from softmodels.mechanics.controls import RequestedValue, requestable
 
 KEYS = {"pressure_cm": RequestedValue("cm"), "volume_ml": RequestedValue("ml", True, 1e-6)}
@@ -59,7 +67,7 @@ class Series:
 
     Attributes:
         key: One of `every_key`.
-        values: Pressures in cm of water, added volumes in ml and so on, one for each step.
+        values: Pressures in cm of the column, added volumes in ml and so on, one for each step.
         target: The dead load, such as ``"force.tip"``; empty for a cavity, whose place among these counts; `TIME` for times;
             `SOURCE` and `VALVE` for an air supply.
     """
@@ -175,7 +183,7 @@ def _in_cm(name: str, table: object) -> str:
         height = quantity(text, "Pa") / pascal_per_cm(WATER_DENSITY) if isinstance(text, str) else 0.0
     except UnitError:
         height = 0.0
-    return f"; {text} are {height:.5g} cm of the usual column: {name}.pressure_cm = {height:.5g}" if height else ""
+    return f"; {text} are {height:.5g} {column_unit()}: {name}.pressure_cm = {height:.5g}" if height else ""
 
 
 def _series(name: str, table: object, keys: Mapping[str, RequestedValue]) -> Series:

@@ -25,6 +25,7 @@ from softmodels.common.errors import MissingPackageError
 from softmodels.common.files import write_bytes
 from softmodels.common.pages import Bullets, Charts, Fact, Folded, Listing, Page, Table, Text
 from softmodels.common.processes import say
+from softmodels.common.units import column_unit
 from softmodels.materials.silicones import publications
 from softmodels.pictures.curves import drawing
 from softmodels.pictures.offscreen import (
@@ -86,7 +87,7 @@ def grasp_figure(made: Grasp, found: Sequence[Held], outlines: Sequence[Sequence
         axes.set_aspect("equal")
         axes.autoscale_view()
         axes.set(xlabel="across the load, mm", ylabel="against the load, mm")
-        pressure = f"{held.pressure / made.case.cm:.4g} cm of water"
+        pressure = f"{held.pressure / made.case.cm:.4g} {column_unit(made.case.cm)}"
         press = ", ".join(f"{force * 1e3:.3g}" for force in held.press)
         figure.supxlabel("arrows: force of each finger on the object, and its load (downwards)", fontsize="small")
         axes.set_title(f"{pressure}, load {held.load * 1e3:.3g} mN\nfingers press with {press} mN", fontsize="medium")
@@ -100,11 +101,12 @@ def scatter_figure(
     what: str,
     nominal: float,
     working: float | None,
+    unit: str,
 ) -> Figure:
     """Plot the distribution of the limit, and the limit over each parameter: ``limits`` are parameters (SI) and limit
-    pressure (cm of water) of each device, ``nominal`` that of the device as drawn, in cm as the working pressure. ``what``
-    the pressure is stands at the axes, such as ``"limit pressure"``."""
-    label = f"{what}, cm of water"
+    pressure (cm of the column) of each device, ``nominal`` that of the device as drawn, in cm as the working pressure. ``what``
+    the pressure is stands at the axes, such as ``"limit pressure"``, with the ``unit`` of the column."""
+    label = f"{what}, {unit}"
     pressures = np.sort([pressure for _, pressure in limits])
     figure = Figure((WIDTH, 4.8 if len(tolerances) < 3 else 4.4), dpi=DPI, layout="constrained")
     axes = figure.subplots(1, 1 + len(tolerances))
@@ -155,8 +157,8 @@ class SolidShapes:
 
 
 @matplotlib.rc_context(STYLE)
-def frequency_figure(pressures: Array, frequencies: Array, sealed: bool) -> Figure:
-    """Plot the frequencies in Hz, shape (states, modes), over the pressures in cm; of a single state as bars."""
+def frequency_figure(pressures: Array, frequencies: Array, sealed: bool, unit: str) -> Figure:
+    """Plot the frequencies in Hz, shape (states, modes), over the pressures in a ``unit``; of a single state as bars."""
     figure, axes = chart(5.0)
     numbers = range(1, frequencies.shape[1] + 1)
     if len(pressures) == 1:
@@ -167,7 +169,7 @@ def frequency_figure(pressures: Array, frequencies: Array, sealed: bool) -> Figu
         for number, column in zip(numbers, frequencies.T, strict=True):
             axes.plot(pressures, column, marker="o", markersize=4, label=f"f{number}")
         axes.legend(loc="best")
-        axes.set(xlabel="pressure, cm of water")
+        axes.set(xlabel=f"pressure, {unit}")
     axes.set(ylabel=f"natural frequency{', cavities sealed' if sealed else ''}, Hz", ylim=(0.0, None))
     return figure
 
@@ -451,6 +453,7 @@ def _analysed(study: Study, figures: dict[str, Figure]) -> tuple[dict[str, Indic
             notes.append(f"{name}: {error}")
             continue
         indices[name] = found
+        notes += [f"{name}: {found.doubt}"] if found.doubt else []
         share = made.error / made.spread if made.spread else 0.0
         size = f"{made.error:.3g} {split(name)[1]}".strip()
         errors[name] = f"{size}, {100 * share:.2g} % of the standard deviation"

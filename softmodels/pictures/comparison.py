@@ -21,7 +21,7 @@ from softmodels.case.case import Case
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table as CardRows
 from softmodels.common.commands import Provenance
-from softmodels.common.errors import Spoken
+from softmodels.common.errors import Spoken, no_case
 from softmodels.common.files import fingerprint, write_text
 from softmodels.common.lazy import scipy
 from softmodels.common.pages import Bullets, Cell, Charts, Fact, Page, Part, Table, Text
@@ -65,7 +65,7 @@ class Compared:
         """Return the results of a folder; ResultsError if it holds none that can be read, CaseError if its case file is
         wrong."""
         if not (folder / "case.toml").is_file():
-            raise ResultsError(f"{folder} holds no results of a run (there is no case.toml in it)")
+            raise ResultsError(f"{folder} holds no results of a run ({no_case(folder)})")
         states = StoredStates(folder)
 
         def displacement(step: int) -> Array:
@@ -105,7 +105,7 @@ class Difference:
 @dataclasses.dataclass(frozen=True)
 class Figures:
     """A figure of each of the results, nan where one has none, in a unit that is ``""`` for pure numbers. ``pascal`` is Pa in
-    one of its unit for a pressure in cm of water; 0 for all else."""
+    one of its unit for a pressure in cm of the column; 0 for all else."""
 
     what: str
     unit: str

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import itertools
 import math
-import re
 import textwrap
 from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
@@ -20,6 +19,7 @@ from matplotlib.figure import Figure
 from geometries import Actuator
 from softmodels.common.arrays import Array
 from softmodels.common.pages import UNITS, inline_svg, pascal
+from softmodels.common.units import column_unit
 from softmodels.materials.silicones import product_of
 from softmodels.pictures.style import (
     BRANCH,
@@ -36,7 +36,7 @@ from softmodels.pictures.style import (
     chart,
     number,
 )
-from softmodels.runs.columns import SourceRows, StateLabels, key_of, load_columns, term
+from softmodels.runs.columns import SourceRows, StateLabels, key_of, state_labels, term
 from softmodels.runs.fields import Row, at_rise, split
 from softmodels.runs.grid import parabolas
 from softmodels.runs.notes import cycles, jumped_over
@@ -57,14 +57,19 @@ DASHES = ("--", ":", "-.", (0, (10, 3)), (0, (1, 4)))
 """Line styles of the sources."""
 MOST_CYCLES = 6
 """Number of cycles up to which each is in the legend; of more only the first and the last."""
-PRESSURE = ("pressure_cm", "pressure in cm of water")
-"""Default abscissa of the plots: the column, and its label."""
+PRESSURE = "pressure_cm"
+"""Default abscissa of the plots."""
+
+
+def _pressure(words: StateLabels) -> tuple[str, str]:
+    """Return the default abscissa: the column and its label."""
+    return PRESSURE, f"pressure in {words.unit}"
 
 
 def over_of(case: Case) -> tuple[str, str]:
     """Return the abscissa of a case's plots: the column and its label; the pressure unless a dead load is requested."""
     if case.driven is None:
-        return PRESSURE
+        return _pressure(state_labels(case))
     return case.column, str(term(case.column))
 
 
@@ -79,7 +84,7 @@ def rise(
     gauge: str,
     pascal_per_cm: float,
     branch: Sequence[Row] = (),
-    over: tuple[str, str] = PRESSURE,
+    over: tuple[str, str] = (PRESSURE, f"pressure in {column_unit()}"),
     sources: SourceRows = MappingProxyType({}),
 ) -> Figure:
     """Plot the rise of the device's `Actuator.gauge`, such as the disk's apex, over the pressure or else (see `over_of`), of
@@ -90,7 +95,7 @@ def rise(
 
     def place(row: Row) -> str:
         at = f"{row['pressure_cm']:.4g} cm ({row['pressure_Pa'] / 1e3:.4g} kPa)"
-        return f"{at if over == PRESSURE else f'{row[over[0]]:.4g} {split(over[0])[1]}'}, {row[column]:.4g} mm"
+        return f"{at if over[0] == PRESSURE else f'{row[over[0]]:.4g} {split(over[0])[1]}'}, {row[column]:.4g} mm"
 
     _sources(axes, sources, rows, column, over[0])
     _path(axes, rows, column, branch, over[0])
@@ -100,14 +105,14 @@ def rise(
             axes.plot(row[over[0]], row[column], marker, color=colour, markersize=9, label=label)
     axes.set(xlabel=over[1], ylabel=f"rise of the {gauge} in mm")
     axes.margins(0.04)
-    if over == PRESSURE:
+    if over[0] == PRESSURE:
         kilopascals(axes, pascal_per_cm)
     axes.legend(loc="best")
     return figure
 
 
 def kilopascals(axes: Axes, pascal_per_cm: float) -> None:
-    """Add a second scale in kPa above a pressure in cm of water; ``pascal_per_cm`` is Pa in one of them."""
+    """Add a second scale in kPa above a pressure in cm of the column; ``pascal_per_cm`` is Pa in one of them."""
     k = pascal_per_cm / 1e3
     functions = (lambda cm: np.asarray(cm) * k, lambda kPa: np.asarray(kPa) / k)
     axes.secondary_xaxis("top", functions=functions).set_xlabel("pressure in kPa", labelpad=8)
@@ -115,12 +120,12 @@ def kilopascals(axes: Axes, pascal_per_cm: float) -> None:
 
 def drawing(figure: Figure, pascal_per_cm: float) -> str:
     """Return a figure for a page, marked as HTML, with axes for each unit of pressure that the page can have; those of the
-    figure are in cm of water, as their labels say; ``pascal_per_cm`` is Pa in one cm of the column."""
+    figure are in cm of the column, as their labels say; ``pascal_per_cm`` is Pa in one cm of the column."""
     stream = io.StringIO()
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": "softmodels"}):
         for axes in figure.axes:
             for axis in (axes.xaxis, axes.yaxis):
-                if "cm of water" in axis.label.get_text():
+                if column_unit(pascal_per_cm) in axis.label.get_text():
                     axis.set_gid("pu-cm")
                     axes.add_artist(_OtherUnits(axis, pascal_per_cm))
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
@@ -140,7 +145,7 @@ class _OtherUnits(Artist):
         axis, label, (low, high) = self._axis, self._axis.label.get_text(), self._axis.get_view_interval()
         for unit, share in {**{unit: self._pascal / pascal(unit) for unit in UNITS}, "cm": 1.0}.items():
             axis.set_view_interval(share * low, share * high, ignore=True)
-            axis.set_label_text(label.replace("cm of water", unit) if unit in UNITS else label)
+            axis.set_label_text(label.replace(column_unit(self._pascal), unit) if unit in UNITS else label)
             axis.set_gid(f"pu-{unit}")
             if unit in UNITS:  # the figure draws its own
                 axis.draw(renderer)
@@ -150,7 +155,7 @@ def curves(
     rows: Sequence[Row],
     words: StateLabels,
     branch: Sequence[Row] = (),
-    over: tuple[str, str] = PRESSURE,
+    over: tuple[str, str] = (PRESSURE, f"pressure in {column_unit()}"),
     sources: SourceRows = MappingProxyType({}),
 ) -> list[Figure]:
     """Plot the gauge's rise, the added volume and the blocked force, if any, over the pressure.
@@ -163,10 +168,9 @@ def curves(
         *([(over, ("added_volume_ml", "added volume in ml"))] if words.volume else []),
     ]
     wanted += [(over, (name, f"{term(name).name} in N")) for name in FORCES if name in rows[0]]
-    loads = [name for name in rows[0] if re.fullmatch(r"(moved|turned)(_\w+)?_(mm|deg)|sag_mm", name)]
-    wanted += [(over, (name, str(term(name)))) for name in loads]
+    wanted += [(over, (name, str(term(name)))) for name in words.moved]
     if "stroke_ml" in rows[0]:
-        wanted.insert(0, (("stroke_ml", f"stroke of the {words.driver} in ml"), PRESSURE))
+        wanted.insert(0, (("stroke_ml", f"stroke of the {words.driver} in ml"), _pressure(words)))
     figures = []
     for (place, below), (column, label) in wanted:
         figure, axes = chart(4.2, WIDTH / 2)
@@ -303,7 +307,7 @@ def smooth(path: Array, count: int = 400) -> Array:
 # Plots of a program: loads of each cavity and response of the device, over the program's steps.
 
 
-SUPPLIED = {"source_pressure_cm": "source pressure\nin cm of water", "flow_ml_per_min": "flow in\nml/min"}
+SUPPLIED = {"source_pressure_cm": "source pressure\nin {}", "flow_ml_per_min": "flow in\nml/min"}
 """Columns of a supply in time, with their labels."""
 
 
@@ -311,10 +315,14 @@ def steps(rows: Sequence[Row], words: StateLabels) -> Figure:
     """Plot the gauge's rise, the cavities' pressures, their added volumes and the loads over the steps, in panels."""
     panels = [
         ([f"{words.gauge}_mm"], f"{words.gauge} rise in mm"),
-        (words.pressures(rows[0]), "pressure in\ncm of water"),
+        (words.pressures(rows[0]), f"pressure in\n{words.unit}"),
         (words.volumes(rows[0]), "added volume\nin ml"),
-        *(([name], label) for name, label in SUPPLIED.items() if not np.isnan(rows[0].get(name, np.nan))),
-        *(([name], str(term(name))) for name in load_columns(rows[0])),
+        *(
+            ([name], label.format(words.unit))
+            for name, label in SUPPLIED.items()
+            if not np.isnan(rows[0].get(name, np.nan))
+        ),
+        *(([name], str(term(name))) for name in words.loads),
         *([(["kinetic_energy_mJ"], "kinetic energy\nin mJ")] if "kinetic_energy_mJ" in rows[0] else []),
     ]
     panels = [panel for panel in panels if panel[0]]
@@ -365,9 +373,9 @@ def loop(rows: Sequence[Row], words: StateLabels) -> Figure:
         marker, wide = {1: ("o", 2.0), len(found): ("s", 2.0)}.get(count, ("", 0.9))
         shown = label if marker or len(found) <= MOST_CYCLES else None
         for axes, name in zip(places, ("added_volume_ml", f"{words.gauge}_mm"), strict=True):
-            x, y = ([row[column] for row in cycle.rows] for column in (name, PRESSURE[0]))
+            x, y = ([row[column] for row in cycle.rows] for column in (name, PRESSURE))
             axes.plot(x, y, "-", marker=marker, color=colour, linewidth=wide, markersize=4.0, label=shown)
-    places[0].set(xlabel="added volume in ml", ylabel=PRESSURE[1])
+    places[0].set(xlabel="added volume in ml", ylabel=_pressure(words)[1])
     places[1].set(xlabel=f"rise of the {words.gauge} in mm")
     figure.legend(*places[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
@@ -490,7 +498,7 @@ def profiles(
 
 def _legend_beside(axes: Axes, words: StateLabels) -> None:
     """A legend to the right of the axes, on no line."""
-    title = "water column" if words.pressure else "load"
+    title = f"column of\n{words.unit.removeprefix('cm, ')}" if words.pressure else "load"
     axes.legend(title=title, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, alignment="left")
 
 

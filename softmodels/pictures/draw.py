@@ -24,6 +24,7 @@ from softmodels.case.entries import CaseError
 from softmodels.case.materials import OwnModuleError, import_own_modules
 from softmodels.common.arrays import Array
 from softmodels.common.commands import ALL_PICTURES, DrawingOptions, options, unswept
+from softmodels.common.errors import no_case
 from softmodels.common.folders import PATIENCE, InUseError, OwnFolderError
 from softmodels.common.processes import say
 from softmodels.components.contact import obstacle_of
@@ -162,12 +163,16 @@ def _solids(shown: Look, out: DrawnFolder, few: bool) -> None:
     texts = {
         "Camera": camera.text,
         "Scale": f"{scale.low:g} to {scale.top:.9g} {scale.unit}",
-        "Largest": f"{scale.largest:.4g} {scale.unit} {scale.defined}",
     }
     for k, (step, image) in enumerate(images, 1):
-        caption = shown.caption(step, camera)
+        caption = shown.caption(step, camera, scale)
         again = "cut" if k == len(images) and shown.opened and not few else ""
-        out.save(f"stress-{k}", solid.page(image, caption, scale), {**texts, "Title": caption.title}, again)
+        out.save(
+            f"stress-{k}",
+            solid.page(image, caption, scale),
+            {**texts, "Title": caption.title, "Largest": caption.largest},
+            again,
+        )
     out.save("stress", solid.sheet(images, shown, camera), texts)
     if few:
         return
@@ -204,7 +209,7 @@ def draw_folder(
     with reported(folder):
         if name is None:
             if not (folder / "case.toml").exists():
-                raise ResultsError(f"{folder} holds no results (there is no case.toml in it)")
+                raise ResultsError(f"{folder} holds no results ({no_case(folder)})")
             name = Case.from_file(folder / "case.toml").name
 
         def left_out(text: str) -> None:

@@ -22,6 +22,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.commands import COLORMAP, COLORMAP_OPTION, Provenance
 from softmodels.common.files import image_uri, read_text, write_text
 from softmodels.common.pages import Bullets, Charts, Fact, Folded, Listing, Page, Part, Picture, Table, Text
+from softmodels.common.units import column_unit
 from softmodels.design.result import CAPTIONS, REPORT, DesignTold, ParameterTold, TrialTold
 from softmodels.materials.silicones import publications
 from softmodels.pictures.curves import drawing, kilopascals, limits, smooth
@@ -82,7 +83,7 @@ def paths(before: Sequence[Row], after: Sequence[Row], gauge: str, pascal_per_cm
         for row in limits(rows):
             label = f"limit point, {words}: {row['pressure_cm']:.4g} cm"
             axes.plot(row["pressure_cm"], row[column], "D", color=WARNING, markersize=9, label=label)
-    axes.set(xlabel="pressure in cm of water", ylabel=f"rise of the {gauge} in mm")
+    axes.set(xlabel=f"pressure in {column_unit(pascal_per_cm)}", ylabel=f"rise of the {gauge} in mm")
     axes.margins(0.06)
     kilopascals(axes, pascal_per_cm)
     axes.legend(loc="best")
@@ -206,7 +207,6 @@ def shapes(pair: tuple[States, States], colormap: str = COLORMAP) -> Figure:
     looks = [look(states, colormap) for states in pair]
     scales = [one.scales["von_mises"] for one in looks]
     scale = max(scales, key=lambda one: one.top)
-    scale.largest = max(one.largest for one in scales)
     clouds = [one.points(step) for one in looks for step in (0, one.states.main)]
     camera = ViewCamera.around(clouds, looks[0].direction, looks[0].up, PIXELS // 2, 1.1)
     images = []
@@ -216,7 +216,9 @@ def shapes(pair: tuple[States, States], colormap: str = COLORMAP) -> Figure:
             shot = shoot(one.coloured(states.main, scale))
         images.append((f"{name}: {headline(states.rows[states.main], states.words)}", shot))
     figure = tiled(images, FOOT)
-    scale.bar(figure)
+    shown = [(one.states, one.states.main) for one in looks]
+    values = np.concatenate([states.field(step, scale.field) for states, step in shown])
+    scale.bar(figure, scale.largest([states.rows[step] for states, step in shown], values))
     rulers(figure, camera.metres, camera.axes)
     return figure
 
@@ -301,7 +303,7 @@ def page(folder: Path, told: DesignTold, drawn: Sequence[Part], pair: tuple[Stat
                  "" if told["feasible"] else "see the warnings and reasons below", not told["feasible"]),
             *(Fact(f"Rise of the {gauge}, {name}", f"{row[f'{gauge}_mm']:.4g} mm", load(row, states.words))
               for name, row, states in (("as given", given, pair[0]), ("design", best, pair[1]))),
-            *([Fact("Limit point of the design", f"{limit['pressure_cm']:.4g} cm of water")] if limit else []),
+            *([Fact("Limit point of the design", f"{limit['pressure_cm']:.4g} {pair[1].words.unit}")] if limit else []),
         ],
         [*([f"{told['trouble']}."] if told["trouble"] else []), *told["missed"]],
         publications(pair[1].case.material), downloads, pair[1].case.cm,

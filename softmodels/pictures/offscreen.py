@@ -383,8 +383,10 @@ class Look:
         skin = self.states.skin
         return skin.device(skin.points(self.states.moved(step)), self.kept if kept is None else kept)
 
-    def caption(self, step: float, camera: ViewCamera | None = None, **more: str) -> Caption:
-        """Return what stands around a picture of a state, with further fields of `Caption`."""
+    def caption(
+        self, step: float, camera: ViewCamera | None = None, scale: Scale | None = None, **more: str
+    ) -> Caption:
+        """Return what stands around a picture of a state, with further fields of `Caption`; ``scale`` is of its colours."""
         states = self.states
         texts = {"title": headline(states.row(step), states.words), **more}
         of = subject(states.case) + ("; grey: undeformed" if step else "")
@@ -393,6 +395,7 @@ class Look:
             subject=of,
             metres=None if camera is None else camera.metres,
             axes=None if camera is None else camera.axes,
+            largest="" if scale is None else self.largest(scale, step),
             **texts,
         )
 
@@ -450,6 +453,12 @@ class Look:
             values = np.array([states.field(step, field) for step in steps])
             found[field] = Scale(values, field, [states.row(step) for step in steps], self.colours)
         return found
+
+    def largest(self, scale: Scale, *steps: float) -> str:
+        """Return the largest value of a field in the states of a picture, in words."""
+        states = self.states
+        values = np.array([states.field(step, scale.field) for step in steps])
+        return scale.largest([states.row(step) for step in steps], values)
 
     def coloured(self, step: float, scale: Scale) -> list[Layer]:
         """Return the layers of a state, coloured, with its sharp edges."""

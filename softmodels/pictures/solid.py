@@ -108,7 +108,7 @@ def section_stress(look: Look, step: float, plate: float | None = None) -> Figur
     _coloured_section(axes, states, step, scale)
     if plate is not None:
         axes.axhline(plate * 1e3, color=WARNING, linewidth=1.5, linestyle="--")
-    scale.bar(figure)
+    scale.bar(figure, look.largest(scale, step))
     return figure
 
 
@@ -149,7 +149,7 @@ def section_sheet(look: Look) -> Figure:
         axes.set_title(title, fontsize=11, color=title_colour(title))
     name = look.caption(states.main).subject
     figure.text(0.5, 1 - 0.08 / whole, name, ha="center", va="top", fontsize=11, color=EDGE)
-    scale.bar(figure)
+    scale.bar(figure, look.largest(scale, *steps))
     rulers(figure, 1e-3 * tall / (height * DPI), np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]]))
     return figure
 
@@ -164,7 +164,7 @@ def section_hot(look: Look) -> Figure:
     for colour, wide in (("white", 5.0), ("black", 2.0)):
         axes.plot(x, z, "o", mfc="none", color=colour, markersize=16, markeredgewidth=wide)
     figure.text(0.5, 1.2 / figure.get_figheight(), hot.note, ha="center", color=WARNING, fontsize=11)
-    scale.bar(figure)
+    scale.bar(figure, look.largest(scale, step))
     return figure
 
 
@@ -385,7 +385,7 @@ def slice_stress(look: Look) -> Figure:
                 *look.plate_layers(step),
             ]
         )
-    return page(image, look.caption(step, camera), scale)
+    return page(image, look.caption(step, camera, scale), scale)
 
 
 def mode(look: Look, step: int, amount: float = 0.15) -> Figure:
@@ -426,7 +426,8 @@ def sheet(images: list[tuple[float, Image]], look: Look, camera: ViewCamera) -> 
     states = look.states
     named = [(load(states.row(step), states.words), image) for step, image in images]
     figure = tiled(named, FOOT, look.caption(states.main).subject)
-    look.scales["von_mises"].bar(figure)
+    scale = look.scales["von_mises"]
+    scale.bar(figure, look.largest(scale, *(step for step, _ in images)))
     rulers(figure, COLUMNS[len(images)] * camera.metres, camera.axes)
     return figure
 
@@ -465,7 +466,7 @@ def cut(look: Look) -> Figure:
     camera = ViewCamera.around(clouds, direction, look.up if abs(direction @ look.up) < 0.99 else np.eye(3)[0])
     with studio(camera) as shoot:
         image = shoot(layers)
-    caption = look.caption(step, camera)
+    caption = look.caption(step, camera, scale)
     return page(image, dataclasses.replace(caption, title=caption.title + where), scale)
 
 
@@ -491,7 +492,7 @@ def hot_spots(look: Look) -> Figure:
     layers += [(circle, {"color": colour, "line_width": wide}) for colour, wide in (("white", 7.0), ("black", 3.0))]
     with studio(camera) as shoot:
         (image,) = outlined([shoot(layers)], look.at_rest(shoot, everything))
-    return page(image, look.caption(step, camera, title=hot_title(hot), note=hot.note), scale)
+    return page(image, look.caption(step, camera, scale, title=hot_title(hot), note=hot.note), scale)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

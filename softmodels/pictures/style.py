@@ -85,7 +85,7 @@ def load(row: Row, words: StateLabels, kilopascals: bool = True) -> str:
         kilopascals: Whether a pressure is shown in kPa too.
     """
     step = f"step {row['load_step']:.3g}: " if "load_step" in row else ""
-    pressure = f"{' and '.join(number(row[name]) for name in words.pressures(row))} cm of water"
+    pressure = f"{' and '.join(number(row[name]) for name in words.pressures(row))} {words.unit}"
     if kilopascals and words.pressure and not step:
         pressure += f" ({row['pressure_Pa'] / 1e3:.3g} kPa)"
     overlap = overlap_text(row)
@@ -122,13 +122,14 @@ CLIPPED = 99.5
 class Caption:
     """What stands around an image: the title above it, below that the device and its silicone, below these a note in the
     warning colour; metres of one pixel, None where no length can be read off; where x, y and z point in the image, to the
-    right and upwards, shape (3, 2)."""
+    right and upwards, shape (3, 2); the largest value of the coloured field in the shown state, for the colour bar."""
 
     title: str
     subject: str = ""
     note: str = ""
     metres: float | None = None
     axes: Array | None = None
+    largest: str = ""
 
 
 def subject(case: Case) -> str:
@@ -159,7 +160,7 @@ def page(image: npt.NDArray[np.uint8], caption: Caption, scale: Scale | None = N
     for above, text, size, colour in placed:
         figure.text(0.5, 1 - above / whole, text, ha="center", va="top", fontsize=size, color=colour)
     if scale is not None:
-        scale.bar(figure)
+        scale.bar(figure, caption.largest)
     if caption.metres is not None and caption.axes is not None:
         rulers(figure, caption.metres, caption.axes)
     return figure
@@ -212,21 +213,30 @@ class Scale:
 
     Corners make a few nodes stand far out, and a scale up to them would leave the body one colour. The scale therefore ends
     at the next round value above which, in the state that has most, a two-hundredth of the nodes lies. The bar says so, and
-    whether its colours follow the value or a power of it. The largest value on the bar is the one of the shown rows of
-    ``path.csv``, over the integration points of the whole device: nodal values scatter around it.
+    whether its colours follow the value or a power of it. The largest value below the bar is that of the states in the
+    picture, from their rows of ``path.csv``, over the integration points of the whole device: nodal values scatter around it.
     """
 
     def __init__(self, values: Array, field: str = "von_mises", rows: Sequence[Row] = (), colours: str = COLORMAP):
         shown, how = coloured()[field]
         self.what, self.unit, self.factor, self.low = shown.title, how.unit, how.factor, how.rest
-        column = shown.largest.column if shown.largest else ""
+        self._column = shown.largest.column if shown.largest else ""
         self.field, self.power = field, how.power
-        told = [float(row[column]) for row in rows if column in row]
-        self.largest = max(told) if told else float(values.max()) * self.factor
-        self.defined = "at an integration point" if told else "at a node"
+        self.highest = self._highest(rows, values)[0]
         end = float(np.percentile(values, CLIPPED, axis=-1).max()) * self.factor
         self.top = self.low + _round_up(end - self.low) if end > self.low else self.low + 1.0
         self.colours = matplotlib.colormaps[colours]
+
+    def _highest(self, rows: Sequence[Row], values: Array) -> tuple[float, str]:
+        """Return the largest value of some states in the bar's unit, and where it is taken."""
+        told = [float(row[self._column]) for row in rows if self._column in row]
+        return (max(told), "at an integration point") if told else (float(values.max()) * self.factor, "at a node")
+
+    def largest(self, rows: Sequence[Row], values: Array) -> str:
+        """Return the largest value of the states in a picture, from their rows or their nodal values in SI units, in words."""
+        value, place = self._highest(rows, values)
+        beyond = f"; at most {100 - CLIPPED:g} % of the nodes lie above the scale" if value > self.top else ""
+        return f"largest, {place}: {f'{value:.4g} {self.unit}'.strip()}{beyond}"
 
     @property
     def norm(self) -> Normalize:
@@ -255,9 +265,10 @@ class Scale:
         """How colours follow the field."""
         return {1.0: "linear scale", 0.5: "square-root scale"}.get(self.power, f"scale of the power {self.power:g}")
 
-    def bar(self, figure: Figure) -> None:
-        """Draw the bar at the foot of a figure, which must be `FOOT` inches high or more."""
+    def bar(self, figure: Figure, largest: str) -> None:
+        """Draw the bar at the foot of a figure, which must be `FOOT` inches high or more, above the `largest` value shown."""
         figure.add_artist(Pixels(self.foot[1], 0, 0))
+        figure.text(0.5, 0.14 / figure.get_figheight(), largest, ha="center", fontsize=10.5, color=EDGE)
 
     @functools.cached_property
     def foot(self) -> tuple[Axes, npt.NDArray[np.uint8]]:
@@ -265,13 +276,10 @@ class Scale:
         figure = Figure((WIDTH, FOOT), dpi=DPI)
         axes = figure.add_axes((0.2, 0.82 / FOOT, 0.6, 0.18 / FOOT))
         scale = ScalarMappable(self.norm, self.colours)
-        extend = "max" if self.largest > self.top else "neither"
+        extend = "max" if self.highest > self.top else "neither"
         ticks = None if self.power == 1.0 else self.ticks()
         label = f"{self.what}{f' in {self.unit}' if self.unit else ''}, {self.kind}"
         figure.colorbar(scale, cax=axes, orientation="horizontal", extend=extend, label=label, ticks=ticks)
-        beyond = f"; at most {100 - CLIPPED:g} % of the nodes lie above the scale" if self.largest > self.top else ""
-        note = f"largest, {self.defined}: {f'{self.largest:.4g} {self.unit}'.strip()}{beyond}"
-        figure.text(0.5, 0.14 / FOOT, note, ha="center", fontsize=10.5, color=EDGE)
         return axes, np.asarray(drawn(figure))
 
 

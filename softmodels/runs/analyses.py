@@ -24,7 +24,7 @@ from softmodels.common.lazy import MPI, scipy
 from softmodels.common.names import read_only
 from softmodels.common.processes import answers, cores
 from softmodels.common.schema import Length, Quantity, about, shown
-from softmodels.common.units import UnitError, brief, number, quantity
+from softmodels.common.units import UnitError, brief, column_unit, number, quantity
 from softmodels.components.loads import weighed
 from softmodels.materials.laws import Material
 from softmodels.materials.silicones import (
@@ -367,7 +367,7 @@ def band_texts(bands: Mapping[str, tuple[str, ...]], limits: Mapping[str, Limit]
             continue
         found = sorted(((limits[name], name) for name in names), key=lambda pair: pair[0].pressure)
         low, high = (
-            f"{one.pressure / cm:.4g} cm ({one.pressure / 1e3:.4g} kPa, {_what(one, name)})"
+            f"{one.pressure / cm:.4g} {column_unit(cm)} ({one.pressure / 1e3:.4g} kPa, {_what(one, name)})"
             for one, name in (found[0], found[-1])
         )
         texts.append(f"{product} over its {len(names)} sources: {low} to {high}; see softmodels silicones {product}")
@@ -493,18 +493,18 @@ class NaturalFrequencies(Shown):
         return found
 
 
-def case_for_modes(case: Case, pressures_cm: Sequence[float] = ()) -> Case:
+def case_for_modes(case: Case, pressures_cm: Sequence[float] | None = None) -> Case:
     """Return a case with only its pressures or added volumes, or the given pressures in cm, as a load; at rest, or under its
-    dead loads, if it has none. `CaseError` for another load."""
-    load = {
-        "pressures_cm": tuple(pressures_cm) or case.pressures_cm,
-        "volumes_ml": () if pressures_cm else case.volumes_ml,
-    }
-    if case.values and not any(load.values()):
+    dead loads, if these are 0 or it has none. `CaseError` for another load."""
+    load = {"pressures_cm": case.pressures_cm, "volumes_ml": case.volumes_ml}
+    if pressures_cm is not None:
+        load = {"pressures_cm": tuple(pressures_cm), "volumes_ml": ()}
+    elif any(case.values) and not any(load.values()):
         raise CaseError(
             "frequencies are found at rest, or at rising pressures or added volumes, and not along a program, strokes or "
-            "forces; give the pressures (--pressure-cm)"
+            "forces; give the pressures (--pressure-cm 0:10), or 0 for the state at rest (--pressure-cm 0)"
         )
+    load = {key: values if any(values) else () for key, values in load.items()}
     values = {field.name: getattr(case, field.name) for field in dataclasses.fields(case)} | load
     others = {"strokes_ml": (), "supply": None, "program": (), "driven": None, "load_unload": False, "band": None,
               "inertia": False}  # fmt: skip

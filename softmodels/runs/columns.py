@@ -23,9 +23,10 @@ from softmodels.case.case import Case
 from softmodels.case.materials import MaterialErrors, SourceBand
 from softmodels.common.arrays import Array
 from softmodels.common.files import csv_text, write_text
+from softmodels.common.units import column_unit
 from softmodels.materials.silicones import named, silicone_called, source_names, stretch_at_break
 from softmodels.mechanics.component import COMPONENTS
-from softmodels.mechanics.controls import volume_control
+from softmodels.mechanics.controls import LoadPart, volume_control
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.path.program import SOURCE, time_at, value_at
 from softmodels.path.schedule import source_at
@@ -133,7 +134,9 @@ def every_column() -> Iterator[PathColumn | Columns]:
 def term(column: str, device: Actuator | None = None, supply: str = "supply") -> ColumnText:
     """Return the description of a column of ``path.csv``; an unknown column is described by its own name. ``supply`` is in a
     word what drives the air."""
-    found = (entry.term(column, device) for entry in (DEVICE, *every_column(), NAMED))
+    # A column that is known by its whole name is not described by a pattern that fits it too, such as that of named gaps.
+    entries = sorted((DEVICE, *every_column(), NAMED), key=lambda entry: isinstance(entry, Columns))
+    found = (entry.term(column, device) for entry in entries)
     known = next((one for one in found if one is not None), described(column, (split(column)[0].replace("_", " "), "")))
     return known.told_of(supply)
 
@@ -145,22 +148,8 @@ def cavity_columns(row: Row, what: str, unit: str) -> list[str]:
     return list(itertools.takewhile(row.__contains__, numbered)) or [f"{what}_{unit}"]
 
 
-def loads_words(row: Row) -> list[str]:
-    """Return the weights, forces and moments of a state in words, such as ``"force tip 2 N"``."""
-    found = []
-    for name in load_columns(row):
-        words, unit = split(name)
-        found.append(f"{words.replace('_', ' ')} {row[name]:.4g} {unit}")
-    return found
-
-
-def load_columns(row: Row) -> list[str]:
-    """Return the columns with weights, forces and moments."""
-    return [name for name in row if re.fullmatch(r"weight_N|force(_\w+)?_N|moment(_\w+)?_Nmm", name)]
-
-
 def _height(solved: Solved) -> float:
-    """Return the height of the water column in cm."""
+    """Return the height of the column in cm."""
     height = solved.pressure / solved.case.cm
     asked = solved.case.pressures_cm if solved.point.requested else ()
     # as typed, without the rounding of two conversions
@@ -354,13 +343,13 @@ BAND = Columns("band", lambda s: s.band, _band_term)
 _COLUMNS: tuple[PathColumn | Columns, ...] = (
     PathColumn("step", "step", "number of the state along the path, from rest", lambda s: s.number),
     PathColumn("pressure_cm", "pressure",
-           "of the air in the cavity, as the height of the water column that balances it", _height),
+           "of the air in the cavity, as the height of the column that balances it, of the load's water_density", _height),
     PathColumn("pressure_Pa", "pressure", "the same in pascal, above ambient pressure", lambda s: s.pressure),
     PathColumn("added_volume_ml", "added volume", "volume of the whole device's cavities minus that at rest; with pressure "
            "ratios, the work-conjugate of the common pressure", lambda s: s.figures.added_volume * 1e6),
     PathColumn("stroke_ml", "stroke", "volume that the {supply} has displaced or let in",
            lambda s: _stroke(s) * 1e6, _by_strokes),
-    PathColumn("source_pressure_cm", "source pressure", "of the {supply}, as the height of the water column that balances it",
+    PathColumn("source_pressure_cm", "source pressure", "of the {supply}, as the height of the column that balances it",
            _source_height, _in_time),
     PathColumn("flow_ml_per_min", "flow", "from the source towards the device, as volume at ambient pressure", _flow, _in_time),
     PathColumn("gas_ml", "gas", "amount of gas in tubes, fittings and cavity, as its volume at ambient pressure",
@@ -397,9 +386,8 @@ _COLUMNS: tuple[PathColumn | Columns, ...] = (
     PathColumn("kinetic_energy_mJ", "kinetic energy", "of the whole device and the masses bonded to it",
            lambda s: s.figures.kinetic_energy * 1e3, lambda case: case.inertia),
     PathColumn("least_gap_mm", "least gap",
-           "smallest distance between facing walls, negative if they overlap; the "
-           "search distance if no walls are near",
-           lambda s: (s.fields.walls.reach if s.gap is None else s.gap.value) * 1e3),
+           "smallest distance between facing walls, negative if they overlap; empty if no walls are near",
+           lambda s: None if s.gap is None else s.gap.value * 1e3),
     PathColumn("walls_touch", "walls overlap",
            f"1 where walls overlap by more than {OVERLAP:.0%} of their thickness, or where the surface is folded onto itself "
            "within a cell: the state is invalid", lambda s: int(s.overlaps)),
@@ -447,8 +435,14 @@ def overlap_text(row: Row) -> str:
     """Return a warning that walls overlap in a state or its surface is folded, for its line, title and picture; else ""."""
     if not row.get("walls_touch"):
         return ""
-    gap = row["least_gap_mm"]
-    return f"{f'WALLS OVERLAP by {-gap:.3g} mm' if gap < 0.0 else 'SURFACE FOLDED onto itself'}: {INVALID}"
+    overlap = overlap_of(row)
+    return f"{f'WALLS OVERLAP by {overlap:.3g} mm' if overlap > 0.0 else 'SURFACE FOLDED onto itself'}: {INVALID}"
+
+
+def overlap_of(row: Row) -> float:
+    """Return by how many mm walls overlap in a state; 0 where none do."""
+    gap = row.get("least_gap_mm")  # NaN where no walls are near
+    return -gap if gap < 0.0 else 0.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -460,6 +454,8 @@ class StateLabels:
         pressure, volume: Whether it is pressurised, and has a cavity.
         driver: The air supply, in a word.
         along: Columns of the load and its conjugate, which locate a state on the path.
+        loads, moved: Columns with weights, forces and moments, and of what each works on.
+        unit: Of the heights of the column, with the density of its liquid.
     """
 
     gauge: str
@@ -467,10 +463,22 @@ class StateLabels:
     volume: bool = True
     driver: str = "supply"
     along: tuple[str, str] = PRESSURE_AND_VOLUME
+    loads: tuple[str, ...] = ()
+    moved: tuple[str, ...] = ()
+    unit: str = column_unit()
+
+    def load_columns(self, row: Row) -> list[str]:
+        """Return the columns with weights, forces and moments that a row has."""
+        return [name for name in self.loads if name in row]
+
+    def loads_words(self, row: Row) -> list[str]:
+        """Return the weights, forces and moments of a state in words, such as ``"force tip 2 N"``."""
+        parts = ((*split(name), row[name]) for name in self.load_columns(row))
+        return [f"{words.replace('_', ' ')} {value:.4g} {unit}" for words, unit, value in parts]
 
     def under(self, row: Row, pressure: str) -> str:
         """Return the loads of a state: the given words for its pressure, then its weights, forces and moments."""
-        return ", ".join([*([pressure] if self.pressure else []), *loads_words(row)]) or "no load"
+        return ", ".join([*([pressure] if self.pressure else []), *self.loads_words(row)]) or "no load"
 
     def place(self, row: Row) -> str:
         """Return the loads of a state, short: ``"34.81 cm"``, ``"12 cm, force tip 2 N"``."""
@@ -478,7 +486,7 @@ class StateLabels:
 
     def loaded(self, row: Row) -> bool:
         """Return whether anything acts on a state."""
-        return any(row.get(column) for column in (*self.along, *PRESSURE_AND_VOLUME, *load_columns(row)))
+        return any(row.get(column) for column in (*self.along, *PRESSURE_AND_VOLUME, *self.loads))
 
     def pressures(self, row: Row) -> list[str]:
         """Return the columns with pressures that are shown: one for each cavity, or none."""
@@ -505,7 +513,12 @@ class StateLabels:
 
 def state_labels(case: Case) -> StateLabels:
     """Return the labels of a case's states."""
-    words = StateLabels(case.actuator.gauge, case.load.has_pressure, bool(case.actuator.ratios), case.load.driver)
+    loads = [part for part in case.components if isinstance(part, LoadPart) and not part.idle(case.components)]
+    words = StateLabels(
+        case.actuator.gauge, case.load.has_pressure, bool(case.actuator.ratios), case.load.driver,
+        loads=tuple(load.column for load in loads), moved=tuple(load.moved_column for load in loads),
+        unit=column_unit(case.cm),
+    )  # fmt: skip
     if case.driven is None:
         return words
     load = case.driven.of(case.components)

@@ -9,6 +9,8 @@ import contextlib
 import dataclasses
 import functools
 import json
+import math
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol, TypedDict
@@ -153,6 +155,8 @@ def read_step(group: h5py.Group, file: str, path: str) -> StoredStep:
 # https://docs.vtk.org/en/latest/vtk_file_formats/vtkhdf_file_format/ : an unstructured grid with steps. The grid is there once;
 # a nodal field is one array over all steps, which here is a virtual dataset: HDF5 reads it piece by piece from where each step
 # lies, in this file or another beside it. Nothing is stored twice, and the light file can be replaced whole after each step.
+# Once a run is gathered, the group is in the HDF5 file with all data, and the .vtkhdf is a second name of that file, so that it
+# can be given away by itself.
 
 
 VERSION = (2, 2)
@@ -184,7 +188,7 @@ def write_vtkhdf(file: h5py.File, heavy: str, shapes: Shapes, stored: Sequence[S
     group.create_dataset("Types", data=np.full(cells, CELL_TYPES[cell_name], dtype=np.uint8), **small)
     steps = group.create_group("Steps")
     steps.attrs["NSteps"] = len(stored)
-    _put(steps, "Values", np.array([step.row["step"] for step in stored], dtype=float))
+    _put(steps, "Values", np.array(times_of(stored)))
     none = np.zeros(len(stored), dtype=np.int64)
     _put(steps, "NumberOfParts", none + 1)
     for name in ("PartOffsets", "PointOffsets"):
@@ -240,9 +244,27 @@ def _flat(group: h5py.Group, name: str, file: str, path: str, shape: tuple[int, 
     h5py.h5d.create(group.id, name.encode(), h5py.h5t.NATIVE_INT64, flat, properties)
 
 
-def link_vtkhdf(file: h5py.File, heavy: str) -> None:
-    """The light file of a run that is gathered: its group is in the file with the grid and all steps."""
-    file[GROUP] = h5py.ExternalLink(heavy, f"/{GROUP}")
+TIMES = ("time_s", "pressure_cm", "added_volume_ml")
+"""Columns of ``path.csv`` that may be the time of steps: the first one that changes in one direction."""
+
+
+def times_of(stored: Sequence[StoredStep]) -> list[float]:
+    """Return the time of each step in ParaView and VTK, where it has to rise: that in s, the pressure in cm of the column or
+    the added volume in ml, of a vacuum its size; the number of the step where the path turns in all of them."""
+    for column in TIMES:
+        values = np.abs([step.row.get(column, math.nan) for step in stored])
+        if (np.diff(values) > 0.0).all() and np.isfinite(values).all():
+            return values.tolist()
+    return [float(step.row["step"]) for step in stored]
+
+
+def link_vtkhdf(file: Path, heavy: Path) -> None:
+    """Make the VTKHDF of a gathered run a second name of the file with the grid and all steps; a reference to it on disks that
+    have no second names."""
+    try:
+        replace(file, lambda aside: os.link(heavy, aside))
+    except OSError:
+        replace_hdf5(file, lambda light: light.__setitem__(GROUP, h5py.ExternalLink(heavy.name, f"/{GROUP}")))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -256,8 +278,8 @@ def xdmf(name: str, heavy: str, shapes: Shapes, stored: Sequence[StoredStep]) ->
     """Return the XDMF of a folder of results: the stem of its files, the HDF5 file with the grid, the grid's shapes, and where
     each step's fields are."""
     steps = [
-        _grid(name, heavy, shapes, str(step.row["step"]), f"{step.file}:{step.group}", tuple(step.shapes.items()))
-        for step in stored
+        _grid(name, heavy, shapes, f"{time:.12g}", f"{step.file}:{step.group}", tuple(step.shapes.items()))
+        for step, time in zip(stored, times_of(stored), strict=True)
     ]
     series = f'<Grid Name={quoteattr(name)} GridType="Collection" CollectionType="Temporal">'
     lines = ["<?xml version='1.0' encoding='utf-8'?>", '<Xdmf Version="3.0">', "  <Domain>", f"    {series}", *steps]
@@ -299,13 +321,11 @@ def write_light(heavy: Path, shapes: Shapes, stored: Sequence[StoredStep], gathe
     light = xdmf(heavy.stem, heavy.name, shapes, stored)
     replace(heavy.with_suffix(".xdmf"), lambda path: path.write_bytes(light))
 
-    def fill(file: h5py.File) -> None:
-        if gathered:
-            link_vtkhdf(file, heavy.name)
-        else:
-            write_vtkhdf(file, heavy.name, shapes, stored)
-
-    replace_hdf5(heavy.with_suffix(".vtkhdf"), fill)
+    light_hdf5 = heavy.with_suffix(".vtkhdf")
+    if gathered:
+        link_vtkhdf(light_hdf5, heavy)
+    else:
+        replace_hdf5(light_hdf5, lambda file: write_vtkhdf(file, heavy.name, shapes, stored))
 
 
 def write_gathered(

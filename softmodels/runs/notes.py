@@ -18,6 +18,7 @@ from softmodels.case.case import Case
 from softmodels.case.entries import followed_text
 from softmodels.case.materials import Region
 from softmodels.common.commands import FULL
+from softmodels.common.units import column_unit
 from softmodels.components.contact import Walls, obstacle_of
 from softmodels.components.loads import Gravity
 from softmodels.components.rigid import Clamp, Rigid
@@ -42,7 +43,7 @@ from softmodels.path.program import VALVE, drivers, step_text, time_at, value_at
 from softmodels.path.schedule import LostInTime, SnapInTime
 from softmodels.path.stability import PathEnd
 from softmodels.path.supply import TURBULENT_FROM, Reservoir
-from softmodels.runs.columns import SourceRows, StateLabels, loads_words, span_sentence, state_labels
+from softmodels.runs.columns import SourceRows, StateLabels, overlap_of, span_sentence, state_labels
 from softmodels.runs.fields import Fields, Row, split
 from softmodels.runs.outcomes import RunError, UnwrittenError, no_memory
 
@@ -284,8 +285,10 @@ def sealing_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
 
 
 def law_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
-    """Yield a sentence if a material is stiffer than silicones and soft rubbers, and if a run stretches it beyond the stability
-    of its law by Drucker's criterion."""
+    """Yield a sentence if the law's numbers look like those of another convention, if the material is stiffer than silicones
+    and soft rubbers, and if a run stretches it beyond the stability of its law by Drucker's criterion."""
+    if case.material.misread:
+        yield case.material.misread
     if (modulus := case.material.shear_modulus_0) > STIFFEST:
         yield (
             f"the material's shear modulus is {modulus / 1e6:.4g} MPa; silicones have 5 to 500 kPa, so check the units of its "
@@ -384,17 +387,17 @@ def contact_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
     invalid = [row for row in rows if row.get("walls_touch")]
     if not invalid:
         return
-    where, deepest = state_labels(case), min(invalid, key=lambda row: row["least_gap_mm"])
+    where, deepest = state_labels(case), max(invalid, key=overlap_of)
     count = f"{len(invalid)} of {len(rows)} states" if len(invalid) > 1 else "one state"
     since, told = f"from {where.place(invalid[0])} on, in {count},", "these states are invalid"
-    if deepest["least_gap_mm"] >= 0.0:
+    if not overlap_of(deepest):
         yield (
             f"SURFACE FOLDED: {since} the silicone's surface is folded onto itself within a cell: {told} (walls_touch in "
             "path.csv); round its edges more, or use smaller cells there (--cell-size)"
         )
         return
     found = (
-        f"WALLS OVERLAP: {since} walls overlap by up to {-deepest['least_gap_mm']:.3g} mm at {where.place(deepest)}: {told} "
+        f"WALLS OVERLAP: {since} walls overlap by up to {overlap_of(deepest):.3g} mm at {where.place(deepest)}: {told} "
         "(least_gap_mm and walls_touch in path.csv)"
     )
     walls = [part for part in case.components if isinstance(part, Walls) and not part.off]
@@ -677,7 +680,7 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
     """Return why and where the path ended and how to fix it; ``petsc`` is whether the user gave PETSc options."""
     asked = f"{case.values[-1]:g} {case.unit}"
     device, last = case.actuator, fields.figures(path.last.state)
-    pressure = f"{last.pressure / case.cm:.4g} cm ({last.pressure:.4g} Pa)"
+    pressure = f"{last.pressure / case.cm:.4g} {column_unit(case.cm)} ({last.pressure:.4g} Pa)"
     where = (
         f"The last state is at {state_labels(case).under(Row(last.device), pressure)}, {device.gauge} rise "
         f"{last.rises[device.gauge] * 1e3:+.4g} mm, largest stretch {last.max_stretch:.3g}. "
@@ -716,8 +719,8 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
         )
     happens = "balloons" if at.added_volume > 0.0 else "collapses"
     return (
-        f"no equilibrium at {asked} on this path: the pressure has a limit point at {at.pressure / case.cm:.4g} cm "
-        f"({at.pressure:.5g} Pa), where {_risen(device, at.rises)} and the cavity has "
+        f"no equilibrium at {asked} on this path: the pressure has a limit point at {at.pressure / case.cm:.4g} "
+        f"{column_unit(case.cm)} ({at.pressure:.5g} Pa), where {_risen(device, at.rises)} and the cavity has "
         f"{gained(at.added_volume * 1e6)}; beyond it the device {happens}. Stay below (with 25 % margin: "
         f"{0.8 * at.pressure / case.cm:.4g} cm), use {device.stiffer} or a stiffer silicone, or drive it by volume "
         f"past the limit (--volume-ml, or --control volume)"
@@ -735,7 +738,7 @@ def explain_step(case: Case, end: PathEnd, rows: Sequence[Row], come: float, pet
         f"{name}{at[pressure]:.4g} cm with {at[volume]:.4g} ml added"
         for name, pressure, volume in zip(names, pressures, volumes, strict=True)
     ]
-    place = ", ".join([*cavities, *loads_words(at)])
+    place = ", ".join([*cavities, *words.loads_words(at)])
     asked = f"step {number} of the program ({step_text(case.program, number)})"
     gauge = case.actuator.gauge
     moved = f"the {gauge} has moved {at[f'{gauge}_mm']:+.4g} mm"

@@ -10,7 +10,8 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Protocol
+from types import NoneType
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from softmodels.case.materials import MaterialErrors, SourceBand
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.lazy import MPI, PETSc
-from softmodels.common.names import checked, read_only
+from softmodels.common.names import checked, flag, one_of, read_only, whole
 from softmodels.common.processes import one_at_a_time
 from softmodels.components.loads import densities
 from softmodels.materials.laws import Material
@@ -92,10 +93,12 @@ def body_of(device: Actuator, mesh: Path, comm: MPI.Comm) -> Body:
 
 
 class AtRest(Case):
-    """A case of a device without a cavity, of which nothing is requested but how it hangs under its dead loads."""
+    """A case of which nothing may be requested but how the device hangs under its dead loads: a file needs no [load]."""
+
+    needed_tables: ClassVar = ("geometry",)
 
     def _check_load(self) -> None:
-        if self.load.values:
+        if any(self.load.values):
             super()._check_load()
 
 
@@ -212,6 +215,10 @@ class Model:
             raise CaseError("give the pressures or the added volumes that the path goes to, one of them")
         unit, values, what = ("cm", pressures, "pressure") if volumes is None else ("ml", volumes, "volume")
         asked = in_unit(unit, values, what, self.case.cm)
+        if not any(asked):
+            raise CaseError(
+                f"the only {what} requested is 0; add a value above 0, or take the state at rest by solve()"
+            )
         quantity = {f"{what}s_{unit}": asked, **({"pressures_cm": ()} if unit == "ml" else {})}
         case = dataclasses.replace(self.case, control=control, **quantity)  # type: ignore[arg-type]
         return self.followed(case, what)
@@ -309,9 +316,14 @@ class Model:
                 cavities keep their pressures.
 
         Raises:
-            CaseError: A device without mass, or a sealed one without a cavity.
+            ArgumentError: Something else than an equilibrium, or than a number of modes.
+            CaseError: A state of another model, a device without mass, or a sealed one without a cavity.
             RunError: There is no such state, or the modes do not converge.
         """
+        one_of("equilibrium", equilibrium, (Equilibrium, NoneType), "a state that this model has solved, or None")
+        if equilibrium is not None and equilibrium.model is not self:
+            raise CaseError("equilibrium is a state of another model; solve it with this one (model.solve, model.path)")
+        count, sealed = whole("count", count, 1), flag("sealed", sealed)
         density = self._densities[0]
         state = (equilibrium or self.solve()).state
         self.system.load(state)

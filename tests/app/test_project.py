@@ -45,6 +45,19 @@ def test_a_list_keeps_what_the_page_does_not_show(text, tmp_path):
         assert np.array(one.history) == pytest.approx(np.array(other.history))
 
 
+def test_the_liquid_of_the_column_is_the_cases(tmp_path):
+    """Heights beside photographs, and those of another list, are of the liquid that stands beside the device's pressures."""
+    project = Project(tmp_path / "project")
+    (project / "photographs" / "a.jpg").write_bytes(b"")
+    (project / "photos.csv").write_text("file,left,right\nphotographs/a.jpg,110 cm,90 cm\n")
+    water = 9.80665 * 998.0 * 0.2
+    project.change(water_density="998 kg/m^3")
+    photographs = Photographs(project, None)
+    (one,) = photographs.shadows
+    assert photographs.pressure_of(one) == pytest.approx(water, rel=1e-6)
+    assert one.pressure == "20 cm" and 'water_density = "998 kg/m^3"' in (project / "case.toml").read_text()
+
+
 def test_a_list_that_cannot_be_read_is_reported_and_stays(tmp_path):
     project = Project(tmp_path / "project")
     (project / "photos.csv").write_text("file,presure\na.jpg,1 cm\n")

@@ -141,6 +141,14 @@ def test_sobol_indices_of_ishigami():
         assert np.abs(np.array(found.total) - exact_total).max() < 0.01
 
 
+def test_contradicting_sobol_indices_are_told():
+    """Eight samples of Ishigami's function: an index by itself above the one with all interactions, which none is."""
+    few, many = indices_of(ANGLES, ishigami, 8), indices_of(ANGLES, ishigami, 2**14)
+    wrong = [k for k in range(3) if not 0.0 <= few.first[k] <= few.total[k]]
+    assert wrong and all(f"{ANGLES[k].key} ({few.first[k]:.3f} of {few.total[k]:.3f})" in few.doubt for k in wrong)
+    assert many.doubt == ""
+
+
 def test_surrogate_knows_its_error():
     pytest.importorskip("sklearn")
     inputs = (Input.parse("a.x", "0:2 mm"), Input.parse("a.kind", ["soft", "stiff"]))

@@ -75,6 +75,87 @@ def test_python_on_pages_runs(page, run, tmp_path):
     run(tmp_path / "page.py", tmp_path)
 
 
+FENCE = re.compile(r"^```([^\n]*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+LEFT, SECONDS = re.compile(r", about \d[\d.]* s left"), re.compile(r" \d[\d.]* s\b")
+"""Of one machine at one time."""
+
+
+def sessions(page):
+    """Commands of a page in order, each list with the lines that the page shows as its output: a block of commands is followed
+    by its output, or a block of output begins with its command."""
+    found, last = [], None
+    for language, body in FENCE.findall(page.read_text()):
+        if language.strip() == "sh":
+            found.append(([line for line in body.splitlines() if line.startswith("uv run ")], [], False))
+        elif not language.strip() and body.startswith("$ uv run "):
+            command, *lines = body.splitlines()
+            found.append(([command.removeprefix("$ ")], lines, True))
+        elif not language.strip() and last == "sh":
+            found[-1][1].extend(body.splitlines())
+        last = language.strip()
+    if not any(lines and not alone for _, lines, alone in found):  # what needs no earlier command
+        return [(commands, lines) for commands, lines, alone in found if alone]
+    while not found[-1][1]:
+        found.pop()
+    return [(commands, lines) for commands, lines, _ in found]
+
+
+def same(documented, printed):
+    """Whether a printed line is the documented one: words are equal, numbers to the last digit that is shown; dots stand for
+    anything, and seconds do not count."""
+    documented, printed = (" ".join(SECONDS.sub(" _ s", LEFT.sub("", line)).split()) for line in (documented, printed))
+    words = [re.escape(part) for part in re.split(r"\s*…\s*", NUMBER.sub("\0", documented))]
+    pattern = ".*".join(words).replace("\0", rf"({NUMBER.pattern})")
+    found = re.fullmatch(pattern, printed)
+    if not found:
+        return False
+    for shown, number in zip(NUMBER.findall(documented), found.groups(), strict=True):
+        digits = len(shown.partition("e")[0].partition(".")[2])
+        power = int(shown.partition("e")[2] or 0)
+        if abs(float(shown) - float(number)) > 1.01 * 10.0 ** (power - digits):
+            return False
+    return True
+
+
+def test_lines_are_the_same_to_the_digits_shown():
+    line = "step  13   177.000 cm  apex rise   +3.944 mm   2 iterations    29.3 s, about 0 s left"
+    assert same(line, "step 13 177.000 cm apex rise +3.943 mm 2 iterations 7.1 s")
+    assert not same(line, "step 13 177.000 cm apex rise +3.940 mm 2 iterations 7.1 s")
+    assert same("a 2.224 and … in results/disk … in 4.1 s", "a 2.2239 and b 5 in results/disk or so in 70 s")
+    assert not same("a 2.224 and …", "a 2.224 or b")
+
+
+DOCUMENTED = [page for page in TEXTS if sessions(page)]
+
+
+def test_outputs_are_documented():
+    assert {page.name for page in DOCUMENTED} >= {"first-hour.md", "disk.md", "reports.md"}
+
+
+@pytest.mark.parametrize("page", DOCUMENTED, ids=lambda path: path.stem)
+def test_commands_print_what_the_page_shows(page, tmp_path):
+    """In an empty folder, from the page's first command to the last one whose output is shown."""
+    missing = []
+    for commands, lines in sessions(page):
+        printed = []
+        for command in commands:
+            if " open " not in command:  # a browser
+                words = command.replace("uv run softmodels", "uv run python -m softmodels")
+                done = subprocess.run(
+                    words.replace("uv run python", sys.executable), shell=True, executable="/bin/bash", cwd=tmp_path,
+                    stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False,
+                )  # fmt: skip
+                printed += done.stdout.splitlines()
+        for line in filter(lambda line: line.strip(" …"), lines):
+            where = next((k for k, one in enumerate(printed) if same(line, one)), None)
+            if where is None:
+                missing.append(f"{line}\n  of: {commands}")
+            else:
+                del printed[where]
+    assert not missing, "\n".join(missing)
+
+
 def test_each_thing_that_can_be_added_is_checked_on_its_page():
     sections = re.split(r"^## ", (SITE / "howto" / "extending.md").read_text(), flags=re.MULTILINE)[1:]
     added = "law", "device", "component", "load", "supply", "output", "quantity"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import inspect
 import re
 import subprocess
 import sys
@@ -10,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+import geometries
+import measurement
 import softmodels
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -38,6 +41,20 @@ def test_arguments_of_devices_and_laws_are_explained(reference):
     for name in ("HollowDisk", "Yeoh", "Rigid"):
         assert "| argument |" in reference.fields_table(getattr(softmodels, name)), name
     assert reference.fields_table(softmodels.inflate) == ""
+
+
+def test_each_documented_argument_is_one_of_its_function():
+    """Of several in one line the reference would say that they are required, and no default."""
+    several = []
+    for module in (softmodels, measurement, geometries):
+        for name in module.__all__:
+            thing = getattr(module, name)
+            own = vars(thing).values() if inspect.isclass(thing) else ()
+            for function in (thing, *(one for one in own if inspect.isfunction(one))):
+                arguments = re.search(r"^Args:\n((?:    .*\n|\n)*)", f"{inspect.getdoc(function)}\n", re.MULTILINE)
+                listed = re.findall(r"^    (\w+, [\w, ]+):", arguments[1], re.MULTILINE) if arguments else []
+                several += [f"{function.__qualname__}: {names}" for names in listed]
+    assert several == []
 
 
 def test_site_builds_without_warnings_and_needs_no_network(tmp_path):

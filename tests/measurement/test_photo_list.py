@@ -6,7 +6,9 @@ import pytest
 from click.testing import CliRunner
 
 from measurement.__main__ import main
+from measurement.cli import photos as photos_command
 from measurement.series.photo_list import PhotoListError, read_photos
+from softmodels.common.folders import OwnFolderError
 from tests.benchmarks import photo_series
 
 SERIES = vars(photo_series)
@@ -189,3 +191,26 @@ def test_times_that_cannot_be_meant(text, said, tmp_path):
     with pytest.raises(PhotoListError, match=r"photos\.csv") as told:
         listed(tmp_path, text)
     assert said in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("rows", "options", "told"),
+    [
+        ("file,pressure\na.jpg,0 cm\nb.jpg,10 cm\n", (), True),
+        ("file,left,right\na.jpg,31.2 cm,18.7 cm\n", (), True),
+        ("file,pressure\na.jpg,0 cm\nb.jpg,10 cm\n", ("--water-density", "970kg/m^3"), False),
+        ("file,pressure\na.jpg,0 cm\nb.jpg,1.2 kPa\n", (), False),
+    ],
+)
+def test_heights_without_their_liquid_are_told(rows, options, told, tmp_path, monkeypatch):
+    """The thesis' water is lighter than others': a list of heights says so unless its density is stated."""
+
+    def taken(*given):
+        raise OwnFolderError("enough")
+
+    monkeypatch.setattr(photos_command.Setup, "from_file", lambda file: None)
+    monkeypatch.setattr(photos_command, "open_folder", taken)
+    (tmp_path / "photos.csv").write_text(rows)
+    done = CliRunner().invoke(main, ["photos", str(tmp_path / "photos.csv"), "--setup", str(tmp_path), *options])
+    sentence = "pressures are read in cm, 0.97 g/ml, 3 % less than water at 20 degC; --water-density sets another"
+    assert (sentence in done.output) == told and "enough" in done.output

@@ -157,7 +157,7 @@ def test_no_band_of_a_cycle():
 
 def test_titles_tell_the_pressure_and_not_its_band(run):
     row, words = run.last.row, state_labels(run.case)
-    assert row["pressure_ci95_cm"] > 0.0 and headline(row, words).startswith(f"{row['pressure_cm']:.4g} cm of water")
+    assert row["pressure_ci95_cm"] > 0.0 and headline(row, words).startswith(f"{row['pressure_cm']:.4g} cm, 0.97 g/ml")
     assert (words.pressures(row), words.volumes(row)) == (["pressure_cm"], ["added_volume_ml"])
     assert term("pressure_ci95_cm", DISK).name.startswith("band") and term(
         "added_volume_ci95_ml", DISK

@@ -97,7 +97,7 @@ def test_pressures_with_their_unit_as_an_option(tmp_path):
     options = ("--device", "Membrane", "--cell-size", "4mm", "--through", "1", "--no-pictures")
     done = runs.run("-m", "softmodels", "run", *options, "--pressure", "0,1kPa", "--water-density", "1000kg/m^3",
                     "--output", tmp_path / "run")  # fmt: skip
-    assert done.status == 0 and "10.1972 cm (1 kPa)" in done.out
+    assert done.status == 0 and "10.1972 cm, 1 g/ml (1 kPa)" in done.out
     done = runs.run("-m", "softmodels", "run", *options, "--pressure", "0,1kPa", "--pressure-cm", "4")
     assert done.status == 2 and "requested twice" in done.err
 

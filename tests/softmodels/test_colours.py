@@ -108,7 +108,7 @@ def test_ten_values_are_read_off_a_solid(kind, name, request):
     with offscreen.studio(camera) as shoot, matplotlib.rc_context(STYLE):
         (data, style), *_ = layers = shown.coloured(step, scale)
         assert style["scalars"] == "values"
-        figure = page(shoot(layers), shown.caption(step, camera), scale)
+        figure = page(shoot(layers), shown.caption(step, camera, scale), scale)
     picture = np.asarray(drawn(figure))
     # Vertices before which nothing lies, off the lines.
     points, corners = np.asarray(data.points), data.regular_faces

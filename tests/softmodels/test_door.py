@@ -82,7 +82,7 @@ def test_the_example(monkeypatch, tmp_path, capfd):
     assert state.pressure == pytest.approx(70 * CM, rel=1e-9)
     assert state.row["pressure_cm"] == pytest.approx(70, rel=1e-9)
     assert np.interp(state.pressure, run.pressure, run.added_volume) == pytest.approx(state.added_volume, rel=2e-2)
-    assert "cm of water" in figure.axes[0].get_xlabel()
+    assert "cm, 0.97 g/ml" in figure.axes[0].get_xlabel()
     assert figure._repr_png_()[:4] == b"\x89PNG"
     assert again.pressure.tolist() == run.pressure.tolist()
     assert limit.kind == "limit"

@@ -142,8 +142,8 @@ def test_files_that_are_not_there(asked, arguments, ends):
         (["run", "part.step"], "part.step is a part file, not a case"),
         (["run", "part.step"], "softmodels run --device ImportedActuator --file part.step --cavities"),
         (["run", "part.stl"], "device = 'ImportedMesh', file = 'part.stl'"),
-        (["run", "csae.toml"], "No such file or directory); did you mean case.toml?"),
-        (["run", "other"], "No such file or directory); softmodels examples writes some to begin with"),
+        (["run", "csae.toml"], "No such file or directory; did you mean case.toml?"),
+        (["run", "other"], "No such file or directory; softmodels examples writes some to begin with"),
         (["run", "results"], "it is a results folder; its case file is results/case.toml"),
     ],
 )
@@ -210,7 +210,7 @@ def test_implausible_pressures_say_what_is_plausible():
 
 
 def test_a_cavitys_pressure_with_a_unit_is_told_in_cm():
-    with pytest.raises(ProgramError, match=r"4 kPa are 42\.05 cm of the usual column: cavity1\.pressure_cm = 42\.05"):
+    with pytest.raises(ProgramError, match=r"4 kPa are 42\.05 cm, 0\.97 g/ml: cavity1\.pressure_cm = 42\.05"):
         _series("cavity1", {"pressure": "4 kPa"}, {"pressure_cm": None, "volume_ml": None})
 
 

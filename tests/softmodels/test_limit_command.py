@@ -73,7 +73,8 @@ def test_a_table_of_materials_with_margins(tmp_path):
         start = f"{many[0]['material']} over its {len(many)} sources: "
         (text,) = [line for line in done.out.splitlines() if line.startswith(start)]
         assert (
-            all(f"{limit:.4g} cm (" in text and name in text for limit, name in ends) and ends[1][0] > 1.4 * ends[0][0]
+            all(f"{limit:.4g} cm, 0.97 g/ml (" in text and name in text for limit, name in ends)
+            and ends[1][0] > 1.4 * ends[0][0]
         )
     for row in rows:
         assert row["margin"] == pytest.approx(row["limit_cm"] / 10) and f"{row['limit_cm']:.4g} cm" in done.out

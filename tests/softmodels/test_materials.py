@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from softmodels.case.materials import from_table, to_table
-from softmodels.fitting.problem import FitOptions, LawChoice
+from softmodels.case.materials import from_table, material_from, to_table
+from softmodels.common.names import spelling
+from softmodels.fitting.problem import FitOptions, LawChoice, law_choices
 from softmodels.materials.laws import (
     LAWS,
     RUBBER,
@@ -28,11 +29,14 @@ from softmodels.materials.laws import (
 )
 from softmodels.materials.silicones import (
     MAKERS_ELONGATION,
+    OTHER_NAMES,
     PRODUCTS,
     SILICONES,
     break_words,
     extrapolated,
+    listed_name,
     named,
+    silicone,
     silicone_called,
     source_names,
     spread_sentence,
@@ -128,6 +132,63 @@ def test_ogden_conventions():
     a, b, c = 1.7, 0.8, 1 / (1.7 * 0.8)
     by_hand = sum(2 * m / k**2 * (a**k + b**k + c**k - 3) for m, k in zip(mu, alpha, strict=True))
     assert other.shape(HomogeneousStrain((a, b, c)), other) == pytest.approx(by_hand)
+
+
+@pytest.mark.parametrize(
+    ("text", "material"),
+    [
+        ("yeoh:c1=8kPa,c2=90Pa", Yeoh(8e3, 90.0)),
+        ("Yeoh:c1 = 8 kPa, c2 = 90 Pa", Yeoh(8e3, 90.0)),
+        ("ogden2:mu=20kPa,1kPa,alpha=1.3,5", Ogden((20e3, 1e3), (1.3, 5.0))),
+        ("ogden:mu=20kPa,alpha=1.3,convention=2mu/alpha^2,poisson=0.5", Ogden.from_two_mu((20e3,), (1.3,), 0.5)),
+        ("Neo Hookean:shear-modulus=20kPa", NeoHookean(20e3)),
+        ("mooneyrivlin:c10=8kPa,c01=1kPa", MooneyRivlin(8e3, 1e3)),
+        *(
+            (name, silicone("ecoflex-00-30"))
+            for name in ("ecoflex30", "Ecoflex 00-30", "ECOFLEX 0030", "ecoflex_00_30")
+        ),
+        ("Dragon Skin 10 Medium", silicone("dragon-skin-10-medium")),
+        ("Sylgard184", silicone("sylgard-184")),
+        ("Ecoflex 30/Liao 2021", silicone("ecoflex-00-30/liao-2021")),
+    ],
+)
+def test_materials_have_one_grammar(text, material, tmp_path):
+    """The same words on every command line, in case files and, of silicones, in Python."""
+    assert material_from(text, {}) == material
+    name = text.partition(":")[0]
+    if ":" not in text:
+        assert silicone(text) == from_table({"silicone": text}) == material
+    else:
+        assert from_table({**to_table(material), "law": name}) == material
+        assert law_choices(name)[0].law is type(material)
+
+
+def test_silicones_differ_by_more_than_their_spelling():
+    assert len({spelling(name) for name in (*SILICONES, *OTHER_NAMES)}) == len({*SILICONES, *OTHER_NAMES})
+    for name in SILICONES:
+        assert listed_name(name.upper().replace("-", " ")) == name
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (
+            lambda: material_from("ecoflex33", {}),
+            "neither a law, a silicone nor a TOML file.*did you mean ecoflex-00-30",
+        ),
+        (lambda: material_from("yoeh:c1=8kPa", {}), "did you mean yeoh"),
+        (lambda: material_from("ogden3:mu=20kPa,1kPa,alpha=1.3,5", {}), "'ogden3' has 2 terms here; give 3 values"),
+        (lambda: material_from("yeoh:c1=8kPa", {"c1": "9 kPa"}), "has c1 already; leave out c1"),
+        (lambda: material_from("yeoh:8kPa", {}), "'8kPa' is not KEY=VALUE; write it like yeoh:c1=8kPa,c2=90Pa"),
+        (lambda: material_from("fited.toml", {}), r"No such file or directory; did you mean fitted\.toml\?"),
+        (lambda: law_choices("yeoh:c1=8kPa"), "a fit finds its numbers; name only the law, yeoh"),
+    ],
+)
+def test_materials_that_are_none(call, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "fitted.toml").touch()
+    with pytest.raises(ValueError, match=words):
+        call()
 
 
 def test_neo_hookean_constructors():
@@ -286,10 +347,10 @@ def test_elongations_at_break_are_the_last_points_of_the_data():
     if not folder.is_dir():
         pytest.skip("the measured data lie beside the project (../shared/data), and are not there")
     files = {re.sub(r"[^a-z0-9]", "", file.stem.lower()): file for file in folder.glob("*.csv")}
-    for name, silicone in SILICONES.items():
-        if silicone.elongation_at_break is not None:
+    for name, one in SILICONES.items():
+        if one.elongation_at_break is not None:
             last = files[name.partition("/")[0].replace("-", "")].read_text(encoding="latin-1").strip().splitlines()[-1]
-            assert silicone.elongation_at_break == pytest.approx(float(last.split(";")[3]), abs=0.006), name
+            assert one.elongation_at_break == pytest.approx(float(last.split(";")[3]), abs=0.006), name
 
 
 # -- Strain measures: UFL's and numpy's are the same numbers ---------------------------------------------------------

@@ -71,6 +71,17 @@ def test_modes_tell_stability(model):
     assert [mode.eigenvalue for mode in rest] == sorted(mode.eigenvalue for mode in rest)
 
 
+def test_modes_are_of_the_models_own_states(model):
+    """The state of another device has as many unknowns by chance at most: it is refused before anything is computed."""
+    other = sm.Model(sm.Balloon(neck_radius=0.0, wall=2e-3), LAW)
+    with pytest.raises(sm.CaseError, match="equilibrium is a state of another model; solve it with this one"):
+        model.modes(other.solve())
+    with pytest.raises(sm.ArgumentError, match="equilibrium is 3; it must be a state that this model has solved"):
+        model.modes(3)
+    with pytest.raises(sm.ArgumentError, match="count is 0; it must be a whole number from 1 up"):
+        model.modes(count=0)
+
+
 def test_a_heavy_device_begins_where_it_hangs():
     disk = sm.HollowDisk(section="axisymmetric", cell_size=6e-3, refinement=1.0)
     light, heavy = (sm.Model(disk, "ecoflex-00-10", components) for components in ((), sm.Gravity("-z")))

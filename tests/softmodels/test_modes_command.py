@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import softmodels as sm
+from softmodels.__main__ import softmodels
 from softmodels.case.load import LoadRequest
 from tests.support import runs
 
@@ -70,6 +71,44 @@ def test_a_solid_is_drawn_and_a_case_file_read(tmp_path):
     done = runs.run("-m", "softmodels", "modes", *words, "--gravity", "-z", "--quiet", "-o", tmp_path / "out")
     assert done.status == 0 and done.out == "" and done.err == ""
     assert (tmp_path / "out" / "shapes.png").stat().st_size > 10_000 and len(rows_of(tmp_path / "out")) == 1
+
+
+def test_a_case_at_rest(ended, tmp_path):
+    """A file without a load, with a pressure of 0, or with another load and --pressure-cm 0: the same frequencies."""
+    case = sm.Case("disk", DISK, LAW, (10.0,)).to_toml()
+    rest = sm.modes(DISK, LAW, 0.0, count=1).frequency[0, 0]
+    assert sm.modes(DISK, LAW, "0 cm", count=1).frequency[0, 0] == rest
+    start, end = case.index("[load]"), case.index("[solver]")
+    shares = '[gravity]\ndirection = "-z"\nmagnitude = "0.001 m/s^2"\n[load]\nshare = 1.0\n\n'
+    files = {"none": "", "zero": "[load]\npressure_cm = 0\n\n", "share": shares}
+    for name, load in files.items():
+        (tmp_path / f"{name}.toml").write_text(case[:start] + load + case[end:])
+    for name, words in (("none", ()), ("zero", ()), ("share", ("--pressure-cm", "0"))):
+        status, out, err = ended(
+            softmodels,
+            "modes",
+            tmp_path / f"{name}.toml",
+            *words,
+            "--count",
+            "1",
+            "--no-pictures",
+            "-o",
+            tmp_path / name,
+        )
+        assert (status, err) == (0, "") and out.startswith("no pressure: "), name
+        assert rows_of(tmp_path / name)[0]["f1_Hz"] == pytest.approx(rest, rel=1e-4), name
+    status, _, err = ended(softmodels, "modes", tmp_path / "share.toml", "-o", tmp_path / "out")
+    assert status == 2 and "or 0 for the state at rest (--pressure-cm 0)" in err
+
+
+def test_a_mass_on_an_edge_swings_with_the_device():
+    """As one on the whole face of the tip, whose middle is as far from the clamp."""
+    edge, face = (
+        sm.modes(BEAM, LAW, components=[sm.Gravity("-z"), sm.Mass(where, 1e-3)], count=1).frequency[0, 0]
+        for where in ("edge of tip and top", "tip")
+    )
+    assert edge == pytest.approx(face, rel=0.05) and edge != face
+    assert face < 0.7 * sm.modes(BEAM, LAW, components=sm.Gravity("-z"), count=1).frequency[0, 0]
 
 
 def test_a_memory_is_relaxed():

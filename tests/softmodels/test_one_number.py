@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
+import re
+
 import numpy as np
 import pytest
 
 from geometries import HollowDisk, registry as geometry_table
+from softmodels.case.case import Case
+from softmodels.case.materials import DEFAULT
 from softmodels.cli import run
 from softmodels.common.units import exact_text, quantity, readable
+from softmodels.components.loads import Force
+from softmodels.components.rigid import Rigid
 from softmodels.pictures import curves, offscreen, report, solid
 from softmodels.pictures.offscreen import look
-from softmodels.pictures.style import Pixels
-from softmodels.runs.columns import StateLabels
+from softmodels.pictures.style import Pixels, headline
+from softmodels.runs.columns import PathColumn, StateLabels, every_column, overlap_of, state_labels, term
+from softmodels.runs.fields import Row
 from softmodels.runs.notes import events, gained, jumps_text, risen, unlocated
 from softmodels.runs.states import StoredStates
 from tests.support import runs
@@ -62,11 +70,70 @@ def test_the_largest_stress_and_stretch_are_the_same_everywhere(inflated):
     assert f"the largest stretch is {stretch}" in report.Report(look(states), folder, "disk").write().read_text()
     seen = look(states)
     scale = seen.scales["von_mises"]
-    assert (f"{scale.largest:.4g}", scale.defined) == (stress, "at an integration point")
-    assert f"largest, at an integration point: {stress} kPa" in texts(scale.foot[0].figure)
-    shown = [artist._image for artist in solid.section_stress(seen, states.main).artists if isinstance(artist, Pixels)]
-    assert any(picture is scale.foot[1] for picture in shown)
+    drawn = solid.section_stress(seen, states.main)
+    assert f"largest, at an integration point: {stress} kPa" in texts(drawn)
+    assert any(artist._image is scale.foot[1] for artist in drawn.artists if isinstance(artist, Pixels))
     assert f"largest stretch {stretch} at 177 cm" in offscreen.hot_spot(states, states.main).note
+
+
+def test_a_picture_has_the_largest_value_of_its_own_state(inflated):
+    """One colour scale for all, and below it the largest value of the shown states, of the sheet's of all that it shows."""
+    folder, _ = inflated
+    rows, seen = runs.rows(folder), look(StoredStates(folder, "disk"))
+    lower = next(k for k, row in enumerate(rows) if row["pressure_cm"] == 70.0)
+    scale = seen.scales["von_mises"]
+    for step, row in ((lower, rows[lower]), (len(rows) - 1, rows[-1])):
+        words = f"integration point: {row['max_von_mises_kPa']:.4g} kPa"
+        assert words in texts(solid.section_stress(seen, step)) and words in seen.caption(step, None, scale).largest
+    between = seen.states.row(lower - 0.5)["max_von_mises_kPa"]
+    assert f"integration point: {between:.4g} kPa" in seen.caption(lower - 0.5, None, scale).largest
+    assert f"integration point: {rows[-1]['max_von_mises_kPa']:.4g} kPa" in texts(solid.section_sheet(seen))
+
+
+def test_centimetres_name_their_liquid(inflated, tmp_path):
+    """0.97 g/ml of the thesis unless another is given: on the command line, in titles, at axes, in the report's menu."""
+    folder, done = inflated
+    assert "177 cm, 0.97 g/ml (16.837 kPa): apex" in done.out
+    states = StoredStates(folder, "disk")
+    assert curves.rise_of(states).axes[0].get_xlabel() == "pressure in cm, 0.97 g/ml"
+    page = report.Report(look(states), folder, "disk").write().read_text()
+    assert (
+        '<option value="cm" selected>cm, 0.97 g/ml</option>' in page
+        and "At 177 cm, 0.97 g/ml (16.8 kPa) the apex" in page
+    )
+    water = dataclasses.replace(states.case, water_density=998.2)
+    row = Row({"pressure_cm": 10.0, "pressure_Pa": 978.9, "apex_mm": 1.0})
+    assert headline(row, state_labels(water)) == "10 cm, 0.9982 g/ml (0.979 kPa), apex rise 1.00 mm"
+    assert curves.over_of(water) == ("pressure_cm", "pressure in cm, 0.9982 g/ml")
+    limits = runs.run("-m", "softmodels", "limit", "--variant", "shadow", "--cell-size", "6mm", "--refinement", "1",
+                      "--water-density", "1000kg/m^3")  # fmt: skip
+    assert re.search(r"limit pressure \d+\.\d+ cm, 1 g/ml \(", limits.out), limits.err
+
+
+def test_columns_are_described_by_their_own_names():
+    """Not by a pattern that a part's columns have: the least gap is not the gap between walls named least."""
+    for column in every_column():
+        if isinstance(column, PathColumn):
+            assert term(column.name, None, "{supply}").name == column.title, column.name
+    loaded = Case(
+        "disk",
+        HollowDisk(),
+        DEFAULT,
+        (1.0,),
+        components=(Rigid("top", name="force_lid"), Force("top", "-z", 2.0, name="tip")),
+    )
+    row = Row({"force_lid_force_N": 3.0, "force_tip_N": 2.0, "pressure_cm": 1.0})
+    assert state_labels(loaded).loads_words(row) == ["force tip 2 N"]
+
+
+def test_without_walls_near_each_other_no_gap_is_told(inflated):
+    """Nor the distance within which they are searched: the cavity of the open disk is farther away than that."""
+    folder, _ = inflated
+    rows = runs.rows(folder)
+    assert rows[0]["least_gap_mm"] is rows[-1]["least_gap_mm"] is None
+    states = StoredStates(folder, "disk")
+    assert "gap between" not in report.Report(look(states), folder, "disk").write().read_text()
+    assert overlap_of(states.rows[-1]) == 0.0 and overlap_of(Row({"least_gap_mm": -0.5})) == 0.5
 
 
 def test_a_cycle_tells_its_jumps(cycled):

@@ -198,10 +198,10 @@ def test_a_syringe_has_its_pressure_over_the_stroke():
         for row in ((0, 0, 0, 0, 1, 1), (5, 7, 6, 4, 0, 1), (20, 47, 15, 18, 1, 1))
     ]
     first, *others = (figure.axes[0] for figure in curves_module.curves(path, StateLabels("apex", driver="bottle")))
-    assert (first.get_xlabel(), first.get_ylabel()) == ("stroke of the bottle in ml", "pressure in cm of water")
+    assert (first.get_xlabel(), first.get_ylabel()) == ("stroke of the bottle in ml", "pressure in cm, 0.97 g/ml")
     (asked,) = [line for line in first.lines if line.get_label() == "requested"]
     assert asked.get_xydata().tolist() == [[0, 0], [20, 47]]
-    assert [axes.get_xlabel() for axes in others] == ["pressure in cm of water"] * 2
+    assert [axes.get_xlabel() for axes in others] == ["pressure in cm, 0.97 g/ml"] * 2
     direct = [{key: value for key, value in row.items() if key != "stroke_ml"} for row in path]
     assert len(curves_module.curves(direct, StateLabels("apex"))) == 2
 

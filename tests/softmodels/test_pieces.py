@@ -79,6 +79,7 @@ def test_forces_per_area_and_per_length():
         ("top within 40 mm < r", "selects nothing; the middles of the facets of top lie in x"),
         ("edge of top and cavity", "share no edge in the modelled part"),
         ("top, edge of top and outer", "has faces and edges"),
+        ("edge of top and top", "names one face twice; an edge is where two faces meet"),
     ],
 )
 def test_a_piece_that_cannot_be_meant_is_refused(face, sentence):

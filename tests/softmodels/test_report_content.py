@@ -70,14 +70,14 @@ def test_the_answer_comes_first_with_the_numbers_of_the_path(stretched):
     assert text.index('<dl class="facts">') < text.index('role="alert"') < text.index("3-D view")
     assert f"<b>{float(rows[-1]['apex_mm']):.4g} mm</b>" in answer
     highest = max(float(row["pressure_cm"]) for row in rows)
-    assert f"<b>none up to {highest:.1f} cm of water" in answer
+    assert f"<b>none up to {highest:.1f} cm, 0.97 g/ml" in answer
     assert f'<div class="alarm"><dt>Largest stretch</dt><dd><b>{most:.4g}</b><span>Warning: fitted up to 3.01' in answer
 
 
 def test_the_margin_to_the_limit_point_that_was_met(wedge):
     facts = {fact.label: fact for fact in report.facts(StoredStates(wedge, "disk"), {})}
     limit = facts["Limit point of the pressure"]
-    assert limit.value.startswith("120 cm of water") and limit.note == "1.2 times the last requested pressure"
+    assert limit.value.startswith("120 cm, 0.97 g/ml") and limit.note == "1.2 times the last requested pressure"
     beyond = report.facts(StoredStates(wedge, "disk"), {"status": 3})[1]
     assert beyond.alarm and "no equilibrium" in beyond.note
 

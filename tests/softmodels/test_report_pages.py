@@ -93,8 +93,8 @@ def test_units_have_their_factors(unit):
 
 
 def test_the_unit_of_pressure_changes_in_texts_tables_and_charts(browser, tmp_path):
-    """Once in a browser that is offline: 20 cm of water are 0.2759 psi, and lengths, moduli and exact values stay."""
-    words = "At 20 cm of water (1.9 kPa), 5, 10 and 20 cm, x = 2 cm, 3 kPa and 4 mm"
+    """Once in a browser that is offline: 20 cm, 0.97 g/ml are 0.2759 psi, and lengths, moduli and exact values stay."""
+    words = "At 20 cm, 0.97 g/ml (1.9 kPa), 5, 10 and 20 cm, x = 2 cm, 3 kPa and 4 mm"
     (tmp_path / "page.html").write_text(page(words))
     context = browser.new_context(offline=True)
     shown, asked = context.new_page(), []

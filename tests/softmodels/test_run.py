@@ -6,12 +6,14 @@ import os
 import sys
 
 import pytest
+from click.shell_completion import ShellComplete
 from ffcx.codegeneration import jit
 
 import softmodels as sm
 from geometries import ACTUATORS, meshing
 from softmodels.__main__ import softmodels
 from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
 from softmodels.cli.options import main
 from softmodels.disk import command
 from softmodels.mechanics.compiling import told_of_waits, use_cache
@@ -199,15 +201,53 @@ def test_it_runs(tmp_path):
         (("run", "--device"), "--device is ''"),
         (("run", "--device", "Membrane"), "request either pressures"),
         (("run", "--device=Membrane", "--pressure-cm", "1", "--thickness", "1m"), "thickness is 1 m"),
-        (("run", "--device", "Membrane", "--wall", "1mm"), "No such option"),
+        (("run", "--device", "Membrane", "--wall", "1mm"), "there is no option --wall"),
+        (
+            ("run", "disk.toml", "--pressure-cm", "0:5"),
+            "--pressure-cm goes with --device NAME; what a case FILE requests",
+        ),
+        (("run", "disk.toml", "--presume"), "there is no option --presume; did you mean --resume?"),
+        (("run", "disk.toml", "--solver", "dirct"), "did you mean direct?"),
+        (("run", "--device", "Membrane", "--pressure", "0:4"), "has no unit; write it like 0:177 cm or 0:17 kPa\n"),
+        (("design", "dsk.toml"), "No such file or directory; did you mean disk.toml?"),
+        (("study", "dsk.toml"), "No such file or directory; did you mean disk.toml?"),
+        (("compare", "results/dsk", "results/disk"), "there is no such folder; did you mean results/disk?"),
+        (("draw", "results/dsk"), "there is no such folder; did you mean results/disk?"),
+        (("open", "results/dsk"), "did you mean results/disk?"),
         (("run", "case.toml", "--device", "Membrane", "--pressure-cm", "1"), "unexpected argument 'case.toml'"),
         (("run",), "Missing argument 'FILE'"),
         (("run", "none.toml", "--", "--device"), "none.toml"),
     ],
 )
-def test_what_cannot_be_meant_is_one_sentence(ended, words, told):
+def test_what_cannot_be_meant_is_one_sentence(ended, words, told, tmp_path, monkeypatch):
+    """With the name that was meant, of options, choices, files and folders alike."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "disk.toml").touch()
+    (tmp_path / "results" / "disk").mkdir(parents=True)
     status, out, err = ended(softmodels, *words)
     assert status == 2 and told in err and err.count("\n") == 1 and not out
+
+
+@pytest.mark.parametrize(
+    ("words", "completed"),
+    [
+        ("softmodels run --device Pn", ["PneuNet"]),
+        ("softmodels limit --device b", ["Balloon", "Beam", "Bellows", "BendingBellows"]),
+        ("softmodels run --device Pneu --pressure-c", []),
+        ("softmodels run --device PneuNet --pressure-c", ["--pressure-cm"]),
+    ],
+)
+def test_tab_completes_devices_and_prints_no_error(words, completed):
+    *before, begun = words.split()
+    comp = ShellComplete(softmodels, {}, "softmodels", "_SOFTMODELS_COMPLETE")
+    assert [item.value for item in comp.get_completions(before[1:], begun)] == completed
+
+
+def test_every_entry_of_a_load_is_listed():
+    with pytest.raises(
+        CaseError, match=r"unknown entry 'shares'; known are .*share, force_N, travel_mm.* did you mean share"
+    ):
+        Case.from_toml("[geometry]\ndevice = 'Beam'\n[load]\nshares = 1")
 
 
 @pytest.mark.parametrize("name", ACTUATORS)

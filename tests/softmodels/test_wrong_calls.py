@@ -20,6 +20,7 @@ import softmodels as sm
 from geometries import Actuator
 from softmodels.case.case import case_of
 from softmodels.common.errors import OWN
+from softmodels.common.names import span
 from softmodels.common.schema import Choice, Flag, Length, Open, Quantity, Several, Words, about
 from softmodels.design.study import Input, StudyPlan
 from softmodels.fitting.problem import LawChoice
@@ -348,6 +349,44 @@ def test_texts_names_and_single_values_are_taken(nothing_starts):
         assert case.goals == pytest.approx((1e3, 2e3), rel=1e-12)
 
 
+@pytest.mark.parametrize("one", [np.float32, np.float64, np.array, lambda x: np.array(x, np.float32), np.ma.array])
+def test_numpys_numbers_are_numbers(one, nothing_starts):
+    """Scalars of every type and arrays of no dimension, alone and in lists, wherever Python's numbers are taken."""
+    case = case_of(DISK, LAW, one(1024.0), water_density=one(1000.0))
+    assert case.goals == pytest.approx((1024.0,), rel=1e-12) and case.water_density == 1000.0
+    assert case_of(DISK, LAW, [one(512.0), one(1024.0)]).goals == pytest.approx((512.0, 1024.0), rel=1e-12)
+    assert case_of(DISK, LAW, [one(512.0)], times=one(2.0), time_tolerance=one(0.25)).time_tolerance == 0.25
+    assert dataclasses.replace(DISK, membrane=one(2**-9)).membrane == 2**-9
+    assert sm.Yeoh(one(16384.0), one(64.0)) == sm.Yeoh(16384.0, 64.0) and type(sm.Yeoh(one(16384.0)).c1) is float
+    assert sm.Ogden([one(16384.0)], one([2.0])) == sm.Ogden((16384.0,), (2.0,))
+    assert sm.TensileCurve("pull", "uniaxial", [one(1.25)], [one(4096.0)]).stress.tolist() == [4096.0]
+    assert Input.parse("material.c1", [one(2.0), one(4.0)]).values == (2.0, 4.0)
+    assert span("stretch", one([1.25, 2.5])) == (1.25, 2.5)
+
+
+GAPPY = np.ma.array([512.0, 768.0, 1024.0], mask=[False, True, False])
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: case_of(DISK, LAW, GAPPY),
+        lambda: case_of(DISK, LAW, np.ma.masked),
+        lambda: case_of(DISK, LAW, [512.0, GAPPY[1]]),
+        lambda: case_of(DISK, LAW, [512.0, 768.0, 1024.0], times=GAPPY),
+        lambda: sm.Yeoh(GAPPY[1]),
+        lambda: sm.Ogden(GAPPY, [2.0, 3.0, 4.0]),
+        lambda: sm.TensileCurve("pull", "uniaxial", GAPPY / 500, [1e3, 2e3, 3e3]),
+        lambda: sm.TensileCurve("pull", "uniaxial", [1.1, 1.2, 1.3], GAPPY),
+        lambda: sm.fit_leak(GAPPY, [3e3, 2e3, 1e3], 1e-5, sm.Reservoir()),
+        lambda: sm.fit_leak([0.0, 1.0, 2.0], GAPPY[::-1], 1e-5, sm.Reservoir()),
+    ],
+)
+def test_masked_values_are_no_numbers(call, nothing_starts):
+    with pytest.raises(ValueError, match=r"masked values, which are no numbers; leave them out"):
+        call()
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [
@@ -356,8 +395,8 @@ def test_texts_names_and_single_values_are_taken(nothing_starts):
         (lambda: sm.HollowDisk.variant("shadwo"), "did you mean shadow"),
         (lambda: sm.HollowDisk.variant("shadow", membran=1), "did you mean membrane"),
         (lambda: sm.HollowDisk(section="axisymetric"), "did you mean axisymmetric"),
-        (lambda: sm.silicone("ecoflex-0030"), "did you mean ecoflex-00-30"),
-        (lambda: sm.inflate(DISK, "dragonskin-30", 500.0), "did you mean dragon-skin-30"),
+        (lambda: sm.silicone("ecoflex-0031"), "did you mean ecoflex-00-30"),
+        (lambda: sm.inflate(DISK, "dragonskin-33", 500.0), "did you mean dragon-skin-30"),
         (lambda: sm.inflate(DISK, LAW, presures=500.0), "did you mean pressures"),
         (lambda: sm.inflate(DISK, LAW, "0:30 kpa"), "'kpa'.*did you mean kPa"),
         (lambda: sm.inflate(DISK, LAW, 500.0, control="presure"), "did you mean pressure"),
@@ -396,6 +435,12 @@ def test_numbers_in_another_unit_are_warned_of(nothing_starts):
     with pytest.warns(sm.ImplausibleWarning, match=highest) as told, pytest.raises(Started):
         sm.inflate(DISK, LAW, pressures=10)
     assert told[0].filename == __file__
+    other = r"mu \* alpha is below 0 in term 2 of W = sum mu/alpha .* mostly follow sum 2mu/alpha\^2"
+    with pytest.warns(sm.ImplausibleWarning, match=other):
+        sm.Ogden((40e3, 10.0), (1.3, -2.0))
+    with warnings.catch_warnings(action="error"):
+        sm.Ogden((40e3, -10.0), (1.3, -2.0))
+        sm.Ogden.from_two_mu((40e3, 10.0), (1.3, -2.0))
     with pytest.warns(sm.ImplausibleWarning, match="amount is 30 kg; numbers are in kg.*'20g'"):
         sm.Mass("top", 30)
     with pytest.warns(sm.ImplausibleWarning, match=r"syringe is 20 m\^3"):

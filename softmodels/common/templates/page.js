@@ -8,7 +8,7 @@
   const select = document.getElementById("units"), factors = JSON.parse(select.dataset.factors), own = select.value;
   const root = document.documentElement;
   const number = "-?\\d[\\d.]*(?:e[+-]?\\d+)?";
-  const pattern = new RegExp(`(?<![\\w.=]|= )((?:${number}(?:, | and | to | or ))*${number}) cm(?: of water)?(?: \\(-?[\\d.e+-]+ k?Pa\\))?(?![\\w^]| is )`, "g");
+  const pattern = new RegExp(`(?<![\\w.=]|= )((?:${number}(?:, | and | to | or ))*${number}) cm(?:, [\\d.]+ g\\/ml)?(?: \\(-?[\\d.e+-]+ k?Pa\\))?(?![\\w^]| is )`, "g");
   const digits = (pascal, count) => String(+(pascal / factors[select.value]).toPrecision(count));
   const turned = (text) => text.replace(pattern, (all, list) =>
     `${list.replace(new RegExp(number, "g"), (one) => digits(one * factors.cm, 4))} ${select.value}`);

@@ -569,11 +569,10 @@ class TensileCurve:
     def _column(self, name: str, values: object, kind: Quantity) -> Array:
         """Return a copy of a column, protected from changes; `TensileError` for something else than finite numbers."""
         try:
-            if isinstance(values, np.ndarray) and values.dtype.kind in "iuf" and values.ndim == 1:
+            if type(values) is np.ndarray and values.dtype.kind in "iuf" and values.ndim == 1:
                 found = np.array(values, dtype=np.float64)
             else:
-                plain = values.tolist() if hasattr(values, "tolist") else values
-                found = np.array(Several(kind).settled(name, plain), dtype=np.float64)
+                found = np.array(Several(kind).settled(name, values), dtype=np.float64)
         except FieldError as error:
             raise TensileError(f"{self.name}: {error}") from None
         if not np.isfinite(found).all():

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
-from softmodels.common.units import pascal_per_cm
+from softmodels.common.units import column_unit, pascal_per_cm
 from softmodels.fitting.comparison import shifted
 from softmodels.fitting.least_squares import Judgement, LeastSquaresFit
 from softmodels.fitting.outlines.device import DeviceModel
@@ -542,7 +542,7 @@ def _sentence(one: WrongReading) -> str:
 
 def reading(pressure: float) -> str:
     """Return a pressure in the bench's units, as text."""
-    return f"{pressure / pascal_per_cm():.4g} cm of water ({pressure / 1e3:.4g} kPa)"
+    return f"{pressure / pascal_per_cm():.4g} {column_unit()} ({pressure / 1e3:.4g} kPa)"
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -16,6 +16,7 @@ from softmodels.common.errors import known_are, spoken
 from softmodels.common.lazy import MPI
 from softmodels.common.names import checked, one_of, several, wrong
 from softmodels.common.processes import one_at_a_time
+from softmodels.common.units import LIGHTER, column_unit
 from softmodels.fitting.comparison import (
     DeviceMisfit,
     Expected,
@@ -414,7 +415,11 @@ class _Task:
         if len(named) > 1 and self.options.silicone is None:
             compared = f"the fit is compared with that of {self.devices[0].name}"
             more = [*more, f"the cases have {len(named)} materials; {compared}"]
-        return [*filter(None, (caution(self.known), *more)), *left_out]
+        liquid = (
+            f"heights of a column are {column_unit()} ({LIGHTER}), also where photographs were measured by them without "
+            "--water-density"
+        )
+        return [*filter(None, (caution(self.known), *more)), *left_out, liquid]
 
     def changes(self, choice: LawChoice) -> Changes:
         """Return the changes without those of other laws."""

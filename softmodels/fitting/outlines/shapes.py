@@ -22,7 +22,7 @@ from measurement.outline.edge import SPAN
 from measurement.outline.outline import History, Outline, OutlineError, hold_of
 from softmodels.common.arrays import Array
 from softmodels.common.names import keep_arrays
-from softmodels.common.units import pascal_per_cm
+from softmodels.common.units import column_unit, pascal_per_cm
 from softmodels.fitting.problem import FitError, autocorrelation_time
 from softmodels.mechanics.body import Body, BodyError
 from softmodels.mechanics.mpi import everywhere
@@ -480,7 +480,7 @@ class Shape:
     def name(self) -> str:
         """Name of the photograph in messages."""
         held = f", held {self.hold:.4g} s" if self.history else ""
-        return f"{self.pressure / pascal_per_cm():.4g} cm of water{held} ({self.source})"
+        return f"{self.pressure / pascal_per_cm():.4g} {column_unit()}{held} ({self.source})"
 
     def mean(self, values: Array) -> Array:
         """Return the means over the bins of values (k, ...) divided by the points' errors, as residuals of variance 1."""
