@@ -93,14 +93,6 @@ def apart[T](task: Callable[..., T], *arguments: Any, stopped: Callable[[], bool
     return value  # type: ignore[no-any-return]
 
 
-def interpreter() -> list[str]:
-    """Return how to start Python for a child with this process' module search path.
-
-    Left alone, Python would look into the folder it is started in first, which may be anybody's.
-    """
-    return [sys.executable] if {"", str(Path.cwd())} & set(sys.path) else [sys.executable, "-P"]
-
-
 def answer_to(order: bytes) -> bytes:
     """Carry out a pickled task; return its pickled result, or what it raised."""
     task, arguments = pickle.loads(order)

@@ -22,7 +22,7 @@ import click
 import numpy as np
 
 from geometries import HollowDisk
-from geometries.meshing import apart, interpreter, private_model, write_step
+from geometries.meshing import apart, private_model, write_step
 from measurement.photographer import FLOOR, SCENE, Scene, chessboard, photograph, save
 from softmodels.case.case import Case
 from softmodels.case.materials import DEFAULT
@@ -30,7 +30,7 @@ from softmodels.cli.options import command, fail, unwritable
 from softmodels.common.arrays import Array
 from softmodels.common.commands import FolderType, open_folder, open_place, trouble
 from softmodels.common.lazy import MPI, gmsh
-from softmodels.common.processes import say
+from softmodels.common.processes import python, say
 from softmodels.common.units import pascal_per_cm
 from softmodels.fitting.curves.residuals import spectrum
 from softmodels.fitting.outlines.device import DeviceModel, MeasuredDevice
@@ -194,7 +194,8 @@ def demo(output: Path | None, megapixels: float) -> None:
         photographs.leave()
     for module, words in commands(place, TRUTH):
         click.echo(f"$ python -m {module} {' '.join(words)}")
-        status = subprocess.run([*interpreter(), "-m", module, *words], check=False).returncode
+        line, environment = python(module, *words)
+        status = subprocess.run(line, env=environment, check=False).returncode
         if status != DONE:
             fail(f"{module} {words[0]} ended with exit status {status}; the files so far are in {place}", FAILED)
     lines, good = compared(place, TRUTH)
