@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from softmodels.common.errors import GeometryError, MeshFileError, MeshingError, MeshingStopped
 from softmodels.common.files import GEOMETRY, read_file
 from softmodels.common.lazy import gmsh
-from softmodels.common.processes import LOCK, handlers_kept, one_at_a_time
+from softmodels.common.processes import LOCK, handlers_kept, one_at_a_time, pickled
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Run a Gmsh task in a separate process, so that it can be stopped and cannot crash the caller.
@@ -60,12 +60,8 @@ def apart[T](task: Callable[..., T], *arguments: Any, stopped: Callable[[], bool
     """Carry out a task, a function that is imported by name, in another process and return its result. Once ``stopped``,
     asked several times a second, is true the task is killed: MeshingStopped. MeshingError if the process died, else what the
     task raised."""
-    try:
-        order = pickle.dumps((task, arguments))
-    except (pickle.PicklingError, AttributeError, TypeError):
-        order = b"__main__"
-    if b"__main__" in order:
-        return task(*arguments)  # a class of a script, a notebook or a function: defined only in this process
+    if (order := pickled((task, arguments))) is None:
+        return task(*arguments)
     with tempfile.TemporaryFile() as words, tempfile.TemporaryFile() as answer, tempfile.TemporaryFile() as errors:
         pickle.dump(sys.path, words)
         words.write(order)

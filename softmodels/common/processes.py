@@ -55,6 +55,16 @@ def python(module: str, *words: str) -> tuple[list[str], dict[str, str]]:
     return [sys.executable, "-P", "-m", module, *words], {**environment, "PYTHONPATH": path}
 
 
+def pickled(value: object) -> bytes | None:
+    """Return a value as another process reads it; None if it cannot, as with what a script, a notebook or a function defines,
+    which exists only in this process."""
+    try:
+        data = pickle.dumps(value)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        return None
+    return None if b"__main__" in data else data
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # The process' signal handlers are the caller's: those that compiled code sets at its start are taken away again.
 
@@ -167,7 +177,10 @@ def plain(text: str) -> str:
 # Processes that answer calls: kept loaded, so that one question costs only its own time, and replaced when they die.
 
 
-ENDED = "the process that computes ended, perhaps because memory ran out; use larger cells, and try again"
+ENDED = (
+    "the process that computes ended, perhaps because memory ran out; reduce the problem (larger cells, a smaller photograph, "
+    "fewer processes at a time), and try again"
+)
 
 
 type Answer = tuple[bool, Any]
