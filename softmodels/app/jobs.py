@@ -21,7 +21,7 @@ from nicegui import Event
 
 from softmodels.casting.settings import Workshop
 from softmodels.common.errors import FieldError, reason
-from softmodels.common.files import read_file, read_text, replaced_whole, write_text
+from softmodels.common.files import read_file, read_json, replaced_whole, write_text
 from softmodels.common.processes import Answer, DiedError, Worker, end_with_parent, python
 from softmodels.runs import outcomes
 
@@ -142,11 +142,11 @@ class Jobs:
         self.ending = False
         self.all: list[Job] = []
         for file in sorted(self.folder.glob("*.json"), key=lambda path: path.stem.zfill(9)):
-            with contextlib.suppress(OSError, ValueError, TypeError, AttributeError, RecursionError):
+            with contextlib.suppress(OSError, ValueError, TypeError, AttributeError):
                 self.all.append(self._read(file))
 
     def _read(self, file: Path) -> Job:
-        table = json.loads(read_text(file))
+        table = read_json(file)
         seal = table.pop("seal", "")
         job = Job.from_table(table, int(file.stem))
         if job.active and not hmac.compare_digest(str(seal).encode(), self._seal(job).encode()):
