@@ -4,7 +4,7 @@ The demonstration simulates, photographs, measures, fits, and compares with the 
 with a tensile curve, boards for the camera's lens, a part from a STEP file and a case of each kind. Existing files are kept.
 
 The examples come with the package, in the folder ``files``. What is computed or rendered of them, in its folder ``made``, is
-made again in some minutes, byte for byte but for the dates in STEP files, by ``python -m softmodels.cli.examples``.
+made again in some minutes, by ``python -m softmodels.cli.examples``.
 """
 
 from __future__ import annotations

@@ -129,8 +129,8 @@ def kinds(inputs: Path) -> dict[str, Kind]:
     measured = inputs / "demo"
     return {
         "time": Kind(("-m", "softmodels", "run", str(inputs / "time.toml"), "--no-pictures", "--quiet"), in_time=True),
-        "study": Kind(("-m", "softmodels", "study", str(inputs / "study.toml"), "--jobs", "1", "--no-pictures", "--quiet"), "-o",
-                      tables=(), stored="samples.jsonl"),
+        "study": Kind(("-m", "softmodels", "study", str(inputs / "study.toml"), "--jobs", "1", "--no-pictures", "--quiet"),
+                      "-o", tables=(), stored="samples.jsonl"),
         "design": Kind(("-m", "softmodels", "design", str(inputs / "design.toml"), "--no-pictures", "--quiet"), "-o",
                        tables=("design.toml",), stored="iterates/*.json"),
         "mould": Kind(("-m", "softmodels", "mould", str(inputs / "mould.toml"), "--quiet"), "-o", False,
