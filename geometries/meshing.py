@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from softmodels.common.errors import GeometryError, MeshFileError, MeshingError, MeshingStopped
 from softmodels.common.files import GEOMETRY, read_file
 from softmodels.common.lazy import gmsh
-from softmodels.common.processes import LOCK, handlers_kept, one_at_a_time
+from softmodels.common.processes import LOCK, handlers_kept, one_at_a_time, pickled
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Run a Gmsh task in a separate process, so that it can be stopped and cannot crash the caller.
@@ -61,7 +61,7 @@ def apart[T](task: Callable[..., T], *arguments: Any, stopped: Callable[[], bool
     """Carry out a task, a function that is imported by name, in another process and return its result. Once ``stopped``,
     asked several times a second, is true the task is killed: MeshingStopped. MeshingError if the process died, else what the
     task raised."""
-    if not (order := _pickled(task, arguments)):
+    if (order := pickled((task, arguments))) is None:
         return task(*arguments)
     with tempfile.TemporaryFile() as words, tempfile.TemporaryFile() as answer, tempfile.TemporaryFile() as errors:
         pickle.dump(sys.path, words)
@@ -91,23 +91,6 @@ def apart[T](task: Callable[..., T], *arguments: Any, stopped: Callable[[], bool
     if not done:
         raise value
     return value  # type: ignore[no-any-return]
-
-
-def _pickled(task: Callable[..., Any], arguments: tuple[Any, ...]) -> bytes:
-    """Return a task as bytes; none where another process cannot have it: with a class of a script, a notebook or a function,
-    which is defined only in this one."""
-    with contextlib.suppress(pickle.PicklingError, AttributeError, TypeError):
-        order = pickle.dumps((task, arguments))
-        return b"" if b"__main__" in order else order
-    return b""
-
-
-def interpreter() -> list[str]:
-    """Return how to start Python for a child with this process' module search path.
-
-    Left alone, Python would look into the folder it is started in first, which may be anybody's.
-    """
-    return [sys.executable] if {"", str(Path.cwd())} & set(sys.path) else [sys.executable, "-P"]
 
 
 def answer_to(order: bytes) -> bytes:
@@ -599,7 +582,7 @@ def _make_curved(actuator: Meshable, path: Path, stopped: Callable[[], bool]) ->
         return apart(_make, actuator, path, CURVINGS[0], stopped=stopped)
     except SpoiltCells:
         pass
-    if _pickled(_make, (actuator, path, CURVINGS[1])):
+    if pickled((_make, (actuator, path, CURVINGS[1]))) is not None:
         with contextlib.suppress(MeshingError):  # spoilt, or its process has ended
             return apart(_make, actuator, path, CURVINGS[1], stopped=stopped)
     return apart(_make, actuator, path, CURVINGS[2], stopped=stopped)

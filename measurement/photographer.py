@@ -482,8 +482,15 @@ def dome_height(x: ArrayLike, height: float, radius: float = 0.015) -> Array:
     return height * (1.0 - share**2) ** 3
 
 
-def save(path: Path | str, image: NDArray[np.uint8], exif: dict[str, object] | None = None, quality: int = 95) -> Path:
-    """Write a photograph (h, w, 3) in the format of the path's ending; ``exif`` has any of maker, camera, lens, focal_mm."""
+def save(
+    path: Path | str,
+    image: NDArray[np.uint8],
+    exif: dict[str, object] | None = None,
+    quality: int = 95,
+    subsampling: int = 0,
+) -> Path:
+    """Write a photograph (h, w, 3) in the format of the path's ending; ``exif`` has any of maker, camera, lens, focal_mm.
+    ``quality`` and ``subsampling`` are those of JPEG, as Pillow has them: 0 keeps all colours, 2 a quarter of their pixels."""
     tags = Files.Exif()
     body = tags.get_ifd(ExifTags.IFD.Exif)
     places = {
@@ -498,7 +505,7 @@ def save(path: Path | str, image: NDArray[np.uint8], exif: dict[str, object] | N
         table, tag = places[name]
         table[tag] = value
     options: dict[str, Any] = (
-        {"quality": quality, "subsampling": 0} if Path(path).suffix.lower() in (".jpg", ".jpeg") else {}
+        {"quality": quality, "subsampling": subsampling} if Path(path).suffix.lower() in (".jpg", ".jpeg") else {}
     )
     Files.fromarray(image).save(path, exif=tags, **options)
     return Path(path)

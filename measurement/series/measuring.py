@@ -3,14 +3,12 @@ zero plane first, then every one, in processes of their own."""
 
 from __future__ import annotations
 
-import concurrent.futures
 import contextlib
 import csv
 import dataclasses
-import multiprocessing
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TypedDict, Unpack
+from typing import Any, TypedDict, Unpack
 
 import cv2
 import numpy as np
@@ -21,23 +19,11 @@ from measurement.outline.profiles import DECISIVE
 from measurement.outline.zero import ZeroLine, sides_of, with_known_body
 from measurement.pictures import TONES, Pixels, Unmeasurable, read_pixels
 from measurement.screen.setup import Setup
-from measurement.series.checks import (
-    CHECKS,
-    COURSE,
-    EDGE,
-    LIST,
-    OUTLINE,
-    RUN,
-    TONE,
-    ZERO,
-    Check,
-    Evidence,
-    answers,
-    doubts,
-)
+from measurement.series.checks import CHECKS, COURSE, EDGE, LIST, OUTLINE, RUN, TONE, ZERO, Evidence, answers, doubts
 from measurement.series.drawing import draw_edge
 from measurement.series.photo_list import Column, Photograph, cut_out, read_photos
 from measurement.series.witness import Refusal, Result, Run
+from softmodels.common import processes
 
 AUTO = "auto"
 WRONG = 3.5
@@ -239,7 +225,8 @@ def measure_all(
     done: Callable[[Result], None] = lambda result: None,
 ) -> list[Result]:
     """Return a result per photograph, in the list's order, measured in so many processes at a time. The folder
-    ``pictures`` gets one of each with its edge; ``done`` is called after each."""
+    ``pictures`` gets one of each with its edge; ``done`` is called after each. A photograph on which two processes ended, as
+    where memory runs out, is refused."""
     names, listed = _names(photographs), Run(rows=photographs)
     results: dict[str, Result] = {}
     work = []
@@ -253,16 +240,15 @@ def measure_all(
             take(Result(photo, Refusal(str(doubt), photo.file), name))
         else:
             work.append((photo, name, setup, zero, tone, pictures))
-    if jobs <= 1 or len(work) <= 1:
+    known = {stage: checks.loaded for stage, checks in CHECKS.items()}
+    if jobs <= 1 or len(work) <= 1 or processes.pickled(known) is None:
         for task in work:
             take(_measure_one(*task))
     else:
-        # Fresh processes: a fork would copy the threads' locks of OpenCV and of the terminal's progress bar.
-        context = multiprocessing.get_context("spawn")
-        known = {stage: checks.loaded for stage, checks in CHECKS.items()}
-        with concurrent.futures.ProcessPoolExecutor(min(jobs, len(work)), context, _alone, (known,)) as pool:
-            for future in concurrent.futures.as_completed([pool.submit(_measure_one, *task) for task in work]):
-                take(future.result())
+        tasks = {number: (known, *task) for number, task in enumerate(work)}
+        for number, (returned, value) in processes.answers(__name__, measured_beside.__name__, tasks, jobs):
+            photo, name, *_ = work[number]
+            take(value if returned else Result(photo, Refusal(value, photo.file), name))
     before = [results[name] for name in names]
     after = judged(before)
     for k, result in enumerate(after):
@@ -308,10 +294,14 @@ def _unforeseen(error: Exception) -> str:
     return f"it led to an unforeseen failure ({type(error).__name__}: {words})"
 
 
-def _alone(known: dict[str, dict[str, Check]]) -> None:
+def measured_beside(task: tuple[Any, ...]) -> Result:
+    """Return a photograph's result in one of several processes; the task is every check by stage and name, also those that a
+    user's program has registered, and what `_measure_one` takes."""
     cv2.setNumThreads(1)  # the processes share the cores already
+    known, *arguments = task
     for stage, checks in known.items():
-        CHECKS[stage].update(checks)  # also those that a user's program has registered
+        CHECKS[stage].update(checks)
+    return _measure_one(*arguments)
 
 
 def _measure_one(
@@ -366,7 +356,7 @@ class MeasuringOptions(TypedDict, total=False):
         tone: How the files store light: ``"auto"``, ``"srgb"`` as a camera's JPEG, or ``"linear"``.
         width: True width of the body in m and its standard error, where the photographs show its sides: it gives the
             shadow's magnification.
-        jobs: Processes at a time; more than one start Python anew, so a script needs its ``if __name__ == "__main__":``.
+        jobs: Processes at a time; only one where a check of the script itself is registered, which the others cannot import.
         edges: Folder for a picture of each photograph with its edge; none without it.
         done: Called with the `Result` of each photograph.
     """

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -16,7 +15,7 @@ from softmodels.case.entries import CaseError, Probes
 from softmodels.case.load import LoadRequest
 from softmodels.case.materials import AnyBand, without_walls
 from softmodels.common import errors
-from softmodels.common.files import GEOMETRY, read_file, read_text
+from softmodels.common.files import GEOMETRY, read_file, read_json
 from softmodels.common.lazy import MPI
 from softmodels.common.names import callback, checked, flag, place
 from softmodels.common.processes import one_at_a_time
@@ -294,9 +293,9 @@ def load(folder: str | Path) -> Run:
     """
     where = place("folder", folder, "a folder of results")
     try:
-        summary = json.loads(read_text(where / "summary.json"))
+        summary = read_json(where / "summary.json")
         ended = Ended(int(summary["status"]), str(summary["message"]))
-    except (OSError, ArithmeticError, ValueError, KeyError, TypeError, RecursionError):
+    except (OSError, ArithmeticError, ValueError, KeyError, TypeError):
         ended = Ended()  # a run that is still going, or was interrupted
     return run_of(where, ended)
 

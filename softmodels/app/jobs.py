@@ -6,25 +6,90 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import dataclasses
+import hashlib
+import hmac
 import json
+import os
+import secrets
 import shlex
 import signal
-import sys
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
 from nicegui import Event
 
-from softmodels.common.errors import reason
-from softmodels.common.files import write_text
-from softmodels.common.processes import Answer, DiedError, Worker, end_with_parent
+from softmodels.casting.settings import Workshop
+from softmodels.common.errors import FieldError, reason
+from softmodels.common.files import read_file, read_json, replaced_whole, write_text
+from softmodels.common.processes import Answer, DiedError, Worker, end_with_parent, python
 from softmodels.runs import outcomes
 
 FOLDER = "jobs"
 WAITING, RUNNING, DONE, STOPPED, FAILED = "waiting", "running", "done", "stopped", "failed"
 ENDED = {outcomes.DONE: DONE, outcomes.NO_EQUILIBRIUM: DONE, outcomes.STOPPED: STOPPED}
 """States by exit status; some photographs refused has that of a limit point. All others are `FAILED`."""
+ELSEWHERE = "recorded elsewhere, not run"
+"""State of a job that another machine, or anyone without this one's `machine_key`, recorded as waiting or running."""
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Commands that the page starts. A project's folder may come from somebody else, and its records name programs to start again.
+
+
+COMMANDS = {
+    "softmodels run": ("-o",),
+    "softmodels fit": ("-o", "--exclude", "--tensile", "--material", "--poisson", "--silicone", "--fix"),
+    "softmodels mould": (
+        "-o", "--silicone", *(f"--{field.name.replace('_', '-')}" for field in dataclasses.fields(Workshop)),
+    ),
+    "softmodels design": ("-o",),
+    "measurement photos": ("-o", "--setup", "--tone"),
+}  # fmt: skip
+"""Options with a value that the page's commands have, by module and command."""
+FLAGS = {"softmodels run": ("--resume",), "softmodels design": ("--resume",)}
+"""The same without a value."""
+
+
+def check_command(words: list[str], project: Path) -> None:
+    """Raise FieldError unless the words after ``python -m`` are a command of `COMMANDS` with its options, whose values and
+    files lie in the project's folder, also where links lead."""
+    name = " ".join(words[:2])
+    if name not in COMMANDS:
+        raise FieldError(f"{name!r} is not a command of the page; it starts {', '.join(COMMANDS)}")
+    rest = iter(words[2:])
+    for word in rest:
+        value = word
+        if word.startswith("-"):
+            if word in FLAGS.get(name, ()):
+                continue
+            if word not in COMMANDS[name]:
+                raise FieldError(f"{word} is not an option of the page's command {name}")
+            value = next(rest, "")
+        for file in (value, value.rpartition(":")[0]):  # a curve has its test behind a colon
+            if not (project / file).resolve().is_relative_to(project.resolve()):
+                raise FieldError(
+                    f"{value} lies outside of the project's folder, which the page's commands do not leave"
+                )
+
+
+KEY_BYTES = 32
+
+
+def machine_key() -> bytes:
+    """Return the key of this user on this machine, by which the page recognises its own records; it is made at the first call.
+    Where it cannot be stored, it is another one in each process, and no job is resumed."""
+    home = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
+    file, key = Path(home) / "softmodels" / "key", b""
+    with contextlib.suppress(OSError):
+        key = read_file(file, KEY_BYTES)
+    if len(key) != KEY_BYTES:
+        key = secrets.token_bytes(KEY_BYTES)
+        with contextlib.suppress(OSError):
+            file.parent.mkdir(parents=True, exist_ok=True)
+            with replaced_whole(file) as aside:
+                aside.touch(0o600)
+                aside.write_bytes(key)
+    return key
 
 
 @dataclasses.dataclass
@@ -42,20 +107,34 @@ class Job:
     @property
     def command(self) -> str:
         """As in a terminal."""
-        first = self.words[1:] if self.words[0] == "softmodels" else ["-m", *self.words]
-        return shlex.join(["uv", "run", "softmodels" if self.words[0] == "softmodels" else "python", *first])
+        own = self.words[0] == "softmodels"
+        return shlex.join(["uv", "run", *(self.words if own else ["python", "-m", *self.words])])
 
     @property
     def active(self) -> bool:
         return self.state in (WAITING, RUNNING)
 
+    @classmethod
+    def from_table(cls, table: Any, number: int) -> Job:
+        """Return the job of a record with a number; ValueError or TypeError if the record is not one."""
+        job = cls(**table)
+        types = (job.number, int), (job.words, list), (job.output, str), (job.resumable, bool), (job.state, str)
+        texts = job.words and all(isinstance(word, str) for word in job.words)
+        if not texts or job.number != number or not all(isinstance(value, kind) for value, kind in types):
+            raise ValueError("not a record of a job")
+        return job
+
 
 class Jobs:
-    """The jobs of a project, one running at a time; records and logs lie in `FOLDER` of the project's."""
+    """The jobs of a project, one running at a time; records and logs lie in `FOLDER` of the project's.
+
+    Each record is sealed by the `machine_key`. What is recorded elsewhere is shown, with its log, and never started.
+    """
 
     def __init__(self, project: Path):
         self.project, self.folder = project, project / FOLDER
         self.folder.mkdir(exist_ok=True)
+        self._key = machine_key()
         self.changed: Event[Job] = Event()
         self._turn = asyncio.Lock()
         self._processes: dict[int, asyncio.subprocess.Process] = {}
@@ -63,8 +142,20 @@ class Jobs:
         self.ending = False
         self.all: list[Job] = []
         for file in sorted(self.folder.glob("*.json"), key=lambda path: path.stem.zfill(9)):
-            with contextlib.suppress(OSError, ValueError, TypeError):
-                self.all.append(Job(**json.loads(file.read_text(encoding="utf-8"))))
+            with contextlib.suppress(OSError, ValueError, TypeError, AttributeError):
+                self.all.append(self._read(file))
+
+    def _read(self, file: Path) -> Job:
+        table = read_json(file)
+        seal = table.pop("seal", "")
+        job = Job.from_table(table, int(file.stem))
+        if job.active and not hmac.compare_digest(str(seal).encode(), self._seal(job).encode()):
+            job.state = ELSEWHERE
+        return job
+
+    def _seal(self, job: Job) -> str:
+        record = json.dumps(dataclasses.asdict(job), sort_keys=True)
+        return hmac.new(self._key, record.encode(), hashlib.sha256).hexdigest()
 
     def begin(self) -> None:
         """Resume the jobs of a server that was killed."""
@@ -88,7 +179,7 @@ class Jobs:
     def log(self, job: Job) -> str:
         """Return what a command has printed; the last of what overwrote itself."""
         try:
-            text = self._log(job).read_text(encoding="utf-8", errors="replace")
+            text = read_file(self._log(job)).decode("utf-8", "replace")
         except OSError:
             return ""
         return "\n".join(line.rpartition("\r")[2] for line in text.splitlines())
@@ -114,7 +205,8 @@ class Jobs:
     def _set(self, job: Job, state: str) -> None:
         job.state = state
         with contextlib.suppress(OSError):  # a full disk must not end the job
-            write_text(self.folder / f"{job.number}.json", json.dumps(dataclasses.asdict(job)))
+            record = {**dataclasses.asdict(job), "seal": self._seal(job)}
+            write_text(self.folder / f"{job.number}.json", json.dumps(record))
         self.changed.emit(job)
 
     def _launch(self, job: Job) -> None:
@@ -129,12 +221,16 @@ class Jobs:
                 return
             self._set(job, RUNNING)
             try:
+                check_command([*job.words, "-o", job.output], self.project)
+                words, environment = python(*job.words)
+                if self._log(job).is_symlink():  # in a folder from elsewhere, it could lead to any file of the user's
+                    self._log(job).unlink()
                 with self._log(job).open("ab") as log:
                     process = await asyncio.create_subprocess_exec(
-                        sys.executable, "-m", *job.words, cwd=self.project, stdin=asyncio.subprocess.DEVNULL,
+                        *words, cwd=self.project, env=environment, stdin=asyncio.subprocess.DEVNULL,
                         stdout=log, stderr=asyncio.subprocess.STDOUT, preexec_fn=end_with_parent,
                     )  # fmt: skip
-            except OSError as error:
+            except (OSError, ValueError) as error:  # a FieldError, or a text that is no path
                 with contextlib.suppress(OSError):  # a full disk has no room for it either
                     self._log(job).write_text(f"the command could not be started ({reason(error)})\n", encoding="utf-8")
                 return self._set(job, FAILED)

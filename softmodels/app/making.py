@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
@@ -17,7 +16,7 @@ from softmodels.case.case import Case
 from softmodels.case.materials import band_of, material_from
 from softmodels.casting.settings import Workshop
 from softmodels.common.errors import FieldError
-from softmodels.common.files import read_text, write_text
+from softmodels.common.files import read_json, read_text, write_text
 from softmodels.common.schema import about, shown
 from softmodels.common.units import number, readable
 from softmodels.materials.laws import LAWS, RUBBER
@@ -104,7 +103,7 @@ class MaterialPage(TabPage):
         """Show the answer of the last fit."""
         self.answer.clear()
         try:
-            found = json.loads(read_text(self.project / FIT / "fit.json"))
+            found = read_json(self.project / FIT / "fit.json")
             law = next(one for one in found["laws"] if one["law"] == found["chosen"])
         except (OSError, ValueError, KeyError, StopIteration):
             return

@@ -17,6 +17,7 @@ from nicegui import app, background_tasks, core, ui
 
 from softmodels.app.bench import Bench, Project
 from softmodels.app.device import DevicePage
+from softmodels.app.forms import ALLOWED
 from softmodels.app.making import DesignPage, MaterialPage, MouldPage
 from softmodels.app.photographs import OverlayPage, PhotographsPage
 from softmodels.common.processes import say
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 HERE = "127.0.0.1"
 FIRST_PORT, PORTS = 8700, 100
 """Where free ports are looked for, and how many are tried."""
+FILES = "/files"
+"""Where the project's files are served."""
 KEY = "token"
 """Name of the key in the address."""
 LARGEST_UPLOAD = 400 << 20
@@ -68,9 +71,44 @@ async def answers(port: int) -> bool:
     return True
 
 
+ALWAYS = {
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-resource-policy": "same-origin",
+    "cross-origin-opener-policy": "same-origin",
+}
+"""Headers of all answers: a browser shows them as what they are called, and gives nothing of them to other sites."""
+FRAMED = "frame-ancestors 'self'"
+PAGE = f"{FRAMED}; base-uri 'self'; object-src 'none'; form-action 'self'"
+"""Content security policy of the page: no other site shows it in a frame, and it sends forms nowhere else."""
+OF_PROJECT = (
+    f"sandbox {ALLOWED}; default-src 'none'; img-src data: blob:; media-src data: blob:; font-src data:; "
+    f"style-src 'unsafe-inline'; script-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; {FRAMED}"
+)
+"""That of the project's files, which may come from elsewhere: a report runs its program, but is not of the page's origin, and
+has no network."""
+
+
+def _hardened(send: Send, path: str) -> Send:
+    """Return how an answer is sent with the headers above; ``path`` is the one requested."""
+    policy = OF_PROJECT if path.startswith(FILES) else PAGE
+    own = {**ALWAYS, "content-security-policy": policy}
+
+    async def sent(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            others = [(name, value) for name, value in message.get("headers", ()) if name.lower().decode() not in own]
+            message = {
+                **message,
+                "headers": [*others, *((name.encode(), value.encode()) for name, value in own.items())],
+            }
+        await send(message)
+
+    return sent
+
+
 class Guard:
     """ASGI middleware that answers only requests with the key, addressed to this server by one of its hosts (with port), and
-    not sent by other sites.
+    not sent by other sites. No answer can be framed by other sites, and the project's files cannot act on the page.
 
     The key comes once in the address, and from then on in a cookie that scripts cannot read. A site that points its own name
     at this machine (DNS rebinding) fails by the name, another site's form or socket by its origin.
@@ -83,6 +121,7 @@ class Guard:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
             return await self.app(scope, receive, send)
+        send = _hardened(send, scope["path"])
         headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
         host, origin = headers.get("host", ""), headers.get("origin")
         if host not in self.hosts:
@@ -236,7 +275,7 @@ def serve(folder: Path, port: int | None = None, *, browser: bool = True, lan: b
             webbrowser.open(address)
 
     app.on_startup(lambda: background_tasks.create(tell()))
-    app.add_static_files("/files", bench.project.folder, max_cache_age=0)
+    app.add_static_files(FILES, bench.project.folder, max_cache_age=0)
     core.app.add_middleware(Guard, key=key, hosts=hosts)  # type: ignore[arg-type]
     ui.run(
         lambda: build_page(bench), host=host, port=port, title="softmodels", show=False, reload=False, dark=None, favicon=ICON,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import re
 import types
 from collections.abc import Iterator, Mapping, MutableMapping, Sequence
 from pathlib import Path
@@ -58,7 +57,7 @@ from softmodels.case.materials import (
 from softmodels.common import errors
 from softmodels.common.errors import FieldError, known_are, meant, near_paths
 from softmodels.common.files import file_digest
-from softmodels.common.names import checked, doubt, one_of, several
+from softmodels.common.names import checked, doubt, one_of, several, unusable_name
 from softmodels.common.schema import About, Choice, Flag, Kind, Quantity, Several, Text, Words, about
 from softmodels.common.tables import TomlError, parse_toml, read_toml
 from softmodels.common.units import (
@@ -404,10 +403,8 @@ class Case:
     )  # fmt: skip
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not re.fullmatch(r"\w[\w.+-]*", self.name):
-            raise CaseError(
-                f"name {brief(self.name)} is not a valid file name; use letters, digits, '_', '-', '+' and '.'"
-            )
+        if why := unusable_name(self.name):
+            raise CaseError(why)
         try:
             self._settle()
             self._take_times()

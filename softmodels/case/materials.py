@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.util
-import json
 import os
 import re
 import sys
@@ -21,7 +20,7 @@ from geometries import Actuator
 from geometries.actuator import cavity_roles
 from softmodels.case.entries import MISSING, Entry, Missing, Option, Tables, Written, table_of
 from softmodels.common.errors import OWN, FieldError, known_are
-from softmodels.common.files import read_text
+from softmodels.common.files import read_json
 from softmodels.common.names import checked, read_only
 from softmodels.common.schema import About, Quantity, Text, Words, about
 from softmodels.common.tables import TomlError, read_toml
@@ -403,7 +402,7 @@ def _whole(path: Path, fitted: Material) -> Found | None:
     Of several laws it is the one with the material's own numbers: fits call a sum of one term ``ogden1``, materials ``ogden``.
     """
     try:
-        laws = json.loads(read_text(path.with_name("fit.json")))["laws"]
+        laws = read_json(path.with_name("fit.json"))["laws"]
         told = [one for one in laws if "material" in one]
         same = (one for one in told if from_table(one["material"]) == fitted)
         one = next(same, None) or next(one for one in laws if one["law"] == fitted.name)

@@ -2,15 +2,18 @@
 
 The demonstration simulates, photographs, measures, fits, and compares with the truth. The examples are a small version of it,
 with a tensile curve, boards for the camera's lens, a part from a STEP file and a case of each kind. Existing files are kept.
+
+The examples come with the package, in the folder ``files``. What is computed or rendered of them, in its folder ``made``, is
+made again in some minutes, by ``python -m softmodels.cli.examples``.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import json
 import math
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -20,17 +23,19 @@ from pathlib import Path
 
 import click
 import numpy as np
+from numpy.typing import NDArray
 
 from geometries import HollowDisk
-from geometries.meshing import apart, interpreter, private_model, write_step
+from geometries.meshing import private_model, write_step
 from measurement.photographer import FLOOR, SCENE, Scene, chessboard, photograph, save
 from softmodels.case.case import Case
 from softmodels.case.materials import DEFAULT
 from softmodels.cli.options import command, fail, unwritable
 from softmodels.common.arrays import Array
 from softmodels.common.commands import FolderType, open_folder, open_place, trouble
+from softmodels.common.files import write_bytes
 from softmodels.common.lazy import MPI, gmsh
-from softmodels.common.processes import say
+from softmodels.common.processes import python, say
 from softmodels.common.units import pascal_per_cm
 from softmodels.fitting.curves.residuals import spectrum
 from softmodels.fitting.outlines.device import DeviceModel, MeasuredDevice
@@ -110,23 +115,25 @@ def take_photographs(
     tell: Callable[[str], None] = lambda text: None,
     times: Sequence[str] = (),
     first: int = 100,
+    keep: Callable[[Path, NDArray[np.uint8]], Path] = save,
 ) -> None:
     """Write the grid's photograph (number ``first``), one at rest, one per pressure, and ``photos.csv`` with the column's
-    levels and the columns hold and rise of ``times``; ``halves`` are the right halves of the outline in m.
+    levels and the columns hold and rise of ``times``; ``halves`` are the right halves of the outline in m; ``keep``
+    writes a photograph.
 
     Levels are read to a millimetre with the error the measurement takes them to have; the leak makes them too high. One that
     stays the same is read once.
     """
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(2013)
-    save(folder / f"IMG_{first:04d}.JPG", photograph(scene, None, seed=first)[0])
+    keep(folder / f"IMG_{first:04d}.JPG", photograph(scene, None, seed=first)[0])
     rest = np.array([[0.0, 0.0], [truth.actuator.outer_radius, 0.0]])
     readings = [0.0, *readings_of(np.array(truth.pressures), {"leak": LEAK})]
     rows, before, levels = ["file,left,right" + (",hold,rise" if times else "")], math.nan, ""
     columns = ["", *times] if times else [""] * len(readings)
     for number, (half, reading, column) in enumerate(zip([rest, *halves], readings, columns, strict=True), first + 1):
         tell(f"photograph {number - first} of {len(readings)}")
-        save(folder / f"IMG_{number:04d}.JPG", photograph(scene, polygon(half), seed=number)[0])
+        keep(folder / f"IMG_{number:04d}.JPG", photograph(scene, polygon(half), seed=number)[0])
         half_column = reading / pascal_per_cm() / 2.0
         if reading != before:
             left, right = (100.0 + sign * half_column + 0.05 * rng.standard_normal() for sign in (1.0, -1.0))
@@ -194,7 +201,8 @@ def demo(output: Path | None, megapixels: float) -> None:
         photographs.leave()
     for module, words in commands(place, TRUTH):
         click.echo(f"$ python -m {module} {' '.join(words)}")
-        status = subprocess.run([*interpreter(), "-m", module, *words], check=False).returncode
+        line, environment = python(module, *words)
+        status = subprocess.run(line, env=environment, check=False).returncode
         if status != DONE:
             fail(f"{module} {words[0]} ended with exit status {status}; the files so far are in {place}", FAILED)
     lines, good = compared(place, TRUTH)
@@ -230,7 +238,12 @@ HELD = {"share_10s": 0.15, "share_100s": 0.1}
 LEVELS, RISE, HOLDS = (80.0, 170.0), 3.0, (5.0, 60.0, 600.0)
 """These pressures in cm of the column; time in s that each takes to reach, and when it is photographed."""
 
+shipped = functools.partial(save, quality=65, subsampling=2)
+"""Writes a photograph that comes with the package: with all of them smaller than 3 MB, as most phones compress theirs."""
+
 FILES = Path(__file__).parent / "files"
+MADE = FILES / "made"
+"""What `make_files` writes."""
 
 
 def _texts(group: str) -> dict[str, str]:
@@ -251,14 +264,14 @@ class Folder:
         self.written: list[Path] = []
         self.kept: list[Path] = []
 
-    def add(self, name: str, make: Callable[[Path], object]) -> None:
-        """Make a file by a function that takes its path, unless it exists."""
+    def add(self, name: str, source: Path) -> None:
+        """Copy a file, whole or not at all, unless it exists."""
         path = self.path / name
         if path.exists() or path.is_symlink():
             self.kept.append(path)
             return
         path.parent.mkdir(parents=True, exist_ok=True)
-        make(path)
+        write_bytes(path, source.read_bytes())
         self.written.append(path)
 
 
@@ -385,45 +398,41 @@ def _write_step(path: Path, draw: Callable[[gmsh.model.occ], None]) -> None:
         write_step(path)
 
 
-def write_examples(path: Path, tell: Callable[[str], None] = lambda text: None) -> Folder:
-    """Write all examples into a folder, made if missing; ``tell`` gets a sentence now and then."""
+def write_examples(path: Path) -> Folder:
+    """Write all examples into a folder, made if missing."""
     folder = Folder(path)
-    folder.add("README.txt", lambda file: shutil.copyfile(FILES / file.name, file))
-    for name, text in {**CASES, **BENCH, **PROBLEMS}.items():
-        folder.add(name, lambda file, text=text: file.write_text(text, encoding="utf-8"))  # type: ignore[misc]
-    folder.add("pull.csv", lambda file: file.write_text(tensile_curve(), encoding="utf-8"))
-    folder.add("cycles.csv", lambda file: file.write_text(memory_curve(CYCLES, 31), encoding="utf-8"))
-    folder.add("hold.csv", lambda file: file.write_text(memory_curve(HOLD, 32), encoding="utf-8"))
-    folder.add("fast.csv", lambda file: file.write_text(memory_curve(FAST, 33), encoding="utf-8"))
-    branches = ", ".join(f"{name} = {value:g}" for name, value in HELD.items())
-    truth = f"{told_truth()}, a leak of 1 %; held: {branches} too\ncycles.csv, hold.csv, fast.csv: {told_memory()}\n"
-    folder.add("truth.txt", lambda file: file.write_text(truth, encoding="utf-8"))
-    folder.add("mypart.step", lambda file: apart(finger, file))
-    folder.add("twopart.step", lambda file: apart(two_cavities, file))
-    folder.add("accordion.step", lambda file: apart(accordion, file))
-    tell("photographing the board")
-    for number, scene in enumerate(board_scenes(), 1):
-        folder.add(f"boards/board{number:02d}.jpg",
-                   lambda file, scene=scene, n=number: save(file, chessboard(scene, side=SIDE, seed=n)))  # type: ignore[misc]  # fmt: skip
-    folder.add("photographs", lambda file: photographs(file, tell))
-    folder.add("held", lambda file: held(file, tell))
+    folder.add("README.txt", FILES / "README.txt")
+    for group in (FILES / "cases", FILES / "bench", FILES / "designs", MADE):
+        for file in sorted(file for file in group.rglob("*") if file.is_file()):
+            folder.add(file.relative_to(group).as_posix(), file)
     return folder
 
 
-def photographs(folder: Path, tell: Callable[[str], None]) -> None:
-    """Make photographs of the grid and of the inflated disk, with the table of the column's levels."""
-    tell("simulating the photographed disk (compiling kernels on the first run, about 10 s)")
+def make_files(folder: Path, tell: Callable[[str], None]) -> None:
+    """Compute and render the examples that come with the package into a folder; ``tell`` gets a sentence now and then."""
+    (folder / "boards").mkdir(parents=True, exist_ok=True)
+    branches = ", ".join(f"{name} = {value:g}" for name, value in HELD.items())
+    texts = {
+        "pull.csv": tensile_curve(),
+        "cycles.csv": memory_curve(CYCLES, 31),
+        "hold.csv": memory_curve(HOLD, 32),
+        "fast.csv": memory_curve(FAST, 33),
+        "truth.txt": f"{told_truth()}, a leak of 1 %; held: {branches} too\ncycles.csv, hold.csv, fast.csv: {told_memory()}\n",
+    }
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    for name, draw in (("mypart", finger), ("twopart", two_cavities), ("accordion", accordion)):
+        draw(folder / f"{name}.step")
+    for number, scene in enumerate(board_scenes(), 1):
+        tell(f"board {number}")
+        shipped(folder / "boards" / f"board{number:02d}.jpg", chessboard(scene, side=SIDE, seed=number))
     _, halves = inflated(TRUTH, start())
-    take_photographs(folder, TRUTH, halves, bench(), tell)
-    (folder / "IMG_0100.JPG").rename(folder / "grid.jpg")
-
-
-def held(folder: Path, tell: Callable[[str], None]) -> None:
-    """Make photographs of the disk while pressures are held and its silicone creeps, with their times."""
-    tell("simulating the disk whose pressures are held")
+    photographs = folder / "photographs"
+    take_photographs(photographs, TRUTH, halves, bench(), tell, keep=shipped)
+    (photographs / "IMG_0100.JPG").rename(photographs / "grid.jpg")
     truth, halves, times = creeping()
-    take_photographs(folder, truth, halves, bench(), tell, times, 200)
-    (folder / "IMG_0200.JPG").unlink()
+    take_photographs(folder / "held", truth, halves, bench(), tell, times, 200, shipped)
+    (folder / "held" / "IMG_0200.JPG").unlink()
 
 
 def creeping() -> tuple[DemoTruth, list[Array], list[str]]:
@@ -452,20 +461,18 @@ def creeping() -> tuple[DemoTruth, list[Array], list[str]]:
 def examples(output: Path) -> None:
     """Write small files to try every command with: photographs, boards, a tensile curve, a STEP part, cases.
 
-    Takes about two minutes. Existing files are kept.
+    Existing files are kept.
     Exit status: 0 written, 1 failed, 2 the folder cannot be written.
     """
     if why := trouble(output):
         fail(f"the folder {output} cannot be written ({why})")
-    try:
-        with unwritable("the examples"):
-            folder = write_examples(output, click.echo)
-    except ImportError as error:
-        fail(
-            f"{error}; the photographs need FEniCSx (softmodels doctor lists what is missing); the rest is in {output}",
-            1,
-        )
+    with unwritable("the examples"):
+        folder = write_examples(output)
     for path in folder.kept:
         say(f"{path} exists and is kept")
     count = len(folder.written) + len(folder.kept)
     say(f"wrote {len(folder.written)} of {count} examples; {output}/README.txt describes them")
+
+
+if __name__ == "__main__":
+    make_files(MADE, say)

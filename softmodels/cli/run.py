@@ -18,13 +18,12 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from geometries.meshing import interpreter
 from softmodels.case.case import Case
 from softmodels.case.materials import VARIABLE, own_modules
 from softmodels.common.commands import ALL_PICTURES, USUAL, DrawingOptions, RunOptions, bounded
 from softmodels.common.errors import reason, spoken
 from softmodels.common.lazy import MPI, PETSc, consoles, progress
-from softmodels.common.processes import COLUMNS, columns, cores, environment_alone, say
+from softmodels.common.processes import COLUMNS, columns, cores, python, say
 from softmodels.materials.silicones import break_words
 from softmodels.mechanics.mpi import is_root, on_root, petsc_reason, start
 from softmodels.runs.columns import StateLabels, overlap_text, state_labels, term
@@ -40,12 +39,10 @@ from softmodels.runs.store import Results
 def start_drawing(case: Case, module: str, *words: str) -> subprocess.Popen[str]:
     """Start a drawing module with words in a separate process, without MPI's environment variables, importing the case's own
     modules there too; `OSError` if no process can be started."""
-    inherited = environment_alone()
-    inherited[VARIABLE] = own_modules(case, *OUTPUTS.values())
+    command, environment = python(module, *words)
+    environment[VARIABLE] = own_modules(case, *OUTPUTS.values())
     pipe = subprocess.PIPE
-    return subprocess.Popen(
-        [*interpreter(), "-m", module, *words], env=inherited, stdin=pipe, stdout=pipe, stderr=pipe, text=True
-    )
+    return subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
 
 
 def end(process: subprocess.Popen[str]) -> None:

@@ -13,6 +13,7 @@ import errno
 import functools
 import hashlib
 import io
+import json
 import os
 import re
 import stat
@@ -69,6 +70,19 @@ def read_text(path: Path | str, largest: int = TEXT) -> str:
     """Read a text in UTF-8, a byte order mark left out; `OSError` as `check_file`, `UnicodeDecodeError` if it is no such
     text."""
     return read_file(path, largest).decode("utf-8-sig")
+
+
+def parse_json(text: str | bytes) -> Any:
+    """Parse JSON; ValueError also where it nests deeper than Python follows, as nothing of ours does."""
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError("it nests too many lists or tables") from None
+
+
+def read_json(path: Path | str) -> Any:
+    """Read a JSON file; `OSError` as of `check_file`, ValueError if it is no JSON, see `parse_json`."""
+    return parse_json(read_text(path))
 
 
 def file_digest(path: Path | str) -> str:

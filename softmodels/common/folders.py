@@ -27,6 +27,7 @@ from softmodels.common.files import (
     is_inside,
     is_same,
     is_step,
+    read_json,
     read_text,
     remove_steps,
     some,
@@ -143,7 +144,7 @@ class Record:
     def read(cls, path: Path) -> Record | None:
         """Return the record in a file; None if there is none or it is not readable."""
         try:
-            found = {"format": 0, **json.loads(read_text(path))}
+            found = {"format": 0, **read_json(path)}
             if found["format"] < 2:  # what is in a folder stood beside its name
                 found["files"] = [*found["files"], *_inside(found.get("inside", {}))]
                 found |= {"incoming": [*given, *_inside(given)]} if (given := found.get("incoming")) is not None else {}
@@ -154,7 +155,7 @@ class Record:
             known |= {name: tuple(known[name]) for name in ("files", "incoming") if name in known}
             own = all(map(is_inside, (*known["files"], *known.get("incoming", ()))))
             return cls(**known) if own and "about" in known else None
-        except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        except (OSError, ValueError, TypeError, KeyError, AttributeError):
             return None
 
     def write(self, path: Path) -> None:

@@ -98,6 +98,19 @@ def _called_by_us() -> bool:
     return module.split(".")[0] in (*errors.OWN, "dataclasses")
 
 
+MAX_NAME_BYTES = 200
+"""Bytes of the name of results: names of files have up to 255 on most systems, and results add endings."""
+
+
+def unusable_name(name: object) -> str:
+    """Return why results cannot have a name, which is that of their files and their default folder; empty if they can."""
+    if not isinstance(name, str) or not re.fullmatch(r"\w[\w.+-]*", name):
+        return f"name {brief(name)} is not a valid file name; use letters, digits, '_', '-', '+' and '.'"
+    if (size := len(name.encode())) > MAX_NAME_BYTES:
+        return f"name {brief(name)} has {size} bytes, and names of results at most {MAX_NAME_BYTES}; shorten it"
+    return ""
+
+
 def doubt(text: str) -> None:
     """Warn of an implausible number at the user's line."""
     warnings.warn(errors.spoken(text), ImplausibleWarning, skip_file_prefixes=_OWN_FILES)

@@ -44,9 +44,25 @@ LAUNCHERS = ("PMI", "HYDRA", "MPI", "OMPI", "PMIX")
 """How the environment variables of MPI launchers begin."""
 
 
-def environment_alone() -> dict[str, str]:
-    """Return this process' environment for one that is no rank of its MPI."""
-    return {name: value for name, value in os.environ.items() if not name.startswith(LAUNCHERS)}
+def python(module: str, *words: str) -> tuple[list[str], dict[str, str]]:
+    """Return a command and its environment that run a module in another process, which is no rank of this one's MPI and finds
+    modules where this one does.
+
+    Left alone, ``python -m`` would look into the folder it is started in first, which may be anybody's.
+    """
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(LAUNCHERS)}
+    path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)  # noqa: PTH109
+    return [sys.executable, "-P", "-m", module, *words], {**environment, "PYTHONPATH": path}
+
+
+def pickled(value: object) -> bytes | None:
+    """Return a value as another process reads it; None if it cannot, as with what a script, a notebook or a function defines,
+    which exists only in this process."""
+    try:
+        data = pickle.dumps(value)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        return None
+    return None if b"__main__" in data else data
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -193,7 +209,10 @@ def plain(text: str) -> str:
 # Processes that answer calls: kept loaded, so that one question costs only its own time, and replaced when they die.
 
 
-ENDED = "the process that computes ended, perhaps because memory ran out; use larger cells, and try again"
+ENDED = (
+    "the process that computes ended, perhaps because memory ran out; reduce the problem (larger cells, a smaller photograph, "
+    "fewer processes at a time), and try again"
+)
 
 
 type Answer = tuple[bool, Any]
@@ -220,11 +239,8 @@ class Worker:
             return
         self.stop()
         here, there = socket.socketpair()
-        words = [sys.executable, "-m", __name__, self.module, str(there.fileno())]
-        path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)  # noqa: PTH109  (as the modules here are found)
-        self._process = subprocess.Popen(
-            words, pass_fds=[there.fileno()], env={**environment_alone(), "PYTHONPATH": path}, stdin=subprocess.DEVNULL
-        )
+        words, environment = python(__name__, self.module, str(there.fileno()))
+        self._process = subprocess.Popen(words, pass_fds=[there.fileno()], env=environment, stdin=subprocess.DEVNULL)
         there.close()
         self._line = Connection(here.detach())
 

@@ -33,9 +33,9 @@ from softmodels.case.materials import MaterialErrors, import_own_modules, to_tab
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import Spoken, known_are, reason, required, written
-from softmodels.common.files import read_text, replace
+from softmodels.common.files import parse_json, read_text, replace
 from softmodels.common.folders import InUseError, OwnFolder, OwnFolderError, take_default
-from softmodels.common.names import callback, checked, flag, one_of, place, whole
+from softmodels.common.names import callback, checked, flag, one_of, place, unusable_name, whole
 from softmodels.common.processes import Answer, Worker, answers, cores
 from softmodels.common.tables import TomlError, parse_toml, read_toml
 from softmodels.common.units import UnitError, number, number_and_unit, plain
@@ -218,6 +218,8 @@ class StudyPlan:
         for key, value in numbers.items():
             if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= MOST:
                 raise StudyError(f"{path}: {key} is {value!r}; it must be a whole number up to {MOST}")
+        if why := unusable_name(table.get("name", "study")):
+            raise StudyError(f"{path}: {why}")
         responses = table.get("responses", [])
         if not isinstance(responses, list) or not all(isinstance(one, str) for one in responses):
             raise StudyError(f"{path}: responses is {responses!r}; it must be a list of columns of path.csv")
@@ -500,7 +502,7 @@ def _read(file: Path) -> dict[int, dict[str, object]]:
     found = {}
     for line in read_text(file).splitlines() if file.exists() else ():
         try:
-            answer = json.loads(line)
+            answer = parse_json(line)
             found[int(answer.pop("sample"))] = answer
         except (ValueError, KeyError, AttributeError):
             continue

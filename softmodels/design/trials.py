@@ -15,6 +15,7 @@ import numpy as np
 
 from geometries import Actuator
 from softmodels.common.arrays import Array
+from softmodels.common.files import parse_json
 from softmodels.common.names import keep_arrays
 from softmodels.common.units import UnitError, brief, plain, quantity, readable
 
@@ -225,7 +226,7 @@ class Trial:
     @classmethod
     def from_json(cls, text: str) -> Trial:
         """Return the trial of `to_json`'s text; ValueError if it is something else."""
-        told = json.loads(text)
+        told = parse_json(text)
         try:
             squares = {key: Squares.from_table(table) for key, table in told.get("squares", {}).items()}
             theta, notes = tuple(map(float, told["theta"])), tuple(told["notes"])

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import dataclasses
 import functools
 import itertools
 import json
 import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -21,7 +19,7 @@ import tomli_w
 from softmodels.case import materials
 from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import call, known_are, spoken
-from softmodels.common.files import read_text
+from softmodels.common.files import has_table
 from softmodels.common.units import brief, with_prefix
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.residuals import TensileResiduals, predicted
@@ -847,6 +845,4 @@ def retire(folder: Path, replaced: set[str] = frozenset()) -> None:  # type: ign
 
 def _of_a_fit(path: Path) -> bool:
     """Return whether `write_materials` has written a file; a user's file stays."""
-    with contextlib.suppress(OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
-        return {"material", "fit"} <= set(tomllib.loads(read_text(path)))
-    return False
+    return has_table("material")(path) and has_table("fit")(path)

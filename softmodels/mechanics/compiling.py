@@ -173,7 +173,7 @@ def compiler() -> list[str]:
     if shutil.which(words[0]):
         return words
     if not os.environ.get("CC") and importlib.util.find_spec("ziglang"):
-        return [sys.executable, "-m", "ziglang", "cc"]
+        return [sys.executable, "-P", "-m", "ziglang", "cc"]
     raise cffi.VerificationError(f"{words[0]}: {os.strerror(errno.ENOENT)}")
 
 

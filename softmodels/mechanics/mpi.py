@@ -43,6 +43,15 @@ FEW_LOOKS, MANY_LOOKS = 64, 16384
 """Number of polls of a waiting rank before it yields, with shared and with separate cores."""
 
 
+ONE_MACHINE = {
+    # UCX, which the wheel's MPICH sends by: shared memory only. It watches all changes of memory for network cards; to begin
+    # that takes longer than MPI's start itself.
+    "UCX_TLS": "self,sm", "UCX_MEM_MMAP_HOOK_MODE": "none",
+    # libfabric, as of MPICH from conda-forge, has to listen somewhere; this machine's own ranks use shared memory all the same.
+    "FI_PROVIDER": "tcp", "FI_TCP_IFACE": "lo0" if sys.platform == "darwin" else "lo",
+    "OMPI_MCA_btl": "^tcp",  # Open MPI: all ways but this one
+}  # fmt: skip
+"""Environment variables of MPI's libraries that keep it off the network."""
 WHEEL = "dolfinx_solver"
 MPICH = "mpich"
 """Package of the MPI the wheel was built with."""
@@ -74,29 +83,47 @@ def start(petsc_options: Sequence[str] = ()) -> MPI.Intracomm:
     # MPICH's ranks busy-wait; with more ranks than cores that is ten times slower.
     os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE", "1")
     os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", str(_looks()))
-    if launched() in (None, _beside()):
-        # UCX, which MPICH sends by, watches all changes of memory for network cards; to begin that takes longer than MPI's
-        # start itself, and no card is used on one machine.
-        os.environ.setdefault("UCX_MEM_MMAP_HOOK_MODE", "none")
     if _started:
         return _world()
-    _import_mpi()
+    with _no_network():
+        _import_mpi()
+        _start_petsc(petsc_options)
+    _started.append(True)
+    if _world().size > 1:
+        atexit.register(_end)
+    return _world()
+
+
+def _start_petsc(options: Sequence[str]) -> None:
+    """Start PETSc, and have DOLFINx and FFCx read their options; errors as of `start`."""
     import petsc4py
 
     try:
         # PETSc's signal handlers would end the program when the reader of its log has gone.
         with _nobodys_folder(), handlers_kept():
-            petsc4py.init(["softmodels", *petsc_options])  # the -c of python -c would be read as an option
+            petsc4py.init(["softmodels", *options])  # the -c of python -c would be read as an option
             _read_compilers_options()
     except RuntimeError as error:  # petsc4py.PETSc.Error, which cannot be imported before PETSc has started
-        words = " ".join(petsc_options)
+        words = " ".join(options)
         raise StartError(
             f"PETSc does not start with the options {words!r} ({petsc_reason(error)}); check the options after --"
         ) from None
-    _started.append(True)
-    if _world().size > 1:
-        atexit.register(_end)
-    return _world()
+
+
+@contextlib.contextmanager
+def _no_network() -> Iterator[None]:
+    """Keep MPI off the network while it starts in here, if all ranks are on this machine: each would listen on all interfaces
+    for ranks elsewhere. The user's own settings take precedence; what is set here goes again, for programs that this one starts
+    may span several machines."""
+    given = {name: value for name, value in ONE_MACHINE.items() if name not in os.environ}
+    if launched() not in (None, 1, _beside()):
+        given = {}
+    os.environ.update(given)
+    try:
+        yield
+    finally:
+        for name in given:
+            os.environ.pop(name, None)
 
 
 def _import_mpi() -> None:
@@ -191,9 +218,9 @@ def _looks() -> int:
 
 
 def _beside() -> int:
-    """Return how many ranks MPICH's launcher has started on this machine; -1 without it."""
-    ranks = os.environ.get("MPI_LOCALNRANKS", "")
-    return int(ranks) if ranks.isdecimal() else -1
+    """Return how many ranks the launcher of MPICH or Open MPI has started on this machine; -1 without one."""
+    counts = (os.environ.get(name, "") for name in ("MPI_LOCALNRANKS", "OMPI_COMM_WORLD_LOCAL_SIZE"))
+    return next((int(count) for count in counts if count.isdecimal()), -1)
 
 
 def _world() -> MPI.Intracomm:

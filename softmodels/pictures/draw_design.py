@@ -7,7 +7,6 @@ A separate program, because VTK and DOLFINx each bring an HDF5. It reads ``desig
 from __future__ import annotations
 
 import itertools
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,7 +19,7 @@ from matplotlib.figure import Figure
 
 from softmodels.common.arrays import Array
 from softmodels.common.commands import COLORMAP, COLORMAP_OPTION, Provenance
-from softmodels.common.files import image_uri, read_text, write_text
+from softmodels.common.files import image_uri, read_json, read_text, write_text
 from softmodels.common.pages import Bullets, Charts, Fact, Folded, Listing, Page, Part, Picture, Table, Text
 from softmodels.common.units import column_unit
 from softmodels.design.result import CAPTIONS, REPORT, DesignTold, ParameterTold, TrialTold
@@ -244,7 +243,7 @@ def draw(folder: Path, colormap: str = COLORMAP) -> list[Path]:
     """Draw the pictures and the report of a folder of ``softmodels design``, fields in the colours of a map; return the
     files. ResultsError or CaseError if it holds no design that can be read, OSError if it cannot be written."""
     try:
-        told = json.loads(read_text(folder / "design.json"))
+        told = read_json(folder / "design.json")
     except (OSError, ValueError):
         raise ResultsError(f"{folder} holds no design (design.json)") from None
     before, after = (StoredStates(folder / name) for name in ("before", "after"))

@@ -25,7 +25,7 @@ from geometries import registry as geometry_table
 from softmodels.case import materials
 from softmodels.common import schema
 from softmodels.common.arrays import Array
-from softmodels.common.files import data_uri, image_uri, read_text, render, write_text
+from softmodels.common.files import data_uri, image_uri, read_json, read_text, render, write_text
 from softmodels.common.pages import (
     Bullets,
     Cell,
@@ -349,7 +349,7 @@ def convergence(states: States) -> list[str]:
 def summary(folder: Path) -> dict[str, object]:
     """Return ``summary.json``'s data on the end of the run; empty if it was interrupted."""
     try:
-        found = json.loads(read_text(folder / "summary.json"))
+        found = read_json(folder / "summary.json")
     except (OSError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}

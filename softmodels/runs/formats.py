@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
-import json
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,7 +19,7 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.common.files import check_file, csv_text, replace, replace_hdf5, write_text
+from softmodels.common.files import check_file, csv_text, parse_json, replace, replace_hdf5, write_text
 from softmodels.path.stability import Point
 from softmodels.runs.fields import Row
 
@@ -145,7 +144,7 @@ def read_step(group: h5py.Group, file: str, path: str) -> StoredStep:
     not in it."""
     fields = {name: inside(group, name) for name in group}
     return StoredStep(
-        file, path, Row(json.loads(group.attrs[ROW])), json.loads(group.attrs[RESTART]), shapes_of(fields)
+        file, path, Row(parse_json(group.attrs[ROW])), parse_json(group.attrs[RESTART]), shapes_of(fields)
     )
 
 

@@ -232,8 +232,8 @@ def _go_on(case: Case, wanted: Mapping[str, str], results: Results) -> bool:
         text = f"{file} is missing, the case of the states in that folder; restore it, or run without --resume"
         raise RunError(f"{text}, which replaces them", BAD_INPUT)
     _check_unchanged(results)
+    results.load(go_on=True)  # first: how a case is identified changes between versions too
     check_same(case, Case.from_file(file), about.get("inputs", {}), wanted, folder)
-    results.load(go_on=True)
     if not case.load_unload:
         set_back(case, results)
         check_values(case, results)

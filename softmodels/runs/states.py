@@ -30,7 +30,7 @@ from softmodels.runs.fields import OUTPUTS, OutputField, Row
 from softmodels.runs.formats import CELL_TYPES, Restart, opened, read_values
 from softmodels.runs.grid import OUTSIDE, Surface, surface_of
 from softmodels.runs.state_values import FacingWalls, principal
-from softmodels.runs.store import Results, ResultsError
+from softmodels.runs.store import FORMAT, OLDER, Results, ResultsError
 
 STILLS = 4
 """Maximum number of states shown side by side."""
@@ -205,7 +205,9 @@ class StoredStates(States):
     def fields(self, step: int, names: Sequence[str] | None = None) -> Mapping[str, Array]:
         there = self.results.stored[step].shapes
         if missing := [name for name in names or () if name not in there]:
-            raise KeyError(missing[0])
+            if self.results.format != FORMAT:
+                raise self.results.other_format(missing[0])
+            raise ResultsError(f"the states in {self.folder} hold no {missing[0]}; {OLDER}")
         with self._readable():
             found = self.results.fields(step, tuple(there if names is None else names))
         return {name: values.astype(float) for name, values in found.items()}

@@ -50,7 +50,7 @@ PICTURES = ("profile", "loop", "mesh", "slice", "mode", "undeformed", "cut", "ho
 PAGES = ("film.gif", "film.webp", "film.mp4", "report.html")
 FORMAT = 5
 """Of the stored steps, in the HDF5 file's attribute ``format``. An older one is read, but not resumed."""
-OLDER = "run without --resume into another folder (--output), or only draw it (softmodels draw)"
+OLDER = "run its case.toml again into another folder (--output), without --resume"
 INPUTS = "files/"
 """Subfolder for copies of a case's input files, such as a part's mesh."""
 RUN, BRANCH = "run", "branch/"
@@ -102,6 +102,7 @@ class Results:
         self.stored: list[StoredStep] = []
         self.later: dict[int, StoredStep] = {}
         self._about: dict[str, object] = {}
+        self.format = FORMAT
         self.started: float | None = None
 
     @property
@@ -215,13 +216,9 @@ class Results:
         found: dict[int, StoredStep] = {}
         try:
             with opened(self.heavy) as file:
-                written = int(file.attrs.get("format", 0))
-                if written > FORMAT or (go_on and written < FORMAT):
-                    which, fix = ("a later", "update softmodels") if written > FORMAT else ("an earlier", OLDER)
-                    text = (
-                        f"{self.folder} was written by {which} version of softmodels (format {written}, not {FORMAT})"
-                    )
-                    raise ResultsError(f"{text}; {fix}")
+                self.format = int(file.attrs.get("format", 0))
+                if self.format > FORMAT or (go_on and self.format < FORMAT):
+                    raise self.other_format()
                 points, cells = inside(file, "mesh/points").shape, inside(file, "mesh/cells").shape
                 self._shapes = (points[0], cells, str(inside(file, "mesh").attrs["cell_name"]))
                 for group in inside(file, "steps") if "steps" in file else ():
@@ -235,6 +232,15 @@ class Results:
         except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
             raise ResultsError(f"the results in {self.folder} cannot be read ({hdf5_reason(error)})") from error
         self.stored, self.later = [found[step] for step in not_passed(found)], {}
+
+    def other_format(self, missing: str = "") -> ResultsError:
+        """Return the error of results in another format than this version's, perhaps with what they are missing."""
+        later = self.format > FORMAT
+        text = f"{self.folder} was written by {'a later' if later else 'an earlier'} version of softmodels"
+        without = f" without {missing}" if missing else ""
+        return ResultsError(
+            f"{text} (format {self.format}, not {FORMAT}){without}; {'update softmodels' if later else OLDER}"
+        )
 
     def add(self, row: Row, fields: Mapping[str, npt.NDArray[np.float64]], restart: Restart) -> None:
         """Store one step: its row of ``path.csv``, nodal fields (n,), (n, 3) or (n, 3, 3), and its restart data."""

@@ -247,11 +247,13 @@ KEY, HOST = "a-key", "127.0.0.1:8700"
 COOKIE = ("cookie", f"softmodels-8700={KEY}")
 
 
-def answered(path="/", *headers, method="GET", kind="http", host=HOST):
-    """Return status and headers of a request through the guard; 200 where it was let through."""
+def answered(path="/", *headers, method="GET", kind="http", host=HOST, given=()):
+    """Return status and headers of a request through the guard; 200 where it was let through, with headers given to it."""
     sent = []
 
     async def inner(scope, receive, send):
+        if kind == "http":
+            return await send({"type": "http.response.start", "status": 200, "headers": list(given)})
         sent.append({"type": "passed"})
 
     async def send(message):
@@ -308,6 +310,32 @@ def test_uploads_are_bounded():
     assert answered("/x", COOKIE, ("content-length", "many"), method="POST")[0] == 411
     assert answered("/x", COOKIE, ("content-length", str(LARGEST_UPLOAD + 1)), method="POST")[0] == 413
     assert answered("/x", COOKIE, ("content-length", str(LARGEST_UPLOAD)), method="POST")[0] == 200
+
+
+def policy(headers):
+    """Content security policy by its directives."""
+    parts = (part.split() for part in headers["content-security-policy"].split(";"))
+    return {name: set(values) for name, *values in parts}
+
+
+@pytest.mark.parametrize("path", ["/", "/_nicegui/3.18.0/static/x.js", "/files/results/fit/report.html", "/?token=x"])
+@pytest.mark.parametrize("cookie", [(), (COOKIE,)])
+def test_no_answer_can_be_framed_or_taken_for_something_else(path, cookie):
+    """Refusals and what the key leads to as well."""
+    for _, headers in (answered(path, *cookie), answered(f"{path.partition('?')[0]}?token={KEY}", *cookie)):
+        assert headers["x-content-type-options"] == "nosniff" and headers["referrer-policy"] == "no-referrer"
+        assert policy(headers)["frame-ancestors"] == {"'self'"}
+
+
+def test_files_of_the_project_have_neither_the_pages_origin_nor_a_network():
+    weak = ((b"Content-Security-Policy", b"default-src *"), (b"content-type", b"text/html"))
+    status, headers = answered("/files/results/fit/report.html", COOKIE, given=weak)
+    rules = policy(headers)
+    assert status == 200 and headers["content-type"] == "text/html" and "Content-Security-Policy" not in headers
+    assert "allow-scripts" in rules["sandbox"] and "allow-same-origin" not in rules["sandbox"]
+    assert rules["default-src"] == {"'none'"} and "connect-src" not in rules and "frame-src" not in rules
+    assert rules["img-src"] == {"data:", "blob:"} and rules["script-src"] == {"'unsafe-inline'"}
+    assert "sandbox" not in policy(answered("/", COOKIE)[1])
 
 
 def test_a_port_in_use_is_told():

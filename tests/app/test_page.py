@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -128,6 +129,61 @@ def test_a_killed_server_resumes_its_job(browser, tmp_path):
     linear = answers.linear(str(project / "results" / "device"), pressure)
     assert number(shown[0]) == pytest.approx(found.apex[-1] * 1e3, rel=5e-4) and "(linear)" not in shown[0]
     assert number(shown[1]) == pytest.approx(linear.at(pressure, {"membrane": 0.2e-3})["apex_mm"], rel=5e-4)
+
+
+FOREIGN = """<!doctype html><title>report</title><p id="told">nothing yet</p><img src="/files/mine.png"><script>
+const told = [];
+for (const [name, attempt] of [["page", () => parent.document.title], ["cookie", () => document.cookie],
+                               ["storage", () => localStorage.length]])
+  try { attempt(); told.push(name) } catch {}
+fetch("/files/case.toml").then(() => told.push("file"), () => 0)
+  .then(() => fetch("https://evil.example", {mode: "no-cors"})).then(() => told.push("network"), () => 0)
+  .then(() => document.getElementById("told").textContent = `reached: ${told}`);
+</script>"""
+
+
+def test_a_foreign_project_is_shown_and_neither_runs_nor_reaches_anything(browser, tmp_path):
+    project, hit = tmp_path / "project", tmp_path / "hit"
+    (project / "jobs").mkdir(parents=True)
+    (project / "results" / "device").mkdir(parents=True)
+    (project / "results" / "device" / "report.html").write_text(FOREIGN)
+    words = ["timeit", "-n1", "-r1", f"open({str(hit)!r}, 'w')"]
+    job = {"number": 1, "words": words, "output": "results/device", "resumable": False, "state": "running"}
+    (project / "jobs" / "1.json").write_text(json.dumps(job))
+    with served(project) as (_, address), tab(browser, address) as page:
+        assert value(page, "state-results/device") == "recorded elsewhere, not run"
+        frame = page.frame_locator("iframe")
+        frame.locator("#told", has_text="reached:").wait_for()
+        assert frame.locator("#told").text_content() == "reached: "
+        opened = page.context.new_page()  # by its own address, outside of the page's frame
+        opened.goto(f"{address.partition('?')[0]}files/results/device/report.html")
+        opened.locator("#told", has_text="reached:").wait_for()
+        assert opened.locator("#told").text_content() == "reached: page"  # of itself, which is no other page
+    assert not hit.exists()
+
+
+def test_an_own_report_works_within_the_page(browser, tmp_path):
+    """Its program runs, its pictures load, its tables can be saved."""
+    project = tmp_path / "project"
+    disk = sm.HollowDisk(section="axisymmetric", cell_size=6e-3, refinement=1.0)
+    case = Case("device", disk, sm.Yeoh(14e3, 60.0), pressures_cm=(0.0, 20.0))
+    project.mkdir()
+    (project / "case.toml").write_text(case.to_toml())
+    with served(project) as (_, address), tab(browser, address) as page:
+        page.get_by_role("button", name="Run with all pictures").click()
+        page.wait_for_function("document.querySelector('[data-name=\"state-results/device\"]').textContent == 'done'")
+        frame = page.frame_locator("iframe")
+        frame.locator("#units").select_option("kPa")
+        assert frame.locator("html").get_attribute("data-unit") == "kPa"
+        assert (
+            frame.locator("img").evaluate_all(
+                "all => Promise.all(all.map(one => one.decode())).then(all => all.length)"
+            )
+            > 3
+        )
+        with page.expect_download() as saved:
+            frame.get_by_text("path.csv").first.click()
+        assert saved.value.suggested_filename == "path.csv"
 
 
 def test_axe_finds_nothing_serious(browser, server):

@@ -1,9 +1,11 @@
-"""Random kills: runs, fits and measurements are killed at random moments, and end in the numbers of those left alone.
+"""Random kills: what takes long is killed at random moments, loses nothing stored, and ends in the numbers of one left alone.
 
 Run it with ``python tests/benchmarks/kills.py`` (50 kills over all kinds, half an hour on two cores), with ``--count`` and
 ``--kind`` for fewer. Of each kind one run is left alone; another is killed (SIGKILL; every third SIGTERM or SIGINT) at a random
-share of the time that took, and resumed, up to three times. Then every column of path.csv is compared, each number to
-1e-9 of the column's largest; a fit's or measurement's tables byte by byte. Between kills every file that is there is whole.
+share of the time that took, and resumed, two or three times. The page's server is killed with its job, and resumes it when it
+starts again. Then every column of path.csv is compared, each number to 1e-9 of the column's largest (a run in time, whose
+steps are chosen anew: each requested state to 1e-4); a fit's, design's, study's or measurement's tables, or the bodies of a
+mould, byte by byte. After a kill every file that is there is whole, and no state that was stored before is missing.
 
 Measured, in several campaigns: 60 kills (wedge 4, seminar 8, cycle 13, fit 9, photographs 11; section, volume and limit 15),
 after every one of which the resumed run ended in the columns and tables of the run left alone.
@@ -28,8 +30,8 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-TOLERANCE = 1e-9
-MOST_KILLS = 3
+TOLERANCE, IN_TIME = 1e-9, 1e-4
+FEWEST_KILLS, MOST_KILLS = 2, 3
 """Of one run before it is let through."""
 WORDS = ("control",)
 """Columns that hold words."""
@@ -50,18 +52,91 @@ class Kind:
         flag: The option that names the folder.
         resume: Whether the command goes on with ``--resume``; else it is begun again.
         tables: Files that are compared.
+        stored: Files with what is stored, a pattern in the folder; lines of them count.
+        in_time: Whether only requested states are compared: steps in time depend on where a run was resumed.
     """
 
     words: tuple[str, ...]
     flag: str = "--output"
     resume: bool = True
     tables: tuple[str, ...] = ("path.csv",)
+    stored: str = "path.csv"
+    in_time: bool = False
+
+
+CASE = """
+[case.geometry]
+device = "HollowDisk"
+section = "axisymmetric"
+cell_size = "6 mm"
+refinement = 1.0
+[case.material]
+law = "yeoh"
+c1 = "14 kPa"
+c2 = "60 Pa"
+[case.load]
+"""
+TIME = CASE.replace("case.", "").replace(
+    "[load]",
+    """[material.memory]
+branches = [[0.15, "1 s"], [0.1, "30 s"]]
+[load]
+pressure_cm = "0:20"
+rate = "4 cm/s"
+hold = "20 s"
+cycles = 2
+""",
+)
+STUDY = f"""{CASE}pressure_cm = "0:40"
+[vary]
+geometry.membrane = "4:6 mm"
+"""
+DESIGN = f"""{CASE}pressure_cm = "0:60"
+[parameters]
+membrane = {{ from = "4 mm", to = "8 mm" }}
+base = {{ from = "4 mm", to = "8 mm" }}
+[maximise]
+quantity = "rise"
+of = "apex"
+at = "60 cm"
+[[keep]]
+quantity = "mass"
+at_most = "20 g"
+"""
+JOB = """
+import asyncio, shutil, sys
+from pathlib import Path
+from softmodels.app.jobs import Jobs
+case, _, folder = map(Path, sys.argv[1:])
+async def serve():
+    folder.mkdir(exist_ok=True)
+    if not (folder / "case.toml").exists():
+        shutil.copyfile(case, folder / "case.toml")
+    jobs = Jobs(folder)
+    jobs.begin()
+    if not jobs.all:
+        jobs.start(["softmodels", "run", "case.toml", "-o", "results"], "results", resumable=True)
+    while jobs._tasks:
+        await asyncio.sleep(0.02)
+    sys.exit({"done": 0}.get(jobs.all[-1].state, jobs.log(jobs.all[-1])))
+asyncio.run(serve())
+"""
+"""What the page's server does with its jobs: a case file, ``--output`` and the project's folder."""
 
 
 def kinds(inputs: Path) -> dict[str, Kind]:
-    """All kinds; the fit and the measurement read what `make_inputs` has written."""
+    """All kinds; what they read is what `make_inputs` has written."""
     measured = inputs / "demo"
     return {
+        "time": Kind(("-m", "softmodels", "run", str(inputs / "time.toml"), "--no-pictures", "--quiet"), in_time=True),
+        "study": Kind(("-m", "softmodels", "study", str(inputs / "study.toml"), "--jobs", "1", "--no-pictures", "--quiet"),
+                      "-o", tables=(), stored="samples.jsonl"),
+        "design": Kind(("-m", "softmodels", "design", str(inputs / "design.toml"), "--no-pictures", "--quiet"), "-o",
+                       tables=("design.toml",), stored="iterates/*.json"),
+        "mould": Kind(("-m", "softmodels", "mould", str(inputs / "mould.toml"), "--quiet"), "-o", False,
+                      ("mould.toml", "*.stl")),
+        "app": Kind(("-c", JOB, str(inputs / "app.toml")), resume=False, tables=("results/path.csv",),
+                    stored="results/path.csv"),
         "section": Kind((*DISK, "--section", "axisymmetric", "--pressure-cm", "0:177:3")),
         "wedge": Kind((*DISK, *COARSE, "--pressure-cm", "0:177:40")),
         "volume": Kind((*DISK, *SHADOW, "--volume-ml", "0:60:5")),
@@ -74,9 +149,19 @@ def kinds(inputs: Path) -> dict[str, Kind]:
                      "--fix", "c3=0Pa", "--poisson", "0.49", "--no-pictures", "--quiet", "--untrusted"), "-o", False,
                     ("fitted.toml", "fit.json", "curves.csv")),
         "photographs": Kind(("-m", "measurement", "photos", str(measured / "photographs" / "photos.csv"), "--setup",
-                             str(measured / "setup.toml"), "--jobs", "1", "--quiet"), "-o", False,
+                             str(measured / "setup.toml"), "--jobs", "1", "--no-pictures", "--quiet"), "-o", False,
                             ("heights.csv", "IMG_0105.csv")),
     }  # fmt: skip
+
+
+def write_files(folder: Path) -> None:
+    """Write the small cases, study and design that are killed."""
+    plain = CASE.replace("case.", "")
+    texts = {"time": TIME, "study": STUDY, "design": DESIGN, "app": f'{plain}pressure_cm = "0:120:4"\n',
+             "mould": '[geometry]\ndevice = "HollowDisk"\n[load]\npressure_cm = "0:20"\n'}  # fmt: skip
+    for name, text in texts.items():
+        more = 'sampling = "sobol"\nsamples = 8\nanswer = "path"\n' if name == "study" else ""
+        (folder / f"{name}.toml").write_text(f'name = "{name}"\n{more}{text}')
 
 
 def make_inputs(folder: Path) -> None:
@@ -113,7 +198,7 @@ def killed(
     process = subprocess.Popen(
         command(kind, folder, again), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
     )
-    while process.poll() is None and (rows_in(folder) < wanted if wanted else time.monotonic() < moment):
+    while process.poll() is None and (rows_in(kind, folder) < wanted if wanted else time.monotonic() < moment):
         time.sleep(0.002)
     time.sleep(0.05 * rng.random() if wanted else 0.0)
     if process.poll() is not None:
@@ -123,11 +208,12 @@ def killed(
     return True
 
 
-def rows_in(folder: Path) -> int:
-    """States in a folder's table."""
+def rows_in(kind: Kind, folder: Path) -> int:
+    """Count what is stored in a folder: lines of a table below its head, or files."""
+    files = sorted(folder.glob(kind.stored))
     try:
-        return len((folder / "path.csv").read_text().splitlines()) - 1
-    except OSError:
+        return len(files) if "*" in kind.stored else sum(len(file.read_text().splitlines()) - 1 for file in files)
+    except OSError:  # replaced at this moment
         return 0
 
 
@@ -153,13 +239,20 @@ def whole(folder: Path) -> list[str]:
     return faults
 
 
-def differences(one: Path, other: Path) -> dict[str, float]:
-    """By column of two tables the largest difference over the column's largest number, where it is above the tolerance."""
+def differences(one: Path, other: Path, in_time: bool = False) -> dict[str, float]:
+    """By column of two tables the largest difference over the column's largest number, where it is above the tolerance; in time
+    of requested states only, by their pressures and what moves."""
     tables = [list(csv.DictReader(path.read_text().splitlines())) for path in (one, other)]
+    if in_time:
+        kept = ("time_s", "pressure_cm", "apex_mm", "added_volume_ml")
+        tables = [
+            [{name: row[name] for name in kept} for row in table if row["requested"] in ("1", "True")]
+            for table in tables
+        ]
     if len(tables[0]) != len(tables[1]) or tables[0][0].keys() != tables[1][0].keys():
         return {f"rows ({len(tables[0])} against {len(tables[1])})": float("inf")}
     found = {}
-    for name in tables[0][0]:
+    for name in tables[0][0] if tables[0] else ():
         if name in UNCOMPARED:
             continue
         columns = [[row[name] for row in table] for table in tables]
@@ -170,16 +263,22 @@ def differences(one: Path, other: Path) -> dict[str, float]:
         largest = max(map(abs, numbers[1]), default=0.0)
         most = max(abs(a - b) for a, b in zip(*numbers, strict=True))
         found[name] = 0.0 if most == 0.0 else most / largest if largest else float("inf")
-    return {name: value for name, value in found.items() if value > TOLERANCE}
+    return {name: value for name, value in found.items() if value > (IN_TIME if in_time else TOLERANCE)}
 
 
 def compare(kind: Kind, folder: Path, wanted: Path) -> list[str]:
     faults = []
-    for table in kind.tables:
-        if table == "path.csv":
-            faults += [f"{name} {value:.1e}" for name, value in differences(folder / table, wanted / table).items()]
-        elif (folder / table).read_bytes() != (wanted / table).read_bytes():
-            faults.append(f"{table} differs")
+    files = [file.relative_to(wanted) for table in kind.tables for file in sorted(wanted.glob(table))]
+    for file in files:
+        if file.name == "path.csv":
+            off = differences(folder / file, wanted / file, kind.in_time)
+            faults += [f"{name} {value:.1e}" for name, value in off.items()]
+        elif not (folder / file).exists() or (folder / file).read_bytes() != (wanted / file).read_bytes():
+            faults.append(f"{file} differs")
+    if kind.tables and not files:
+        faults.append("nothing to compare")
+    if (count := rows_in(kind, folder)) != (all_ := rows_in(kind, wanted)) and not kind.in_time:
+        faults.append(f"{count} of {all_} stored")
     return faults
 
 
@@ -207,21 +306,25 @@ def campaign(
     rng = random.Random(seed)
     inputs = given or place / "inputs"
     inputs.mkdir(parents=True, exist_ok=True)
+    write_files(inputs)
     if {"fit", "photographs"} & set(chosen) and not (inputs / "case.toml").exists():
         make_inputs(inputs)
     every = kinds(inputs)
     seconds = {name: left_alone(every[name], place / f"{name}-alone") for name in chosen}
-    states = {name: max(rows_in(place / f"{name}-alone"), 0) for name in chosen}
+    states = {name: max(rows_in(every[name], place / f"{name}-alone"), 0) for name in chosen}
     kills, faults, round_ = 0, [], 0
     while kills < count:
         for name in chosen:
             kind, folder = every[name], place / f"{name}-{round_}"
-            before, again = kills, False
-            for _ in range(min(rng.randint(1, MOST_KILLS), count - kills)):
+            before, again, stored = kills, False, 0
+            for _ in range(min(rng.randint(FEWEST_KILLS, MOST_KILLS), count - kills)):
                 how = rng.choice([signal.SIGKILL, signal.SIGKILL, rng.choice([signal.SIGTERM, signal.SIGINT])])
                 if not killed(kind, folder, seconds[name], states[name], how, rng, again):
                     break
                 kills, again = kills + 1, folder.exists()
+                if (now := rows_in(kind, folder)) < stored:
+                    faults.append(f"{name}: kill {kills} by {how.name} left {now} of {stored} stored")
+                stored = now
                 faults += [f"{name}: after kill {kills} by {how.name}: {fault}" for fault in whole(folder)]
             done = subprocess.run(command(kind, folder, again), capture_output=True, text=True, check=False)
             wrong = [] if done.returncode in (0, 3) else [f"ended with {done.returncode}: {done.stderr.strip()[-300:]}"]

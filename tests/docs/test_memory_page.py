@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from measurement.photographer import chessboard, photograph, save
 from softmodels.case.materials import material_from
 from softmodels.cli import examples
 from tests.support.forks import forks
@@ -21,22 +20,9 @@ PAGE = Path(__file__).parents[2] / "docs" / "pages" / "howto" / "fit-memory.md"
 
 @pytest.fixture(scope="module")
 def done(tmp_path_factory):
-    """The folder in which all commands have run, each once; of the examples only those that they read."""
-    folder, changed = tmp_path_factory.mktemp("page"), pytest.MonkeyPatch()
-    changed.setattr(examples, "MEGAPIXELS", 1.0)
-    changed.setattr(examples, "POSES", examples.POSES[:8])
-    (folder / "examples").mkdir()
-    for seed, name in enumerate(("cycles", "hold", "fast"), 31):
-        (folder / "examples" / f"{name}.csv").write_text(examples.memory_curve(getattr(examples, name.upper()), seed))
-    (folder / "examples" / "disk.toml").write_text(examples.CASES["disk.toml"])
-    for number, scene in enumerate(examples.board_scenes(), 1):
-        board = folder / "examples" / "boards" / f"board{number:02d}.jpg"
-        board.parent.mkdir(exist_ok=True)
-        save(board, chessboard(scene, side=examples.SIDE, seed=number))
-    (folder / "examples" / "photographs").mkdir()
-    save(folder / "examples" / "photographs" / "grid.jpg", photograph(examples.bench(), None, seed=100)[0])
-    examples.held(folder / "examples" / "held", lambda text: None)
-    changed.undo()
+    """The folder in which all commands have run, each once."""
+    folder = tmp_path_factory.mktemp("page")
+    examples.write_examples(folder / "examples")
     blocks = re.findall(r"^```sh\n(.*?)^```", PAGE.read_text(), re.DOTALL | re.MULTILINE)
     lines = dict.fromkeys(line for block in blocks for line in block.splitlines())
     with forks() as run:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import os
+import signal
+from pathlib import Path
 
 import pytest
 
@@ -35,13 +38,62 @@ def registered():
     del CHECKS[OUTLINE]["low"], CHECKS[RUN]["alone"]
 
 
-def test_it_is_asked_in_every_process(tmp_path):
+def deadly(e):
+    """Does memory suffice? A system out of it kills the process: once for one of some height, always for a higher one."""
+    height, marker = e.placed[e.kept, 1].max(), Path(os.environ["MARKER"])
+    if height > 6e-3 or (height > 3e-3 and not marker.exists()):
+        marker.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    yield from ()
+
+
+@pytest.fixture(scope="module")
+def taken(tmp_path_factory):
+    """Four photographs, the last two of bodies of 4 and 9 mm, and their setup."""
+    folder = tmp_path_factory.mktemp("taken")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(photographer, "HEIGHTS", photographer.HEIGHTS[[0, 2, 4, 9]])
         patch.setattr(photographer, "SCENE", COARSE)
-        photographer.make_photographs(tmp_path)
-    setup = measurement.setup_from_grid(tmp_path / "IMG_0100.JPG", pitch=9e-3)
-    found = measurement.outlines(tmp_path / "photos.csv", setup, jobs=2)
+        photographer.make_photographs(folder)
+    return folder / "photos.csv", measurement.setup_from_grid(folder / "IMG_0100.JPG", pitch=9e-3)
+
+
+def test_a_killed_process_is_replaced_and_the_others_are_measured(taken, tmp_path, monkeypatch):
+    monkeypatch.setenv("MARKER", str(tmp_path / "marker"))
+    del CHECKS[OUTLINE]["low"], CHECKS[RUN]["alone"]
+    measurement.register_check()(deadly)
+    try:
+        found, seen = None, []
+        found = measurement.outlines(*taken, jobs=2, done=seen.append)
+    finally:
+        del CHECKS[OUTLINE]["deadly"]
+        measurement.register_check()(low)
+        measurement.register_check("run")(alone)
+    heights = [1e3 * outline.height for outline in found.outlines]
+    assert heights == pytest.approx([0.0, 2.0, 4.0], abs=0.01) and len(seen) == 4
+    assert [(name, words.partition(",")[0]) for name, words in found.refused.items()] == [
+        ("IMG_0104.JPG", "the process that computes ended")
+    ]
+
+
+def test_a_check_of_a_script_is_asked_in_its_own_process(taken):
+    asked = []
+
+    def local(e):
+        """Is it asked here?"""
+        asked.append(os.getpid())
+        yield from ()
+
+    measurement.register_check()(local)
+    try:
+        assert len(measurement.outlines(*taken, jobs=2).outlines) == 3
+    finally:
+        del CHECKS[OUTLINE]["local"]
+    assert set(asked) == {os.getpid()}
+
+
+def test_it_is_asked_in_every_process(taken):
+    found = measurement.outlines(*taken, jobs=2)
     assert [outline.reasons for outline in found.outlines] == [
         (), (), ("it rises to 4.0 mm; lower the pressure", "it is the highest one")
     ]  # fmt: skip

@@ -137,6 +137,8 @@ def test_a_range_ends_at_its_end_once(step):
         (f"name = 3\n{SMALL}", ["name", "3"]),
         (f'name = "../elsewhere"\n{SMALL}', ["name", "../elsewhere"]),
         (f'name = ""\n{SMALL}', ["name", "''"]),
+        (f'name = "{"a" * 5000}"\n{SMALL}', ["name 'aaa", "5000 bytes", "at most 200", "shorten it"]),
+        (f'name = "{"ü" * 101}"\n{SMALL}', ["202 bytes"]),
     ],
 )
 def test_wrong_case_files_are_refused_by_name_and_value(text, words, tmp_path):

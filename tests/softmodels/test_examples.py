@@ -14,13 +14,15 @@ from pathlib import Path
 import click
 import numpy as np
 import pytest
+from PIL import Image
 
 import softmodels as sm
 from geometries import HollowDisk
 from geometries.__main__ import main as geometries
+from measurement import outlines
 from measurement.__main__ import main as measurement
 from measurement.cli import photos as measurement_demo
-from measurement.photographer import dome
+from measurement.photographer import chessboard, photograph
 from softmodels import disk, seminar
 from softmodels.__main__ import softmodels
 from softmodels.case.case import Case
@@ -29,6 +31,7 @@ from softmodels.common.folders import OwnFolderError
 from softmodels.fitting.curves.curve import read_curve
 from softmodels.fitting.problem import LawChoice
 from softmodels.materials.specimens import nominal_stress
+from softmodels.mechanics.mpi import start
 
 TOP = Path(__file__).parents[2]
 PAGES = [TOP / "README.md", *sorted((TOP / "docs" / "pages").rglob("*.md"))]
@@ -44,15 +47,8 @@ def commands_of(page):
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
-    """The examples with small photographs, and a dome in the simulated disk's place."""
-    halves = [dome(1e-3 * k, 0.0145)[500:1001] for k in range(1, 10)]
-    few = dataclasses.replace(examples.TRUTH, pressures=examples.TRUTH.pressures[:6])
-    with pytest.MonkeyPatch.context() as changed:
-        changed.setattr(examples, "MEGAPIXELS", 0.1)
-        changed.setattr(examples, "inflated", lambda truth, comm: (None, halves))
-        changed.setattr(examples, "creeping", lambda: (few, halves[:6], [",1 s,1 s"] * 6))
-        changed.setattr("softmodels.mechanics.mpi.start", lambda: None)
-        return examples.write_examples(tmp_path_factory.mktemp("fresh") / "examples")
+    """The examples, as the command writes them."""
+    return examples.write_examples(tmp_path_factory.mktemp("fresh") / "examples")
 
 
 def test_every_command_on_pages_parses_and_finds_its_files(written, monkeypatch):
@@ -172,6 +168,93 @@ def test_no_file_of_the_user_is_touched(written, tmp_path):
     again = examples.write_examples(folder)
     assert mine.read_text() == "mine" and mine in again.kept
     assert [path.name for path in again.written] == ["volume.toml"]
+
+
+@pytest.mark.parametrize("count", [1, 30, 50, 67])
+def test_what_an_interrupted_command_left_out_is_written_by_the_next(count, written, tmp_path, monkeypatch):
+    """Also in the middle of a file: none is there in part."""
+    counter, replace = itertools.count(), Path.replace
+
+    def cut_off(self, other):
+        if next(counter) == count:
+            raise KeyboardInterrupt
+        return replace(self, other)
+
+    folder = tmp_path / "examples"
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", cut_off)
+        with pytest.raises(KeyboardInterrupt):
+            examples.write_examples(folder)
+    assert len(files_in(folder)) == count
+    examples.write_examples(folder)
+    assert files_in(folder) == files_in(written.path)
+
+
+def files_in(folder):
+    """The bytes of all files by their names."""
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_what_comes_with_the_package_is_small_and_whole(written):
+    """And is in no folder that version control or a wheel leave out."""
+    assert sum(len(data) for data in files_in(examples.MADE).values()) <= 3_000_000
+    assert {path.suffix for path in examples.MADE.rglob("*") if path.is_file()} == {
+        ".JPG", ".csv", ".jpg", ".step", ".txt"
+    }  # fmt: skip
+
+
+def test_the_photographs_are_those_that_the_code_renders(tmp_path):
+    """One of the board and the one of the grid, the bytes of which depend on the version of the JPEG library only."""
+    scene = list(examples.board_scenes())[2]
+    rendered = {
+        "boards/board03.jpg": chessboard(scene, side=examples.SIDE, seed=3),
+        "photographs/grid.jpg": photograph(examples.bench(), None, seed=100)[0],
+    }
+    for name, image in rendered.items():
+        file = examples.shipped(tmp_path / "again.jpg", image)
+        again, kept = (np.asarray(Image.open(path), dtype=float) for path in (file, examples.MADE / name))
+        assert again.shape == kept.shape and np.abs(again - kept).mean() < 0.05
+
+
+def test_the_tables_are_those_that_the_code_computes():
+    made = {
+        "pull.csv": examples.tensile_curve(),
+        **{f"{name}.csv": examples.memory_curve(getattr(examples, name.upper()), seed)
+           for seed, name in enumerate(("cycles", "hold", "fast"), 31)},
+    }  # fmt: skip
+    for name, text in made.items():
+        kept, again = ((examples.MADE / name).read_text(), text)
+        numbers = [[float(x) for line in one.splitlines()[2:] for x in line.split(",")] for one in (kept, again)]
+        assert numbers[0] == pytest.approx(numbers[1], abs=1.1e-4), name
+
+
+@pytest.fixture(scope="module")
+def bench_setup(written):
+    """The setup of the README's commands: lens and screen."""
+    place = written.path.parent
+    with contextlib.chdir(place):
+        measure("calibrate", *sorted(map(str, written.path.glob("boards/*.jpg"))), "--pattern", "9x6", "--pitch", "25mm",
+                "-o", "lens.toml")  # fmt: skip
+        measure(
+            "setup", "examples/photographs/grid.jpg", "--grid-pitch", "9mm", "--lens", "lens.toml", "-o", "setup.toml"
+        )
+    return place / "setup.toml"
+
+
+def measure(*words):
+    with contextlib.suppress(SystemExit):
+        measurement.main(words, standalone_mode=False)
+
+
+@pytest.mark.parametrize("name", ["photographs", "held"])
+def test_the_photographs_give_the_heights_of_the_disk_in_them(name, written, bench_setup):
+    """Each one is measured and trusted, and its error is what it states."""
+    found = outlines(written.path / name / "photos.csv", bench_setup)
+    assert not found.refused and [outline.reasons for outline in found.outlines] == [()] * len(found.outlines)
+    halves = examples.inflated(examples.TRUTH, start())[1] if name == "photographs" else examples.creeping()[1]
+    true = np.array([0.0, *(half[:, 1].max() for half in halves)])
+    off = np.array([outline.height for outline in found.outlines]) - true
+    assert np.all(np.abs(off) < 3 * np.array([outline.height_error for outline in found.outlines]) + 2e-6)
 
 
 def test_boards_and_photographs_are_there(written):

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 
 import pytest
+from PIL import Image
 
 from softmodels.common import commands, pages
 from softmodels.common.commands import Provenance
+from softmodels.common.files import data_uri
 from softmodels.common.pages import (
     Bullets,
     Cell,
@@ -118,3 +121,23 @@ def test_the_unit_of_pressure_changes_in_texts_tables_and_charts(browser, tmp_pa
     shown.select_option("#units", "cm")
     assert lead.text_content() == words and cell.text_content() == "20" and asked == []
     context.close()
+
+
+def test_all_pictures_are_loaded_before_anybody_has_scrolled(browser, tmp_path):
+    """So that they are printed: a browser loads lazy ones only where the window is near."""
+    file, count = tmp_path / "report.html", 120
+    shown = [Picture(square(number), f"picture {number}") for number in range(count)]
+    file.write_text(Page("report", "", [("pictures", shown)], Provenance()).html())
+    context = browser.new_context(viewport={"width": 800, "height": 300}, offline=True)
+    opened = context.new_page()
+    opened.goto(file.as_uri())
+    assert opened.evaluate("[...document.images].map(one => one.complete && one.naturalWidth)") == [400] * count
+    assert opened.pdf().count(b"/Subtype /Image") == count
+    context.close()
+
+
+def square(number):
+    """A picture of one grey."""
+    data = io.BytesIO()
+    Image.new("L", (400, 400), 2 * number).save(data, "PNG")
+    return data_uri(data.getvalue(), "image/png")

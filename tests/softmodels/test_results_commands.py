@@ -8,11 +8,14 @@ import json
 import re
 import shutil
 
+import h5py
 import numpy as np
 import pytest
 
 import softmodels as sm
 from softmodels.__main__ import softmodels
+from softmodels.common.files import parse_json
+from softmodels.runs.store import FORMAT
 from tests.support.made_up import made_up
 
 
@@ -238,3 +241,44 @@ def test_a_folder_records_where_its_results_come_from(ended, tmp_path):
     assert made["command"].endswith(" ".join(map(str, words))) and made["version"] and made["seconds"] > 0.0
     text = (tmp_path / "out" / "report.html").read_text()
     assert "chi squared per value" in text and made["command"] in text and "doi 10.1016/j.ijmecsci.2021.106624" in text
+
+
+def earlier(folder, version):
+    """Make a folder's results those of another format, in which the stress has another name."""
+    for file in folder.rglob("*.h5"):
+        with h5py.File(file, "r+") as opened:
+            if "mesh" in opened:
+                opened.attrs["format"] = version
+            for step in opened["steps"].values() if "steps" in opened else [opened]:
+                if "von_mises" in step:
+                    step.move("von_mises", "von_mises_stress")
+
+
+@pytest.mark.parametrize("words", [("draw",), ("run", "case.toml", "--resume", "--no-pictures", "-o")], ids=" ".join)
+@pytest.mark.parametrize(("version", "sentence"), [(3, "an earlier version"), (99, "a later version")])
+def test_results_of_another_format_are_named_as_such(words, version, sentence, ended, half_section, tmp_path):
+    """Before anything else: how a case is identified has changed since, too."""
+    folder = tmp_path / "results"
+    shutil.copytree(half_section, folder)
+    earlier(folder, version)
+    case = folder / "case.toml"
+    words = [str(case) if word == "case.toml" else word for word in words]
+    status, _, err = ended(softmodels, *words, folder)
+    fix = "update softmodels" if version == 99 else "run its case.toml again into another folder (--output)"
+    assert status == 2 and err.count("\n") == 1, err
+    assert f"was written by {sentence} of softmodels (format {version}, not {FORMAT})" in err and fix in err
+
+
+DEEP = {"summary.json": "[" * 100_000, "fit.json": '{"laws":' * 100_000}
+
+
+@pytest.mark.parametrize(("name", "text"), DEEP.items(), ids=DEEP)
+def test_a_file_of_nested_brackets_is_no_more_than_a_missing_one(name, text, ended, half_section, tmp_path):
+    folder = tmp_path / "results"
+    shutil.copytree(half_section, folder)
+    (folder / name).write_text(text)
+    status, _, err = ended(softmodels, "draw", folder, "--pictures", "few")
+    assert status == 0 and "Traceback" not in err, err
+    assert sm.load(folder).apex == pytest.approx(sm.load(half_section).apex)
+    with pytest.raises(ValueError, match="nests too many"):
+        parse_json(text)

@@ -6,6 +6,7 @@ import gc
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -15,7 +16,7 @@ from softmodels.disk import command
 from softmodels.mechanics import mpi
 
 LOOKS = "MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT"
-HOOKS = "UCX_MEM_MMAP_HOOK_MODE"
+HOOKS, LOCAL = "UCX_MEM_MMAP_HOOK_MODE", "MPI_LOCALNRANKS"
 
 
 @pytest.fixture
@@ -51,21 +52,59 @@ def test_a_users_own_choice_of_how_ranks_wait_stands(looks):
 
 @pytest.mark.parametrize(
     ("ranks", "beside", "wanted"),
-    [(None, None, "none"), ("2", "2", "none"), ("4", "2", None), ("2", None, None)],
-    ids=["alone", "one machine", "several machines", "another launcher"],
+    [(None, None, True), ("2", "2", True), ("1", None, True), ("4", "2", False), ("2", None, False)],
+    ids=["alone", "one machine", "one rank", "several machines", "another launcher"],
 )
-def test_memory_is_watched_for_network_cards_only_where_there_may_be_any(monkeypatch, ranks, beside, wanted):
-    for name, value in (("PMI_RANK", "0" if ranks else None), ("PMI_SIZE", ranks), ("MPI_LOCALNRANKS", beside)):
+def test_mpi_uses_a_network_only_where_its_ranks_may_be_on_several_machines(monkeypatch, ranks, beside, wanted):
+    for name, value in (("PMI_RANK", "0" if ranks else None), ("PMI_SIZE", ranks), (LOCAL, beside)):
         monkeypatch.delenv(name, raising=False)
         if value is not None:
             monkeypatch.setenv(name, value)
-    monkeypatch.setenv(HOOKS, "")  # put back after the test
-    monkeypatch.delenv(HOOKS)
-    mpi.start()
-    assert os.environ.get(HOOKS) == wanted
+    for name in mpi.ONE_MACHINE:
+        monkeypatch.delenv(name, raising=False)
+    with mpi._no_network():
+        assert all(os.environ.get(name) == (value if wanted else None) for name, value in mpi.ONE_MACHINE.items())
+    assert not set(mpi.ONE_MACHINE) & set(os.environ)  # a program that this one starts may span several machines
     monkeypatch.setenv(HOOKS, "bistro")
-    mpi.start()
-    assert os.environ[HOOKS] == "bistro"  # a user's own choice
+    with mpi._no_network():
+        assert os.environ[HOOKS] == "bistro"  # a user's own choice
+    assert os.environ[HOOKS] == "bistro"
+
+
+LISTENING = """
+import os
+from pathlib import Path
+from softmodels.mechanics.mpi import start
+start().barrier()
+
+def sockets(process):
+    found = set()
+    for handle in Path(f"/proc/{process}/fd").iterdir():
+        if handle.is_symlink() and (target := os.readlink(handle)).startswith("socket:["):
+            found.add(target[8:-1])
+    return found
+
+own = sockets(os.getpid()) - sockets(os.getppid())  # a launcher's are its own, and this process has copies of them
+for kind in ("tcp", "tcp6", "udp", "udp6"):
+    for line in Path(f"/proc/net/{kind}").read_text().splitlines()[1:]:
+        place, state, number = (line.split()[column] for column in (1, 3, 9))
+        if number in own and state in ("0A", "07") and not place.startswith(("0100007F", "0" * 24 + "01000000")):
+            print("listens on", kind, place)
+print("looked at", len(own))
+"""
+"""Prints where a process listens beyond this machine once MPI has started; 0A and 07 are Linux' states of such sockets."""
+
+
+@pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="needs Linux' list of sockets")
+@pytest.mark.parametrize("network", ["ucx", "ofi"])
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_no_solver_process_listens_beyond_this_machine(ranks, network):
+    """Both libraries that MPICH sends by: the wheel's choice, and that of conda-forge's build."""
+    words = [sys.executable, "-c", LISTENING]
+    launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
+    environment = {**os.environ, "MPIR_CVAR_CH4_NETMOD": network}
+    done = subprocess.run([*launcher, *words], capture_output=True, text=True, check=True, env=environment)
+    assert done.stdout.count("looked at") == ranks and "listens" not in done.stdout, done.stdout
 
 
 SMALL = ("--section=axisymmetric", "--cell-size=6mm", "--pressure-cm=0,5", "--no-pictures", "--quiet")
