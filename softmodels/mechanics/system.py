@@ -333,13 +333,21 @@ def _centre(body: Body, part: RigidPart) -> Array:
 
 
 def still_pressures(body: Body, space: fem.FunctionSpace, components: Sequence[Component]) -> list[fem.DirichletBC]:
-    """Return conditions that fix p in rigid regions, which do not strain: a region has its own p, see `mechanics.assembly`."""
-    regions = [part.region for part in components if isinstance(part, RigidPart) and part.region]
-    if not regions or space.dofmap.index_map_bs != 1:
+    """Return conditions that fix p where nothing strains: in rigid regions, which have their own p (see `mechanics.assembly`),
+    and in regions that are held, except where cells beside them have a part in it."""
+    names = [part.region for part in components if isinstance(part, RigidPart) and part.region]
+    names += [
+        hold.role
+        for hold in body.holds
+        if hold.direction is None and body.group(hold.role)[0] == body.mesh.topology.dim
+    ]
+    if not names or space.dofmap.index_map_bs != 1:
         return []
     rows = np.array(space.sub(1).dofmap.list)
-    dofs = known_to_all(space, np.concatenate([rows[body.regions[name]].ravel() for name in regions]))
-    return [fem.dirichletbc(np.array(0.0), dofs, space.sub(1))]
+    still = np.zeros(len(rows), dtype=bool)
+    still[np.concatenate([body.regions[name] for name in names])] = True
+    inside, strained = (known_to_all(space, np.unique(rows[cells])) for cells in (still, ~still))
+    return [fem.dirichletbc(np.array(0.0), np.setdiff1d(inside, strained), space.sub(1))]
 
 
 FORMULATIONS = ("mixed", "displacement")
@@ -384,7 +392,7 @@ class System:
         w: The current state's unknowns; P and ``pressures`` go with it.
         K: Matrix with the pattern of the tangent.
         n: Number of owned dofs; ``dofs`` counts ghosts too.
-        still_pressures: Number of p that are held, in rigid regions.
+        still_pressures: Number of p that are held, in regions that are rigid or held.
         unknowns: What Newton's method solves for instead of w: vectors of K's size are of these.
         direction: 1, or -1 if a path with proportional pressures goes to vacuum: P and V, which rise along it, are then
             minus the pressure and minus the volume.
