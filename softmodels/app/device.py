@@ -402,7 +402,8 @@ def path_rows(folder: Path) -> list[dict[str, float]]:
     """Return the lengths and pressures of a path that is stored, row by row; OSError, ValueError or TypeError if there is
     none yet, or a row is half written."""
     rows = csv.DictReader(io.StringIO(read_text(folder / "path.csv")))
-    return [{name: float(row[name]) for name in row if name.endswith(("_mm", "_cm"))} for row in rows]
+    # A cell is empty where its column has no value, and missing in a row that is half written.
+    return [{name: float(row[name]) for name in row if name.endswith(("_mm", "_cm")) and row[name] != ""} for row in rows]
 
 
 def is_section(device: Actuator) -> bool:

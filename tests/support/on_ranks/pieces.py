@@ -41,6 +41,7 @@ STIFF = """
 within = "x > 50 mm"
 law = "neo-hookean"
 shear_modulus = "90 kPa"
+poisson = 0.49
 """
 BALL = """
 [contact.ball]
