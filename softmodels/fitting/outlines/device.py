@@ -215,7 +215,8 @@ class Hanging:
     def _nearby(self, values: Mapping[str, float]) -> State | None:
         """Return the state near that of the last values, if Newton's method finds it directly."""
         base = self._now
-        if base is None or not base.rates:
+        # Paths for first shapes know the law's parameters only, not the lengths that a fit varies.
+        if base is None or not base.rates or not base.rates.keys() <= values.keys() & base.values.keys():
             return None
         w = base.state.w + sum((values[name] - base.values[name]) * rate.w for name, rate in base.rates.items())
         return near(self.solver, base.state, pressure_control(0.0), w, 0.0)
