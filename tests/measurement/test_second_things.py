@@ -72,6 +72,12 @@ def test_a_mask_over_a_second_thing_helps(bench, kind):
     assert (np.abs(bench.off(outline)) < np.maximum(25e-6, 3.0 * outline.error)).all()
 
 
+def test_a_second_thing_that_is_taken_away_leaves_a_trusted_outline(bench):
+    outline = bench.outline(bench.picture())
+    assert outline.trusted, outline.reasons
+    assert (np.abs(bench.off(outline)) < np.maximum(25e-6, 3.0 * outline.error)).all()
+
+
 def test_a_second_thing_may_be_used_anyway(bench):
     outline = bench.outline(bench.picture(bench.thing("ball")), anyway=True)
     assert not outline.trusted and any("second thing" in reason for reason in outline.reasons)
@@ -110,6 +116,12 @@ def test_a_smooth_blob_on_the_top_is_noticed_by_the_run(number):
     ]
     doubted = [k for k, result in enumerate(judged(results)) if "curved than expected" in str(result.outcome.reasons)]
     assert doubted == [number]
+
+
+def test_a_top_that_is_wiped_off_is_trusted():
+    wiped = {**domes(60e-6), 3: domes(0.0)[3]}
+    results = [Result(Photograph(Path(f"{k}"), one.pressure, 5.0), one, f"{k}") for k, one in wiped.items()]
+    assert all(result.outcome.trusted for result in judged(results))
 
 
 def test_a_run_of_smooth_domes_has_no_odd_top():
