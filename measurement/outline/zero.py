@@ -400,7 +400,7 @@ WINDOW, WINDOW_SHARE = 0.8e-3, 0.04
 """Length of edge on each side of a place over which its direction is taken: in m at most, and as a share of the bulge's
 width; `FEWEST_STATIONS` at least."""
 
-FEWEST_STATIONS = 6
+FEWEST_STATIONS = 4
 
 
 @dataclasses.dataclass(frozen=True)

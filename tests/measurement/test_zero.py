@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from measurement.camera import Camera
-from measurement.outline.zero import Bow, Sides, ZeroLine
+from measurement.outline.zero import Bow, Sides, ZeroLine, sharpest_turn
 from measurement.pictures import Unmeasurable
 from measurement.screen.setup import Plane, Setup
 from measurement.series import measuring as series
-from measurement.series.checks import level
+from measurement.series.checks import CREASE, level
 from measurement.series.photo_list import Photograph
 
 SLOPE = np.radians(7.0)
@@ -156,3 +156,18 @@ def test_an_unforeseen_failure_is_one_sentence(monkeypatch):
         series.zero_line([Photograph(Path("rest.jpg"), 0.0, 1.0)], setup)
     assert "rest.jpg" in str(raised.value) and "integer won't fit" in str(raised.value)
     assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(("height", "radius", "power"), [(4.0, 5.0, 2.2), (6.1, 6.76, 2.48), (5.5, 6.3, 3.0)])
+@pytest.mark.parametrize("spacing", [30e-6, 118e-6])
+def test_a_steep_top_is_no_crease_and_a_creased_one_is(height, radius, power, spacing):
+    """Before: over six stations of a small picture a dome of 4 mm on a radius of 5 mm turns by 12 degrees."""
+    x = np.linspace(-9.0, 9.0, 20001)
+    z = height * np.clip(1.0 - (x / radius) ** 2, 0.0, 1.0) ** power
+    for crease, creased in ((0.0, False), (12.0, True)):
+        line = 1e-3 * np.column_stack([x, z - np.tan(np.radians(crease / 2.0)) * np.abs(x + 0.3)])
+        arc = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))]
+        at = np.arange(0.0, arc[-1], spacing)
+        edge = np.column_stack([np.interp(at, arc, line[:, axis]) for axis in (0, 1)])
+        edge += np.random.default_rng(1).normal(0.0, 1.5e-6, edge.shape)
+        assert (sharpest_turn(edge)[1] > CREASE) == creased
