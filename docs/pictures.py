@@ -47,6 +47,7 @@ WRITTEN = {
         "hour-heights": "outlines/heights.png",
         "hour-fit": "results/fit/outlines-yeoh.png",
         "hour-predicted": "results/predicted/apex.png",
+        "fit": "results/fit/outlines-yeoh.png",
     },
     "howto/fit-memory.md": {"memory-creep": "results/held/creep-yeoh.png"},
     "howto/design.md": {"design": "results/higher/shapes.png"},
