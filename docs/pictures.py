@@ -1,11 +1,13 @@
 """Draw the pictures of runs on the pages again, small: ``uv run python docs/pictures.py [NAME ...]``.
 
-Each is a default picture of a command's run.
+Each is a default picture of a command's run, or of what the commands of its page write.
 """
 
+import re
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
 import matplotlib
@@ -39,6 +41,18 @@ RUNS: dict[tuple[str, ...], tuple[str, ...] | str] = {
 """The pages' pictures, and the command or the case of their run."""
 FROM = {"disk": "cut", "pneunet": "cut", "seminar": "cut", "contact-friction": "stress-2", "grasp": "grasp"}
 """The run's picture, if it is not the stress at the shown pressures."""
+PAGES = Path(__file__).parent / "pages"
+WRITTEN = {
+    "tutorials/first-hour.md": {
+        "hour-heights": "outlines/heights.png",
+        "hour-fit": "results/fit/outlines-yeoh.png",
+        "hour-predicted": "results/predicted/apex.png",
+        "fit": "results/fit/outlines-yeoh.png",
+    },
+    "howto/fit-memory.md": {"memory-creep": "results/held/creep-yeoh.png"},
+    "howto/design.md": {"design": "results/higher/shapes.png"},
+}
+"""Pictures that the commands of a page write."""
 WIDE = 1000
 
 
@@ -51,19 +65,42 @@ def draw(names: tuple[str, ...], run: tuple[str, ...] | str, folder: Path) -> No
     done = subprocess.run([sys.executable, "-m", *run, "--quiet", "-o", folder / "run"], check=False)
     assert done.returncode in (0, 3), names  # 3: the path ends, as at a cup's leak
     for name in names:
-        with Image.open(folder / "run" / f"{FROM.get(name, 'stress')}.png") as picture:
-            small = picture.resize((WIDE, round(picture.height * WIDE / picture.width)), Image.Resampling.LANCZOS)
-        of_maps = (matplotlib.colormaps["viridis"](np.linspace(0, 1, 200))[:, :3] * 255).astype(np.uint8).tobytes()
-        palette = Image.new("P", (1, 1))
-        palette.putpalette(
-            of_maps + bytes([255, 255, 255, *(small.convert("RGB").quantize(55).getpalette() or [])[:165]])
-        )
-        few = small.convert("RGB").quantize(palette=palette, dither=Image.Dither.NONE)
-        few.save(Path(__file__).parent / f"pages/img/{name}.png", optimize=True)
-        print(name, flush=True)
+        shrink(name, folder / "run" / f"{FROM.get(name, 'stress')}.png")
 
 
-for names, run in RUNS.items():
-    if len(sys.argv) == 1 or set(names) & set(sys.argv[1:]):
-        with tempfile.TemporaryDirectory() as folder:
-            draw(names, run, Path(folder))
+def follow(page: str, pictures: dict[str, str], folder: Path) -> None:
+    """Run a page's commands until its pictures are there, and write them on the pages."""
+    for line in re.findall("^uv run (.*)", (PAGES / page).read_text(), re.MULTILINE):
+        if not all((folder / path).exists() for path in pictures.values()):
+            words = re.sub("^(python -m )?", f"{sys.executable} -m ", line)
+            subprocess.run(["bash", "-c", words], cwd=folder, check=True)
+    for name, path in pictures.items():
+        shrink(name, folder / path)
+
+
+def shrink(name: str, source: Path) -> None:
+    """Write a picture on the pages, with few colours."""
+    with Image.open(source) as picture:
+        small = picture.resize((WIDE, round(picture.height * WIDE / picture.width)), Image.Resampling.LANCZOS)
+    of_maps = (matplotlib.colormaps["viridis"](np.linspace(0, 1, 200))[:, :3] * 255).astype(np.uint8).tobytes()
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(of_maps + bytes([255, 255, 255, *(small.convert("RGB").quantize(55).getpalette() or [])[:165]]))
+    few = small.convert("RGB").quantize(palette=palette, dither=Image.Dither.NONE)
+    few.save(PAGES / f"img/{name}.png", optimize=True)
+    print(name, flush=True)
+
+
+def asked(names: Iterable[str]) -> bool:
+    """Return whether the command line names one of these, or none at all."""
+    return len(sys.argv) == 1 or not set(names).isdisjoint(sys.argv[1:])
+
+
+if __name__ == "__main__":
+    for names, run in RUNS.items():
+        if asked(names):
+            with tempfile.TemporaryDirectory() as folder:
+                draw(names, run, Path(folder))
+    for page, pictures in WRITTEN.items():
+        if asked(pictures):
+            with tempfile.TemporaryDirectory() as folder:
+                follow(page, pictures, Path(folder))

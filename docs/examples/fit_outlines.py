@@ -23,7 +23,7 @@ take_photographs(Path("photographs"), truth, shadows, scene_of(1.0))
 setup = measurement.setup_from_grid("photographs/IMG_0100.JPG", pitch=9e-3)
 found = measurement.outlines("photographs/photos.csv", setup)
 disk = sm.HollowDisk(section="axisymmetric")
-options = sm.FitOptions(poisson=0.49, changes={"c3": {"start": 0.0, "fixed": True}}, profiles=False)
+options = sm.FitOptions(changes={"c3": {"start": 0.0, "fixed": True}}, profiles=False)
 report = sm.fit(disk, found.outlines, "yeoh", options)
 figure, axes = plt.subplots(figsize=(7, 4))
 for colour, match in enumerate(report.photographs["yeoh"]):

@@ -42,7 +42,7 @@ from softmodels.fitting.outlines.device import DeviceModel, MeasuredDevice
 from softmodels.fitting.outlines.residuals import readings_of
 from softmodels.fitting.outlines.shapes import half_outline
 from softmodels.fitting.problem import LawChoice
-from softmodels.materials.laws import Material
+from softmodels.materials.laws import RUBBER, Material
 from softmodels.materials.specimens import nominal_stress, stress_in_time
 from softmodels.mechanics.mpi import start
 from softmodels.runs.outcomes import DONE, FAILED
@@ -59,18 +59,17 @@ HALF_WIDTH = 0.2
 
 @dataclasses.dataclass(frozen=True)
 class DemoTruth:
-    """The true parameters, unknown to the fit: the device as a section, its law and numbers by name, Poisson's ratio, which
-    the fit takes as given, and pressures in Pa, rising."""
+    """The true parameters, unknown to the fit: the device as a section, its law and numbers by name, and pressures in Pa,
+    rising. Poisson's ratio is the default, which the fit takes as given."""
 
     actuator: HollowDisk
     law: str
     values: dict[str, float]
-    poisson: float
     pressures: tuple[float, ...]
 
 
 TRUTH = DemoTruth(
-    HollowDisk(section="axisymmetric"), "yeoh", {"c1": 14e3, "c2": 900.0, "c3": 0.0}, 0.49,
+    HollowDisk(section="axisymmetric"), "yeoh", {"c1": 14e3, "c2": 900.0, "c3": 0.0},
     tuple(cm * pascal_per_cm() for cm in np.linspace(20.0, 177.0, 9)),
 )  # fmt: skip
 
@@ -90,7 +89,7 @@ def inflated(truth: DemoTruth, comm: MPI.Comm) -> tuple[DeviceModel, list[Array]
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
 
-    choice = LawChoice.from_text(truth.law, truth.poisson)
+    choice = LawChoice.from_text(truth.law)
     with tempfile.TemporaryDirectory() as folder:
         body = Body.from_file(truth.actuator, truth.actuator.write(Path(folder) / "disk.msh"), comm)
     device = DeviceModel(Solver(System(body, choice.material(truth.values))), choice)
@@ -151,7 +150,7 @@ def commands(folder: Path, truth: DemoTruth) -> list[tuple[str, list[str]]]:
         ("measurement", ["setup", str(photographs / "IMG_0100.JPG"), "--lens", "none", "-o", str(setup)]),
         ("measurement", ["photos", str(photographs / "photos.csv"), "--setup", str(setup), "-o", str(outlines)]),
         ("softmodels", ["fit", str(folder / "case.toml"), str(outlines), "--material", truth.law,
-                        "--poisson", f"{truth.poisson:g}", *held, "-o", str(folder / "fit")]),
+                        *held, "-o", str(folder / "fit")]),
     ]  # fmt: skip
 
 
@@ -291,7 +290,7 @@ def board_scenes() -> Iterator[Scene]:
 
 def tensile_curve() -> str:
     """Return a noisy tensile test of the device's silicone up to stretch 3, as a machine's table."""
-    law = LawChoice.from_text(TRUTH.law, TRUTH.poisson).material(TRUTH.values)
+    law = LawChoice.from_text(TRUTH.law).material(TRUTH.values)
     stretch = np.linspace(1.0, 3.0, 201)[1:]
     noisy = nominal_stress(law, stretch) + NOISE * np.random.default_rng(30).standard_normal(len(stretch))
     lines = [f"{100 * (x - 1):.1f},{y / 1e3:.4f}" for x, y in zip(stretch, noisy, strict=True)]
@@ -328,7 +327,7 @@ def told_memory() -> str:
 def told_truth() -> str:
     """Return the example's silicone in words."""
     values = ", ".join(f"{name} = {value / 1e3:g} kPa" for name, value in TRUTH.values.items())
-    return f"{TRUTH.law}, {values}, Poisson's ratio {TRUTH.poisson:g}"
+    return f"{TRUTH.law}, {values}, Poisson's ratio {RUBBER:g}"
 
 
 def finger(path: Path) -> None:
@@ -439,7 +438,7 @@ def creeping() -> tuple[DemoTruth, list[Array], list[str]]:
     """Return the disk at the pressures of the photographs of `held`, half its outline in each, and their times."""
     from softmodels.fitting.outlines.creeping import Creep, Timetable
 
-    choice = LawChoice.from_text(TRUTH.law, TRUTH.poisson)
+    choice = LawChoice.from_text(TRUTH.law)
     model = MeasuredDevice.of(TRUTH.actuator).model(choice, start(), spectrum([], HOLDS))
     corners, histories = [(0.0, 0.0)], []
     for level in LEVELS:

@@ -402,7 +402,7 @@ def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
       softmodels fit --tensile cycle.csv --tensile slow.csv:uniaxial:equilibrium --memory
       softmodels fit --tensile pull.csv --columns 'extension=1[mm],force=2[N]' --gauge-length 33mm --cross-section 18mm^2
       softmodels fit results/disk/case.toml outlines/ --material yeoh --fix c3=0Pa
-      softmodels fit results/disk/case.toml outlines/ --tensile curve.csv --material neo-hookean,yeoh --poisson 0.49
+      softmodels fit results/disk/case.toml outlines/ --tensile curve.csv --material neo-hookean,yeoh
       softmodels fit a/case.toml outlines_a/ b/case.toml outlines_b/ --material yeoh
       softmodels fit results/disk/case.toml --heights outlines/heights.csv --material neo-hookean
       python -m softmodels.disk --material results/fit/fitted.toml

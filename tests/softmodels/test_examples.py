@@ -29,7 +29,7 @@ from softmodels.case.case import Case
 from softmodels.cli import examples
 from softmodels.common.folders import OwnFolderError
 from softmodels.fitting.curves.curve import read_curve
-from softmodels.fitting.problem import LawChoice
+from softmodels.fitting.problem import FitOptions, LawChoice
 from softmodels.materials.specimens import nominal_stress
 from softmodels.mechanics.mpi import start
 
@@ -154,10 +154,19 @@ def test_the_imported_part_bends(written):
 
 def test_the_tensile_curve_is_of_the_silicone_in_the_photographs(written):
     curve = read_curve(written.path / "pull.csv")
-    law = LawChoice.from_text(examples.TRUTH.law, examples.TRUTH.poisson).material(examples.TRUTH.values)
+    law = LawChoice.from_text(examples.TRUTH.law).material(examples.TRUTH.values)
     off = curve.stress - nominal_stress(law, curve.stretch)
     assert np.sqrt(np.mean(off**2)) == pytest.approx(examples.NOISE, rel=0.15)
     assert "computed, not measured" in (written.path / "pull.csv").read_text()
+
+
+def test_a_fit_takes_the_silicone_of_the_photographs_for_as_incompressible_as_it_is(written):
+    """So that no command on the pages needs ``--poisson`` for the examples."""
+    told = (written.path / "truth.txt").read_text()
+    assert told.startswith(examples.told_truth())
+    assert float(re.search(r"Poisson's ratio ([\d.]+)", told)[1]) == FitOptions().poisson
+    lines = [line for page in PAGES for line in page.read_text().splitlines() if "fit examples/disk.toml" in line]
+    assert len(lines) >= 4 and not [line for line in lines if "--poisson" in line]
 
 
 def test_no_file_of_the_user_is_touched(written, tmp_path):
