@@ -1,4 +1,4 @@
-"""Read the nodes, tetrahedra, triangles and sets of a deck of Abaqus or CalculiX, and where its instance stands.
+"""Read the nodes, tetrahedra, triangles, sets and surfaces of a deck of Abaqus or CalculiX, and where its instance stands.
 
 Only one body is read: bodies of an assembly are not bonded where they touch. What would change nodes or elements in ways that
 are not read is an error.
@@ -9,11 +9,12 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from geometries.mesh_arrays import SIDES
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
 from softmodels.common.lazy import scipy
@@ -27,21 +28,29 @@ UNREAD = ("SYSTEM", "NGEN", "NCOPY", "NFILL", "NMAP", "ELGEN", "ELCOPY", "IMPORT
 NODES_OF = "nodes of "
 """Before the name of a set of elements whose nodes are in a set."""
 
+SIDE_NAMES = ("S1", "S2", "S3", "S4")
+"""Of a tetrahedron, in the order of `SIDES`."""
+
+Within = tuple[tuple[str, str], ...]
+"""Kinds and names of the sets and surfaces that one is read for, so that none holds itself."""
 Line = tuple[int, list[str]]
 """Number in the file, and words between the commas."""
 
 
 @dataclasses.dataclass
 class Scope:
-    """Nodes, elements and sets of a part, an instance, the assembly or the model, by their numbers and by names in capitals.
+    """Nodes, elements, sets and surfaces of a part, an instance, the assembly or the model, by their numbers and by names in
+    capitals.
 
-    ``spelled`` has the names as written.
+    Of a surface there are sets, or numbers, each with which side of these elements belongs to it: ``S1`` to ``S4``; ``NODES``
+    of a surface of nodes; all where there is none. ``spelled`` has the names as written.
     """
 
     nodes: dict[int, list[float]] = dataclasses.field(default_factory=dict)
     cells: dict[int, list[int]] = dataclasses.field(default_factory=dict)
     node_sets: dict[str, list[str]] = dataclasses.field(default_factory=dict)
     cell_sets: dict[str, list[str]] = dataclasses.field(default_factory=dict)
+    surfaces: dict[str, list[tuple[str, str]]] = dataclasses.field(default_factory=dict)
     spelled: dict[str, str] = dataclasses.field(default_factory=dict)
 
 
@@ -97,6 +106,8 @@ class Deck:
             self._elements(options, lines)
         elif keyword in ("NSET", "ELSET"):
             self._set(keyword, options, lines)
+        elif keyword == "SURFACE":
+            self._surface(options, lines)
 
     def _begin_instance(self, options: Mapping[str, str], lines: list[Line]) -> None:
         part = self.parts[options["PART"].upper()] if "PART" in options else Scope()
@@ -120,7 +131,8 @@ class Deck:
                 raise GeometryError(
                     f"file {self.file} has cells of type {kind}; only tetrahedra of 4 or 10 nodes are supported"
                 )
-            return  # lines, masses and the like
+            self._add("cell_sets", options.get("ELSET", ""), ())  # lines, masses and the like: known, but not read
+            return
         width = 1 + (6 if found[1] == "65" else int(found[1]))
         numbers = [int(word) for _, words in lines for word in words if word]
         if len(numbers) % width:
@@ -140,7 +152,14 @@ class Deck:
             members = [f"{of}." * bool(of) + NODES_OF + options["ELSET"]]
         self._add("node_sets" if keyword == "NSET" else "cell_sets", options[keyword], members)
 
-    def _add(self, kind: str, name: str, members: Iterable[str]) -> None:
+    def _surface(self, options: Mapping[str, str], lines: list[Line]) -> None:
+        kind = options.get("TYPE", "ELEMENT").upper()
+        if kind not in ("ELEMENT", "NODE") or {"COMBINE", "CROP"} & options.keys():
+            return  # analytical ones, and those made of others, have no name to choose
+        sides = [(words[0], "NODES" if kind == "NODE" else "".join(words[1:2]).upper()) for _, words in lines]
+        self._add("surfaces", options["NAME"], [side for side in sides if side[0]])
+
+    def _add[T](self, kind: str, name: str, members: Iterable[T]) -> None:
         sets, key = getattr(self.scope, kind), name.upper()
         self.scope.spelled.setdefault(key, name)
         sets[key] = [*sets.get(key, ()), *members]  # a list may be the part's too
@@ -177,33 +196,64 @@ class Deck:
         except KeyError as error:
             raise GeometryError(f"file {self.file} has cells with undefined nodes ({error})") from None
         points = np.array(list(body.nodes.values()), dtype=float).reshape(-1, 3)
-        node_sets, cell_sets = self._named(name, body, "node_sets"), self._named(name, body, "cell_sets")
+        node_sets, cell_sets, surfaces = (
+            {
+                spelled: read(name, body, scope, kind, getattr(scope, kind)[text], ((kind, text),))
+                for spelled, scope, text in self._names(name, body, kind)
+            }
+            for kind, read in (("node_sets", self._members), ("cell_sets", self._members), ("surfaces", self._sides))
+        )
+        node_sets |= {key: nodes for key, (nodes, _) in surfaces.items() if nodes}
+        faces = {key: np.array([row[n] for n in found if n in row], int) for key, found in node_sets.items()}
+        # Beside nodes, shape (n,), the corners of triangles, shape (t, 3).
+        faces |= {
+            key: np.array([[row[n] for n in side] for side in sides]) for key, (_, sides) in surfaces.items() if sides
+        }
         return meshio.Mesh(
             _placed(points, self.places.get(name, [])),
             cells,
-            point_sets={key: np.array([row[n] for n in found if n in row], int) for key, found in node_sets.items()},
+            point_sets=faces,
             cell_sets={
                 key: [np.flatnonzero(np.isin(block, list(found))) for block in blocks.values()]
                 for key, found in cell_sets.items()
             },
         )
 
-    def _named(self, name: str, body: Scope, kind: str) -> dict[str, set[int]]:
-        """Return the members of the sets of a body and of the assembly, by their names; of one of each, that of the body begins
-        with the instance's."""
-        found = {}
+    def _names(self, name: str, body: Scope, kind: str) -> Iterator[tuple[str, Scope, str]]:
+        """Yield the names of the sets or surfaces of a body and of the assembly, where they are, and these in capitals; of one
+        of each, that of the body begins with the instance's."""
         for scope in (body, self.assembly) if name else (body,):
-            for text in getattr(scope, kind):
-                spelled = scope.spelled[text]
-                if scope is body and name and text in getattr(self.assembly, kind):
-                    spelled = f"{name}.{spelled}"
-                found[spelled] = self._members(name, body, scope, kind, text, ())
-        return found
+            for text in filter(None, getattr(scope, kind)):
+                both = scope is body and name and text in getattr(self.assembly, kind)
+                yield f"{name}." * bool(both) + scope.spelled[text], scope, text
 
-    def _members(self, name: str, body: Scope, scope: Scope, kind: str, text: str, within: tuple[str, ...]) -> set[int]:
+    def _sides(
+        self, name: str, body: Scope, scope: Scope, kind: str, members: Sequence[tuple[str, str]], within: Within
+    ) -> tuple[set[int], list[list[int]]]:
+        """Return the nodes of a surface of nodes, and the corners of the sides of elements of another one."""
+        nodes, found = set[int](), list[list[int]]()
+        for member, side in members:
+            if side == "NODES":
+                nodes |= self._members(name, body, scope, "node_sets", [member], within)
+                continue
+            for cell in sorted(self._members(name, body, scope, "cell_sets", [member], within)):
+                corners = body.cells.get(cell, [])
+                solid = len(corners) in (4, 10)
+                if solid and side not in ("", *SIDE_NAMES):
+                    raise GeometryError(
+                        f"file {self.file}: the surface {scope.spelled[within[0][1]]} has the side {side!r} of tetrahedra; "
+                        f"these have {', '.join(SIDE_NAMES)}"
+                    )
+                sides = SIDES[[SIDE_NAMES.index(side)] if side else slice(None)] if solid else [[0, 1, 2]]
+                found += [[corners[i] for i in one] for one in sides if corners and not side.startswith("E")]
+        return nodes, found
+
+    def _members(
+        self, name: str, body: Scope, scope: Scope, kind: str, members: Iterable[str], within: Within
+    ) -> set[int]:
         """Return the numbers of a set's nodes or elements; those of other instances are left out."""
         found: set[int] = set()
-        for member in getattr(scope, kind)[text]:
+        for member in members:
             of, dot, own = member.rpartition(".")
             if of and of.upper() != name:
                 continue
@@ -211,13 +261,15 @@ class Deck:
             if own.isdigit():
                 found.add(int(own))
             elif own.startswith(NODES_OF):
-                cells = self._members(name, body, where, "cell_sets", own.removeprefix(NODES_OF).upper(), ())
+                cells = self._members(name, body, where, "cell_sets", [own.removeprefix(NODES_OF)], within)
                 found.update(node for cell in cells for node in body.cells.get(cell, ()))
-            elif own.upper() in getattr(where, kind) and own.upper() not in within:
-                found |= self._members(name, body, where, kind, own.upper(), (*within, own.upper()))
+            elif (key := own.upper()) in (known := getattr(where, kind)) and (kind, key) not in within:
+                found |= self._members(name, body, where, kind, known[key], (*within, (kind, key)))
             else:
+                of, text = within[-1]
                 raise GeometryError(
-                    f"file {self.file}: the set {scope.spelled[text]} has {member!r}, which is not defined"
+                    f"file {self.file}: the {'surface' if of == 'surfaces' else 'set'} {scope.spelled.get(text, text)} has "
+                    f"{member!r}, which is not defined"
                 )
         return found
 

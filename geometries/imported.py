@@ -14,7 +14,7 @@ import tempfile
 import unicodedata
 import warnings
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -245,6 +245,18 @@ def region_name(text: str) -> str:
     plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
     name = re.sub(r"\W+", "_", plain).strip("_").lower()
     return name if re.match(r"[a-z]", name) else f"region_{name}".rstrip("_")
+
+
+def region_names(file: str, texts: Iterable[str]) -> dict[str, str]:
+    """Return a file's names by those of their regions; `GeometryError` for two that become one."""
+    found: dict[str, str] = {}
+    for text in texts:
+        if (other := found.setdefault(region_name(text), text)) != text:
+            raise GeometryError(
+                f"file {file}: {other!r} and {text!r} both become the region {region_name(text)}; names of regions have small "
+                "letters, digits and _: rename one of them in the program that wrote the file"
+            )
+    return found
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -782,9 +794,9 @@ def _names(file: str, volumes: list[tuple[int, int]]) -> list[str]:
     found = []
     for number, (own, volume) in enumerate(zip(solid_names(file), volumes, strict=True), 1):
         label = str(gmsh.model.getEntityName(*volume)).rpartition("/")[2]
-        text = next((text for text in (own, label) if not NAMELESS.fullmatch(text)), f"solid {number}")
-        found.append(region_name(text))
-    return found
+        found.append(next((text for text in (own, label) if not NAMELESS.fullmatch(text)), f"solid {number}"))
+    region_names(file, found)
+    return [region_name(text) for text in found]
 
 
 def _check_touching(part: ImportedActuator, solids: Solids, owner: dict[int, str]) -> None:
@@ -991,7 +1003,16 @@ def read_mesh(file: str, unit: float, cell_size: float) -> Tetrahedra:
     faces, regions = _face_names(found, sets), _region_names(found, sets, blocks)
     if kind == ".msh":
         cells, regions = _each_once(cells, regions)
-    return Tetrahedra.made(unit * np.asarray(found.points, dtype=float)[:, :3], cells, faces, regions)
+    mesh = Tetrahedra.made(unit * np.asarray(found.points, dtype=float)[:, :3], cells, faces, regions)
+    if len(bodies := mesh.bodies) > 1:
+        places = "; ".join(
+            ", ".join(f"{1e3 * x:.4g}" for x in mesh.points[mesh.cells[body]].mean(axis=(0, 1))) for body in bodies[:2]
+        )
+        raise GeometryError(
+            f"file {file} has {len(bodies)} bodies that share no face, two of them around {places} mm; bodies are not bonded "
+            "where they touch: merge them into one, with common nodes, where it is meshed"
+        )
+    return mesh
 
 
 def _by_meshio(file: str, format_name: str) -> Any:
@@ -1052,29 +1073,26 @@ def _tetrahedra(file: str, found: Any) -> tuple[Ints, list[int]]:
 
 
 def _face_names(found: Any, sets: Sets) -> dict[str, Ints]:
-    """Return the nodes by name: of node sets, of sets of triangles, of physical surfaces."""
+    """Return by name the nodes of node sets, and the corners of the triangles of surfaces, sets and physical surfaces."""
     names = {name: np.asarray(nodes, dtype=np.int64) for name, nodes in found.point_sets.items()}
+    chosen = defaultdict[str, list[Ints]](list)
     for name, parts in sets:
-        chosen = [
-            np.asarray(block.data)[np.asarray(part, dtype=np.int64), :3].ravel()
+        chosen[name] += [
+            np.asarray(block.data)[np.asarray(part, dtype=np.int64), :3]
             for block, part in zip(found.cells, parts, strict=False)
             if block.type.startswith("triangle") and part is not None and len(part)
         ]
-        if chosen:
-            names[name] = np.unique(np.concatenate(chosen))
-    return names
+    return names | {name: np.concatenate(triangles) for name, triangles in chosen.items() if triangles}
 
 
 def _region_names(found: Any, sets: Sets, blocks: list[int]) -> dict[str, Ints]:
     """Return the cells by name, counted among the tetrahedra."""
     starts = dict(zip(blocks, np.cumsum([0] + [len(found.cells[i].data) for i in blocks]).tolist(), strict=False))
-    names: dict[str, Ints] = {}
+    chosen = defaultdict[str, list[Ints]](list)
     for name, parts in sets:
-        chosen = [np.asarray(parts[i], dtype=np.int64) + start for i, start in starts.items() if i < len(parts)
-                  and parts[i] is not None and len(parts[i])]  # fmt: skip
-        if chosen:
-            names[name] = np.concatenate(chosen)
-    return names
+        chosen[name] += [np.asarray(parts[i], dtype=np.int64) + start for i, start in starts.items() if i < len(parts)
+                         and parts[i] is not None and len(parts[i])]  # fmt: skip
+    return {name: np.unique(np.concatenate(cells)) for name, cells in chosen.items() if cells}
 
 
 # Gmsh's physical groups. An entity may be in several, and a face and the solid behind it may bear one name; meshio keeps one of
@@ -1409,8 +1427,7 @@ class ImportedMesh(ImportedPart):
     @property
     def _named(self) -> dict[str, str]:
         """The file's names by those of the regions."""
-        every = len(self.mesh.cells)
-        return {region_name(name): name for name, cells in self.mesh.regions.items() if 0 < len(cells) < every}
+        return _parts_of(self.file, self.mesh)
 
     @property
     def mesh_order(self) -> int:
@@ -1439,6 +1456,11 @@ class ImportedMesh(ImportedPart):
             gmsh.model.addPhysicalGroup(2, [tag], name=role)
 
 
+def _parts_of(file: str, mesh: Tetrahedra) -> dict[str, str]:
+    """Return the file's names of some of the cells by those of their regions; `GeometryError` for two that become one."""
+    return region_names(file, [name for name, cells in mesh.regions.items() if 0 < len(cells) < len(mesh.cells)])
+
+
 @functools.lru_cache(maxsize=8)
 def _read_mesh(part: ImportedMesh, digest: str) -> tuple[Tetrahedra, Reading]:
     """Read the file and check every choice against it. Another digest, of another content, is another reading."""
@@ -1447,6 +1469,7 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[Tetrahedra, Reading]:
         raise GeometryError(
             f"file {part.file} spans {1e3 * mesh.extent:.4g} mm with unit {part.unit!r}; give the unit of its lengths"
         )
+    _parts_of(part.file, mesh)
     boundary = Triangles(part, mesh)
     roles = boundary.roles()
     normals = boundary.outward(roles)

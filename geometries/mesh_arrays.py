@@ -44,7 +44,8 @@ WEIGHTS = np.repeat([0.223381589678011, 0.109951743655322], 3)
 @dataclasses.dataclass(frozen=True, eq=False)
 class Tetrahedra:
     """A mesh: nodes in m, shape (n, 3); nodes of the cells in the order of VTK, shape (m, 4) or (m, 10), every one turned the
-    right way; by names of the file the nodes of the triangles of each face, or only the nodes, and cells of regions."""
+    right way; by names of the file the corners of the triangles of each face, shape (t, 3), or only its nodes, shape (t,), and
+    cells of regions."""
 
     points: Array
     cells: Ints
@@ -65,7 +66,10 @@ class Tetrahedra:
             raise GeometryError(f"the mesh has a cell without volume near {x:.4g}, {y:.4g}, {z:.4g} mm")
         order = TURNED[:width]
         cells = np.where(heights[:, None] < 0, cells[:, order], cells)
-        kept = {name: number[nodes[(number[nodes] >= 0)]] for name, nodes in faces.items()}
+        kept = {}
+        for name, nodes in faces.items():
+            found = number[nodes]
+            kept[name] = found[(found >= 0).reshape(len(found), -1).all(axis=1)]
         return cls(points, cells, kept, regions)
 
     @functools.cached_property
@@ -109,8 +113,19 @@ class Tetrahedra:
         return [among[group == i] for i in range(group.max(initial=-1) + 1)]
 
     def named(self, name: str) -> Ints:
-        """Return the boundary triangles all of whose corners have a name of the file."""
-        return np.flatnonzero(np.isin(self.triangles[:, :3], self.faces[name]).all(axis=1))
+        """Return the boundary triangles with a name of the file, or all of whose corners have it."""
+        corners, chosen = self.triangles[:, :3], self.faces[name]
+        if chosen.ndim == 1:
+            return np.flatnonzero(np.isin(corners, chosen).all(axis=1))
+        _, kind = np.unique(np.sort(np.concatenate([corners, chosen]), axis=1), axis=0, return_inverse=True)
+        return np.flatnonzero(np.isin(kind.ravel()[: len(corners)], kind.ravel()[len(corners) :]))
+
+    @property
+    def bodies(self) -> list[Ints]:
+        """The cells of each body: cells that share a triangle are of one."""
+        _, side = np.unique(np.sort(self.cells[:, SIDES].reshape(-1, 3), axis=1), axis=0, return_inverse=True)
+        group = joined_by(side.reshape(-1, 4))
+        return [np.flatnonzero(group == i) for i in range(group.max(initial=-1) + 1)]
 
     def holds(self, place: Vector) -> bool:
         """Return whether a point lies in a cell, edges taken as straight."""

@@ -410,6 +410,8 @@ def _notes(question: LimitRequest, materials: Mapping[str, Material], limits: Ma
             yield f"note: {name}: {text}"
         if materials[name].misread:
             yield f"note: {materials[name].misread}"
+    for text in dict.fromkeys(text for found in limits.values() for text in found.notes):
+        yield f"note: {text}"
     if hidden := unseen(device):
         yield f"note: {hidden}"
     if len(device.ratios) > 1:

@@ -740,6 +740,9 @@ def indices_of(inputs: tuple[Input, ...], response: Callable[[Array], Array] | A
     if callable(response):
         shares = unit_points("saltelli", len(inputs), draws, 0)
         response = response(np.column_stack([one.ppf(x) for one, x in zip(inputs, shares.T, strict=True)]))
+    if len(inputs) == 1:  # by definition all of the variance; SciPy's estimate takes no single input
+        share = (float(np.ptp(response) > 0.0),)
+        return Indices((inputs[0].key,), share, share, (0.0,), (0.0,))
     parts = np.array(np.split(response, len(inputs) + 2))  # of A, B, and A with each column from B
 
     def estimated(chosen: npt.NDArray[np.int64]) -> Array:

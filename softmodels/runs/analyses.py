@@ -89,6 +89,7 @@ class Limit(Shown):
         why: What ended a lost path, or a limit that is not a maximum of only the pressure; else empty.
         held: Time in s for which the pressure is borne; 0 for ever.
         path: Added volume in m3 and pressure in Pa of each state up to there; empty if they were not kept.
+        notes: Warnings about the mesh, sentences.
     """
 
     kind: str
@@ -100,6 +101,7 @@ class Limit(Shown):
     why: str = ""
     held: float = 0.0
     path: tuple[tuple[float, float], ...] = dataclasses.field(default=(), compare=False)
+    notes: tuple[str, ...] = ()
 
     @property
     def found(self) -> bool:
@@ -121,7 +123,7 @@ class Limit(Shown):
         ]
 
     def _remarks(self) -> list[str]:
-        return [self.why] if self.why else []
+        return [*([self.why] if self.why else []), *self.notes]
 
 
 def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm, hold: float = 0.0) -> list[Limit]:
@@ -140,7 +142,7 @@ def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm, hold: 
             limit = _search(known[key])
             if hold and material.memory is not None and limit.kind == "limit" and not limit.why:
                 limit = _held(case, body, material, limit, hold)
-            found.append(limit)
+            found.append(dataclasses.replace(limit, notes=tuple(known[key].notes)))
     finally:
         for model in known.values():
             model.release()
@@ -538,7 +540,7 @@ def find_frequencies(case: Case, count: int, sealed: bool, comm: MPI.Comm) -> Na
             read_only(moved),
             cells,
             grid.cell_name,
-            tuple(_notes(case, modes[0][0].density, sealed)),
+            (*_notes(case, modes[0][0].density, sealed), *model.notes),
             ended,
         )
     finally:

@@ -21,6 +21,7 @@ from softmodels.case.entries import CaseError
 from softmodels.case.materials import MaterialErrors, SourceBand
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
+from softmodels.common.errors import spoken
 from softmodels.common.lazy import MPI, PETSc
 from softmodels.common.names import checked, flag, one_of, read_only, whole
 from softmodels.common.processes import one_at_a_time
@@ -92,6 +93,10 @@ def body_of(device: Actuator, mesh: Path, comm: MPI.Comm) -> Body:
         raise RunError(str(error)) from error
 
 
+COARSE = 0.01
+"""Relative error of the meshed cavity's volume above which the user is warned."""
+
+
 class AtRest(Case):
     """A case of which nothing may be requested but how the device hangs under its dead loads: a file needs no [load]."""
 
@@ -103,7 +108,7 @@ class AtRest(Case):
 
 
 @checked
-class Model:
+class Model(Shown):
     """A device, meshed, and the equations of its equilibrium.
 
     Under weights and other dead loads every path begins where the device hangs under them. Every call is made by all ranks.
@@ -166,9 +171,24 @@ class Model:
         except (BodyError, CompilingError) as error:
             raise RunError(str(error)) from error
 
-    def __repr__(self) -> str:
+    def _line(self) -> str:
         size = self.system.space.dofmap
-        return f"<Model of {self.case.actuator.stem}: {size.index_map.size_global * size.index_map_bs} unknowns>"
+        return f"of {self.case.actuator.stem}: {size.index_map.size_global * size.index_map_bs} unknowns"
+
+    def _remarks(self) -> list[str]:
+        return self.notes
+
+    @property
+    def notes(self) -> list[str]:
+        """Warnings about the mesh, as sentences; empty if there are none."""
+        found = [meshing.straight_text(self.body.straight)] if self.body.straight else []
+        if abs(error := self.system.volume_error) > COARSE:
+            kind, amount = "less" if error < 0.0 else "more", f"{abs(error):.1%}"
+            found.append(
+                f"the cavity of the mesh has {amount} {kind} volume than the device's: use smaller cells, or check that "
+                "all faces around the air are among its walls"
+            )
+        return [spoken(note) for note in found]
 
     def release(self) -> None:
         """Give back what PETSc and MPI hold; the model is not used afterwards."""
@@ -596,8 +616,6 @@ class Begun:
 FROM_REST = Begun()
 
 
-COARSE = 0.01
-"""Relative error of the meshed cavity's volume above which the user is warned."""
 FEWEST_STEPS = 12
 """Minimum number of steps to the last requested value, for smooth curves."""
 
@@ -669,14 +687,8 @@ class Simulation:
         say(f"{cells} cells, {unknowns} unknowns, {ranks} rank{'s' if ranks > 1 else ''}")
         if told := self.solver.method.told:
             say(told)
-        if self.body.straight:
-            say(f"warning: {meshing.straight_text(self.body.straight)}")
-        if abs(error := self.solver.system.volume_error) > COARSE:
-            kind, amount = "less" if error < 0.0 else "more", f"{abs(error):.1%}"
-            say(
-                f"warning: the cavity of the mesh has {amount} {kind} volume than the device's: use smaller cells, or "
-                "check that all faces around the air are among its walls"
-            )
+        for note in self.model.notes:
+            say(f"warning: {note}")
         if weak := weakness(self.case.material):
             say(f"warning: {weak}; results at larger stretches are invalid")
 

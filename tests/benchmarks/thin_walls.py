@@ -3,8 +3,11 @@
     OMP_NUM_THREADS=1 uv run python tests/benchmarks/thin_walls.py [Balloon] [Bellows]
 
 A closed balloon is held against the integral through its wall, one on a neck and a bellows against their finest mesh: the
-largest limit pressure and the pressure at an added volume of 1 ml differ by less than 0.2 %. Cells that are refused as needles
+limit pressure and the pressure at an added volume of 1 ml should differ by less than 0.2 %. Cells that are refused as needles
 are tried with one through the wall instead of two. Five minutes.
+
+Measured: closed balloons 0.000 %, those on a neck 0.020 %, bellows 0.208 % (a wall of 0.1 mm, cells of 2 mm), more than
+the bar, so that the exit status is 1.
 """
 
 from __future__ import annotations

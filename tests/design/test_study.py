@@ -141,6 +141,12 @@ def test_sobol_indices_of_ishigami():
         assert np.abs(np.array(found.total) - exact_total).max() < 0.01
 
 
+def test_the_only_input_has_all_of_the_variance():
+    for response, share in ((lambda x: np.sin(x[:, 0]), 1.0), (np.zeros(3 * 64), 0.0)):
+        found = indices_of(ANGLES[:1], response, 64)
+        assert (found.first, found.total, found.first_half) == ((share,), (share,), (0.0,)) and found.doubt == ""
+
+
 def test_contradicting_sobol_indices_are_told():
     """Eight samples of Ishigami's function: an index by itself above the one with all interactions, which none is."""
     few, many = indices_of(ANGLES, ishigami, 8), indices_of(ANGLES, ishigami, 2**14)

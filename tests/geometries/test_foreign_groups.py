@@ -176,6 +176,70 @@ def test_what_is_not_read_of_a_deck_is_refused(tmp_path, text, words):
         read_deck(tmp_path, text)
 
 
+SURFACES = """*Surface, name=Slanted
+Second, S3
+*Surface, type=ELEMENT, name=Sides
+ 1, S1
+ Second, S4
+*Surface, type=ELEMENT, name=Skin
+ Every,
+*Surface, type=NODE, name=Nodes
+ Far, 1.
+ 2,
+*End Part
+"""
+
+
+def test_surfaces_of_a_deck_are_faces(tmp_path):
+    """Sides of elements by Abaqus' numbers, one by one or all, in the part and in the assembly; and surfaces of nodes. Of a
+    triangle of Abaqus' S3, nodes 2, 4 and 3 of the element."""
+    place = "*Surface, name=Ends\n Finger-1.2, S2\n Tip, S1\n*Elset, elset=Tip, instance=Finger-1\n 1,\n*End Assembly"
+    mesh = read_deck(
+        tmp_path, PART.replace("*End Part\n", SURFACES) + ASSEMBLY.format(place="").replace("*End Assembly", place)
+    )
+
+    def nodes(name):
+        return sorted(sorted((triangle + 1).tolist()) for triangle in mesh.triangles[mesh.named(name)][:, :3])
+
+    assert nodes("Slanted") == [[3, 4, 5]]
+    assert nodes("Sides") == [[1, 2, 3], [2, 4, 5]]
+    assert nodes("Ends") == [[1, 2, 3], [2, 3, 5]]
+    assert nodes("Nodes") == [[2, 3, 5], [2, 4, 5], [3, 4, 5]]
+    assert len(nodes("Skin")) == len(mesh.triangles) == 6  # without the triangle between both elements
+
+
+def test_a_face_has_no_triangle_beside_it_whose_corners_it_has(tmp_path):
+    """Of two faces of one tetrahedron every corner is theirs, those of its other faces too."""
+    mesh = read_deck(tmp_path, PART.replace("*End Part\n", "*Surface, name=Two\n 1, S1\n 1, S2\n*End Part\n"))
+    assert len(mesh.named("Two")) == 2
+
+
+def test_two_names_do_not_become_one_region(tmp_path):
+    file = tmp_path / "deck.inp"
+    text = PART.replace("elset=Second", "elset=Se_cond").replace("elset=second", "elset=Se_cond")
+    file.write_text(text.replace("elset=Every, generate\n 1, 2", "elset=Se-cond\n 1,"))
+    with pytest.raises(GeometryError, match=r"'Se_cond' and 'Se-cond' both become the region se_cond; .* rename one"):
+        _ = ImportedMesh(file=str(file), cavities=("none",), support="named Foot").regions
+
+
+@pytest.mark.parametrize("numbers", [(1, 1), (1, 2)])
+def test_bodies_of_a_gmsh_mesh_are_refused_as_those_of_a_deck(tmp_path, numbers):
+    """Two boxes that touch, each with nodes of its own there; in one group, or each in its own."""
+    file = tmp_path / "two.msh"
+    with private_model():
+        boxes = [gmsh.model.occ.addBox(x, 0, 0, 10, 10, 10) for x in (0, 10)]
+        gmsh.model.occ.synchronize()
+        for box, number in zip(boxes, numbers, strict=True):
+            gmsh.model.addPhysicalGroup(3, boxes if numbers[0] == numbers[1] else [box], number if box == 1 else 3)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 10)
+        gmsh.model.mesh.generate(3)
+        gmsh.write(str(file))
+    with pytest.raises(
+        GeometryError, match=r"2 bodies that share no face, two of them around 5, 5, 5; 15, 5, 5 mm; .* merge"
+    ):
+        read_mesh(str(file), 1e-3, 1.0)
+
+
 @pytest.mark.parametrize("damage", ["", "1 99999999999 1 1\n", "text\n"])
 def test_damaged_entities_are_named(block, tmp_path, damage):
     content = Path(block).read_bytes()

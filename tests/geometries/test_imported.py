@@ -209,6 +209,8 @@ def test_names(tmp_path):
     same = part(write_step(tmp_path / "same.step", names=("Silicone", "Silicone")))
     assert same.regions == ()  # one region of two solids
     assert part(write_step(tmp_path / "none.step", names=())).regions == ("solid_1", "solid_2")
+    with pytest.raises(GeometryError, match=r"'Base' and 'base' both become the region base; .* rename one"):
+        part(write_step(tmp_path / "alike.step", names=("Base", "base")))
     assert [region_name(text) for text in ("Ring (2)", "3M tape", "Öse", "%")] == [
         "ring_2",
         "region_3m_tape",

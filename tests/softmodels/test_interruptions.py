@@ -220,3 +220,12 @@ def test_the_comparison_sees_what_it_should(tmp_path):
     assert list(kills.differences(one, other)) == ["control"]
     other.write_text("\n".join(one.read_text().splitlines()[:2]) + "\n")
     assert list(kills.differences(one, other)) == ["rows (2 against 1)"]
+
+
+@pytest.mark.parametrize(("text", "alike"), [("1.0000003", True), ("1.0001", False), ('1"\nwall = "1.0', False)])
+def test_a_resumed_design_may_differ_in_its_seventh_digit(tmp_path, text, alike):
+    files = [tmp_path / name / "design.toml" for name in ("one", "other")]
+    for file, number in zip(files, ("1.0", text), strict=True):
+        file.parent.mkdir()
+        file.write_text(f'rib = "{number} mm"\n')
+    assert kills.alike(*files) is alike

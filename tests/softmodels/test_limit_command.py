@@ -24,6 +24,7 @@ from softmodels.components.loads import Force, Gravity, Mass
 from softmodels.materials.laws import MooneyRivlin, NeoHookean, Yeoh
 from softmodels.materials.silicones import SILICONES, density_of
 from softmodels.materials.specimens import sphere_pressure
+from softmodels.mechanics import body
 from softmodels.mechanics.iterative import Multigrid
 from softmodels.runs.analyses import Tolerance, check_varied, find_limit, samples
 from tests.support import runs
@@ -235,6 +236,18 @@ def test_any_device_by_its_options(ended):
     stretches = np.linspace(1.0, 3.0, 2001)
     most = sphere_pressure(NeoHookean(20e3, 0.5), 0.015, 0.018, stretches).max()
     assert status == 0 and 1e3 * float(re.search(r"\(([\d.]+) kPa\)", out)[1]) == pytest.approx(most, rel=1e-3)
+
+
+def test_straight_edges_are_told_wherever_a_device_is_meshed(ended, monkeypatch):
+    """A mesh with edges that could not be curved; no device's has some today, so that their number is set."""
+    monkeypatch.setattr(body, "straight_edges", lambda: 12)
+    text = "12 edges of the mesh on curved faces are straight"
+    words = ("--cell-size", "5mm", "--wall", "3mm", "--shear-modulus", "20kPa", "--poisson", "0.5")
+    status, out, _ = ended(softmodels, "limit", "--device", "balloon", *words)
+    assert status == 0 and out.count(f"note: {text}") == 1
+    device, law = Balloon(wall=3e-3, cell_size=5e-3), NeoHookean(20e3, 0.5)
+    for found in (sm.limit(device, law), sm.Model(device, law), sm.modes(device, law, count=1)):
+        assert [note for note in found.notes if note.startswith(text)] and text in found._repr_html_()
 
 
 @pytest.mark.parametrize("name", ["ImportedActuator", "ImportedMesh"])
