@@ -196,13 +196,17 @@ class Deck:
         except KeyError as error:
             raise GeometryError(f"file {self.file} has cells with undefined nodes ({error})") from None
         points = np.array(list(body.nodes.values()), dtype=float).reshape(-1, 3)
-        node_sets, cell_sets, surfaces = (
+        node_sets, cell_sets = (
             {
-                spelled: read(name, body, scope, kind, getattr(scope, kind)[text], ((kind, text),))
+                spelled: self._members(name, body, scope, kind, getattr(scope, kind)[text], ((kind, text),))
                 for spelled, scope, text in self._names(name, body, kind)
             }
-            for kind, read in (("node_sets", self._members), ("cell_sets", self._members), ("surfaces", self._sides))
+            for kind in ("node_sets", "cell_sets")
         )
+        surfaces = {
+            spelled: self._sides(name, body, scope, scope.surfaces[text], (("surfaces", text),))
+            for spelled, scope, text in self._names(name, body, "surfaces")
+        }
         node_sets |= {key: nodes for key, (nodes, _) in surfaces.items() if nodes}
         faces = {key: np.array([row[n] for n in found if n in row], int) for key, found in node_sets.items()}
         # Beside nodes, shape (n,), the corners of triangles, shape (t, 3).
@@ -228,7 +232,7 @@ class Deck:
                 yield f"{name}." * bool(both) + scope.spelled[text], scope, text
 
     def _sides(
-        self, name: str, body: Scope, scope: Scope, kind: str, members: Sequence[tuple[str, str]], within: Within
+        self, name: str, body: Scope, scope: Scope, members: Sequence[tuple[str, str]], within: Within
     ) -> tuple[set[int], list[list[int]]]:
         """Return the nodes of a surface of nodes, and the corners of the sides of elements of another one."""
         nodes, found = set[int](), list[list[int]]()
@@ -244,7 +248,7 @@ class Deck:
                         f"file {self.file}: the surface {scope.spelled[within[0][1]]} has the side {side!r} of tetrahedra; "
                         f"these have {', '.join(SIDE_NAMES)}"
                     )
-                sides = SIDES[[SIDE_NAMES.index(side)] if side else slice(None)] if solid else [[0, 1, 2]]
+                sides = SIDES[[SIDE_NAMES.index(side)]] if solid and side else SIDES if solid else SIDES[:1]
                 found += [[corners[i] for i in one] for one in sides if corners and not side.startswith("E")]
         return nodes, found
 
