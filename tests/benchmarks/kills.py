@@ -263,9 +263,12 @@ def differences(one: Path, other: Path, in_time: bool = False) -> dict[str, floa
         if name in WORDS:
             found[name] = float(columns[0] != columns[1])
             continue
-        numbers = [list(map(float, column)) for column in columns]
+        if [not text for text in columns[0]] != [not text for text in columns[1]]:  # empty: no value there
+            found[name] = float("inf")
+            continue
+        numbers = [[float(text) for text in column if text] for column in columns]
         largest = max(map(abs, numbers[1]), default=0.0)
-        most = max(abs(a - b) for a, b in zip(*numbers, strict=True))
+        most = max((abs(a - b) for a, b in zip(*numbers, strict=True)), default=0.0)
         found[name] = 0.0 if most == 0.0 else most / largest if largest else float("inf")
     return {name: value for name, value in found.items() if value > (IN_TIME if in_time else TOLERANCE)}
 

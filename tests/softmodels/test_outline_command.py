@@ -291,7 +291,7 @@ def test_a_whole_fit(case, outlines, comm, tmp_path):
 
 def test_scores_of_materials_on_a_device(case, outlines, measured, tmp_path):
     """The true material's chi squared is about 1 per value and its band holds about 95 %; a false hardening shows."""
-    true, wrong = (f"yeoh:c1=14kPa,c2={c2}Pa,c3={TRUE['c3']}Pa,poisson=0.49" for c2 in (TRUE["c2"], 4 * TRUE["c2"]))
+    true, wrong = (f"yeoh:c1=14kPa,c2={c2}Pa,c3={TRUE['c3']}Pa,poisson=0.49" for c2 in (TRUE["c2"], 8 * TRUE["c2"]))
     words = [case, outlines(*measured), "--material", true, "--material", wrong, "-o", tmp_path / "scores"]
     done = CliRunner().invoke(score, [str(word) for word in words])
     assert done.exit_code == 0, done.output
