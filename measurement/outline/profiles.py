@@ -530,6 +530,10 @@ CAMERA, CAMERA_TONE = 0.012, 0.4
 """Error of the half light's place in widths that remains because the model is not the camera's, and its growth with e."""
 
 
+LARGEST_MISFIT = 3.5
+"""Misfit of an edge's shape from which no tone is known to be right, and the light does not fall as behind one lamp."""
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class EdgeShape:
     """A symmetric or distorted step from 0 to 1 over the distance in widths from the place where half of the lamp is visible.

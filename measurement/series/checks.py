@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from measurement.outline.edge import PART, Traced, widest_patch
+from measurement.outline.profiles import LARGEST_MISFIT
 from measurement.outline.zero import (
     ON_SURFACE,
     UNCLEAR,
@@ -317,6 +318,8 @@ def movement(e: Evidence) -> Iterator[Doubt]:
 
 WIDEST_EDGE = 300e-6
 """Greatest standard deviation in m of penumbra and blur together."""
+SEVERAL_EDGES = "the shadow has several edges, from a second lamp, a reflection or a double exposure"
+ONE_LAMP = "use only one lamp, cover reflecting surfaces, and photograph it again"
 
 
 @register_check(EDGE)
@@ -331,7 +334,11 @@ def sharp(e: Evidence) -> Iterator[Doubt]:
     slope = e.traced.setup.jacobian(edge.px)
     width = edge.width * np.linalg.norm(slope @ edge.normal[..., None], axis=(1, 2))
     wide = float(np.percentile(width, 90))
-    if not wide <= WIDEST_EDGE:
+    if not wide <= WIDEST_EDGE and edge.shape.misfit >= LARGEST_MISFIT:
+        yield Doubt(
+            f"the light falls in steps over {wide * 1e6:.0f} um (standard deviation), not as one lamp's: {SEVERAL_EDGES}",
+            ONE_LAMP, rejects=True)  # fmt: skip
+    elif not wide <= WIDEST_EDGE:
         yield Doubt(
             f"the edge is blurred over {wide * 1e6:.0f} um (standard deviation), more than {WIDEST_EDGE * 1e6:.0f} um",
             "focus on the screen, use a smaller lamp, or move the lamp away and the body closer to the screen",
@@ -366,9 +373,8 @@ def one_lamp(e: Evidence) -> Iterator[Doubt]:
     part = e.traced.edge.contrast / e.traced.coarse.colour.depth
     if np.median(part) < PART:
         yield Doubt(
-            f"the light falls in steps, by {np.median(part):.0%} of the shadow's depth at this edge: the shadow has "
-            "several edges, from a second lamp, a reflection or a double exposure",
-            "use only one lamp, cover reflecting surfaces, and photograph it again", rejects=True)  # fmt: skip
+            f"the light falls in steps, by {np.median(part):.0%} of the shadow's depth at this edge: {SEVERAL_EDGES}",
+            ONE_LAMP, rejects=True)  # fmt: skip
     count = max(LEAST_POINTS, len(part) // PIECES)
     level = np.convolve(part, np.ones(count) / count, "valid")
     if len(part) >= 2 * count and np.ptp(level) > UNEVEN:

@@ -15,7 +15,7 @@ import numpy as np
 
 from measurement.outline.edge import Traced
 from measurement.outline.outline import Outline, OutlineError
-from measurement.outline.profiles import DECISIVE
+from measurement.outline.profiles import DECISIVE, LARGEST_MISFIT
 from measurement.outline.zero import ZeroLine, sides_of, with_known_body
 from measurement.pictures import TONES, Pixels, Unmeasurable, read_pixels
 from measurement.screen.setup import Setup
@@ -26,9 +26,6 @@ from measurement.series.witness import Refusal, Result, Run
 from softmodels.common import processes
 
 AUTO = "auto"
-WRONG = 3.5
-"""Misfit of the edge's shape (`outline.profiles`) from which no tone is known to be right."""
-
 LARGEST_TONE = 0.2
 """Departure e of the light from the tone curve beyond which it is no camera's."""
 
@@ -65,7 +62,7 @@ def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "",
     if not others and fits:
         return first
     shape = best.edge.shape
-    clear = shape.misfit < WRONG and abs(shape.tone) < LARGEST_TONE
+    clear = shape.misfit < LARGEST_MISFIT and abs(shape.tone) < LARGEST_TONE
     # A model that misses the profile by more than its error is no better evidence for missing another by as much more.
     more = others[0].edge.shape.chi_square - shape.chi_square if others else np.inf
     evidence = more / max(1.0, shape.misfit**2)
@@ -73,7 +70,7 @@ def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "",
     if moved <= TONE_HARM or (clear and evidence >= DECISIVE):
         return best
     # Without evidence against it, not even a shape, a photograph has the tone of its series.
-    if likely and not (first is not best and evidence >= DECISIVE) and not first.edge.shape.misfit >= WRONG:
+    if likely and not (first is not best and evidence >= DECISIVE) and not first.edge.shape.misfit >= LARGEST_MISFIT:
         return first
     best.tone_error = moved
     best.doubts += doubts(TONE, Evidence(best))
