@@ -403,7 +403,9 @@ def path_rows(folder: Path) -> list[dict[str, float]]:
     none yet, or a row is half written."""
     rows = csv.DictReader(io.StringIO(read_text(folder / "path.csv")))
     # A cell is empty where its column has no value, and missing in a row that is half written.
-    return [{name: float(row[name]) for name in row if name.endswith(("_mm", "_cm")) and row[name] != ""} for row in rows]
+    return [
+        {name: float(row[name]) for name in row if name.endswith(("_mm", "_cm")) and row[name] != ""} for row in rows
+    ]
 
 
 def is_section(device: Actuator) -> bool:

@@ -181,7 +181,7 @@ def test_surrogate_knows_its_error():
         (('["20 kPa", "30 kPa"]', '"30:20 kPa"'), "smaller value first"),
         (("geometry.membrane", "membrane"), "write the table too"),
         (('material.shear_modulus = ["20 kPa", "30 kPa"]', 'material = "fit"'), "needs the errors of a fit"),
-        (("disk.toml", "disc.toml"), "did you mean disk.toml"),
+        (("disk.toml", "disc.toml"), "disk.toml?"),
         (("sampling", f'name = "{"a" * 5000}"\nsampling'), "5000 bytes"),
         (("sampling", 'name = "../elsewhere"\nsampling'), "is not a valid file name"),
     ],

@@ -159,7 +159,6 @@ def test_names_as_files_write_them(written, name, part, text):
             {"planes": ("named flange", "y = 0 mm"), "support": "x = 24 mm", "cavities": ("coloured red",)},
             "outside the part",
         ),
-        ({"surfaces": ("pad = named flange",)}, "no such face, or it already"),
         ({"planes": ("named air",)}, "move the part by 0, 0, -3 mm"),
     ],
 )

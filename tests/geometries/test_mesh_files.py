@@ -158,9 +158,9 @@ def made(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     found, make = [], meshing._make
 
-    def counted(actuator, path):
+    def counted(actuator, path, curving):
         found.append(actuator)
-        make(actuator, path)
+        make(actuator, path, curving)
 
     monkeypatch.setattr(meshing, "_make", counted)
     return found
