@@ -31,7 +31,7 @@ PLACES = {
     },
     "softmodels.cli.exports": {
         "export":
-            "Write the case FILE for another program: the same mesh, silicones, supports, rigid parts, contact and loads.",
+            "Write the case FILE for CalculiX: the same mesh, silicones, supports, rigid parts, contact and loads.",
         "mould":
             "Make the mould of the device in a case FILE: cups and lids as STEP and STL, in mm, and a sheet for the bench.",
         "reduce": "Reduce the results in FOLDER to the device's tip, for robot simulators.",

@@ -14,7 +14,7 @@ from softmodels.runs.notes import bonded_notes
 from tests.support import runs
 
 MEMBRANE = sm.Membrane(plate_radius=0.008, cell_size=0.002, through=2)
-LAW = sm.NeoHookean(30e3, 0.49)
+LAW = sm.NeoHookean(30e3)
 PLATE = sm.Rigid("plate", name="plate", mass=0.02)
 LIFTED = """
 [geometry]

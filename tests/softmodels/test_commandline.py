@@ -78,9 +78,8 @@ MATERIALS = {
     "--shear-modulus=-30kPa": ["shear modulus", "-30000 Pa"],
     "--shear-modulus 30": ["shear_modulus", "'30'", "no unit"],
     "--shear-modulus 30Pa": ["shear modulus", "30 Pa", "units"],
-    "--shear-modulus 30MPa": ["shear modulus", "3e+07 Pa", "units"],
     "--shear-modulus 30GPa": ["shear modulus", "3e+10 Pa", "units"],
-    "--material yeoh --c1 7859kPa": ["shear modulus", "1.572e+07 Pa", "units"],
+    "--material yeoh --c1 7859MPa": ["shear modulus", "1.572e+10 Pa", "units"],
     "--material ecoflex-00-30 --c1 8kPa": ["--c1 would mix", "leave out --c1"],
 }
 OTHERS = {

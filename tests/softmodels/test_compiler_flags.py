@@ -61,8 +61,8 @@ def test_without_a_compiler_that_of_a_package_is_taken(monkeypatch):
     assert own == shlex.split(sysconfig.get_config_var("LDSHARED"))[0]
     monkeypatch.setattr(asked.shutil, "which", lambda word: None)
     monkeypatch.setattr(asked.importlib.util, "find_spec", lambda name: name == "ziglang" or None)
-    assert compiler() == [sys.executable, "-m", "ziglang", "cc"]
-    assert compiler_words()[:4] == compiler() and "-shared" in compiler_words()
+    assert compiler() == [sys.executable, "-P", "-m", "ziglang", "cc"]
+    assert compiler_words()[:5] == compiler() and "-shared" in compiler_words()
     monkeypatch.setenv("CC", "/no/compiler")
     with pytest.raises(cffi.VerificationError, match="/no/compiler"):
         compiler()
