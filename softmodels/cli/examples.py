@@ -113,18 +113,17 @@ def take_photographs(
     scene: Scene,
     tell: Callable[[str], None] = lambda text: None,
     times: Sequence[str] = (),
-    first: int = 100,
     keep: Callable[[Path, NDArray[np.uint8]], Path] = save,
 ) -> None:
-    """Write the grid's photograph (number ``first``), one at rest, one per pressure, and ``photos.csv`` with the column's
-    levels and the columns hold and rise of ``times``; ``halves`` are the right halves of the outline in m; ``keep``
+    """Write the grid's photograph (number 100, or 200 with times), one at rest, one per pressure, and ``photos.csv`` with the
+    column's levels and the columns hold and rise of ``times``; ``halves`` are the right halves of the outline in m; ``keep``
     writes a photograph.
 
     Levels are read to a millimetre with the error the measurement takes them to have; the leak makes them too high. One that
     stays the same is read once.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    rng = np.random.default_rng(2013)
+    rng, first = np.random.default_rng(2013), 200 if times else 100
     keep(folder / f"IMG_{first:04d}.JPG", photograph(scene, None, seed=first)[0])
     rest = np.array([[0.0, 0.0], [truth.actuator.outer_radius, 0.0]])
     readings = [0.0, *readings_of(np.array(truth.pressures), {"leak": LEAK})]
@@ -430,7 +429,7 @@ def make_files(folder: Path, tell: Callable[[str], None]) -> None:
     take_photographs(photographs, TRUTH, halves, bench(), tell, keep=shipped)
     (photographs / "IMG_0100.JPG").rename(photographs / "grid.jpg")
     truth, halves, times = creeping()
-    take_photographs(folder / "held", truth, halves, bench(), tell, times, 200, shipped)
+    take_photographs(folder / "held", truth, halves, bench(), tell, times, shipped)
     (folder / "held" / "IMG_0200.JPG").unlink()
 
 

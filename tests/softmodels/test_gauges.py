@@ -25,6 +25,7 @@ cell_size = "6 mm"
 
 [material]
 law = "neo-hookean"
+poisson = 0.49
 shear_modulus = "30 kPa"
 
 [load]

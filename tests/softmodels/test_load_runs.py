@@ -23,7 +23,7 @@ from softmodels.path.program import Series
 from tests.support import runs
 
 DISK = HollowDisk(section="axisymmetric", cell_size=0.003)
-LAW = NeoHookean(30e3, 0.49)
+LAW = NeoHookean(30e3)
 OPTIONS = ("--cell-size", "3mm", "--shear-modulus", "30kPa", "--gravity=-z", "--mass", "top", "--mass-amount", "50g",
            "--force", "top", "--force-direction=-z", "--at-pressure-cm", "40", "--quiet")  # fmt: skip
 WEIGHT = 9.81 * (0.05 + 1070 * DISK.solid_volume)
