@@ -8,7 +8,7 @@ import pytest
 import softmodels as sm
 from softmodels.runs.state_values import displacement_maps
 
-LAW = sm.NeoHookean(28e3)
+LAW = sm.NeoHookean(28e3, 0.49)
 DISK = sm.HollowDisk(section="axisymmetric", cell_size=0.005, refinement=1.0)
 INNER, OUTER = "top within r < 8 mm", "top within 8 mm < r"
 PLANE = ("plane", ("0 mm", "0 mm", "16.1 mm"))

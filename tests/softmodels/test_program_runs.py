@@ -51,7 +51,7 @@ def test_a_program_runs_and_says_what_each_cavity_has(program, tmp_path):
     last = rows[-1]
     assert last["pressure_cm"] == pytest.approx(max(last["pressure_1_cm"], last["pressure_2_cm"]))
     assert last["added_volume_ml"] == pytest.approx(last["added_volume_1_ml"] + last["added_volume_2_ml"])
-    assert f"cavity1 40 cm, cavity2 {last['pressure_2_cm']:.6g} cm: tip" in done.out
+    assert f"cavity1 40 cm, 0.97 g/ml, cavity2 {last['pressure_2_cm']:.6g} cm, 0.97 g/ml: tip" in done.out
 
 
 def test_a_program_goes_on_from_its_last_step(program, tmp_path):
