@@ -537,7 +537,8 @@ def law_called(name: str) -> tuple[type[Material], int] | None:
         return LAWS[name], 0
     laws = {spelling(known): known for known in LAWS}
     found = re.fullmatch(r"(.*\D)([1-9])", name)
-    for plain, terms in ((name, 0), *([(found[1], int(found[2]))] if found else [])):
+    whole = [] if name[-1:] == "0" else [(name, 0)]  # a spelling leaves out zeros
+    for plain, terms in (*whole, *([(found[1], int(found[2]))] if found else [])):
         law = LAWS.get(laws.get(spelling(plain), ""))
         if law is not None and (not terms or law.most_terms):
             return law, terms
