@@ -310,7 +310,7 @@ def straight_edges() -> int:
 
 
 def straight_text(count: int) -> str:
-    """Return what a user is told of straight edges on curved faces."""
+    """Return the warnings on straight edges on curved faces."""
     return (
         f"{count} edges of the mesh on curved faces are straight, because curved ones would turn cells inside out: thin walls "
         "are polygons there, and too stiff or too soft; use smaller cells (--cell-size)"

@@ -433,7 +433,7 @@ class Displacement:
         reach = ENDS * (high - low)
         sinks = SETTLES * max(0.0, float(placed[:, 1].max()))
         worst, tolerance, sunk = 0.0, 0.0, 0.0
-        # Where the surface's end is hidden or masked, what is seen last is the bulge's foot.
+        # Where the surface's end is hidden or masked, the last visible point is the bulge's foot.
         hidden = low - zero.extent[0] > reach, zero.extent[1] - high > reach
         ends = placed[:, 0] <= low + reach, placed[:, 0] >= high - reach
         for end in (

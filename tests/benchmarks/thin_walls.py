@@ -2,7 +2,7 @@
 
     OMP_NUM_THREADS=1 uv run python tests/benchmarks/thin_walls.py [Balloon] [Bellows]
 
-A closed balloon is held against the integral through its wall, one on a neck and a bellows against their finest mesh: the
+A closed balloon is compared with the integral through its wall, one on a neck and a bellows against their finest mesh: the
 limit pressure and the pressure at an added volume of 1 ml should differ by less than 0.2 %. Cells that are refused as needles
 are tried with one through the wall instead of two. Five minutes.
 

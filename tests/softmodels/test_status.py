@@ -1,4 +1,4 @@
-"""How something ended is told by a flag, a status or a class, never by words searched in a sentence."""
+"""How something ended is reported by a flag, a status or a class, never by words searched in a sentence."""
 
 from __future__ import annotations
 
