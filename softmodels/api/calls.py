@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 from geometries import Actuator
 from softmodels.api.run import Run
-from softmodels.case.case import Case, Values, case_of, in_unit
+from softmodels.case.case import Case, case_of
 from softmodels.case.entries import CaseError, Probes
-from softmodels.case.load import LoadRequest
+from softmodels.case.load import Values, prescribed
 from softmodels.case.materials import AnyBand, without_walls
 from softmodels.common import errors
 from softmodels.common.files import GEOMETRY, read_file, read_json
@@ -28,7 +28,7 @@ from softmodels.mechanics.component import Component
 from softmodels.mechanics.memory import RADIUS
 from softmodels.mechanics.mpi import is_root, start
 from softmodels.mechanics.system import System
-from softmodels.path.program import TOLERANCE, Program
+from softmodels.path.steps import PRESSURE, TOLERANCE, Step, one_step
 from softmodels.path.supply import AirSupply
 from softmodels.runs.analyses import (
     MOST_MODES,
@@ -150,7 +150,7 @@ def inflate(
     inertia: bool = False,
     spectral_radius: float = RADIUS,
     strokes: Values | None = None,
-    driven: LoadRequest | None = None,
+    steps: Sequence[Step] = (),
     supply: AirSupply | None = None,
     valve: Values | None = None,
     control: str = "auto",
@@ -160,7 +160,6 @@ def inflate(
     gauges: Probes | None = None,
     band: AnyBand | str | Path | None = None,
     load_unload: bool = False,
-    program: Program = (),
     water_density: float | str = WATER_DENSITY,
     fields: Sequence[str] = (),
     name: str | None = None,
@@ -186,7 +185,8 @@ def inflate(
         inertia: Let mass count in time: the device swings, and is followed through jumps.
         spectral_radius: With inertia, what one step leaves of a vibration that it is far too long for, 0 to 0.99.
         strokes: The same for strokes of the supply: ``"0:20 ml"``, or numbers in m3.
-        driven: Requested forces, travels or shares of a dead load among the parts, instead of pressures.
+        steps: Load steps instead of pressures: `softmodels.case.load.steps_of` makes them of the keys of a case file's
+            ``[load]``, such as ``steps_of(force_N="0:10")`` or a series for each of several cavities.
         supply: Air supply driven by strokes, such as a `Syringe`; or a `Reservoir`: the pressures are those of its source then.
         valve: Opening of the supply's valve at the times, from 0 (closed) to 1; open if None.
         control: What the path follows: ``"auto"``, ``"pressure"``, ``"volume"`` or ``"arc-length"``.
@@ -197,7 +197,6 @@ def inflate(
         band: Errors of the material, whose 95 % band is computed for every state; or the name of a silicone, whose sources
             are computed, or the file of a fit.
         load_unload: Whether to unload through the same values too, under pressure control with snap-through.
-        program: A load series for each of several cavities, instead of one requested quantity.
         water_density: Density of the column's liquid: kg/m3, or a text.
         fields: Further nodal fields that every state is stored with, such as ``["cauchy_stress"]``.
         name: Stem of the result files; the device's if None.
@@ -219,9 +218,9 @@ def inflate(
     case = case_of(
         device, material, pressures, volumes, times, rate=rate, hold=hold, cycles=cycles, time_tolerance=time_tolerance,
         inertia=inertia, spectral_radius=spectral_radius,
-        strokes=strokes, driven=driven, supply=supply, valve=valve, control=control,
+        strokes=strokes, steps=steps, supply=supply, valve=valve, control=control,
         formulation=formulation, solver=solver, components=components, gauges=gauges, band=band,
-        load_unload=load_unload, program=program, water_density=water_density, name=name,
+        load_unload=load_unload, water_density=water_density, name=name,
         fields=fields,
     )  # fmt: skip
     return run(case, progress=progress, folder=folder, resume=resume, branch=branch)
@@ -360,7 +359,7 @@ def limit(
     """
     # A case with a dummy load, so that the input is checked as for any case.
     how = {"components": components, "formulation": formulation, "solver": solver}
-    case = Case("limit", device, material, pressures_cm=(-1.0 if vacuum else 1.0,), **how)  # type: ignore[arg-type]
+    case = Case("limit", device, material, one_step(PRESSURE, [-100.0 if vacuum else 100.0]), **how)  # type: ignore[arg-type]
     seconds = check_hold(hold, [case.material])
     if seconds and vacuum:
         raise CaseError("a hold and a vacuum cannot be combined; leave out one of them")
@@ -403,7 +402,7 @@ def modes(
     if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST_MODES:
         raise CaseError(f"count is {count!r}; it must be a whole number of modes from 1 to {MOST_MODES}")
     closed, how = flag("sealed", sealed), {"components": components, "solver": solver}
-    if pressures is None or not any(in_unit("cm", pressures, "pressure", pascal_per_cm())):
+    if pressures is None or not any(prescribed(PRESSURE, pressures, pascal_per_cm()).values):
         case: Case = AtRest("modes", device, material, **how)  # type: ignore[arg-type]
     else:
         case = case_of(device, material, pressures, **how)  # type: ignore[arg-type]

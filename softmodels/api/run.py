@@ -34,6 +34,7 @@ from softmodels.materials.silicones import named
 from softmodels.mechanics.mpi import is_root, on_root, start
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.path.continuation import Continuation
+from softmodels.path.steps import STROKE, one_step
 from softmodels.runs.analyses import KINDS, Limit
 from softmodels.runs.columns import StateLabels, overlap_text, state_labels, term
 from softmodels.runs.fields import OUTPUTS, OutputField, Row, requestable, split
@@ -376,20 +377,12 @@ def _figure(simulation: Simulation, point: Point, column: str) -> float:
 def _to_one(case: Case, quantity: str, wanted: float) -> Case:
     """Return a case that ends at one value."""
     if case.driven is not None:
-        return dataclasses.replace(
-            case,
-            driven=dataclasses.replace(case.driven, values=(wanted / case.load.scale,)),
-            load_unload=False,
-            control="auto",
-        )
-    field, scale = {"pressure": ("pressures_cm", 1 / case.cm), "volume": ("volumes_ml", 1e6),
-                    "stroke": ("strokes_ml", 1e6)}[quantity]  # fmt: skip
-    asked: dict[str, tuple[float, ...]] = {field: (wanted * scale,)}
-    pressures, volumes, strokes = (asked.get(name, ()) for name in ("pressures_cm", "volumes_ml", "strokes_ml"))
-    return dataclasses.replace(
-        case, pressures_cm=pressures, volumes_ml=volumes, strokes_ml=strokes, load_unload=False, control="auto",
-        supply=case.supply if quantity == "stroke" else None,
-    )  # fmt: skip
+        last = dataclasses.replace(case.driven, values=(wanted,))
+        steps = (*case.steps[:-1], dataclasses.replace(case.steps[-1], prescribed=(last,)))
+    else:
+        steps = one_step(quantity, [wanted])
+    supply = case.supply if quantity == STROKE else None
+    return dataclasses.replace(case, steps=steps, load_unload=False, control="auto", supply=supply)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

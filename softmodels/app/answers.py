@@ -69,7 +69,7 @@ def limit(case: str) -> str:
     if not found.found:
         return f"no limit point up to {pressure}, where the largest stretch is {found.stretch:.3g}"
     what = "limit point" if found.kind == "limit" else "bifurcation"
-    highest = max(asked.pressures_cm, default=0.0) * asked.cm
+    highest = max(asked.load.of(PRESSURE), default=0.0)
     margin = f", {found.pressure / highest:.3g} times the highest pressure" if highest else ""
     return f"{what} at {pressure}{margin}; largest stretch there {found.stretch:.3g}"
 

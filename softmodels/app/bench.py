@@ -24,8 +24,9 @@ from geometries import HollowDisk
 from measurement.series.photo_list import ANYWAY, PICTURES, TIMES, Column, ColumnError, PhotoListError, read_photos
 from softmodels.app.jobs import AnswerError, Jobs, Warm
 from softmodels.app.replies import Handles
-from softmodels.case.case import Case, in_unit
+from softmodels.case.case import Case
 from softmodels.case.entries import INPUT_ERRORS, CaseError
+from softmodels.case.load import steps_of
 from softmodels.common.errors import FieldError, reason
 from softmodels.common.files import read_file, read_text, write_bytes, write_text
 from softmodels.common.tables import TomlError, read_toml
@@ -93,8 +94,8 @@ class Project:
                 return Case.from_toml(self._text, self.folder)
             except INPUT_ERRORS as error:
                 self.case_error = str(error)
-        first = Case("device", HollowDisk(section="axisymmetric"), silicone("ecoflex-00-30"), pressures_cm=(1.0,))
-        return dataclasses.replace(first, pressures_cm=in_unit("cm", FIRST_PRESSURES, "pressure", first.cm))
+        device, material = HollowDisk(section="axisymmetric"), silicone("ecoflex-00-30")
+        return Case("device", device, material, steps_of(pressure=FIRST_PRESSURES))
 
     def _written(self) -> str:
         """Return the text of ``case.toml``; empty where there is none."""

@@ -33,11 +33,13 @@ from softmodels.app.forms import (
     with_field,
 )
 from softmodels.app.jobs import AnswerError, Job, SupersededError
-from softmodels.case.case import Case, in_unit
+from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.common.errors import GeometryError, reason
 from softmodels.common.files import read_text
 from softmodels.common.units import LIGHTER, column_unit, exact_text
 from softmodels.materials.silicones import PRODUCTS, named, silicone
+from softmodels.path.steps import PRESSURE
 
 if TYPE_CHECKING:
     from softmodels.app.replies import LinearAnswer, PathAnswer, Section, StateAnswer
@@ -105,8 +107,9 @@ class DevicePage(TabPage):
         tagged(products, "silicone").on_value_change(
             lambda event: self._take(material=silicone(event.value), band=None) if event.value in PRODUCTS else None
         )
-        values = case.pressures_cm
-        box = tagged(ui.input("Pressures", value=f"{values[0]:g}:{values[-1]:g} cm" if values else ""), "pressures")
+        values = case.load.of(PRESSURE)
+        text = f"{values[0] / case.cm:g}:{values[-1] / case.cm:g} cm" if values else ""
+        box = tagged(ui.input("Pressures", value=text), "pressures")
         box.tooltip(f"such as 0:60 cm ({column_unit(case.cm)}), or 0:6 kPa")
         box.on("change", lambda _: self._take_pressures(str(box.value)))
         liquid = tagged(ui.input("Liquid of the column", value=exact_text(case.water_density, "kg/m^3")), "liquid")
@@ -116,8 +119,8 @@ class DevicePage(TabPage):
     def _take_device(self, name: str) -> None:
         kind = ACTUATORS[name]
         section = {"section": "axisymmetric"} if "section" in kind.__dataclass_fields__ else {}
-        pressures = in_unit("cm", f"{kind.pressures} cm", "pressure", self.project.case.cm)
-        self._take(actuator=registry.device_from(kind, section), pressures_cm=pressures)
+        steps = steps_of(pressure_cm=kind.pressures, water_density=self.project.case.water_density)
+        self._take(actuator=registry.device_from(kind, section), steps=steps)
 
     def _take_field(self, name: str, value: object) -> None:
         with self.saying():
@@ -132,7 +135,7 @@ class DevicePage(TabPage):
 
     def _take_pressures(self, text: str) -> None:
         with self.saying():
-            self._take(pressures_cm=in_unit("cm", text, "pressure", self.project.case.cm))
+            self._take(steps=steps_of(pressure=text, water_density=self.project.case.water_density))
 
     def _take_liquid(self, text: str) -> None:
         with self.saying():
@@ -390,7 +393,7 @@ def stored_run(project: Project) -> tuple[Case | None, list[dict[str, float]]]:
             stored,
             name=case.name,
             actuator=changed(stored.actuator, same),
-            pressures_cm=case.pressures_cm,
+            steps=case.steps,
             band=case.band,
         )
     except (*ERRORS, ValueError, TypeError, KeyError):

@@ -22,6 +22,7 @@ from softmodels.common.errors import FieldError, GeometryError, reason
 from softmodels.common.schema import About, Choice, Flag, Kind, Open, Quantity, about
 from softmodels.common.units import UnitError, quantity, readable
 from softmodels.materials.silicones import named
+from softmodels.path.steps import PRESSURE
 
 if TYPE_CHECKING:
     from nicegui.element import Element
@@ -271,11 +272,12 @@ def python_lines(case: Case, file: str) -> str:
     """Return the Python lines that inflate a case's device as the page does; a case of more than a named silicone and pressures
     by its file."""
     device, silicone = case.actuator, named(case.material)
-    if silicone is None or Case(case.name, device, case.material, case.pressures_cm) != case:
+    pressures = [value / case.cm for value in case.load.of(PRESSURE)]
+    if silicone is None or not pressures or Case(case.name, device, case.material, case.steps) != case:
         return f"import softmodels as sm\n\nrun = sm.run({file!r})\nrun.pressure, run.rise, run.limit"
     changed = ", ".join(f"{name}={value!r}" for name, value in changed_fields(device).items())
-    values = ", ".join(f"{value:g}" for value in case.pressures_cm)
-    asked = f"{case.pressures_cm[0]:g}:{case.pressures_cm[-1]:g}" if len(case.pressures_cm) == 2 else values
+    values = ", ".join(f"{value:g}" for value in pressures)
+    asked = f"{pressures[0]:g}:{pressures[-1]:g}" if len(pressures) == 2 else values
     return (
         "import softmodels as sm\n\n"
         f"device = sm.{type(device).__name__}({changed})\n"

@@ -21,6 +21,7 @@ from softmodels.common.schema import about, shown
 from softmodels.common.units import number, readable
 from softmodels.materials.laws import LAWS, RUBBER
 from softmodels.materials.silicones import PRODUCTS
+from softmodels.path.steps import PRESSURE
 
 if TYPE_CHECKING:
     from nicegui.events import MultiUploadEventArguments
@@ -238,7 +239,7 @@ class DesignPage(TabPage):
         self.objective = tagged(ui.select(list(OBJECTIVES), value="most rise", label="objective"), "objective")
         probes = list(device.probes)
         self.probe = tagged(ui.select(probes, value=probes[0], label="of"), "probe")
-        highest = max(self.project.case.pressures_cm, default=0.0)
+        highest = max(self.project.case.load.of(PRESSURE), default=0.0) / self.project.case.cm
         self.at = tagged(ui.input("at", value=f"{highest:g} cm"), "design-pressure")
         ui.label("Limits that it keeps").classes("font-bold")
         defaults = {"limit_margin": "1.25", "clearances": "0.8 mm"}

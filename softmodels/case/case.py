@@ -5,12 +5,9 @@ from __future__ import annotations
 import dataclasses
 import math
 import types
-from collections.abc import Iterator, Mapping, MutableMapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, TypedDict, Unpack
-
-import numpy as np
-import numpy.typing as npt
 
 from geometries import Actuator, registry as geometry_table
 from geometries.actuator import changed, parameter, parameter_names
@@ -18,30 +15,34 @@ from geometries.faces import FORMATS
 from softmodels.case import materials
 from softmodels.case.entries import (
     MISSING,
-    ML,
     NO_PROBES,
     PART_ERRORS,
     CaseError,
     Entry,
     Missing,
-    Option,
     Probes,
-    SeriesError,
-    SeriesKind,
     SupplyEntry,
     Tables,
     Value,
     Written,
     factor_of,
-    of_text,
-    one_of_text,
     probes_from_tables,
     probes_to_tables,
-    series,
     split_text,
     table_of,
 )
-from softmodels.case.load import STIFFNESS_RANGE, Load, LoadRequest, LoadRequestEntry, in_time, of_cavities
+from softmodels.case.load import (
+    ONE_REQUEST,
+    STIFFNESS_RANGE,
+    Load,
+    StepsEntry,
+    Values,
+    at_times,
+    listed,
+    prescribed,
+    settled,
+    steps_in_time,
+)
 from softmodels.case.materials import (
     DEFAULT,
     AnyBand,
@@ -68,9 +69,7 @@ from softmodels.common.units import (
     brief,
     column_unit,
     exact_text,
-    number,
     pascal_per_cm,
-    plain,
     quantity,
 )
 from softmodels.components.loads import Gravity
@@ -78,13 +77,11 @@ from softmodels.materials.laws import SOFTEST, Material
 from softmodels.materials.silicones import material_of
 from softmodels.materials.specimens import check_rest
 from softmodels.mechanics.component import Component
-from softmodels.mechanics.controls import requestable
 from softmodels.mechanics.memory import LARGEST_RADIUS, RADIUS
 from softmodels.mechanics.regions import RATIO, RegionPart, number_of, variable_numbers, with_number
 from softmodels.mechanics.solver import METHODS
 from softmodels.mechanics.system import FORMULATIONS
-from softmodels.path import program as programs
-from softmodels.path.program import LEAST_TOLERANCE, SUPPLY_KEYS, TIME_KEY, TOLERANCE, VALVE, Program, Series, timed
+from softmodels.path.steps import LEAST_TOLERANCE, PRESSURE, STROKE, TOLERANCE, VOLUME, Prescribed, Step, Steps, timed
 from softmodels.path.supply import AirSupply
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -125,26 +122,6 @@ class MaterialEntry(Entry[Material]):
         return {"material": materials.to_table(value, text)}
 
 
-class ProgramEntry(Entry[Program]):
-    """Series for each cavity and for dead loads: tables ``cavity1``, ``force`` and so on within the load."""
-
-    tables = ("load",)
-
-    @property
-    def keys(self) -> tuple[str, ...]:  # type: ignore[override]
-        return "cavity1", *requestable(), TIME_KEY, *SUPPLY_KEYS
-
-    def known(self, key: str) -> bool:
-        return key.startswith("cavity") or key in self.keys
-
-    def read(self, tables: Tables) -> Program | Missing:
-        series = {key: value for key, value in table_of(tables, "load").items() if self.known(key)}
-        return programs.from_tables(series) if series else MISSING
-
-    def write(self, value: Program, text: Text) -> Written:
-        return {"load": programs.to_tables(value)} if value else {}
-
-
 class GaugesEntry(Entry[Probes]):
     """Named points, angles and the profile's plane."""
 
@@ -155,59 +132,6 @@ class GaugesEntry(Entry[Probes]):
 
     def write(self, value: Probes, text: Text) -> Written:
         return probes_to_tables(value)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Requested pressures as text: in cm of the column, or in any unit of pressure.
-
-
-WITH_UNIT = "pressure"
-"""Key and option of pressures that carry their unit."""
-DENSITY = "water_density"
-"""Key and option of the density of the column's liquid."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Pressures(Value):
-    """``pressure_cm``, heights of the column; or ``pressure`` with a unit, such as ``"0:4 kPa"``."""
-
-    @property
-    def keys(self) -> tuple[str, ...]:  # type: ignore[override]
-        return self.key, WITH_UNIT
-
-    def read(self, tables: Tables) -> object:
-        table = table_of(tables, self.table)
-        if WITH_UNIT not in table:
-            return super().read(tables)
-        return self._in_cm(table[WITH_UNIT], table.get(self.key), table.get(DENSITY, WATER_DENSITY))
-
-    def options(self) -> Iterator[Option]:
-        yield from super().options()
-        text = "pressures with a unit, instead of heights of a column: 0:4kPa or 0,1,2kPa"
-        yield Option(WITH_UNIT, About(Words(), text), metavar="SERIES")
-
-    def arguments(self, field: str) -> dict[str, str]:
-        return {**super().arguments(field), WITH_UNIT: f"{self.what}s"}
-
-    def take(self, options: MutableMapping[str, object]) -> object:
-        given, plain = options.pop(WITH_UNIT, None), options.get(self.key)
-        if given is None:
-            return super().take(options)
-        options.pop(self.key, None)
-        density = options.get(DENSITY)
-        return self._in_cm(given, plain, WATER_DENSITY if density is None else density)
-
-    def _in_cm(self, given: object, plain: object, density: object) -> tuple[float, ...]:
-        if plain is not None:
-            raise FieldError(f"pressures are requested twice, as {WITH_UNIT} and as {self.key}; leave one of them out")
-        cm = pascal_per_cm(density if isinstance(density, float) else Quantity("kg/m^3").read(DENSITY, density))
-        if isinstance(given, str):
-            return of_text("cm", given, self.what, cm)
-        if isinstance(given, list | tuple) and given and all(isinstance(one, str) for one in given):
-            return series([one_of_text("cm", str(one), self.what, cm) for one in given], self.what)
-        raise SeriesError(
-            f'{WITH_UNIT} {brief(given)} has no unit; write it like "0:4 kPa" or ["1 kPa", "2 kPa"], or give {self.key}'
-        )
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -278,11 +202,6 @@ def _value[V](table: str, key: str, kind: Kind, text: str, default: V, **more: U
     return dataclasses.field(default=default, metadata=_written(entry))
 
 
-def _series(key: str, what: str, text: str, kind: type[Value] = Value) -> tuple[float, ...]:
-    entry = kind("load", key, About(SeriesKind(), text), (), what=what, hidden=True, metavar="SERIES")
-    return dataclasses.field(default=(), metadata=_written(entry))
-
-
 @checked
 @dataclasses.dataclass(frozen=True)
 class Case:
@@ -292,23 +211,17 @@ class Case:
         name: Stem of the result files.
         actuator: The device.
         material: The silicone.
-        pressures_cm: Requested heights of the column in cm, rising; empty if volumes are requested.
-        volumes_ml: Requested added volumes of the cavity in ml, rising; empty if pressures are requested.
+        steps: The load steps, see `softmodels.path.steps`; `softmodels.case.load.steps_of` makes them of ``[load]``'s keys.
         water_density: Density in kg/m3 of the column's liquid.
         control: What the path follows.
         formulation: ``mixed`` or ``displacement``.
-        strokes_ml: Requested strokes of the supply in ml, rising; empty unless there is one.
         supply: What drives the air, such as a syringe, or None where pressure or volume are imposed.
         load_unload: Whether to unload through the same values too, under pressure control with snap-through.
-        program: What each of several cavities goes through by itself, instead of one requested quantity; else empty.
         gauges: Named points and angles reported in every state, and a plane whose section is drawn.
         components: Components added to the device; see `softmodels.mechanics.component`.
         band: Errors of the material, whose 95 % band is computed at every state; or the sources of a silicone, each of which is
             solved too; None for neither.
-        driven: Requested forces, or travels, of a dead load among these.
         solver: How linear equations are solved; no number depends on it.
-        rate, hold, cycles: Pressures or volumes in time, which become a program: how fast they change, such as ``"1 kPa/s"``
-            (empty for at once), how long the last one is held (a text, or seconds), and how often all is gone through.
         time_tolerance: Error of the stress by one step in time, over the largest stress; with inertia of the displacement too.
         inertia: Whether mass counts in time: the device swings, and goes through jumps.
         spectral_radius: What one step in time leaves of a vibration that it is far too long for, 0 to 0.99.
@@ -324,15 +237,7 @@ class Case:
     name: str = dataclasses.field(metadata=_written(NameEntry()))
     actuator: Actuator = dataclasses.field(metadata=_written(DeviceEntry()))
     material: Material = dataclasses.field(metadata=_written(MaterialEntry()))
-    pressures_cm: tuple[float, ...] = _series(
-        "pressure_cm",
-        "pressure",
-        "pressures in cm of the column (of --water-density): 0:177, 0:177:10 or 0,70,130,177",
-        Pressures,
-    )
-    volumes_ml: tuple[float, ...] = _series(
-        "volume_ml", "volume", "added volumes of the cavity in ml, instead of pressures"
-    )
+    steps: Steps = dataclasses.field(default=(), metadata=_written(StepsEntry()))
     water_density: float = _value(
         "load",
         "water_density",
@@ -345,44 +250,20 @@ class Case:
         "solver", "formulation", Choice(FORMULATIONS),
         "displacement and pressure, or only displacement (compressible studies)", "mixed",
     )  # fmt: skip
-    strokes_ml: tuple[float, ...] = _series(
-        "stroke_ml",
-        "stroke",
-        "strokes of the supply, such as a syringe's piston, in ml, instead of pressures, such as 0:20",
-    )
     supply: AirSupply | None = dataclasses.field(default=None, metadata=_written(SupplyEntry()))
     load_unload: bool = _value(
         "load", "load_unload", Flag(),
         "simulate loading and unloading under pressure control, through the same values, with snap-through at limit points",
         False, hidden=True,
     )  # fmt: skip
-    program: Program = dataclasses.field(default=(), metadata=_written(ProgramEntry()))
     gauges: Probes = dataclasses.field(default=NO_PROBES, metadata=_written(GaugesEntry()))
     components: Parts = dataclasses.field(default=(), metadata=_written(PartsEntry()))
     band: AnyBand | None = dataclasses.field(default=None, metadata=_written(ErrorsEntry()))
-    driven: LoadRequest | None = dataclasses.field(default=None, metadata=_written(LoadRequestEntry()))
     solver: str = _value(
         "solver", "method", Choice(METHODS),
         "linear solver: factorisation (direct), multigrid iterations (iterative, with memory linear "
         "in the model size), or chosen by the available memory (auto)",
         "auto", hidden=True, option="solver",
-    )  # fmt: skip
-    rate: str = _value(
-        "load", "rate", Words(),
-        "rate of pressure or added volume, of a silicone with a memory: 1kPa/s, 5cm/s of the column or 2ml/s; without it they "
-        "are applied at once", "", hidden=True, metavar="RATE",
-    )  # fmt: skip
-    hold: float = _value(
-        "load",
-        "hold",
-        Quantity("s"),
-        "time for which the last pressure or volume is held, such as 60s",
-        0.0,
-        hidden=True,
-    )
-    cycles: float = _value(
-        "load", "cycles", Quantity(), "number of times the pressure or volume goes up, and down to 0 again, at the rate", 0.0,
-        hidden=True,
     )  # fmt: skip
     time_tolerance: float = _value(
         "solver", "time_tolerance", Quantity(), "error of the stress by one step in time, over the largest stress, and with "
@@ -407,12 +288,11 @@ class Case:
             raise CaseError(why)
         try:
             self._settle()
-            self._take_times()
             self._check_load()
             self._check_inertia()
             self.gauges.check(self.actuator)
-            draws = self.load.draws(self.actuator.ratios)
-            object.__setattr__(self, "components", with_walls(self.components, self.actuator, draws))
+            walled = with_walls(self.components, self.actuator, self.load.draws())
+            object.__setattr__(self, "components", walled)
             check_parts(self.components, self.actuator)
             check_materials(self.material, self.components, self.formulation)
             if self.band is not None:
@@ -424,7 +304,7 @@ class Case:
             raise CaseError(str(error)) from None
 
     def _check_load(self) -> None:
-        self.load.check(self.actuator)
+        self.load.check()
 
     def _settle(self) -> None:
         """Convert each field to its type: read texts with units, look up silicones by name; `ArgumentError`, or an error of
@@ -437,28 +317,22 @@ class Case:
         object.__setattr__(
             self, "components", several("components", self.components, Component, "a part, such as sm.Gravity('-z')")
         )
-        object.__setattr__(self, "program", several("program", self.program, Series, "a series of a program"))
         for name, (kinds, wanted) in _KINDS.items():
             one_of(name, getattr(self, name), (*kinds, types.NoneType), wanted)
         if self.gauges is None:
             object.__setattr__(self, "gauges", NO_PROBES)
+        object.__setattr__(
+            self, "steps", several("steps", self.steps, Step, "load steps, such as steps_of(pressure='0:5 kPa')")
+        )
+        object.__setattr__(self, "steps", settled(self))
 
-    def _take_times(self) -> None:
-        """Make a program of pressures or volumes with a rate, a hold or cycles."""
+    def _check_inertia(self) -> None:
+        """Reject tolerances out of range, and inertia without times or mass, or with volumes or travels in time."""
         if not LEAST_TOLERANCE <= self.time_tolerance < 1.0:
             raise CaseError(
                 f"time_tolerance is {self.time_tolerance:g}; it must be {LEAST_TOLERANCE:g} or more and below 1, such as "
                 f"{TOLERANCE:g} (states are solved no closer, and the number of steps grows as 1 over its square root)"
             )
-        if not (self.rate or self.hold or self.cycles):
-            return
-        made = in_time(self.load, self.rate, self.hold, self.cycles, len(self.actuator.ratios))
-        gone = {"pressures_cm": (), "volumes_ml": (), "rate": "", "hold": 0.0, "cycles": 0.0}
-        for name, value in {"program": made, **gone}.items():
-            object.__setattr__(self, name, value)
-
-    def _check_inertia(self) -> None:
-        """Reject inertia without times or mass, or with volumes or travels in time."""
         if not 0.0 <= self.spectral_radius <= LARGEST_RADIUS:
             raise CaseError(
                 f"spectral_radius is {self.spectral_radius:g}; it must be from 0 to {LARGEST_RADIUS:g}, such as {RADIUS:g}"
@@ -467,11 +341,11 @@ class Case:
             return
         if not self.timed:
             raise CaseError("--inertia needs a load in time; add --rate or --hold, or a program with time_s")
-        held = next((series for series in programs.drivers(self.program) if series.is_volume), None)
+        held = next((one for step in self.steps for one in step.prescribed if one.held), None)
         if held is not None:
             raise CaseError(
-                f"--inertia needs pressures, forces or an air supply in time: {held.key} that starts at a rate would need an "
-                "infinite pressure; use --supply reservoir, or leave out --inertia"
+                f"--inertia needs pressures, forces or an air supply in time: {held.quantity} that starts at a rate would "
+                "need an infinite pressure; use --supply reservoir, or leave out --inertia"
             )
         weighing = next((part.density for part in self.components if isinstance(part, Gravity)), None)
         if weighing == 0.0:
@@ -488,23 +362,33 @@ class Case:
 
     @property
     def load(self) -> Load:
-        """The load of the device."""
-        return Load(**{field.name: getattr(self, field.name) for field in dataclasses.fields(Load)})
+        """What the load steps say."""
+        return Load(self)
+
+    @property
+    def program(self) -> bool:
+        """Whether the load is a program: several steps, which name each cavity and dead load that they drive."""
+        return self.load.program
+
+    @property
+    def driven(self) -> Prescribed | None:
+        """Requested values of a dead load; None where something else is requested."""
+        return self.load.driven
 
     @property
     def cm(self) -> float:
         """Pa in one cm of the column."""
-        return self.load.cm
+        return pascal_per_cm(self.water_density)
 
     @property
     def goals(self) -> tuple[float, ...]:
-        """Requested pressures in Pa, added volumes or strokes in m3; none of a program."""
+        """Requested values in SI units; none of a program."""
         return self.load.goals
 
     @property
     def timed(self) -> bool:
         """Whether the load has times, so that silicone with a memory creeps."""
-        return timed(self.program)
+        return timed(self.steps)
 
     @property
     def remembers(self) -> bool:
@@ -618,7 +502,6 @@ _KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     "supply": ((AirSupply,), "a supply of air, such as sm.Syringe()"),
     "gauges": ((Probes,), "gauges"),
     "band": ((MaterialErrors, SourceBand), "errors of a fitted material, or the name of a silicone"),
-    "driven": ((LoadRequest,), "requested values of a load"),
 }
 """Fields that hold an instance of a class, or None."""
 
@@ -693,27 +576,30 @@ def _found(tables: Tables, folder: Path | None) -> Tables:
 # cannot be forgotten. Files count by content, not by path.
 
 
-ALIKE = ("solver",)
-"""Fields of a case that affect the solution method but not the results."""
-MAY_GROW = ("pressures_cm", "volumes_ml", "strokes_ml", "program")
-"""Fields with the requested values, which a resumed run may extend; they are checked separately."""
+ALIKE = ("solver", "steps")
+"""Fields of a case that affect the solution method but not the results; and the load steps, whose values a resumed run may
+extend: they are checked separately."""
 
 
 def identity(case: Case) -> dict[str, str]:
     """Return all input that a case's results depend on: texts by dotted names, such as ``"material.c1"``; `CaseError` for a
     file that cannot be read."""
     texts = {name: text for name, text in _texts("", case) if name not in ALIKE}
+    if case.driven is not None:
+        texts |= {
+            "load": f"{case.driven.quantity} of {case.load.driven_part.where}",
+            "load.preload": f"{case.load.preload!r} Pa",
+        }
     for name, path in case.actuator.files.items():
         texts[f"actuator.{name}"] = f"SHA-256 {file_digest(path)}"
     return texts
 
 
 def difference(old: Mapping[str, str], new: Mapping[str, str]) -> str | None:
-    """Return the first name under which two identities differ, requested values aside; None if there is none."""
+    """Return the first name under which two identities differ; None if there is none."""
     names = [*new, *(name for name in old if name not in new)]
     for name in sorted(names, key="components".__eq__):  # which one it is says more than that there are none
-        grows = name.split(".")[0] in MAY_GROW or name == "driven.values"
-        if not grows and old.get(name) != new.get(name):
+        if old.get(name) != new.get(name):
             return name
     return None
 
@@ -749,9 +635,6 @@ def _text(value: object) -> str:
 # What is asked of a device as Python writes it, made into a case: arrays in SI units, or texts with a unit.
 
 
-type Values = str | float | Sequence[float | str] | npt.NDArray[np.float64]
-"""Requested values: a text with a unit such as ``"0:177 cm"``, texts such as ``["1 kPa", "2 kPa"]``, or numbers in SI units."""
-SECONDS = Quantity("s")
 LEAST_PRESSURE = 200.0
 """Pa; if all pressures given as numbers are below this, their unit is doubtful: most devices hardly move."""
 
@@ -759,8 +642,8 @@ LEAST_PRESSURE = 200.0
 class RequestOptions(TypedDict, total=False):
     """The fields of a `Case` that a call may give beside device, material and load."""
 
+    steps: Sequence[Step]
     strokes: Values | None
-    driven: LoadRequest | None
     supply: AirSupply | None
     valve: Values | None
     name: str | None
@@ -770,7 +653,6 @@ class RequestOptions(TypedDict, total=False):
     components: Component | Sequence[Component]
     band: AnyBand | str | Path | None
     load_unload: bool
-    program: Program
     gauges: Probes | None
     water_density: float | str
     rate: str
@@ -799,29 +681,29 @@ def case_of(
             other fields of a `Case` by their names.
     """
     one_of("device", device, Actuator, "a device, such as sm.HollowDisk()")
-    chosen = {key: value for key, value in options.items() if value is not None and key != "strokes"}
+    in_time = {key: value for key in ("rate", "hold", "cycles") if (value := options.pop(key, None))}  # type: ignore[misc]
+    asked = {PRESSURE: pressures, VOLUME: volumes, STROKE: options.pop("strokes", None)}
+    valve, chosen = options.pop("valve", None), {key: value for key, value in options.items() if value is not None}
     try:
         density = Quantity("kg/m^3").settled("water_density", options.get("water_density", WATER_DENSITY))
+        cm = pascal_per_cm(density)
+        made = [
+            prescribed(quantity, values, cm, times is not None)
+            for quantity, values in asked.items()
+            if values is not None
+        ]
+        steps = tuple(Step((one,)) for one in made)
+        if times is not None:
+            steps = at_times(made, times, options.get("supply"), valve)
+        elif valve is not None:
+            raise CaseError("the valve opens and closes at times; give times too, one for each value")
+        if len(made) > 1 or (steps and chosen.get("steps")):
+            raise CaseError(ONE_REQUEST)
+        steps = tuple(chosen.pop("steps", ())) or steps  # type: ignore[arg-type]
+        steps = steps_in_time(steps, cm, **in_time) if in_time else steps  # type: ignore[arg-type]
     except FieldError as error:
         raise CaseError(str(error)) from None
-    cm = pascal_per_cm(density)
-    falls = times is not None
-    asked = {
-        "pressures_cm": in_unit("cm", pressures, "pressure", cm, falls),
-        "volumes_ml": in_unit("ml", volumes, "volume", cm, falls),
-    }
-    if times is not None:
-        chosen["program"] = _in_time(asked, times, len(device.ratios), options.get("supply"), options.get("valve"))
-        chosen.pop("valve", None)
-        asked = {}
-    elif "valve" in chosen:
-        raise CaseError("the valve opens and closes at times; give times too, one for each value")
-    fields = {
-        "name": device.stem,
-        **({"pressures_cm": ()} if times is not None else asked),
-        "strokes_ml": in_unit("ml", options.get("strokes"), "stroke", cm),
-        **chosen,
-    }
+    fields = {"name": device.stem, "steps": steps, **chosen}
     if isinstance(band := fields.get("band"), str | Path):
         fields["band"] = band_of(band)
     case = Case(actuator=device, material=material, **fields)  # type: ignore[arg-type]
@@ -829,28 +711,9 @@ def case_of(
     return case
 
 
-def _in_time(
-    asked: dict[str, tuple[float, ...]], times: Values, cavities: int, supply: AirSupply | None, valve: Values | None
-) -> Program:
-    """Return the program of requested values and their times."""
-    given = {key: values for key, values in asked.items() if values}
-    if len(given) != 1:
-        raise CaseError("times belong to requested pressures or to added volumes; give one of these")
-    (key, values), at = next(iter(given.items())), [SECONDS.settled("times", one) for one in _listed(times, "times")]
-    if len(at) != len(values):
-        raise CaseError(f"there are {len(values)} values but {len(at)} times; give one for each")
-    key = {"pressures_cm": "pressure_cm", "volumes_ml": "volume_ml"}[key]
-    if valve is not None and (supply is None or not supply.in_time):
-        raise CaseError("a valve belongs to a supply in time; add supply=Reservoir()")
-    opening = {} if valve is None else {VALVE: _listed(valve, "valve")}
-    return programs.from_tables(
-        {**programs.to_tables(of_cavities(key, values, tuple(at), cavities, supply)), **opening}
-    )
-
-
 def _doubt_pressures(pressures: Values | None, case: Case) -> None:
     """Warn of pressures so small that their unit is doubtful."""
-    given = [] if pressures is None else _listed(pressures, "pressure")
+    given = [] if pressures is None else listed(pressures, "pressure")
     typed = [one for one in given if not isinstance(one, str)]
     highest = max(typed, key=abs, default=LEAST_PRESSURE) if len(typed) == len(given) else LEAST_PRESSURE
     if abs(highest) < LEAST_PRESSURE:
@@ -880,41 +743,6 @@ def _scaled(number: str, what: str) -> float:
         return quantity(number, "")
     except UnitError as error:
         raise CaseError(f"{what} {brief(number)}: {error}") from None
-
-
-def in_unit(unit: str, values: Values | None, what: str, pascal_in_cm: float, falls: bool = False) -> tuple[float, ...]:
-    """Return the requested values in cm of the column or in ml, as a case has them; a list may fall if ``falls``. `CaseError`
-    for invalid ones."""
-    if values is None:
-        return ()
-    scale = 1 / pascal_in_cm if unit == "cm" else 1 / ML
-    try:
-        if isinstance(values, str):
-            return of_text(unit, values, what, pascal_in_cm)
-        found = [
-            one_of_text(unit, one, what, pascal_in_cm) if isinstance(one, str) else number(one) * scale
-            for one in _listed(values, what)
-        ]
-        if not found:
-            raise CaseError(f"the list of {what}s is empty; give at least one value, such as {EXAMPLES[unit]}")
-        return tuple(found) if falls else series(found, what)
-    except (SeriesError, UnitError) as error:
-        raise CaseError(str(error)) from None
-
-
-EXAMPLES = {"cm": "'0:177 cm'", "ml": "'0:60 ml'"}
-
-
-def _listed(values: object, what: str) -> list[float | str]:
-    """Return the requested values as a list of Python's numbers and texts; else `CaseError`."""
-    try:
-        given = plain(values)
-        each = [plain(one) for one in (given if isinstance(given, list | tuple) else [given])]
-    except UnitError as error:
-        raise CaseError(f"{what} {error}") from None
-    if not all(isinstance(one, int | float | str) and not isinstance(one, bool) for one in each):
-        raise CaseError(f"{what} {brief(values)} is neither numbers nor a text with a unit")
-    return each
 
 
 # ----------------------------------------------------------------------------------------------------------------------

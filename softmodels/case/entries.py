@@ -25,10 +25,10 @@ from softmodels.common.arrays import Array
 from softmodels.common.errors import FieldError, GeometryError, Spoken, at_command_line, known_are, meant
 from softmodels.common.names import checked
 from softmodels.common.schema import About, Choice, Flag, Kind, Text, about
-from softmodels.common.units import FACTORS, UnitError, brief, number, numbers, pascal_per_cm, quantity
+from softmodels.common.units import FACTORS, Amount, UnitError, brief, number, numbers, pascal_per_cm, quantity, written
 from softmodels.materials.laws import MaterialError
 from softmodels.mechanics.component import ComponentError
-from softmodels.path.program import ProgramError
+from softmodels.path.steps import StepError
 from softmodels.path.supply import SUPPLIES, AirSupply, SupplyError, Syringe
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -292,14 +292,21 @@ def series(text: object, what: str) -> Typed:
     way = _way(values[:2] if separator == ":" else values, what)
     if separator == ":":
         values = [way * value for value in _range([way * value for value in values[:2]] + values[2:], str(text), what)]
+    more = ", and decimals with a point" if isinstance(text, str) and "," in text else ""
+    check_order(values, what, way, more)
+    return _typed(values, _decimal_comma(text, what) if isinstance(text, str) else getattr(text, "doubt", ""))
+
+
+def check_order(values: Sequence[float], what: str, way: int, more: str = "") -> None:
+    """Raise `SeriesError`, with ``more`` at its end, for values that do not rise (way 1), or fall (-1)."""
     for before, after in itertools.pairwise(values):
         if after == before:
-            raise SeriesError(f"{what} {after:g} is requested twice")
+            raise SeriesError(f"{what} {written(after)} is requested twice")
         if way * after < way * before:
-            more = ", and decimals with a point" if isinstance(text, str) and "," in text else ""
             turns, order = ("falls", "from low to high") if way > 0 else ("rises", "from high to low")
-            raise SeriesError(f"{what} {turns} from {before:g} to {after:g}; give the values {order}{more}")
-    return _typed(values, _decimal_comma(text, what) if isinstance(text, str) else getattr(text, "doubt", ""))
+            raise SeriesError(
+                f"{what} {turns} from {written(before)} to {written(after)}; give the values {order}{more}"
+            )
 
 
 def _way(values: Sequence[float], what: str) -> int:
@@ -380,35 +387,39 @@ def _range(numbers: list[float], text: str, what: str) -> list[float]:
 
 
 def of_text(unit: str, text: str, what: str, pascal_in_cm: float) -> Typed:
-    """Return the requested values of a text with a unit, such as ``"0:17 kPa"``, in ``"cm"`` of the column or in ``"ml"``;
-    `SeriesError` as for `series`, or for the unit."""
-    values, written = split_text(text)
-    scale = _scale(unit, text, written, what, pascal_in_cm)
+    """Return the requested values in SI of a text with a unit, such as ``"0:17 kPa"``: volumes where the ``unit`` is ``"ml"``,
+    else pressures, also in ``"cm"`` of the column; `SeriesError` as for `series`, or for the unit."""
+    values, own = split_text(text)
+    amount = _reader(unit, text, own, what, pascal_in_cm)
     read = series(values, what)
-    return _typed((value * scale for value in read), read.doubt)
+    return _typed(map(amount, read), read.doubt)
 
 
-def one_of_text(unit: str, text: str, what: str, pascal_in_cm: float) -> float:
+def one_of_text(unit: str, text: str, what: str, pascal_in_cm: float) -> Amount:
     """Return a single value of a text with a unit; see `of_text`."""
-    value, written = split_text(text)
-    scale = _scale(unit, text, written, what, pascal_in_cm)
+    value, own = split_text(text)
+    amount = _reader(unit, text, own, what, pascal_in_cm)
     try:
-        return quantity(value, "") * scale
+        return amount(quantity(value, ""))
     except UnitError as error:
         raise SeriesError(f"{what} {brief(text)}: {error}") from None
 
 
-def _scale(unit: str, text: str, written: str, what: str, pascal_in_cm: float) -> float:
-    if written == unit or (not written and _is_zero(text)):
-        return 1.0
-    factor = factor_of(written, "Pa" if unit == "cm" else "m^3")
+def _reader(unit: str, text: str, own: str, what: str, pascal_in_cm: float) -> Callable[[float], Amount]:
+    """Return what makes amounts of numbers in a text's own unit; volumes are kept in ml, as case files have them."""
+    if own == unit or (not own and _is_zero(text)):
+        usual = pascal_in_cm if unit == "cm" else ML
+        return lambda number: Amount(number * usual, number, unit)
+    factor = factor_of(own, "Pa" if unit == "cm" else "m^3")
     if factor is None:
         examples = "0:177 cm or 0:17 kPa" if unit == "cm" else "0:60 ml"
         known = ["cm", *FACTORS["Pa"]] if unit == "cm" else FACTORS["m^3"]
-        trouble = f"an unknown unit, {brief(written)}" if written else "no unit"
+        trouble = f"an unknown unit, {brief(own)}" if own else "no unit"
         plain = "" if at_command_line() else ", or give numbers in SI units"
-        raise SeriesError(f"{what} {brief(text)} has {trouble}; write it like {examples}{plain}{meant(written, known)}")
-    return factor / (pascal_in_cm if unit == "cm" else ML)
+        raise SeriesError(f"{what} {brief(text)} has {trouble}; write it like {examples}{plain}{meant(own, known)}")
+    if unit == "cm":
+        return lambda number: Amount(number * factor, number, own)
+    return lambda number: Amount(number * (factor / ML) * ML, number * (factor / ML), unit)
 
 
 def _is_zero(text: str) -> bool:
@@ -633,7 +644,7 @@ class CaseError(Spoken, ValueError):
 
 
 PART_ERRORS = (
-    FieldError, ProbeError, GeometryError, MaterialError, ComponentError, ProgramError, SeriesError,
+    FieldError, ProbeError, GeometryError, MaterialError, ComponentError, StepError, SeriesError,
     SupplyError,
 )  # fmt: skip
 """Errors raised by the parts of a case."""

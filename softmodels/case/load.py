@@ -1,137 +1,570 @@
-"""Load of a case: rising pressures, added volumes, strokes of a supply, or a series for each cavity."""
+"""The load of a case: load steps from each way in which they are written, and what they say.
+
+Texts, heights of a column, millilitres and degrees end here: `steps_of` takes the keys of ``[load]``, of case files and of
+options; `prescribed` and `at_times` take the arguments of the Python calls. Below, values are SI.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
-from collections.abc import Iterator, MutableMapping, Sequence
+from collections.abc import Iterator, Mapping, MutableMapping, Sequence
+from typing import TYPE_CHECKING
 
-from geometries import Actuator
-from softmodels.case.entries import MISSING, CaseError, Entry, Missing, Option, SeriesKind, Tables, Written, table_of
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.case.entries import (
+    MISSING,
+    ML,
+    CaseError,
+    Entry,
+    Missing,
+    Option,
+    SeriesError,
+    SeriesKind,
+    Tables,
+    Value,
+    Written,
+    check_order,
+    of_text,
+    one_of_text,
+    series,
+    table_of,
+)
 from softmodels.common.errors import FieldError
 from softmodels.common.names import checked
 from softmodels.common.schema import About, Quantity, Text, Words
-from softmodels.common.units import UnitError, brief, pascal_per_cm, quantity
+from softmodels.common.units import (
+    WATER_DENSITY,
+    Amount,
+    UnitError,
+    as_amount,
+    brief,
+    number,
+    numbers,
+    pascal_per_cm,
+    plain,
+    quantity,
+)
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.controls import LoadPart, RequestedValue, requestable
-from softmodels.path import program as programs
-from softmodels.path.program import SOURCE, TIME_KEY, VALVE, Program, Series, source_key
 from softmodels.path.stability import DeadForce, LoadDisplacement
+from softmodels.path.steps import (
+    FLOW,
+    MAX_STEPS,
+    PRESSURE,
+    SOURCE_PRESSURE,
+    STROKE,
+    VALVE,
+    VOLUME,
+    Prescribed,
+    Step,
+    StepError,
+    Steps,
+    check_steps,
+    courses,
+    durations_of,
+    is_program,
+    last_number,
+    load_quantities,
+    prescribes,
+    timed,
+    times_of,
+)
 from softmodels.path.supply import AMBIENT, AirSupply, Reservoir
 
+if TYPE_CHECKING:
+    from softmodels.case.case import Case
+
 # ----------------------------------------------------------------------------------------------------------------------
-# Requests on a dead load: forces, moments, shares of the weight, or the conjugate travels and rotations.
+# Load steps from the keys of ``[load]``.
 
 
-def asked_of_loads() -> dict[str, RequestedValue]:
-    """Return the requestable quantities of dead loads, by key."""
-    return {key: asked for keys in requestable().values() for key, asked in keys.items()}
+CM = "cm"
+"""Unit of the heights of a column: the key of a pressure has it at its end, or none where the values carry their own."""
+CAVITY_KEYS = {"pressure_cm": PRESSURE, PRESSURE: PRESSURE, "volume_ml": VOLUME}
+SOURCE_KEYS = {"source_pressure_cm": SOURCE_PRESSURE, SOURCE_PRESSURE: SOURCE_PRESSURE, "flow_ml_per_min": FLOW}
+"""Quantities of a source by key: one of them is given."""
+SUPPLY_KEYS = {**SOURCE_KEYS, VALVE: VALVE}
+TIME_KEY = "time_s"
+"""Key of the times at which the steps of a program end."""
+STROKE_KEY, PRELOAD = "stroke_ml", "at_pressure"
+_UNITS = {VOLUME: (ML, "ml"), STROKE: (ML, "ml"), FLOW: (ML / 60.0, "ml/min"), VALVE: (1.0, "open")}
+"""SI units in one of what case files have, and its name."""
+DENSITY = "water_density"
+"""Key and option of the density of the column's liquid."""
+ONE_REQUEST = (
+    "request either pressures (--pressure-cm) or added volumes (--volume-ml), or strokes of a syringe "
+    "(--supply syringe with --stroke-ml), or forces on a face (--force-N), or shares of the weight "
+    "(--weight-share), or in a case file a series for each cavity (cavity1.pressure_cm); give exactly one of these"
+)
+
+
+def load_keys() -> dict[str, tuple[str, RequestedValue]]:
+    """Return the quantities of dead loads, and their descriptions, by key, such as ``"force_N"``."""
+    return {key: (name, asked) for name, (_, key, asked) in load_quantities().items()}
+
+
+def _amount(number: float, quantity: str, cm: float) -> Amount:
+    """Return an amount of a number in the unit of a quantity's key."""
+    scale, unit = (cm, CM) if quantity in (PRESSURE, SOURCE_PRESSURE) else _unit(quantity)
+    return Amount(number * scale, number, unit)
+
+
+def _unit(quantity: str) -> tuple[float, str]:
+    if quantity in _UNITS:
+        return _UNITS[quantity]
+    asked = load_quantities()[quantity][2]
+    return asked.scale, asked.unit
+
+
+@checked
+def steps_of(*, water_density: float | str = WATER_DENSITY, **load: object) -> Steps:
+    """Return the load steps of ``[load]``, by its keys.
+
+    Args:
+        water_density: Density of the column's liquid in kg/m3, or a text.
+        load: Values of one quantity (``pressure_cm="0:177"``, ``pressure="0:4 kPa"``, ``volume_ml=[0, 30]``, ``stroke_ml``,
+            ``force_N`` with ``on`` and ``at_pressure_cm``), perhaps with ``rate``, ``hold`` and ``cycles``; or a program
+            (``cavity1={"pressure_cm": [10, 20]}``, ``gravity=[0, 1]``, ``source_pressure_cm``, with ``time_s``).
+
+    Raises:
+        CaseError: Several quantities, or what belongs to another one.
+        SeriesError, FieldError, StepError: Invalid values.
+    """
+    cm = pascal_per_cm(Quantity("kg/m^3").settled(DENSITY, water_density))
+    given = {key: value for key, value in load.items() if value is not None and not _empty(value)}
+    in_time = {key: given.pop(key) for key in ("rate", "hold", "cycles") if key in given}
+    own = [key for key in ("pressure_cm", PRESSURE, "volume_ml", STROKE_KEY, *load_keys()) if key in given]
+    if own[:2] == ["pressure_cm", PRESSURE]:
+        raise FieldError("pressures are requested twice, as pressure and as pressure_cm; leave one of them out")
+    dead = [key for key in load_keys() if key in own]
+    if len(dead) > 1:
+        raise FieldError(f"request one of {' and '.join(dead)}; for several in sequence write a program")
+    preload = {key: given.pop(key) for key in ("on", PRELOAD, f"{PRELOAD}_{CM}") if key in given}
+    if preload and not dead:
+        raise FieldError(f'{next(iter(preload))} needs requested forces, such as force_N = "0:10" (--force-N)')
+    if len(own) + bool(set(given) - set(own)) > 1:
+        raise CaseError(ONE_REQUEST)
+    if not own:
+        steps = _program(given, cm) if given else ()
+    elif dead:
+        steps = _of_load(dead[0], given[dead[0]], cm, **preload)
+    else:
+        steps = (Step((_series(own[0], given[own[0]], cm),)),)
+    if any(in_time.values()):
+        return steps_in_time(steps, cm, **in_time)  # type: ignore[arg-type]
+    return steps
+
+
+def _empty(value: object) -> bool:
+    return isinstance(value, list | tuple) and not value
+
+
+def _series(key: str, value: object, cm: float) -> Prescribed:
+    """Return the values of a key that rise, or all fall from 0."""
+    if key == PRESSURE:
+        return _with_units(value, cm)
+    name = {**CAVITY_KEYS, STROKE_KEY: STROKE, **{key: one[0] for key, one in load_keys().items()}}[key]
+    read = series(value, key if key in load_keys() else name)
+    return Prescribed(name, tuple(_amount(one, name, cm) for one in read), doubt=read.doubt)
+
+
+def _with_units(value: object, cm: float) -> Prescribed:
+    """Return pressures that carry their unit."""
+    if isinstance(value, str):
+        read = of_text(CM, value, PRESSURE, cm)
+        return Prescribed(PRESSURE, tuple(read), doubt=read.doubt)
+    if isinstance(value, list | tuple) and all(isinstance(one, str) for one in value):
+        return prescribed(PRESSURE, value, cm)
+    raise SeriesError(
+        f'{PRESSURE} {brief(value)} has no unit; write it like "0:4 kPa" or ["1 kPa", "2 kPa"], or give pressure_cm'
+    )
+
+
+def _of_load(key: str, value: object, cm: float, on: object = "", **kept: object) -> Steps:
+    """Return the steps to values of a dead load, perhaps at a pressure that is applied first and kept."""
+    asked = dataclasses.replace(_series(key, value, cm), of=Words().settled("on", on))
+    if PRELOAD in kept:
+        pressure = one_of_text(CM, Words().settled(PRELOAD, kept[PRELOAD]), PRELOAD, cm)
+    else:
+        pressure = _amount(Quantity().settled(f"{PRELOAD}_{CM}", kept.get(f"{PRELOAD}_{CM}", 0.0)), PRESSURE, cm)
+    before = (Step((Prescribed(PRESSURE, (pressure,)),)),) if pressure else ()
+    return *before, Step((asked,))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Programs: a series for each cavity, for dead loads, or for the source of a supply.
+
+
+def _program(tables: Mapping[str, object], cm: float) -> Steps:
+    """Return the steps of a case file's tables: ``cavity1`` and so on by name, ``gravity``, ``force.NAME``, ``moment.NAME``, or
+    ``source_pressure_cm`` or ``flow_ml_per_min``, with ``valve``; and ``time_s``.
+
+    Raises:
+        StepError: Unknown entries, values that are no numbers, series of unlike lengths, times that run backwards, or as
+            `check_steps`.
+    """
+    keys, tables = requestable(), dict(tables)
+    times = tables.pop(TIME_KEY, None)
+    if times is not None and not tables:
+        raise StepError(f"{TIME_KEY} needs a series that changes in time, such as cavity1.pressure_cm = [0, 40, 0]")
+    given = _of_supply({key: tables.pop(key) for key in SUPPLY_KEYS if key in tables}, tables, times is not None, cm)
+    cavities = [name for name in tables if name not in keys]
+    names = [f"cavity{i + 1}" for i in range(len(cavities))]
+    if sorted(cavities) != sorted(names):
+        raise StepError(f"[load] has {', '.join(cavities)}; name the cavities {', '.join(names)}, each once")
+    loads = {target: table for kind in keys if kind in tables for target, table in _of_loads(kind, tables[kind])}
+    of_cavities = {name: _one_series(name, tables[name], CAVITY_KEYS, cm) for name in names}
+    of_loads = {
+        target: _one_series(target, table, {key: load_keys()[key][0] for key in keys[target.partition(".")[0]]}, cm)
+        for target, table in loads.items()
+    }
+    given = {**of_cavities, **of_loads, **given}
+    ends = None if times is None else _numbers("time", times, TIME_KEY)
+    count = max(len(values) for values in [*(one.values for one in given.values()), ends or ()])
+    for name, values in {
+        **{name: one.values for name, one in given.items()},
+        **({"time": ends} if ends else {}),
+    }.items():
+        if len(values) not in (count, *([] if name == "time" else [1])):
+            raise StepError(
+                f"{name} has {len(values)} values but another series has {count}; give one for each "
+                f"step, or a single constant one"
+            )
+    if ends is not None and (ends[0] < 0.0 or (np.diff(ends) < 0.0).any()):
+        raise StepError(
+            f"{TIME_KEY} {brief(list(ends))} runs backwards; give times from 0 on, none before the last one"
+        )
+    # A single value is constant over all steps.
+    rows = zip(*(one.values * (count if len(one.values) == 1 else 1) for one in given.values()), strict=True)
+    made = [
+        tuple(Prescribed(one.quantity, (value,), one.of) for one, value in zip(given.values(), row, strict=True))
+        for row in rows
+    ]
+    lengths = [None] * count if ends is None else durations_of(ends)
+    steps = tuple(Step(row, length) for row, length in zip(made, lengths, strict=True))
+    check_steps(steps)
+    return steps
+
+
+def _of_supply(
+    given: Mapping[str, object], others: Mapping[str, object], timed: bool, cm: float
+) -> dict[str, Prescribed]:
+    """Return the series of an air supply in time, none unless there are any."""
+    if not given:
+        return {}
+    sources = [key for key in SOURCE_KEYS if key in given]
+    if len(sources) != 1:
+        raise StepError(
+            f"[load] needs one of source_pressure_cm and flow_ml_per_min for its supply; it has {' and '.join(given)}"
+        )
+    if others:
+        raise StepError(f"{sources[0]} is that of the whole load; leave out {' and '.join(others)}")
+    if not timed:
+        raise StepError(f"{sources[0]} needs the times of its values, such as {TIME_KEY} = [0, 0.5, 20]")
+    if VALVE in given and SOURCE_KEYS[sources[0]] != SOURCE_PRESSURE:
+        raise StepError(f"a valve belongs to a source of pressure (source_pressure_cm); leave it out with {sources[0]}")
+    found = {key: _one_series(key, {key: given[key]}, SUPPLY_KEYS, cm) for key in (*sources, VALVE) if key in given}
+    if VALVE in found and not all(0.0 <= value <= 1.0 for value in found[VALVE].values):
+        raise StepError(f"valve {brief(given[VALVE])} must be between 0 (closed) and 1 (open)")
+    return {key: dataclasses.replace(one, of="") for key, one in found.items()}
+
+
+def _of_loads(kind: str, table: object) -> list[tuple[str, object]]:
+    """Return the series of one kind of load by key: ``gravity = [...]``, ``force.force_N = [...]``, ``force.tip.force_N =
+    [...]``."""
+    keys = requestable()[kind]
+    if len(keys) == 1 and not isinstance(table, Mapping):
+        return [(kind, dict.fromkeys(keys, table))]
+    if not isinstance(table, Mapping):
+        raise StepError(f"{kind} needs one of {' or '.join(keys)}, such as {kind}.tip.{next(iter(keys))} = [0, 2]")
+    if any(key in keys for key in table):
+        return [(kind, table)]
+    return [(f"{kind}.{name}", entries) for name, entries in table.items()]
+
+
+def _one_series(name: str, table: object, keys: Mapping[str, str], cm: float) -> Prescribed:
+    """Return the values, one for each step, of what a name of a program drives."""
+    if not isinstance(table, Mapping) or len(table) != 1 or (key := next(iter(table))) not in keys:
+        known = [
+            key for key, quantity in keys.items() if key != quantity or quantity not in (PRESSURE, SOURCE_PRESSURE)
+        ]
+        raise StepError(f"{name} needs one of {' or '.join(known)}, such as {name}.{known[0]} = [20, 40]")
+    where, text = name if name == key else f"{name}.{key}", table[key]
+    if key in (PRESSURE, SOURCE_PRESSURE):
+        texts = text if isinstance(text, list | tuple) else [text]
+        if not texts or not all(isinstance(one, str) for one in texts):
+            raise StepError(f'{where} {brief(text)} has no unit; write one for each step, such as ["0 kPa", "4 kPa"]')
+        values = tuple(one_of_text(CM, one, where, cm) for one in texts)
+    else:
+        values = tuple(_amount(one, keys[key], cm) for one in _numbers(where, text, ""))
+    return Prescribed(keys[key], values, name)
+
+
+def _numbers(where: str, text: object, key: str) -> tuple[float, ...]:
+    where = f"{where}.{key}" if key else where
+    values = text.split(",") if isinstance(text, str) else text if isinstance(text, list | tuple) else [text]
+    try:
+        found = tuple(numbers(values))
+    except UnitError as error:
+        raise StepError(
+            f"{where} {brief(text)} is not numbers ({error}); write one for each step, such as [20, 40]"
+        ) from None
+    if not found:
+        raise StepError(f"{where} {brief(text)} has no values; write one for each step, such as [20, 40]")
+    return found
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Steps in time: by a rate, a hold and a number of cycles, or by the times at which values are reached.
+
+
+def steps_in_time(steps: Steps, cm: float, rate: str = "", hold: float | str = 0.0, cycles: float = 0.0) -> Steps:
+    """Return the steps to pressures or volumes at a rate; `CaseError` where nothing changes in time so.
+
+    The rate is such as ``"1 kPa/s"``, empty for at once; the last value is held for ``hold`` s, in each cycle. Cycles go from
+    0 and back to 0; 0 of them for once and without the way back.
+    """
+    rate, hold = Words().settled("rate", rate), Quantity("s").settled("hold", hold)
+    cycles = Quantity().settled("cycles", cycles)
+    one = steps[0].prescribed[0] if steps and not is_program(steps) else None
+    if one is None or not one.of_cavity or one.values[-1] == 0.0:
+        raise CaseError(
+            "--rate, --hold and --cycles need pressures or added volumes that they change (--pressure-cm, --volume-ml)"
+        )
+    if hold < 0.0:
+        raise CaseError(f"hold is {hold:g} s; it must be 0 or more")
+    if cycles != round(cycles) or not 0 <= cycles <= MAX_STEPS / 4:
+        raise CaseError(f"cycles is {cycles:g}; it must be a whole number from 1 to {MAX_STEPS // 4}")
+    if cycles and not rate:
+        raise CaseError("--cycles needs the rate at which they go up and down; add --rate, such as --rate 1kPa/s")
+    speed, rest = _rate(rate, one, cm) if rate else math.inf, _amount(0.0, one.quantity, cm)
+    way = [Step((Prescribed(one.quantity, (rest,)),), 0.0)]
+
+    def go(value: float, held: float = 0.0) -> None:
+        last = way[-1].prescribed[0].values[0]
+        if value != last:
+            way.append(Step((Prescribed(one.quantity, (value,)),), abs(value - last) / speed))
+        if held:
+            way.append(Step((Prescribed(one.quantity, (value,)),), held))
+
+    for _ in range(max(1, round(cycles))):
+        for value in one.values[:-1]:
+            go(value)
+        go(one.values[-1], hold)
+        if cycles:
+            go(rest)
+    return tuple(way)
+
+
+def _rate(text: str, one: Prescribed, cm: float) -> float:
+    """Return a rate in Pa/s, or in m3/s of added volumes."""
+    kinds = [("Pa/s", 1.0), ("m/s", 100.0 * cm)] if one.quantity == PRESSURE else [("m^3/s", 1.0)]
+    for unit, scale in kinds:
+        try:
+            found = quantity(text, unit) * scale
+        except UnitError:
+            continue
+        if found > 0.0:
+            return found
+        raise CaseError(f"rate {brief(text)} must be above 0; the way back is --cycles")
+    raise CaseError(
+        f"rate {brief(text)} is none; write it like {'1kPa/s or 5cm/s' if one.quantity == PRESSURE else '2ml/s'}"
+    )
+
+
+type Values = str | float | Sequence[float | str] | npt.NDArray[np.float64]
+"""Requested values: a text with a unit such as ``"0:177 cm"``, texts such as ``["1 kPa", "2 kPa"]``, or numbers in SI units."""
+SECONDS = Quantity("s")
+EXAMPLES = {PRESSURE: "'0:177 cm'", VOLUME: "'0:60 ml'", STROKE: "'0:20 ml'"}
+
+
+def prescribed(quantity: str, values: Values, cm: float, falls: bool = False) -> Prescribed:
+    """Return requested pressures, volumes or strokes as a call of the library has them, texts with units or SI numbers; a list
+    may fall if ``falls``. `CaseError` for invalid ones."""
+    unit = CM if quantity == PRESSURE else "ml"
+    try:
+        if isinstance(values, str):
+            read = of_text(unit, values, quantity, cm)
+            return Prescribed(quantity, tuple(read), doubt=read.doubt)
+        found = [
+            one_of_text(unit, one, quantity, cm) if isinstance(one, str) else as_written(number(one), quantity, cm)
+            for one in listed(values, quantity)
+        ]
+        if not found:
+            raise CaseError(f"the list of {quantity}s is empty; give at least one value, such as {EXAMPLES[quantity]}")
+        if not falls:
+            check_rising(found, quantity)
+        return Prescribed(quantity, tuple(found))
+    except (SeriesError, UnitError) as error:
+        raise CaseError(str(error)) from None
+
+
+def check_rising(values: Sequence[float], what: str) -> None:
+    """Raise `SeriesError` for values that neither rise from 0 or above nor all fall from 0 or below."""
+    series([value.number if isinstance(value, Amount) else value for value in values], what)
+    check_order(values, what, -1 if min(values) < 0.0 else 1)
+
+
+def as_written(value: float, quantity: str, cm: float) -> Amount:
+    """Return a value in SI with its text: its own; or that of case files, Pa of a pressure, so that a file with it is read as
+    exactly this value."""
+    of_column = quantity in (PRESSURE, SOURCE_PRESSURE)
+    if isinstance(value, Amount) and (value.unit != CM or value == value.number * cm):
+        return value
+    if of_column:
+        return Amount(value, float(value), "Pa")
+    return _amount(value / _unit(quantity)[0], quantity, cm)
+
+
+def listed(values: object, what: str) -> list[float | str]:
+    """Return requested values as a list of Python's numbers and texts; else `CaseError`."""
+    try:
+        given = plain(values)
+        each = [plain(one) for one in (given if isinstance(given, list | tuple) else [given])]
+    except UnitError as error:
+        raise CaseError(f"{what} {error}") from None
+    if not all(isinstance(one, int | float | str) and not isinstance(one, bool) for one in each):
+        raise CaseError(f"{what} {brief(values)} is neither numbers nor a text with a unit")
+    return each
+
+
+def at_times(asked: Sequence[Prescribed], times: Values, supply: AirSupply | None, valve: Values | None) -> Steps:
+    """Return the steps to requested pressures or volumes at their times, with the opening of a supply's valve."""
+    if len(asked) != 1:
+        raise CaseError("times belong to requested pressures or to added volumes; give one of these")
+    (one,), at = asked, [SECONDS.settled("times", time) for time in listed(times, "times")]
+    if len(at) != len(one.values):
+        raise CaseError(f"there are {len(one.values)} values but {len(at)} times; give one for each")
+    if at and (at[0] < 0.0 or (np.diff(at) < 0.0).any()):
+        raise CaseError(f"times {brief(at)} run backwards; give times from 0 on, none before the last one")
+    rows = [[Prescribed(one.quantity, (value,))] for value in one.values]
+    if valve is not None:
+        if supply is None or not supply.in_time:
+            raise CaseError("a valve belongs to a supply in time; add supply=Reservoir()")
+        opening = _numbers(VALVE, listed(valve, VALVE), "")
+        if len(opening) != len(rows) or not all(0.0 <= value <= 1.0 for value in opening):
+            raise CaseError(
+                f"valve {brief(valve)} needs a value from 0 (closed) to 1 (open) for each of the {len(rows)} times"
+            )
+        rows = [
+            [*row, Prescribed(VALVE, (_amount(value, VALVE, 1.0),))] for row, value in zip(rows, opening, strict=True)
+        ]
+    return tuple(Step(tuple(row), length) for row, length in zip(rows, durations_of(at), strict=True))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The field `Case.steps`: in the table ``[load]`` of case files, and as options.
 
 
 OPTIONS = {"share": "weight_share"}
 """Names of the options that differ from the key."""
+PRESSURE_TEXT = "pressures in cm of the column (of --water-density): 0:177, 0:177:10 or 0,70,130,177"
+IN_TIME = (
+    Value("load", "rate", About(Words(), "rate of pressure or added volume, of a silicone with a memory: 1kPa/s, 5cm/s of the "
+          "column or 2ml/s; without it they are applied at once"), "", hidden=True, metavar="RATE"),
+    Value("load", "hold", About(SECONDS, "time for which the last pressure or volume is held, such as 60s"), 0.0, hidden=True),
+    Value("load", "cycles", About(Quantity(), "number of times the pressure or volume goes up, and down to 0 again, at the "
+          "rate"), 0.0, hidden=True),
+)  # fmt: skip
 
 
-@checked
-@dataclasses.dataclass(frozen=True)
-class LoadRequest:
-    """Requested values of one dead load, rising, in the unit of the key (one of `asked_of_loads`), all others constant; ``on``
-    names the load, where the device has several of the kind. The pressure in cm of the column is applied before and kept."""
-
-    key: str
-    values: tuple[float, ...]
-    on: str = ""
-    at_pressure_cm: float = 0.0
-
-    @property
-    def asked(self) -> RequestedValue:
-        """The requested quantity."""
-        return asked_of_loads()[self.key]
-
-    @property
-    def table(self) -> str:
-        """The table of the loads it can refer to."""
-        return next(table for table, keys in requestable().items() if self.key in keys)
-
-    def of(self, components: tuple[Component, ...]) -> LoadPart:
-        """Return the load; `FieldError` if there is none, or several."""
-        found = [part for part in components if isinstance(part, LoadPart) and part.table == self.table]
-        named = [part for part in found if not self.on or part.name == self.on]
-        if len(named) == 1:
-            return named[0]
-        if not found:
-            raise FieldError(
-                f"{self.asked.words} are requested ({self.key}), but the device has no [{self.table}]; add one"
-                f" (--{self.table})"
-            )
-        names = ", ".join(part.name or "without a name" for part in found)
-        raise FieldError(
-            f'{self.key} refers to one {self.table}, but the case has {names}; choose one (on = "{found[0].name}")'
-        )
-
-    def column(self, load: LoadPart) -> str:
-        """Return the column of ``path.csv`` with the requested values."""
-        if self.key == "share":
-            return load.share_column
-        return load.travel_column if self.asked.held else load.column
-
-
-class LoadRequestEntry(Entry[LoadRequest | None]):
-    """Requested values of a dead load, in the table of the load."""
+class StepsEntry(Entry[Steps]):
+    """The load steps, in the table of the load."""
 
     tables = ("load",)
-    more = ("on", "at_pressure_cm")
 
     @property
     def keys(self) -> tuple[str, ...]:  # type: ignore[override]
-        return *asked_of_loads(), *self.more
+        own = [option.name for option in self.options()]
+        return *own, *load_keys(), PRELOAD, "cavity1", *requestable(), TIME_KEY, *SUPPLY_KEYS
 
     def known(self, key: str) -> bool:
-        return key in self.keys
+        return key.startswith("cavity") or key in self.keys
 
-    def read(self, tables: Tables) -> LoadRequest | Missing | None:
-        table = table_of(tables, "load")
-        return self._made({key: table[key] for key in (*asked_of_loads(), *self.more) if key in table})
+    def read(self, tables: Tables) -> Steps | Missing:
+        table = {key: value for key, value in table_of(tables, "load").items() if self.known(key)}
+        table |= {one.key: one.read(tables) for one in IN_TIME if one.key in table}
+        return self._made(table, table_of(tables, "load").get(DENSITY))
 
-    def write(self, value: LoadRequest | None, text: Text) -> Written:
-        if value is None:
-            return {}
-        written: dict[str, object] = {value.key: list(value.values)}
-        written |= {"on": value.on} if value.on else {}
-        return {"load": {**written, **({"at_pressure_cm": value.at_pressure_cm} if value.at_pressure_cm else {})}}
+    def write(self, value: Steps, text: Text) -> Written:
+        return {"load": load_table(value)} if value else {}
 
     def options(self) -> Iterator[Option]:
-        for key, asked in asked_of_loads().items():
+        yield Option("pressure_cm", About(SeriesKind(), PRESSURE_TEXT), metavar="SERIES")
+        text = "pressures with a unit, instead of heights of a column: 0:4kPa or 0,1,2kPa"
+        yield Option(PRESSURE, About(Words(), text), metavar="SERIES")
+        text = "added volumes of the cavity in ml, instead of pressures"
+        yield Option("volume_ml", About(SeriesKind(), text), metavar="SERIES")
+        text = "strokes of the supply, such as a syringe's piston, in ml, instead of pressures, such as 0:20"
+        yield Option(STROKE_KEY, About(SeriesKind(), text), metavar="SERIES")
+        for key, (_, asked) in load_keys().items():
             yield Option(OPTIONS.get(key, key), About(SeriesKind(), asked.help), metavar="SERIES")
         yield Option("on", About(Words(), "name of the load they refer to, if a case has several"), metavar="NAME")
         text = "pressure in cm of the column, applied first and then constant, for forces on an inflated device"
-        yield Option("at_pressure_cm", About(Quantity(), text))
+        yield Option(f"{PRELOAD}_{CM}", About(Quantity(), text))
+        for one in IN_TIME:
+            yield from one.options()
 
     def arguments(self, field: str) -> dict[str, str]:
-        return {
-            OPTIONS.get(key, key): f"{field}={LoadRequest.__name__}(...)" for key in (*asked_of_loads(), *self.more)
+        texts = {"pressure_cm": "pressures", PRESSURE: "pressures", "volume_ml": "volumes", STROKE_KEY: "strokes"}
+        dead = {
+            OPTIONS.get(key, key): f"{field}=steps_of({key}=...)" for key in (*load_keys(), "on", f"{PRELOAD}_{CM}")
         }
+        return {**texts, **dead}
 
-    def take(self, options: MutableMapping[str, object]) -> LoadRequest | Missing | None:
-        given = {key: options.pop(OPTIONS.get(key, key), None) for key in (*asked_of_loads(), *self.more)}
-        return self._made({key: value for key, value in given.items() if value is not None})
+    def take(self, options: MutableMapping[str, object]) -> Steps | Missing:
+        keys = {name: key for key, name in OPTIONS.items()}
+        given = {keys.get(one.name, one.name): options.pop(one.name, None) for one in self.options()}
+        return self._made(given, options.get(DENSITY))
 
-    def _made(self, given: dict[str, object]) -> LoadRequest | Missing | None:
-        asked = [key for key in asked_of_loads() if key in given]
-        if not asked:
-            if given:
-                raise FieldError(f'{next(iter(given))} needs requested forces, such as force_N = "0:10" (--force-N)')
-            return MISSING
-        if len(asked) > 1:
-            raise FieldError(f"request one of {' and '.join(asked)}; for several in sequence write a program")
-        values = SeriesKind().read(asked[0], given[asked[0]])
-        on = Words().settled("on", given.get("on", ""))
-        pressure = Quantity().read("at_pressure_cm", given.get("at_pressure_cm", 0.0))
-        return LoadRequest(asked[0], values, on, pressure)
+    def _made(self, given: Mapping[str, object], density: object) -> Steps | Missing:
+        if density is not None and not isinstance(density, float):
+            density = Quantity("kg/m^3").read(DENSITY, density)
+        made = steps_of(**{DENSITY: WATER_DENSITY if density is None else density, **given})  # type: ignore[arg-type]
+        return made or MISSING
 
 
-OF_PRESSURE = ("pressure_cm", "source_pressure_cm")
-"""Series of pressures."""
+def load_table(steps: Steps) -> dict[str, object]:
+    """Return the entries of ``[load]`` that `steps_of` takes back."""
+    if not is_program(steps):
+        *before, last = (step.prescribed[0] for step in steps)
+        written: dict[str, object] = {**_entry(last), **({"on": last.of} if last.of else {})}
+        for one in before:
+            ((key, (value,)),) = _entry(one).items()
+            written[f"{PRELOAD}{key.removeprefix(PRESSURE)}"] = value
+        return written
+    tables: dict[str, dict[str, object]] = {}
+    flat: dict[str, object] = {}
+    for one in courses(steps):
+        kind, _, own = one.of.partition(".")
+        if not kind:
+            flat |= _entry(one)
+            continue
+        table = tables.setdefault(kind, {})
+        (table if not own else table.setdefault(own, {})).update(_entry(one))  # type: ignore[attr-defined]
+    return {**tables, **flat, **({TIME_KEY: list(times_of(steps))} if timed(steps) else {})}
+
+
+def _entry(one: Prescribed) -> dict[str, list[float | str]]:
+    """Return the key of a quantity, with its values as written."""
+    values = [as_amount(value) for value in one.values]
+    if one.quantity in (PRESSURE, SOURCE_PRESSURE) and any(value.unit != CM for value in values):
+        return {one.quantity: [value.text for value in values]}
+    keys = {
+        quantity: key for key, quantity in {**SUPPLY_KEYS, **CAVITY_KEYS, STROKE_KEY: STROKE}.items() if key != quantity
+    }
+    key = load_quantities()[one.quantity][1] if one.of_load else keys.get(one.quantity, one.quantity)
+    return {key: [value.number for value in values]}
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What the load steps of a case say.
+
+
 STIFFNESS_RANGE = 30.0
 """Maximum pressure in shear moduli; above it a wrong unit is assumed: no silicone device withstands a tenth of it."""
 VOLUME_RANGE = 1000.0
@@ -149,161 +582,239 @@ class Requested:
     column: str
 
 
-PRESSURE = Requested("pressure", "pressures", "cm", "pressure_cm")
-VOLUME = Requested("volume", "added volumes", "ml", "added_volume_ml")
-STROKE = Requested("stroke", "strokes", "ml", "stroke_ml")
+REQUESTED = {
+    PRESSURE: Requested("pressure", "pressures", CM, "pressure_cm"),
+    VOLUME: Requested("volume", "added volumes", "ml", "added_volume_ml"),
+    STROKE: Requested("stroke", "strokes", "ml", "stroke_ml"),
+}
 STEP = Requested("step", "steps", "", "load_step")
 
 
-@dataclasses.dataclass(frozen=True)
-class Load:
-    """The load of a case; see `Case` for its attributes."""
+def load_part(asked: Prescribed, components: Sequence[Component]) -> LoadPart:
+    """Return the dead load that values are requested of; `FieldError` if there is none, or several."""
+    table, key, of = load_quantities()[asked.quantity]
+    found = [part for part in components if isinstance(part, LoadPart) and part.table == table]
+    named = [part for part in found if not asked.of or asked.of in (part.name, part.key)]
+    if len(named) == 1:
+        return named[0]
+    if not found:
+        raise FieldError(f"{of.words} are requested ({key}), but the device has no [{table}]; add one (--{table})")
+    names = ", ".join(part.name or "without a name" for part in found)
+    raise FieldError(f'{key} refers to one {table}, but the case has {names}; choose one (on = "{found[0].name}")')
 
-    pressures_cm: tuple[float, ...]
-    volumes_ml: tuple[float, ...]
-    strokes_ml: tuple[float, ...]
-    program: Program
-    supply: AirSupply | None
-    load_unload: bool
-    control: str
-    water_density: float
-    driven: LoadRequest | None
-    components: tuple[Component, ...]
+
+def settled(case: Case) -> Steps:
+    """Return the steps of a case, each of a program with what it drives, all values with their texts, and durations that the
+    times of a case file give too."""
+    steps = tuple(_driving(step, case) for step in case.steps) if is_program(case.steps) else case.steps
+    if all(step.duration is not None for step in steps):
+        durations = durations_of(times_of(steps))
+        steps = tuple(dataclasses.replace(step, duration=one) for step, one in zip(steps, durations, strict=True))
+    return tuple(
+        dataclasses.replace(
+            step,
+            prescribed=tuple(
+                dataclasses.replace(one, values=tuple(as_written(v, one.quantity, case.cm) for v in one.values))
+                for one in step.prescribed
+            ),
+        )
+        for step in steps
+    )
+
+
+def _driving(step: Step, case: Case) -> Step:
+    """Return a step of a program whose values are of all cavities, or of the source of a supply in time, as theirs."""
+    found: list[Prescribed] = []
+    for one in step.prescribed:
+        if len(one.values) != 1:
+            raise CaseError(f"{one.name} has {len(one.values)} values in one of several steps; give one value in each")
+        if one.named:
+            found.append(one)
+        elif one.of_load:
+            found.append(dataclasses.replace(one, of=load_part(one, case.components).key))
+        elif one.quantity == STROKE:
+            raise CaseError("strokes are requested in a single step; leave out the others, and the durations")
+        elif case.supply is None or not case.supply.in_time:
+            found += [dataclasses.replace(one, of=f"cavity{i + 1}") for i in range(len(case.actuator.ratios))]
+        elif one.quantity == PRESSURE:
+            found.append(dataclasses.replace(one, quantity=SOURCE_PRESSURE))
+        else:
+            raise CaseError(
+                f"a {case.supply.name} supplies pressures, not added volumes; request pressures, those of its source"
+            )
+    return dataclasses.replace(step, prescribed=tuple(found))
+
+
+class Load:
+    """What the steps of a case say."""
+
+    def __init__(self, case: Case):
+        self.case, self.steps = case, case.steps
+
+    @functools.cached_property
+    def program(self) -> bool:
+        """Whether the steps are a program, and not values of one quantity."""
+        return is_program(self.steps)
+
+    @functools.cached_property
+    def asked(self) -> Prescribed | None:
+        """The values of one quantity that are requested; None for a program."""
+        return None if self.program or not self.steps else self.steps[-1].prescribed[0]
+
+    @property
+    def driven(self) -> Prescribed | None:
+        """The same, of a dead load; None for others."""
+        return self.asked if self.asked is not None and self.asked.of_load else None
+
+    @property
+    def driven_part(self) -> LoadPart:
+        """The dead load whose values are requested."""
+        assert self.driven is not None
+        return load_part(self.driven, self.case.components)
+
+    @property
+    def preload(self) -> float:
+        """Pressure in Pa that is applied before the values of a dead load, and kept."""
+        return self.steps[0].prescribed[0].values[0] if self.driven is not None and len(self.steps) > 1 else 0.0
+
+    def of(self, quantity: str) -> tuple[float, ...]:
+        """Return the requested values of a quantity, SI; empty where another one, or a program, is requested."""
+        return self.asked.values if self.asked is not None and self.asked.quantity == quantity else ()
 
     @property
     def requested(self) -> Requested:
-        if self.program:
-            return STEP
-        if self.driven is not None:
-            name = LoadDisplacement.name if self.driven.asked.held else DeadForce.name
-            column = self.driven.column(self.driven.of(self.components))
-            return Requested(name, self.driven.asked.words, self.driven.asked.unit, column)
-        return PRESSURE if self.pressures_cm else VOLUME if self.volumes_ml else STROKE
+        if self.asked is None:
+            return STEP if self.program else REQUESTED[STROKE]
+        if not self.asked.of_load:
+            return REQUESTED[self.asked.quantity]
+        asked, part = load_quantities()[self.asked.quantity][2], self.driven_part
+        column = part.travel_column if asked.held else part.column
+        return Requested(
+            LoadDisplacement.name if asked.held else DeadForce.name,
+            asked.words,
+            asked.unit,
+            part.share_column if self.asked.quantity == "share" else column,
+        )
 
     @property
     def driver(self) -> str:
         """Name of the air supply, in a word."""
-        return "supply" if self.supply is None else self.supply.name
+        return "supply" if self.case.supply is None else self.case.supply.name
 
     @property
     def has_pressure(self) -> bool:
         """Whether the device is pressurised; it is not if only weights, forces and moments are requested."""
-        of_cavities = any(series.target in ("", SOURCE) for series in self.program)
-        kept = self.driven is not None and self.driven.at_pressure_cm > 0.0
-        return bool(self.pressures_cm or self.volumes_ml or self.strokes_ml or of_cavities or kept)
+        of_loads = [one.of_load for step in self.steps for one in step.prescribed]
+        return not all(of_loads) and (self.driven is None or self.preload > 0.0)
 
     @property
     def direction(self) -> int:
         """1, or -1 if the requested pressures or added volumes fall from 0."""
-        return -1 if min([*self.pressures_cm, *self.volumes_ml], default=0.0) < 0.0 else 1
+        return -1 if min([*self.of(PRESSURE), *self.of(VOLUME)], default=0.0) < 0.0 else 1
 
-    def lowest_cm(self, ratios: Sequence[float]) -> float:
-        """Return the lowest pressure in cm of a cavity, by their ratios to the requested one, or of a supply's source, at most
-        0."""
-        common = (*self.pressures_cm, *((self.driven.at_pressure_cm,) if self.driven else ()))
-        own = (value for one in self.program if one.key in OF_PRESSURE for value in one.values)
-        return min([0.0, *(value * ratio for value in common for ratio in ratios), *own])
+    def lowest(self) -> float:
+        """Return the lowest pressure in Pa of a cavity, or of a supply's source, at most 0."""
+        common = (*self.of(PRESSURE), self.preload)
+        own = self._in_program(PRESSURE, SOURCE_PRESSURE)
+        return min([0.0, *(value * ratio for value in common for ratio in self.case.actuator.ratios), *own])
 
-    def draws(self, ratios: Sequence[float]) -> bool:
+    def draws(self) -> bool:
         """Return whether air is drawn out: a pressure or an added volume is below 0."""
-        volumes = (value for one in self.program if one.key == "volume_ml" for value in one.values)
-        return self.lowest_cm(ratios) < 0.0 or min([0.0, *self.volumes_ml, *volumes]) < 0.0
+        return self.lowest() < 0.0 or min([0.0, *self.of(VOLUME), *self._in_program(VOLUME)]) < 0.0
 
-    @property
-    def cm(self) -> float:
-        """Pa in one cm of the column."""
-        return pascal_per_cm(self.water_density)
+    def _in_program(self, *quantities: str) -> list[float]:
+        """Return the values of quantities in a program."""
+        steps = self.steps if self.program else ()
+        return [one.values[0] for step in steps for one in step.prescribed if one.quantity in quantities]
 
     @property
     def scale(self) -> float:
-        """SI units in one of the requested values'; 1 of a program."""
-        if self.driven:
-            return self.driven.asked.scale
-        return 1.0 if self.program else self.cm if self.pressures_cm else 1e-6
+        """SI units in one of the requested values' unit; 1 of a program."""
+        if self.asked is None:
+            return 1.0 if self.program else ML
+        return self.case.cm if self.asked.quantity == PRESSURE else _unit(self.asked.quantity)[0]
 
     @property
     def values(self) -> tuple[float, ...]:
         """Requested values in their unit; of a program the numbers of its steps."""
-        if self.program:
-            rest = programs.begins_at_rest(self.program)
-            return tuple(float(k) for k in range(1 - rest, len(self.program[0].values) + 1 - rest))
-        return self.pressures_cm or self.volumes_ml or self.strokes_ml or (self.driven.values if self.driven else ())
+        if self.asked is None:
+            last = last_number(self.steps) if self.program else 0
+            return tuple(float(k) for k in range(last - len(self.steps) + 1, last + 1))
+        unit = self.requested.unit
+        return tuple(in_unit(value, unit, self.scale) for value in self.asked.values)
 
     @property
     def goals(self) -> tuple[float, ...]:
         """Requested pressures in Pa, added volumes or strokes in m3, forces and travels in SI units; none of a program."""
-        return tuple(value * self.scale for value in self.values)
+        return self.asked.values if self.asked is not None else ()
 
-    def check(self, actuator: Actuator) -> None:
-        """Raise `CaseError` if no or several quantities are requested, or options contradict each other, and `SupplyError` for
-        strokes that the supply cannot make."""
-        asked = (self.pressures_cm, self.volumes_ml, self.strokes_ml, self.program, self.driven)
-        if sum(map(bool, asked)) != 1:
-            raise CaseError(
-                "request either pressures (--pressure-cm) or added volumes (--volume-ml), or strokes of a syringe "
-                "(--supply syringe with --stroke-ml), or forces on a face (--force-N), or shares of the weight "
-                "(--weight-share), or in a case file a series for each cavity (cavity1.pressure_cm); give exactly one of these"
-            )
-        given = {"pressure": self.pressures_cm, "volume": self.volumes_ml, "stroke": self.strokes_ml}
-        given |= {self.driven.key: self.driven.values} if self.driven else {}
-        for what, values in given.items():
-            if values and not any(values):
-                raise CaseError(f"the only {what} requested is 0; add a value above 0")
-        if not actuator.ratios and (self.pressures_cm or self.volumes_ml or self.strokes_ml):
+    def check(self) -> None:
+        """Raise `CaseError` if nothing is requested, or options contradict each other, and `SupplyError` for strokes that the
+        supply cannot make."""
+        case, actuator, asked = self.case, self.case.actuator, self.asked
+        if not self.steps:
+            raise CaseError(ONE_REQUEST)
+        if asked is not None:
+            key = load_quantities()[asked.quantity][1] if asked.of_load else asked.quantity
+            if not any(asked.values):
+                raise CaseError(f"the only {key} requested is 0; add a value above 0")
+            check_rising(asked.values, key)
+        if not actuator.ratios and asked is not None and not asked.of_load:
             raise CaseError(
                 f"{type(actuator).__name__} has no cavity for a pressure or a volume; load it by a force (--force with "
                 "--force-N) or by its weight (--gravity with --weight-share 0:1)"
             )
-        if (lowest := self.lowest_cm(actuator.ratios)) * self.cm <= -AMBIENT:
+        if (lowest := self.lowest()) <= -AMBIENT:
             raise CaseError(
-                f"a pressure of {lowest:g} cm ({lowest * self.cm / 1e3:.4g} kPa) is below absolute vacuum, "
-                f"{-AMBIENT / self.cm:.0f} cm ({-AMBIENT / 1e3:.5g} kPa) at an ambient pressure of {AMBIENT / 1e3:.5g} kPa; "
+                f"a pressure of {lowest / case.cm:g} cm ({lowest / 1e3:.4g} kPa) is below absolute vacuum, "
+                f"{-AMBIENT / case.cm:.0f} cm ({-AMBIENT / 1e3:.5g} kPa) at an ambient pressure of {AMBIENT / 1e3:.5g} kPa; "
                 "pumps reach about -90 kPa, ejectors -85 kPa"
             )
         if self.program:
-            self._check_program(actuator)
+            check_steps(self.steps)
+            self._check_program()
         if self.driven is not None:
-            self._check_driven(self.driven, actuator)
-        if self.load_unload and not (self.pressures_cm or (self.driven and not self.driven.asked.held)):
+            self._check_driven(self.driven)
+        held = asked is not None and (asked.held or asked.quantity == STROKE)
+        if case.load_unload and (asked is None or held):
             raise CaseError(
                 "--load-unload needs a pressure or a force to raise and lower; add --pressure-cm or --force-N"
             )
-        if self.load_unload and (rubs := self._remembering):
+        if case.load_unload and (rubs := self._remembering):
             raise CaseError(
                 f"--load-unload reads one equilibrium curve, but with the friction of {rubs} the states depend "
                 f"on the loading history; use a series in a case file instead (cavity1.pressure_cm = [40, 0])"
             )
-        if self.load_unload and self.control != "auto":
+        if case.load_unload and case.control != "auto":
             raise CaseError("--load-unload chooses the control itself; leave out --control")
-        self._check_supply(actuator)
+        self._check_supply()
         self._check_lifted()
         if (
-            self.supply is not None
-            and not self.supply.in_time
-            and any(isinstance(part, LoadPart) and not part.idle(self.components) for part in self.components)
+            case.supply is not None
+            and not case.supply.in_time
+            and any(isinstance(part, LoadPart) and not part.idle(case.components) for part in case.components)
         ):
             raise CaseError(
                 "strokes of a supply count from the undeformed cavity, but a device with weights or forces starts "
                 "from a preloaded one; request pressures or added volumes"
             )
-        if self.volumes_ml and self.control == "pressure":
+        if self.of(VOLUME) and case.control == "pressure":
             raise CaseError("added volumes cannot be requested under pressure control; use --control auto or volume")
-        if not 100.0 <= self.water_density <= 20000.0:
+        if not 100.0 <= case.water_density <= 20000.0:
             raise CaseError(
-                f"a water density of {self.water_density:g} kg/m^3 is out of range; give 100 to 20000 kg/m^3 (the "
+                f"a water density of {case.water_density:g} kg/m^3 is out of range; give 100 to 20000 kg/m^3 (the "
                 f"thesis measured 970)"
             )
 
     @property
     def _remembering(self) -> str:
         """The table of a part whose forces depend on the states before; empty if none do."""
-        return next((part.where for part in self.components if part.remembers), "")
+        return next((part.where for part in self.case.components if part.remembers), "")
 
     def _check_lifted(self) -> None:
         """Reject shares of gravity if the device lifts a mass, which always has its full weight."""
-        lifted = next((part.where for part in self.components if part.lifted and part.weighs), "")
-        shared = any(series.target == "gravity" for series in self.program)
-        if lifted and (shared or (self.driven is not None and self.driven.key == "share")):
+        lifted = next((part.where for part in self.case.components if part.lifted and part.weighs), "")
+        if lifted and prescribes(self.steps, "share"):
             raise CaseError(
                 f"{lifted} has a mass with its full weight, but shares of the weight are requested; "
                 "leave out the shares, or the mass"
@@ -313,12 +824,8 @@ class Load:
         """Raise `CaseError` for loads without a band: a supply, a program, a cycle, or travels."""
         if rubs := self._remembering:
             raise CaseError(f"bands are not available with friction, as at {rubs}: leave out --band, or the friction")
-        if (
-            self.program
-            or self.supply is not None
-            or self.load_unload
-            or (self.driven is not None and self.driven.asked.held)
-        ):
+        travels = self.driven is not None and self.driven.held
+        if self.program or self.case.supply is not None or self.case.load_unload or travels:
             raise CaseError(
                 "bands are available only for requested pressures, volumes, forces or shares of the weight; "
                 "leave out --band, or the supply, load_unload, travels or series"
@@ -330,18 +837,22 @@ class Load:
             raise CaseError(f"--branch is not available with friction, as at {rubs}; leave one of them out")
         if self.program:
             raise CaseError("--branch is not available with a series for each cavity; leave one of them out")
-        if self.load_unload:
+        if self.case.load_unload:
             raise CaseError("--branch and --load-unload cannot be combined; leave out one of them")
 
-    def _check_supply(self, actuator: Actuator) -> None:
-        timed = self.supply is not None and self.supply.in_time
-        if timed or source_key(self.program):
-            if not timed:
+    def _check_supply(self) -> None:
+        case, strokes = self.case, self.of(STROKE)
+        supply, actuator = case.supply, case.actuator
+        in_time = supply is not None and supply.in_time
+        source = next((q for q in (SOURCE_PRESSURE, FLOW) if prescribes(self.steps, q)), "")
+        if in_time or source:
+            if not in_time:
+                key = next(key for key, quantity in SOURCE_KEYS.items() if quantity == source)
                 raise CaseError(
-                    f"{source_key(self.program)} is the series of a supply in time; add one (a [supply] of kind "
+                    f"{key} is the series of a supply in time; add one (a [supply] of kind "
                     f'"{Reservoir.name}", or supply=Reservoir())'
                 )
-            if not source_key(self.program):
+            if not source:
                 raise CaseError(
                     f"a {self.driver} needs its source in time: source_pressure_cm (or flow_ml_per_min) and time_s in [load], "
                     "or --pressure-cm with --rate or --hold"
@@ -349,145 +860,76 @@ class Load:
             if not actuator.ratios:
                 raise CaseError(f"{type(actuator).__name__} has no cavity for a {self.driver}; leave out the supply")
             return
-        if bool(self.strokes_ml) != (self.supply is not None):
-            owner = "syringe" if self.supply is None else self.supply.name
+        if bool(strokes) != (supply is not None):
+            owner = "syringe" if supply is None else supply.name
             raise CaseError(f"a {owner} (--supply {owner}) and its strokes (--stroke-ml) belong together")
-        if self.supply is not None:
-            self.supply.check_strokes(self.strokes_ml[-1] * 1e-6, actuator.cavity_volume)
-            if self.control not in ("auto", "arc-length"):
+        if supply is not None:
+            supply.check_strokes(strokes[-1], actuator.cavity_volume)
+            if case.control not in ("auto", "arc-length"):
                 raise CaseError("strokes need --control auto or arc-length")
 
-    def _check_driven(self, driven: LoadRequest, actuator: Actuator) -> None:
-        load = driven.of(self.components)
-        if driven.at_pressure_cm and not actuator.ratios:
+    def _check_driven(self, driven: Prescribed) -> None:
+        load, actuator = self.driven_part, self.case.actuator
+        if self.preload and not actuator.ratios:
             raise CaseError(f"at_pressure_cm: {type(actuator).__name__} has no cavity for a pressure; leave it out")
         if load.kept:
             raise CaseError(
-                f"{load.where} has a constant amount, but {driven.asked.words} of it are requested; leave one of them out"
+                f"{load.where} has a constant amount, but {load_quantities()[driven.quantity][2].words} of it are requested; "
+                "leave one of them out"
             )
 
-    def _check_program(self, actuator: Actuator) -> None:
-        count, known = len(actuator.ratios), {part.key: part for part in self.components if isinstance(part, LoadPart)}
-        of_cavities = [series for series in self.program if not series.target]
-        if of_cavities and len(of_cavities) != count:
+    def _check_program(self) -> None:
+        case, actuator = self.case, self.case.actuator
+        count, known = len(actuator.ratios), {part.key: part for part in case.components if isinstance(part, LoadPart)}
+        drivers = courses(self.steps)
+        cavities = [one.of for one in drivers if one.of_cavity]
+        if cavities and sorted(cavities) != sorted(f"cavity{i + 1}" for i in range(count)):
             raise CaseError(
-                f"[load] has series for {len(of_cavities)} cavities, but the device has {count}; give one for each"
+                f"[load] has series for {len(cavities)} cavities, but the device has {count}; give one for each"
             )
-        for series in programs.drivers(self.program):
-            if series.target in (SOURCE, VALVE):
-                continue
-            if series.target and series.target not in known:
-                table, _, name = series.target.partition(".")
+        for one in drivers:
+            if one.of_load and one.of not in known:
+                table, _, name = one.of.partition(".")
                 raise CaseError(
-                    f"[load] has a series for {series.target}, but the case has no [{table}{'.' + name if name else ''}]; the "
+                    f"[load] has a series for {one.of}, but the case has no [{table}{'.' + name if name else ''}]; the "
                     f"loads it has are {', '.join(known) or 'none'}"
                 )
-            load = known.get(series.target)
-            if load is not None and load.kept:
-                raise CaseError(f"{load.where} has a constant amount, and a series in [load]; leave one of them out")
-        if of_cavities and actuator.ratios != (1.0,) * count:
+            if one.of_load and known[one.of].kept:
+                raise CaseError(
+                    f"{known[one.of].where} has a constant amount, and a series in [load]; leave one of them out"
+                )
+        if cavities and actuator.ratios != (1.0,) * count:
             raise CaseError("pressure_ratios cannot be combined with a series for each cavity; leave out the ratios")
-        if self.load_unload or self.control not in ("auto", "arc-length"):
+        if case.load_unload or case.control not in ("auto", "arc-length"):
             raise CaseError("a series for each cavity needs control auto or arc-length, without load_unload")
 
     def check_size(self, shear_modulus: float, cavity: float) -> None:
         """Raise `CaseError` for values that suggest a wrong unit, given the material's shear modulus in Pa and the cavity's
         volume in m3."""
-        of_cavities = [one for one in self.program if not one.target]
-        given = {
-            is_volume: [v for one in of_cavities if one.is_volume == is_volume for v in one.values]
-            for is_volume in (False, True)
-        }
-        kept = self.driven.at_pressure_cm if self.driven else 0.0
-        highest = max(map(abs, [*self.pressures_cm, *given[False], kept]))
-        if (most := highest * self.cm) > STIFFNESS_RANGE * shear_modulus:
-            usual_cm, usual_kPa = (f"{float(f'{shear_modulus / unit:.2g}'):g}" for unit in (self.cm, 1e3))
+        cm = self.case.cm
+        highest = max(map(abs, [*self.of(PRESSURE), *self._in_program(PRESSURE), self.preload]))
+        if highest > STIFFNESS_RANGE * shear_modulus:
+            usual_cm, usual_kPa = (f"{float(f'{shear_modulus / unit:.2g}'):g}" for unit in (cm, 1e3))
             raise CaseError(
-                f"a pressure of {highest:g} cm ({most / 1e3:.4g} kPa) is too much for a shear modulus of "
+                f"a pressure of {highest / cm:g} cm ({highest / 1e3:.4g} kPa) is too much for a shear modulus of "
                 f"{shear_modulus / 1e3:.4g} kPa: devices take about {usual_cm} cm ({usual_kPa} kPa), and at most "
-                f"{STIFFNESS_RANGE * shear_modulus / self.cm:.0f} cm is accepted; write --pressure '{usual_cm} cm' "
+                f"{STIFFNESS_RANGE * shear_modulus / cm:.0f} cm is accepted; write --pressure '{usual_cm} cm' "
                 f"or --pressure '{usual_kPa} kPa' or less, or correct the modulus (silicones have 5 to 500 kPa)"
             )
-        volumes = [0.0, *self.volumes_ml, *given[True]]
-        if cavity and min(volumes) * 1e-6 <= -cavity:
+        volumes = [0.0, *self.of(VOLUME), *self._in_program(VOLUME)]
+        if cavity and min(volumes) <= -cavity:
             raise CaseError(
-                f"an added volume of {min(volumes):g} ml empties a cavity of {cavity * 1e6:.4g} ml; give a volume above "
+                f"an added volume of {min(volumes) / ML:g} ml empties a cavity of {cavity * 1e6:.4g} ml; give a volume above "
                 f"{-cavity * 1e6:.4g} ml"
             )
         largest = max(volumes)
-        if largest * 1e-6 > VOLUME_RANGE * cavity:
+        if largest > VOLUME_RANGE * cavity:
             raise CaseError(
-                f"an added volume of {largest:g} ml against a cavity of {cavity * 1e6:.4g} ml is out of range; "
+                f"an added volume of {largest / ML:g} ml against a cavity of {cavity * 1e6:.4g} ml is out of range; "
                 f"give at most {VOLUME_RANGE:g} times the cavity volume"
             )
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Pressures or volumes in time, from a rate, a hold and a number of cycles.
-
-
-def in_time(load: Load, rate: str, hold: float, cycles: float, cavities: int) -> Program:
-    """Return the program of a load's requested pressures or volumes in time; `CaseError` where nothing changes in time so.
-
-    The rate is such as ``"1 kPa/s"``, empty for at once; the last value is held for ``hold`` s, in each cycle. Cycles go from
-    0 and back to 0; 0 of them for once and without the way back. All cavities go through the same.
-    """
-    values = load.pressures_cm or load.volumes_ml
-    if not values or values[-1] == 0.0:
-        raise CaseError(
-            "--rate, --hold and --cycles need pressures or added volumes that they change (--pressure-cm, --volume-ml)"
-        )
-    if hold < 0.0:
-        raise CaseError(f"hold is {hold:g} s; it must be 0 or more")
-    if cycles != round(cycles) or not 0 <= cycles <= programs.MOST_STEPS / 4:
-        raise CaseError(f"cycles is {cycles:g}; it must be a whole number from 1 to {programs.MOST_STEPS // 4}")
-    if cycles and not rate:
-        raise CaseError("--cycles needs the rate at which they go up and down; add --rate, such as --rate 1kPa/s")
-    speed = _rate(rate, load) if rate else math.inf
-    way = [(0.0, 0.0)]
-
-    def go(value: float, rest: float = 0.0) -> None:
-        last, time = way[-1]
-        if value != last:
-            way.append((value, time + abs(value - last) / speed))
-        if rest:
-            way.append((value, way[-1][1] + rest))
-
-    for _ in range(max(1, round(cycles))):
-        for value in values[:-1]:
-            go(value)
-        go(values[-1], hold)
-        if cycles:
-            go(0.0)
-    key = "pressure_cm" if load.pressures_cm else "volume_ml"
-    series, times = (tuple(one) for one in zip(*way, strict=True))
-    return of_cavities(key, series, times, cavities, load.supply)
-
-
-def of_cavities(
-    key: str, values: tuple[float, ...], times: tuple[float, ...], cavities: int, supply: AirSupply | None
-) -> Program:
-    """Return the program in which all cavities go through the same values, or the source of a supply in time does."""
-    if supply is not None and supply.in_time:
-        if key != "pressure_cm":
-            raise CaseError(
-                f"a {supply.name} supplies pressures, not added volumes; request pressures, those of its source"
-            )
-        driven = [Series("source_pressure_cm", values, SOURCE)]
-    else:
-        driven = [Series(key, values)] * cavities
-    return (*driven, Series(TIME_KEY, times, programs.TIME))
-
-
-def _rate(text: str, load: Load) -> float:
-    """Return a rate in cm/s, or in ml/s of added volumes."""
-    kinds = [("Pa/s", load.cm), ("m/s", 1e-2)] if load.pressures_cm else [("m^3/s", 1e-6)]
-    for unit, scale in kinds:
-        try:
-            found = quantity(text, unit) / scale
-        except UnitError:
-            continue
-        if found > 0.0:
-            return found
-        raise CaseError(f"rate {brief(text)} must be above 0; the way back is --cycles")
-    raise CaseError(f"rate {brief(text)} is none; write it like {'1kPa/s or 5cm/s' if load.pressures_cm else '2ml/s'}")
+def in_unit(value: float, unit: str, scale: float) -> float:
+    """Return a value in a unit of so many SI units: its own number where it was written in that unit."""
+    return value.number if isinstance(value, Amount) and value.unit == unit else value / scale

@@ -17,7 +17,8 @@ import numpy.typing as npt
 from geometries import Actuator, HollowDisk
 from geometries.registry import QuantityType, check_meaning, device_options, device_told, to_table
 from softmodels.case.case import Case
-from softmodels.case.entries import CaseError, SeriesError, one_of_text, series, split_text
+from softmodels.case.entries import CaseError, SeriesError, one_of_text, split_text
+from softmodels.case.load import steps_of
 from softmodels.case.materials import material_from
 from softmodels.cli.options import (
     DEVICE,
@@ -53,6 +54,7 @@ from softmodels.materials.silicones import extrapolated, publications
 from softmodels.materials.specimens import check_rest, weakest, weakness
 from softmodels.mechanics.component import direction as unit_vector
 from softmodels.mechanics.mpi import is_root, kept_on_root, start
+from softmodels.path.steps import PRESSURE, one_step
 from softmodels.runs.analyses import (
     LARGEST_STRETCH,
     MOST_MODES,
@@ -315,7 +317,7 @@ class LimitRequest:
         for other in ("vary", "vacuum"):
             if hold and getattr(how, other):
                 raise CaseError(f"--hold and --{other} cannot be combined; leave out one of them")
-        around = _as_asked(case, device, materials, how.water_density, -1.0 if how.vacuum else 1.0)
+        around = _as_asked(case, device, materials, how.water_density, -100.0 if how.vacuum else 100.0)
         column = LimitColumn(around.cm, _working_cm(how.working_pressure, around.cm))
         return cls(around, materials, tolerances, how.count or SAMPLES, how.normal, column, hold)
 
@@ -327,7 +329,9 @@ def _working_cm(text: str | None, pascal_in_cm: float) -> float | None:
         return None
     try:
         plain = not split_text(text)[1]
-        value = quantity(text, "") if plain else one_of_text("cm", text, "working pressure", pascal_in_cm)
+        value = (
+            quantity(text, "") if plain else one_of_text("cm", text, "working pressure", pascal_in_cm) / pascal_in_cm
+        )
     except (SeriesError, UnitError) as error:
         raise CaseError(f"--working-pressure: {error}") from None
     if not value > 0:
@@ -422,12 +426,12 @@ def _notes(question: LimitRequest, materials: Mapping[str, Material], limits: Ma
 def _as_asked(
     case: Case | None, device: Actuator, materials: Mapping[str, Material], water_density: float | None, dummy: float
 ) -> Case:
-    """Return a case of the device with a dummy load in cm, to check the input as any case is checked."""
+    """Return a case of the device with a dummy pressure in Pa, to check the input as any case is checked."""
     for material in materials.values():
-        around = case or Case("limit", device, material, pressures_cm=(dummy,))
+        around = case or Case("limit", device, material, one_step(PRESSURE, [dummy]))
         made = dataclasses.replace(
             around, name="limit", actuator=device, material=material, load_unload=False,
-            pressures_cm=(dummy,), volumes_ml=(), strokes_ml=(), program=(), supply=None, inertia=False,
+            steps=one_step(PRESSURE, [dummy]), supply=None, inertia=False,
             water_density=around.water_density if water_density is None else water_density,
         )  # fmt: skip
     return made
@@ -541,9 +545,10 @@ def _modes_of(device: type[Actuator]) -> click.Command:
               "case's load: 0:40, 0:40:10 or 0,10,40; 0: at rest.")  # fmt: skip
 @options(ModesOptions)
 def modes_command(file: Path, how: ModesOptions, material: str | None, pressures: str | None) -> None:
-    cm = None if pressures is None else series(pressures, "pressure")
+    case = case_of_file(file, material, kind=AtRest)
+    steps = None if pressures is None else steps_of(pressure_cm=pressures, water_density=case.water_density)
     asked = {**vars(how), "material": material, "pressures": pressures}
-    _find_modes(case_for_modes(case_of_file(file, material, kind=AtRest), cm), how, asked, [file])
+    _find_modes(case_for_modes(case, steps), how, asked, [file])
 
 
 def _find_modes(case: Case, how: ModesOptions, asked: Mapping[str, object], files: Sequence[Path]) -> None:

@@ -144,12 +144,12 @@ def _cache() -> str:
 
 def _solve() -> str:
     """Inflate the default disk's section to about a third of its working pressure."""
-    from softmodels.runs.simulation import Model, meshed
+    from softmodels.runs.simulation import SMALL_PRESSURE, Model, meshed
 
     disk = HollowDisk(section="axisymmetric")
     body = meshed(disk, start())
     started = time.perf_counter()
-    model = Model.of(Case("doctor", disk, DEFAULT, (1.0,)), body)
+    model = Model.of(Case("doctor", disk, DEFAULT, SMALL_PRESSURE), body)
     prepared = time.perf_counter()
     rise = model.solve(pressure=5150.0).rises["apex"] * 1e3
     if abs(rise / EXPECTED_MM - 1) > 0.02:

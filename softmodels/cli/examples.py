@@ -29,6 +29,7 @@ from geometries import HollowDisk
 from geometries.meshing import private_model, write_step
 from measurement.photographer import FLOOR, SCENE, Scene, chessboard, photograph, save
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.case.materials import DEFAULT
 from softmodels.cli.options import command, fail, unwritable
 from softmodels.common.arrays import Array
@@ -156,7 +157,7 @@ def commands(folder: Path, truth: DemoTruth) -> list[tuple[str, list[str]]]:
 def write_case(folder: Path, truth: DemoTruth) -> None:
     """Write the case a user would have: device and pressures, with a silicone other than the true one."""
     heights = tuple(p / pascal_per_cm() for p in truth.pressures)
-    text = Case("disk", truth.actuator, DEFAULT, pressures_cm=heights).to_toml()
+    text = Case("disk", truth.actuator, DEFAULT, steps_of(pressure_cm=heights)).to_toml()
     (folder / "case.toml").write_text(text, encoding="utf-8")
 
 

@@ -95,7 +95,7 @@ class CaseOptions:
     def add[Command: Callable[..., object]](self, command: Command) -> Command:
         """Add to a click command the options of the load, the device, its material and all other fields of a case."""
         groups = {name: list(entry.options()) for name, entry in entries().items()}
-        first = [*groups.pop("pressures_cm"), *groups.pop("volumes_ml")]
+        first = groups.pop("steps")
         for option in reversed([option for group in groups.values() for option in group]):
             command = field_option(option.name, option.about, option.default, option.metavar)(command)
         command = device_options(self.device)(material_options(command, self.silicone))

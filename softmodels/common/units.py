@@ -179,6 +179,38 @@ def quantity(text: str | float, unit: str) -> float:
     return value
 
 
+class Amount(float):
+    """A value that remembers the number and the unit it was written with, such as 9512.45 Pa of ``"100 cm"``; a float to all
+    that computes, whose results are plain floats."""
+
+    number: float
+    unit: str
+
+    def __new__(cls, value: float, number: float, unit: str) -> Amount:
+        made = super().__new__(cls, value)
+        made.number, made.unit = number, unit
+        return made
+
+    def __getnewargs__(self) -> tuple[float, float, str]:  # type: ignore[override]
+        return float(self), self.number, self.unit
+
+    @property
+    def text(self) -> str:
+        """Its number and unit, to the last digit."""
+        return f"{_plain(self.number)} {self.unit}".strip()
+
+
+def as_amount(value: float) -> Amount:
+    """Return a value with its text, that of a pure number where it has none."""
+    return value if isinstance(value, Amount) else Amount(value, value, "")
+
+
+def written(value: float) -> str:
+    """Return a value for people as it was written, number and unit, six digits at most."""
+    amount = as_amount(value)
+    return f"{amount.number:g} {amount.unit}".strip()
+
+
 def example(unit: str) -> str:
     """Return a quantity of a unit, as a message shows it."""
     return {"m": "20mm", "Pa": "20kPa", "degree": "45deg", "kg/m^3": "970kg/m^3", "m^3": "20ml", "N/m": "50kN/m",

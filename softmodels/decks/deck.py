@@ -43,7 +43,7 @@ from softmodels.mechanics.component import Component, gravity_of, names_in
 from softmodels.mechanics.controls import LoadPart
 from softmodels.mechanics.regions import Freedom, held_with
 from softmodels.mechanics.system import System, nodal_forces
-from softmodels.path.program import begins_at_rest
+from softmodels.path.steps import PRESSURE, begins_at_rest, courses
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Materials of a deck and their regions.
@@ -711,7 +711,7 @@ def deck_of(case: Case, mesh: Path, system: System | None = None) -> Deck:
 def _pressures(case: Case) -> Array:
     """Return the requested pressures of each cavity in Pa, without those of the device at rest, shape (steps, cavities)."""
     if case.program:
-        return case.cm * np.array([series.values for series in case.program]).T[begins_at_rest(case.program) :]
+        return np.array([one.values for one in courses(case.steps)]).T[begins_at_rest(case.steps) :]
     return np.outer([goal for goal in case.goals if goal], case.actuator.ratios)
 
 
@@ -758,8 +758,8 @@ def check(case: Case) -> None:
         raise CaseError(
             f'the case has an axisymmetric section of {type(device).__name__}; decks need a solid one (section = "wedge")'
         )
-    pressed = case.program and all(series.key == "pressure_cm" for series in case.program)
-    if not (pressed or any(case.pressures_cm)) or case.load_unload:
+    unpressed = case.timed or any(one.quantity != PRESSURE for step in case.steps for one in step.prescribed)
+    if unpressed or case.load_unload:
         raise CaseError(
             f"the case asks for {case.load.requested.words}; a deck takes pressures (pressure_cm), and no unloading"
         )

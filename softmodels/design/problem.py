@@ -750,9 +750,9 @@ def _errors(given: object, case: Case, folder: Path | None) -> MaterialErrors | 
 
 def _check_load(case: Case) -> None:
     """Reject loads unsuitable for designs."""
-    if not case.pressures_cm:
+    if not (pressures := case.load.of(PRESSURE)):
         raise DesignError(f"the case asks for {case.load.requested.words}; designs need pressures (pressure_cm)")
-    if min(case.pressures_cm) < 0.0 < max(case.pressures_cm):
+    if min(pressures) < 0.0 < max(pressures):
         raise DesignError("the case asks for pressures above and below ambient; designs need one side of it")
     if case.load_unload:
         raise DesignError("the case unloads (load_unload), but designs are evaluated during loading only; leave it out")

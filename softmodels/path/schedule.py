@@ -23,20 +23,22 @@ from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 from softmodels.path.continuation import FREE_GROWTH, Continuation, come_to_rest, trace
-from softmodels.path.program import (
-    SOURCE,
-    SOURCE_KEYS,
+from softmodels.path.stability import ArcLength, PathEnd, PathQuantity, Point, Pressure, VolumeGain
+from softmodels.path.steps import (
+    FLOW,
+    PRESSURE,
+    SOURCE_PRESSURE,
     TOLERANCE,
     VALVE,
-    Program,
+    VOLUME,
+    Steps,
     begins_at_rest,
-    drivers,
-    source_key,
+    courses,
+    last_number,
+    prescribes,
     time_at,
-    timed,
     value_at,
 )
-from softmodels.path.stability import ArcLength, PathEnd, PathQuantity, Point, Pressure, VolumeGain
 from softmodels.path.supply import Gas, GasStep, Source
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -502,28 +504,30 @@ def load_from(solver: Solver, hung: StageEnd, driver: int) -> State:
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """How a program is followed: Pa in one cm of the column, what each step follows and how it reports, as in `Continuation`,
-    and the tolerance of steps in time, see `softmodels.path.schedule.march`."""
+    """How a program is followed: what each step follows and how it reports, as in `Continuation`, and the tolerance of steps in
+    time, see `softmodels.path.schedule.march`."""
 
-    pascal_per_cm: float
     control: str = "auto"
     report: Callable[[str], None] = lambda text: None
     tolerance: float = TOLERANCE
 
 
+DEFAULT = Settings()
+
+
 def follow(
     solver: Solver,
-    program: Program,
-    settings: Settings,
+    steps: Steps,
+    settings: Settings = DEFAULT,
     begin: StageEnd | None = None,
     hung: StageEnd | None = None,
 ) -> Iterator[tuple[float, Point]]:
-    """Follow a device at rest through a program: one series for each of its cavities, or none for them, and series for dead
-    loads. The coupling of its cavities is changed.
+    """Follow a device at rest through a program, which drives each of its cavities, or none of them, and dead loads. The
+    coupling of its cavities is changed.
 
     Args:
         solver: The device.
-        program: The program.
+        steps: The program.
         settings: How.
         begin: The end of a step to go on from; where it hangs if None.
         hung: Where it hangs under the loads that the program does not change; the undeformed state if None.
@@ -539,24 +543,20 @@ def follow(
     eq.load(eq.rest())
     rest = eq.driven()
     rest[len(eq.volumes()) :] = hung.driven[len(eq.volumes()) :]
-    values, held = in_drivers(solver, program, settings.pascal_per_cm, hung.drives)
-    first, here = int(begins_at_rest(program)), begin or hung
+    values, held = in_drivers(solver, steps, hung.drives)
+    first, here = int(begins_at_rest(steps)), begin or hung
     # A held volume counts from the undeformed cavity, a travel from the preloaded state, and 0 means the preloaded state
     # for both; all other values are magnitudes.
     before = hung.drives.copy()
     before[held] = (hung.driven - rest)[held]
     values[:, held] = np.where(values[:, held] == 0.0, before[held], values[:, held])
-    durations = (
-        [time_at(program, k) - time_at(program, k - 1) for k in range(1, len(values) + 1)] if timed(program) else []
-    )
     changed = np.ones(len(before))  # a hold before anything changes
-    for number, row in enumerate(values[first:], 1):
+    for number, (step, row) in enumerate(zip(steps[first:], values[first:], strict=True), 1):
         last, changed = changed, row - before if (row != before).any() else changed
         if number <= here.number:
             before = row
             continue
-        duration = durations[number - 1] if durations else 0.0
-        stage = Stage.between(here, row - before, held, rest + before, duration, last)
+        stage = Stage.between(here, row - before, held, rest + before, step.duration or 0.0, last)
         point = yield from _told(
             stage.follow(solver, settings.control, settings.report, settings.tolerance), number, begin, bool(first)
         )
@@ -582,22 +582,22 @@ def _told(
 
 def supply(
     solver: Solver,
-    program: Program,
+    steps: Steps,
     gas: Gas,
-    settings: Settings,
+    settings: Settings = DEFAULT,
     begin: StageEnd | None = None,
     hung: StageEnd | None = None,
 ) -> Iterator[tuple[float, Point]]:
-    """Follow a device that gas is supplied to in time, by the series of its source and of the times, perhaps one of the valve;
-    see `follow`. A jump of the source leaves the device where it is.
+    """Follow a device that gas is supplied to in time, by the steps of its source, perhaps with those of the valve; see
+    `follow`. A jump of the source leaves the device where it is.
 
     Raises:
         PathEnd: The device snaps through, or no step was found.
     """
-    here, first = begin or hung or at_rest(solver), int(begins_at_rest(program))
-    steps = range(1, len(program[0].values) + 1 - first)
-    sources = [source_at(program, float(step), settings.pascal_per_cm) for step in (0, *steps)]
-    times = [time_at(program, float(step)) for step in (0, *steps)]
+    here, first = begin or hung or at_rest(solver), int(begins_at_rest(steps))
+    numbers = range(1, last_number(steps) + 1)
+    sources = [source_at(steps, float(number)) for number in (0, *numbers)]
+    times = [time_at(steps, float(number)) for number in (0, *numbers)]
     inflate_from(solver, here)
     rest = gas.value(solver.system.rest().V, 0.0)
     pumped = (
@@ -605,10 +605,10 @@ def supply(
     )
     largest = max(1.0, abs(float(pumped)), *(abs(source.pressure) for source in sources))
     point: Point | None = None
-    for number in steps:
+    for number in numbers:
         if number <= here.number:
             continue
-        duration = times[number] - times[number - 1]
+        duration = steps[number - 1 + first].duration or 0.0
         start = inflate_from(solver, here)
         start = dataclasses.replace(start, P=here.drives[0] / solver.system.body.actuator.ratios[0])
         path = Continuation(solver, gas, start=start, report=settings.report)
@@ -622,35 +622,31 @@ def supply(
         here = stopped(solver, point, number)
 
 
-def source_at(program: Program, come: float, pascal_per_cm: float) -> Source:
+def source_at(steps: Steps, come: float) -> Source:
     """Return what the source of an air supply does after so many steps of a program."""
-    value = value_at(program, SOURCE, come)
-    if (key := source_key(program)) != "source_pressure_cm":
-        return Source(flow=value * SOURCE_KEYS[key].scale)
-    opening = value_at(program, VALVE, come) if any(series.target == VALVE for series in program) else 1.0
-    return Source(value * pascal_per_cm, opening)
+    if prescribes(steps, FLOW):
+        return Source(flow=value_at(steps, FLOW, come))
+    opening = value_at(steps, VALVE, come) if prescribes(steps, VALVE) else 1.0
+    return Source(value_at(steps, SOURCE_PRESSURE, come), opening)
 
 
 def in_drivers(
-    solver: Solver, program: Program, pascal_per_cm: float, kept: npt.NDArray[np.float64]
+    solver: Solver, steps: Steps, kept: npt.NDArray[np.float64]
 ) -> tuple[npt.NDArray[np.float64], list[int]]:
     """Return the values of a program by step and driver, dimensionless, and the drivers with prescribed volume or travel.
-    ``kept`` has the magnitudes of all drivers where it begins, shape (k,): those it does not tell of stay so."""
+    ``kept`` has the magnitudes of all drivers where it begins, shape (k,): those it does not name stay so."""
     eq, cavities = solver.system, len(solver.system.body.actuator.ratios)
-    units = {
-        "pressure_cm": [pascal_per_cm / eq.stress_unit] * cavities,
-        "volume_ml": [1e-6 / eq.volume_unit] * cavities,
-    }
-    values, held, unnamed = np.tile(kept, (len(program[0].values), 1)), [], iter(range(cavities))
-    for series in drivers(program):
-        place = cavities + eq.dead.index(series.target) if series.target else next(unnamed)
-        if series.target:
-            unit = series.scale * (eq.dead.amounts[place - cavities] if series.key == "share" else 1.0)
-            unit /= (eq.dead.moved_units if series.is_volume else eq.dead.units)[place - cavities]
+    units = {PRESSURE: eq.stress_unit, VOLUME: eq.volume_unit}
+    values, held = np.tile(kept, (len(steps), 1)), []
+    for one in courses(steps):
+        if one.of_cavity:
+            place, unit = int(one.of.removeprefix("cavity")) - 1, units[one.quantity]
         else:
-            unit = units[series.key][place]
-        values[:, place] = np.array(series.values) * unit
-        held += [place] if series.is_volume else []
+            load = eq.dead.index(one.of)
+            place, unit = cavities + load, (eq.dead.moved_units if one.held else eq.dead.units)[load]
+            unit /= eq.dead.amounts[load] if one.quantity == "share" else 1.0
+        values[:, place] = np.array(one.values) / unit
+        held += [place] if one.held else []
     return values, sorted(held)
 
 

@@ -42,12 +42,12 @@ from softmodels.common.pages import (
     Text,
 )
 from softmodels.common.schema import about
-from softmodels.common.units import readable
+from softmodels.common.units import as_amount, readable
 from softmodels.components.contact import obstacle_of
 from softmodels.materials.laws import parameter_fields
 from softmodels.materials.silicones import break_words, publications, stretch_at_break, stretches_of
 from softmodels.mechanics.newton import TOLERANCE
-from softmodels.path.program import named
+from softmodels.path.steps import VOLUME, courses, times_of
 from softmodels.pictures import curves
 from softmodels.pictures.curves import drawing
 from softmodels.pictures.offscreen import Look, ViewCamera
@@ -89,14 +89,16 @@ def case_tables(states: States) -> list[CaseTable]:
 
 def _load(states: States) -> Iterator[tuple[str, object, str]]:
     case = states.case
-    asked = [(case.load.requested.words, case.values, case.unit)]
+    asked: list[tuple[str, Sequence[float], str]] = [(case.load.requested.words, case.values, case.unit)]
     if case.program:
-        asked = [
-            (name, series.values, f"{series.unit}{' added' if series.key == 'volume_ml' else ''}")
-            for name, series in named(case.program).items()
-        ]
-    for what, values, unit in asked:
-        yield what, f"{', '.join(f'{value:g}' for value in values)} {unit}", "requested"
+        asked = []
+        for one in courses(case.steps):
+            values = [as_amount(value) for value in one.values]
+            added = " added" if one.quantity == VOLUME else ""
+            asked.append((one.name, [value.number for value in values], f"{values[0].unit}{added}"))
+        asked += [("time", times_of(case.steps), "s")] if case.timed else []
+    for what, numbers, unit in asked:
+        yield what, f"{', '.join(f'{number:g}' for number in numbers)} {unit}", "requested"
     if case.load.has_pressure:
         yield "water density", f"{case.water_density:g} kg/m^3", f"1 cm is {case.cm:.4g} Pa"
     yield "control", case.control, "control of the continuation"

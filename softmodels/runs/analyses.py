@@ -41,9 +41,9 @@ from softmodels.mechanics.body import Body
 from softmodels.mechanics.mpi import on_root, start
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.path.continuation import Continuation, trace
-from softmodels.path.program import TIME_KEY, from_tables
-from softmodels.path.schedule import LostInTime, Settings, StageEnd, follow
+from softmodels.path.schedule import LostInTime, StageEnd, follow
 from softmodels.path.stability import PathEnd, Point
+from softmodels.path.steps import PRESSURE, VOLUME, Prescribed, Step, Steps
 from softmodels.path.supply import AMBIENT
 from softmodels.runs.fields import Fields
 from softmodels.runs.grid import Cells
@@ -172,8 +172,8 @@ HELD_WITHIN = 1e-3
 def _held(case: Case, body: Body, material: Material, relaxed: Limit, hold: float) -> Limit:
     """Return the largest pressure that is applied at once and borne for a time, by bisection between the limits of the relaxed
     silicone and of one that does not creep at all."""
-    load = {"pressures_cm": (1.0,), "hold": hold}
-    asked = dataclasses.replace(case, material=material, components=weighed(case.components, material), **load)  # type: ignore[arg-type]
+    parts, times = weighed(case.components, material), (Step((Prescribed(PRESSURE, (100.0,)),), hold),)
+    asked = dataclasses.replace(case, material=material, components=parts, steps=times)
     model = Model.of(asked, body)
     try:
         potential, rest = model.system.potential, model.system.rest()
@@ -181,15 +181,12 @@ def _held(case: Case, body: Body, material: Material, relaxed: Limit, hold: floa
         best, low, high = relaxed, relaxed.pressure, _search(model, hung).pressure
         while high > low * (1 + HELD_WITHIN):
             tried = (low * high) ** 0.5
-            series = {
-                f"cavity{i}": {"pressure_cm": [tried * ratio / case.cm] * 2}
-                for i, ratio in enumerate(case.actuator.ratios, 1)
-            }
+            applied = tuple(
+                Prescribed(PRESSURE, (tried * ratio,), f"cavity{i}") for i, ratio in enumerate(case.actuator.ratios, 1)
+            )
             potential.keep(rest.w, anew=True)
             try:
-                for _, point in follow(
-                    model.solver, from_tables({**series, TIME_KEY: [0.0, hold]}), Settings(case.cm), hung=hung
-                ):
+                for _, point in follow(model.solver, (Step(applied, 0.0), Step(applied, hold)), hung=hung):
                     last = point
             except PathEnd as end:
                 if not isinstance(end, LostInTime):
@@ -495,22 +492,25 @@ class NaturalFrequencies(Shown):
         return found
 
 
-def case_for_modes(case: Case, pressures_cm: Sequence[float] | None = None) -> Case:
-    """Return a case with only its pressures or added volumes, or the given pressures in cm, as a load; at rest, or under its
-    dead loads, if these are 0 or it has none. `CaseError` for another load."""
-    load = {"pressures_cm": case.pressures_cm, "volumes_ml": case.volumes_ml}
-    if pressures_cm is not None:
-        load = {"pressures_cm": tuple(pressures_cm), "volumes_ml": ()}
-    elif any(case.values) and not any(load.values()):
+def case_for_modes(case: Case, pressures: Steps | None = None) -> Case:
+    """Return a case with only its pressures or added volumes, or the given pressures, as a load; at rest, or under its dead
+    loads, if these are 0 or it has none. `CaseError` for another load."""
+    steps = case.steps if pressures is None else pressures
+    asked = () if case.program and pressures is None else steps[-1].prescribed[0].values if steps else ()
+    if pressures is None and any(case.values) and not (case.load.of(PRESSURE) or case.load.of(VOLUME)):
         raise CaseError(
             "frequencies are found at rest, or at rising pressures or added volumes, and not along a program, strokes or "
             "forces; give the pressures (--pressure-cm 0:10), or 0 for the state at rest (--pressure-cm 0)"
         )
-    load = {key: values if any(values) else () for key, values in load.items()}
-    values = {field.name: getattr(case, field.name) for field in dataclasses.fields(case)} | load
-    others = {"strokes_ml": (), "supply": None, "program": (), "driven": None, "load_unload": False, "band": None,
-              "inertia": False}  # fmt: skip
-    return (Case if any(load.values()) else AtRest)(**{**values, **others})
+    values = {field.name: getattr(case, field.name) for field in dataclasses.fields(case)}
+    others = {
+        "steps": steps if any(asked) else (),
+        "supply": None,
+        "load_unload": False,
+        "band": None,
+        "inertia": False,
+    }
+    return (Case if any(asked) else AtRest)(**{**values, **others})
 
 
 def find_frequencies(case: Case, count: int, sealed: bool, comm: MPI.Comm) -> NaturalFrequencies:
@@ -519,7 +519,7 @@ def find_frequencies(case: Case, count: int, sealed: bool, comm: MPI.Comm) -> Na
     model, ended, states = Model.of(case, meshed(case.actuator, comm)), Ended(), list[Equilibrium]()
     try:
         try:
-            path = model.followed(case, case.quantity) if case.values else [model.solve()]
+            path = model.followed(case, case.quantity) if case.steps else [model.solve()]
             for state in path:
                 states.append(state)  # modes change the loaded state, so the path is followed first
         except RunError as error:

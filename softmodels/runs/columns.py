@@ -20,17 +20,18 @@ import numpy.typing as npt
 
 from geometries import Actuator
 from softmodels.case.case import Case
+from softmodels.case.load import CM, in_unit
 from softmodels.case.materials import MaterialErrors, SourceBand
 from softmodels.common.arrays import Array
 from softmodels.common.files import csv_text, write_text
-from softmodels.common.units import column_unit
+from softmodels.common.units import Amount, column_unit
 from softmodels.materials.silicones import named, silicone_called, source_names, stretch_at_break
 from softmodels.mechanics.component import COMPONENTS
 from softmodels.mechanics.controls import LoadPart, volume_control
 from softmodels.mechanics.newton import NoConvergence
-from softmodels.path.program import SOURCE, time_at, value_at
 from softmodels.path.schedule import source_at
 from softmodels.path.stability import AddedVolume, DeadForce, Point, Pressure, Supply
+from softmodels.path.steps import PRESSURE, time_at
 from softmodels.path.supply import Reservoir, Source
 from softmodels.runs.fields import (
     OUTPUTS,
@@ -150,10 +151,10 @@ def cavity_columns(row: Row, what: str, unit: str) -> list[str]:
 
 def _height(solved: Solved) -> float:
     """Return the height of the column in cm."""
-    height = solved.pressure / solved.case.cm
-    asked = solved.case.pressures_cm if solved.point.requested else ()
-    # as typed, without the rounding of two conversions
-    return next((typed for typed in asked if math.isclose(typed, height, rel_tol=1e-9)), height)
+    requested = solved.point.state.P  # with its text, if it is a requested pressure
+    if isinstance(requested, Amount) and requested.unit == CM and solved.case.load.of(PRESSURE):
+        return requested.number
+    return solved.pressure / solved.case.cm
 
 
 def _stroke(solved: Solved) -> float:
@@ -309,12 +310,12 @@ def _in_time(case: Case) -> bool:
 
 def _source(solved: Solved) -> Source:
     """Return what the source of the supply does."""
-    return source_at(solved.case.program, solved.load_step, solved.case.cm)
+    return source_at(solved.case.steps, solved.load_step)
 
 
 def _source_height(solved: Solved) -> float | None:
-    flows = _source(solved).flow is not None
-    return None if flows else value_at(solved.case.program, SOURCE, solved.load_step)
+    source = _source(solved)
+    return None if source.flow is not None else in_unit(source.pressure, CM, solved.case.cm)
 
 
 def _flow(solved: Solved) -> float:
@@ -362,8 +363,8 @@ _COLUMNS: tuple[PathColumn | Columns, ...] = (
            "1 if this state is stable with the gas of the supply, 0 if the device snaps through", _held,
            lambda case: _supplied(case) and _at_rest(case)),
     PathColumn("load_step", "load step", "number of the step in a program of several cavities",
-           lambda s: s.load_step, lambda case: bool(case.program)),
-    PathColumn("time_s", "time", "since the load began", lambda s: time_at(s.case.program, s.load_step),
+           lambda s: s.load_step, lambda case: case.program),
+    PathColumn("time_s", "time", "since the load began", lambda s: time_at(s.case.steps, s.load_step),
            lambda case: case.timed),
     Columns("cavities", _cavity_cells, _cavity_term),
     Columns("rises", lambda s: {f"{name}_mm": rise * 1e3 for name, rise in s.figures.rises.items()}, _rise_term),
@@ -521,7 +522,7 @@ def state_labels(case: Case) -> StateLabels:
     )  # fmt: skip
     if case.driven is None:
         return words
-    load = case.driven.of(case.components)
+    load = case.load.driven_part
     return dataclasses.replace(words, along=(load.column, load.moved_column))
 
 

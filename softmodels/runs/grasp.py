@@ -23,6 +23,7 @@ from softmodels.case.case import Case
 from softmodels.common.arrays import Array
 from softmodels.common.errors import Spoken
 from softmodels.common.lazy import scipy
+from softmodels.common.units import written
 from softmodels.components.contact import RigidShape, RubbingShapeTerm, SampledShapeTerm, StandingTerm, copies_around
 from softmodels.components.pressing import Grip, Rubbed
 from softmodels.mechanics.assembly import FaceNodes
@@ -31,6 +32,7 @@ from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.mpi import start
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.system import State
+from softmodels.path.steps import PRESSURE
 from softmodels.runs.outcomes import NO_EQUILIBRIUM, RunError
 from softmodels.runs.simulation import Model, meshed
 
@@ -214,7 +216,7 @@ def check_grasp(case: Case, label: str, fingers: int, direction: Array) -> Rigid
         )
     if any(part.acceleration is not None for part in case.components):
         raise GraspError("the fingers of a grasp are turned around the object and have no weight; leave out [gravity]")
-    if case.program or case.driven or not case.pressures_cm or case.pressures_cm[-1] <= 0.0:
+    if max(case.load.of(PRESSURE), default=0.0) <= 0.0:
         raise GraspError("a grasp needs pressures above 0 that close the fingers (pressure_cm = [5, 10])")
     if np.linalg.norm(np.cross(direction, shape.direction)) < 1e-9 * np.linalg.norm(direction):
         raise GraspError("the load must lie in the plane of the fingers, not along the object's axis (--direction)")
@@ -355,12 +357,12 @@ def grasp(
     """
     made = Grasp(case, label, fingers, direction, steps)
     here, found = made.rest(), []
-    for cm in [value for value in case.pressures_cm if value > 0.0]:
-        P = cm * case.cm / made.system.stress_unit
+    for pressure in [value for value in case.load.of(PRESSURE) if value > 0.0]:
+        P = pressure / made.system.stress_unit
         here = [here, *made.follow(here, P, 0.0)][-1]
         if abs(here.states[0].P / P - 1) > 1e-9:
             raise RunError(
-                f"the fingers do not close to {cm:g} cm: the object is no longer in equilibrium beyond "
+                f"the fingers do not close to {written(pressure)}: the object is no longer in equilibrium beyond "
                 f"{here.pressure / case.cm:.4g} cm; lower the pressure, or use more fingers or friction",
                 NO_EQUILIBRIUM,
             )

@@ -39,9 +39,9 @@ from softmodels.mechanics.component import PathFailure, names_in
 from softmodels.mechanics.controls import LoadPart, requestable
 from softmodels.mechanics.mpi import petsc_reason
 from softmodels.path.continuation import Continuation
-from softmodels.path.program import VALVE, drivers, step_text, time_at, value_at
 from softmodels.path.schedule import LostInTime, SnapInTime
 from softmodels.path.stability import PathEnd
+from softmodels.path.steps import VALVE, prescribes, step_text, time_at, value_at
 from softmodels.path.supply import TURBULENT_FROM, Reservoir
 from softmodels.runs.columns import SourceRows, StateLabels, overlap_of, span_sentence, state_labels
 from softmodels.runs.fields import Fields, Row, split
@@ -201,8 +201,8 @@ def supply_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
     if (seconds := fill_time(rows)) is not None:
         most = max(row["source_pressure_cm"] for row in rows)
         yield f"the device takes {seconds:.3g} s to {FILLED:.0%} of the source's {most:.4g} cm"
-    opening = any(series.target == VALVE for series in case.program)
-    closed = np.array([opening and value_at(case.program, VALVE, row["load_step"]) == 0.0 for row in rows])
+    opening = prescribes(case.steps, VALVE)
+    closed = np.array([opening and value_at(case.steps, VALVE, row["load_step"]) == 0.0 for row in rows])
     if supply.leak is not None and closed.any():
         first = int(np.argmax(closed))
         length = int(np.argmin(np.append(closed[first:], False)))
@@ -239,16 +239,14 @@ def fill_time(rows: Sequence[Row]) -> float | None:
 
 def typed_notes(case: Case) -> Iterator[str]:
     """Yield a sentence on an ambiguous text of requested values, or none."""
-    asked = (case.pressures_cm, case.volumes_ml, case.strokes_ml)
-    yield from filter(None, (getattr(values, "doubt", "") for values in asked))
+    yield from (one.doubt for step in case.steps for one in step.prescribed if one.doubt)
 
 
 def vacuum_notes(case: Case) -> Iterator[str]:
     """Yield a sentence on a vacuum that few sources reach, or none."""
-    lowest = case.load.lowest_cm(case.actuator.ratios)
-    if lowest * case.cm <= REACHED:
+    if (lowest := case.load.lowest()) <= REACHED:
         yield (
-            f"{lowest:.4g} cm are {lowest * case.cm / 1e3:.4g} kPa: at sea level ejectors reach about -85 kPa, single-stage "
+            f"{lowest / case.cm:.4g} cm are {lowest / 1e3:.4g} kPa: at sea level ejectors reach about -85 kPa, single-stage "
             "pumps -90 kPa; check the source's data sheet"
         )
 
@@ -700,7 +698,7 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
         )
     at = fields.figures(end.limit.state)
     if case.driven is not None:
-        load = case.driven.of(case.components)
+        load = case.load.driven_part
         most = at.device[load.column]
         return (
             f"no equilibrium at {asked} on this path: the {load.table} has a limit point at {most:.5g} "
@@ -739,7 +737,7 @@ def explain_step(case: Case, end: PathEnd, rows: Sequence[Row], come: float, pet
         for name, pressure, volume in zip(names, pressures, volumes, strict=True)
     ]
     place = ", ".join([*cavities, *words.loads_words(at)])
-    asked = f"step {number} of the program ({step_text(case.program, number)})"
+    asked = f"step {number} of the program ({step_text(case.steps, number)})"
     gauge = case.actuator.gauge
     moved = f"the {gauge} has moved {at[f'{gauge}_mm']:+.4g} mm"
     if end.cause:
@@ -749,11 +747,11 @@ def explain_step(case: Case, end: PathEnd, rows: Sequence[Row], come: float, pet
         )
     if isinstance(end, SnapInTime):
         return (
-            f"{asked} was not reached: at {time_at(case.program, come):.4g} s, {place}, where {moved}, {end}. Stay below, use "
+            f"{asked} was not reached: at {time_at(case.steps, come):.4g} s, {place}, where {moved}, {end}. Stay below, use "
             f"{case.actuator.stiffer} or a stiffer silicone, or request added volumes without the supply (volume_ml)"
         )
     if isinstance(end, LostInTime):
-        time = time_at(case.program, come)
+        time = time_at(case.steps, come)
         return (
             f"{asked} was not reached: at {time:.4g} s {end}, {place}, where {moved}; beyond it {_beyond(case)[0]}. Stay "
             f"below, hold it for less time, use {case.actuator.stiffer} or a stiffer silicone, or request volumes (volume_ml)"
@@ -769,7 +767,7 @@ def explain_step(case: Case, end: PathEnd, rows: Sequence[Row], come: float, pet
 
 def _beyond(case: Case) -> tuple[str, str]:
     """Return what a device does beyond a program's limit point, and what to request instead."""
-    if any(series.target for series in drivers(case.program)):
+    if any(not one.of_cavity for step in case.steps for one in step.prescribed):
         return "the device collapses", "volumes and travels (volume_ml, travel_mm) instead of pressures and forces"
     return "a cavity balloons", "that cavity's added volume (volume_ml) instead of its pressure"
 

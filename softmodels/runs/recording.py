@@ -28,9 +28,9 @@ from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics.controls import Tangent
 from softmodels.mechanics.mpi import is_root, kept_on_root, largest, on_root, together
 from softmodels.mechanics.system import State
-from softmodels.path.program import goes_on
 from softmodels.path.schedule import StageEnd
 from softmodels.path.stability import Point, Signature
+from softmodels.path.steps import goes_on
 from softmodels.runs.columns import cavity_columns, state_labels
 from softmodels.runs.fields import Fields, Row
 from softmodels.runs.formats import Restart
@@ -55,7 +55,7 @@ def check_same(case: Case, old: Case, known: Mapping[str, str], wanted: Mapping[
         other = f"another {what} ({name} is {there} there, {here} here); resume with its options"
     elif case.load_unload and case.values != old.values:
         other = "a --load-unload through other pressures; resume with the same pressures"
-    elif not goes_on(case.program, old.program):
+    elif case.program != old.program or (case.program and not goes_on(case.steps, old.steps)):
         other = "other steps; resume with the same steps (further ones may follow)"
     elif old.quantity != case.quantity:
         other = f"requested {old.quantity}s; resume with the same"

@@ -16,8 +16,9 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from geometries import Actuator, MeshingStopped, meshing
-from softmodels.case.case import Case, Values, in_unit
+from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.case.load import Values, prescribed
 from softmodels.case.materials import MaterialErrors, SourceBand
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
@@ -25,6 +26,7 @@ from softmodels.common.errors import spoken
 from softmodels.common.lazy import MPI, PETSc
 from softmodels.common.names import checked, flag, one_of, read_only, whole
 from softmodels.common.processes import one_at_a_time
+from softmodels.common.units import Amount, written
 from softmodels.components.loads import densities
 from softmodels.materials.laws import Material
 from softmodels.materials.specimens import weakness
@@ -52,6 +54,7 @@ from softmodels.path.stability import (
     Springs,
     Stability,
 )
+from softmodels.path.steps import PRESSURE, VOLUME, one_step
 from softmodels.path.supply import AMBIENT, Gas
 from softmodels.runs.columns import Band, Solved, row_of
 from softmodels.runs.fields import Fields, Figures, Row, check_requested
@@ -97,6 +100,10 @@ COARSE = 0.01
 """Relative error of the meshed cavity's volume above which the user is warned."""
 
 
+SMALL_PRESSURE = one_step(PRESSURE, [100.0])
+"""Load of a case whose requested values do not matter."""
+
+
 class AtRest(Case):
     """A case of which nothing may be requested but how the device hangs under its dead loads: a file needs no [load]."""
 
@@ -140,10 +147,10 @@ class Model(Shown):
         *,
         solver: str = "auto",
     ):
-        kind, pressures = (Case, (1.0,)) if getattr(device, "ratios", True) else (AtRest, ())
-        case = kind(
-            "model", device, material, pressures_cm=pressures, components=components,  # type: ignore[arg-type]
-            formulation=formulation, solver=solver,
+        inflated = bool(getattr(device, "ratios", True))
+        case = (Case if inflated else AtRest)(
+            "model", device, material, SMALL_PRESSURE if inflated else (),  # type: ignore[arg-type]
+            components=components, formulation=formulation, solver=solver,  # type: ignore[arg-type]
         )  # fmt: skip
         comm = start()
         with sentences():
@@ -233,15 +240,15 @@ class Model(Shown):
         """
         if (pressures is None) == (volumes is None):
             raise CaseError("give the pressures or the added volumes that the path goes to, one of them")
-        unit, values, what = ("cm", pressures, "pressure") if volumes is None else ("ml", volumes, "volume")
-        asked = in_unit(unit, values, what, self.case.cm)
-        if not any(asked):
+        quantity, values = (PRESSURE, pressures) if volumes is None else (VOLUME, volumes)
+        asked = prescribed(quantity, values, self.case.cm)  # type: ignore[arg-type]
+        if not any(asked.values):
             raise CaseError(
-                f"the only {what} requested is 0; add a value above 0, or take the state at rest by solve()"
+                f"the only {quantity} requested is 0; add a value above 0, or take the state at rest by solve()"
             )
-        quantity = {f"{what}s_{unit}": asked, **({"pressures_cm": ()} if unit == "ml" else {})}
-        case = dataclasses.replace(self.case, control=control, **quantity)  # type: ignore[arg-type]
-        return self.followed(case, what)
+        return self.followed(
+            dataclasses.replace(self.case, control=control, steps=one_step(quantity, asked.values)), quantity
+        )
 
     def followed(self, case: Case, quantity: str) -> Iterator[Equilibrium]:
         """Follow the device through the pressures or added volumes of a case; see `path`."""
@@ -282,16 +289,16 @@ class Model(Shown):
         case, system, dead = self.case, self.system, self.system.dead
         if not dead.loads:
             return None
-        changed = {series.target for series in case.program}
-        changed |= {case.driven.of(case.components).key} if case.driven else set()
+        changed = {one.of for step in case.steps for one in step.prescribed}
+        changed |= {case.load.driven_part.key} if case.driven else set()
         kept = [0.0 if load.key in changed else amount for load, amount in zip(dead.loads, dead.amounts, strict=True)]
         ratios = np.array(case.actuator.ratios)
         magnitudes = np.concatenate([np.zeros(len(ratios)), np.array(kept) / dead.units])
         targets = [("its dead loads", magnitudes)]
-        if case.driven is not None and case.driven.at_pressure_cm:
+        if pressure := case.load.preload:
             inflated = magnitudes.copy()
-            inflated[: len(ratios)] = case.driven.at_pressure_cm * case.cm / system.stress_unit * ratios
-            targets.append((f"{case.driven.at_pressure_cm:g} cm", inflated))
+            inflated[: len(ratios)] = pressure / system.stress_unit * ratios
+            targets.append((written(pressure), inflated))
         if words := [what for what, amounts in targets if amounts.any()]:
             report(f"applying {', then '.join(words)}")
         try:
@@ -305,7 +312,7 @@ class Model(Shown):
     def driven_load(self) -> int:
         """Place among the dead loads of the one whose values are requested."""
         assert self.case.driven is not None
-        return self.system.dead.index(self.case.driven.of(self.case.components).key)
+        return self.system.dead.index(self.case.load.driven_part.key)
 
     def unit_of(self, quantity: str) -> float:
         """SI units in one dimensionless value of a quantity, by its name; of shares of the weight the weight; below 0 for
@@ -315,8 +322,8 @@ class Model(Shown):
             return system.direction * system.stress_unit
         if driven is not None and quantity in (DeadForce.name, LoadDisplacement.name):
             place = self.driven_load
-            unit = (system.dead.moved_units if driven.asked.held else system.dead.units)[place]
-            return float(unit / (system.dead.amounts[place] if driven.key == "share" else 1.0))
+            unit = (system.dead.moved_units if driven.held else system.dead.units)[place]
+            return float(unit / (system.dead.amounts[place] if driven.quantity == "share" else 1.0))
         return system.direction * system.volume_unit
 
     # -- modes --------------------------------------------------------------------------------------------------------
@@ -736,22 +743,26 @@ class Simulation:
     def _check_volumes(self, start: State | None) -> None:
         """Raise `RunError` for requested volumes below the one that the cavity has under the preload, where the path begins,
         the drivers coupled for it; None for the undeformed state."""
-        if start is None or not self.case.volumes_ml:
+        volumes = self.case.load.of(VOLUME)
+        if start is None or not volumes:
             return
         system = self.solver.system
-        taken = (start.V - system.rest().V) * system.volume_unit * 1e6
+        taken = (start.V - system.rest().V) * system.volume_unit
         system.load(start)
-        if passed := [value for value in self.case.volumes_ml if 0.0 < value < taken]:
+        if passed := [value for value in volumes if 0.0 < value < taken]:
             raise RunError(
-                f"{passed[0]:g} ml are not on this path: the preload has already added "
-                f"{taken:.4g} ml to the undeformed cavity; request more than that, or 0 for the preloaded state",
+                f"{written(passed[0])} are not on this path: the preload has already added "
+                f"{taken * 1e6:.4g} ml to the undeformed cavity; request more than that, or 0 for the preloaded state",
                 NO_EQUILIBRIUM,
             )
 
     def _goals(self) -> list[float]:
-        """Return the requested values, dimensionless."""
+        """Return the requested values, dimensionless, each with its text."""
         scale = self.model.unit_of(self.case.quantity)
-        return [goal / scale for goal in self.case.goals]
+        return [
+            Amount(goal / scale, goal.number, goal.unit) if isinstance(goal, Amount) else goal / scale
+            for goal in self.case.goals
+        ]
 
     def quantity(self, name: str) -> PathQuantity:
         """Return a requested quantity by its name; the stroke is that of the case's supply."""
@@ -775,12 +786,12 @@ class Simulation:
             hung = self.model.preload(say)
             self.model.set_in_motion()
             begun.recall()
-            settings = schedule.Settings(case.cm, case.control, say, case.time_tolerance)
+            settings = schedule.Settings(case.control, say, case.time_tolerance)
             gas = self.quantity(Gas.name) if case.supply else None
             if isinstance(gas, Gas):
-                points = schedule.supply(self.solver, case.program, gas, settings, begun.stop, hung)
+                points = schedule.supply(self.solver, case.steps, gas, settings, begun.stop, hung)
             else:
-                points = schedule.follow(self.solver, case.program, settings, begun.stop, hung)
+                points = schedule.follow(self.solver, case.steps, settings, begun.stop, hung)
             for come, point in points:
                 step = self.step_of(point, len(rows), come)
                 rows.append(step.row)

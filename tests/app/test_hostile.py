@@ -27,8 +27,8 @@ from softmodels.app.forms import page_words, with_field
 from softmodels.app.jobs import AnswerError
 from softmodels.app.making import CURVE
 from softmodels.app.server import LARGEST_UPLOAD, Guard, free_port
-from softmodels.case.case import in_unit
 from softmodels.case.entries import INPUT_ERRORS
+from softmodels.case.load import steps_of
 from softmodels.common.errors import FieldError, reason
 from softmodels.common.units import UnitError
 
@@ -170,13 +170,13 @@ def test_bad_inputs_get_a_sentence_and_change_nothing(photographs):
     lengths = [(name, text) for name in ("membrane", "wall") for text in NUMBERS]
     tries = [
         *(functools.partial(with_field, device, name, text) for name, text in lengths),
-        *(functools.partial(in_unit, "cm", text, "pressure", case.cm) for text in PRESSURES),
+        *(functools.partial(steps_of, pressure=text) for text in PRESSURES),
         *(
             lambda text=text: asyncio.run(change(one, pressure=text))
             for text in ("nan cm", "5", "one cm", "\0", "5 mm kg")
         ),
         *(functools.partial(project.change_text, text) for text in CASES),
-        functools.partial(project.change, pressures_cm=(float("nan"),)),
+        functools.partial(project.change, steps=steps_of(pressure_cm=(float("nan"),))),
     ]
     for number, bad in enumerate(tries):
         with pytest.raises(ERRORS) as found:
@@ -193,11 +193,11 @@ def test_a_case_that_cannot_be_used_is_kept_until_it_is_corrected(written, tmp_p
     project = Project(tmp_path)
     assert project.case_error and project.case_text == written
     with pytest.raises(INPUT_ERRORS, match="cannot be used"):
-        project.change(pressures_cm=(3.0,))
+        project.change(steps=steps_of(pressure_cm=(3.0,)))
     assert (tmp_path / CASE).read_text() == written
     project.set_aside()
     assert (tmp_path / "case-aside.toml").read_text() == written and not project.case_error
-    project.change(pressures_cm=(3.0,))
+    project.change(steps=steps_of(pressure_cm=(3.0,)))
     text = "# mine\n" + project.case.to_toml() + "\n[gravity]\ndirection = '-z'\n"
     project.change_text(text)
     assert project.case.components and (tmp_path / CASE).read_text() == text
@@ -208,12 +208,14 @@ def test_what_another_program_writes_is_not_overwritten(tmp_path):
     project.change()
     text = (
         "# mine\n"
-        + sm.Case("mine", sm.HollowDisk(section="axisymmetric"), "ecoflex-00-30", pressures_cm=(7.0,)).to_toml()
+        + sm.Case(
+            "mine", sm.HollowDisk(section="axisymmetric"), "ecoflex-00-30", steps=steps_of(pressure_cm=(7.0,))
+        ).to_toml()
     )
     (tmp_path / CASE).write_text(text)
     with pytest.raises(INPUT_ERRORS, match="another program"):
-        project.change(pressures_cm=(3.0,))
-    assert (tmp_path / CASE).read_text() == text and project.case.pressures_cm == (7.0,)
+        project.change(steps=steps_of(pressure_cm=(3.0,)))
+    assert (tmp_path / CASE).read_text() == text and project.case.values == (7.0,)
 
 
 def test_a_full_disk_is_told_and_loses_nothing(photographs, monkeypatch):
@@ -227,7 +229,7 @@ def test_a_full_disk_is_told_and_loses_nothing(photographs, monkeypatch):
     for name in ("write_text", "write_bytes"):
         monkeypatch.setattr(Path, name, full)
     for work in (
-        lambda: project.change(pressures_cm=(3.0,)), lambda: project.change_text(case.to_toml()),
+        lambda: project.change(steps=steps_of(pressure_cm=(3.0,))), lambda: project.change_text(case.to_toml()),
         lambda: asyncio.run(photographs.change(one, pressure="6 cm")), lambda: asyncio.run(photographs.take_tone("linear")),
         lambda: asyncio.run(photographs.add("b.png", picture("PNG"))),
     ):  # fmt: skip

@@ -11,6 +11,7 @@ import pytest
 import softmodels as sm
 from softmodels.app import answers
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from tests.app.conftest import served, tab, value
 
 NUMBER = re.compile(r"-?[0-9][0-9.]*(?:e-?[0-9]+)?")
@@ -40,7 +41,9 @@ def test_a_changed_length_gives_what_python_gives(page):
     limit = sm.limit(DEVICE, "ecoflex-00-30")
     assert number(
         value(page, "limit").partition(" at ")[2] or value(page, "limit").partition(" to ")[2]
-    ) == pytest.approx(limit.pressure / Case("x", DEVICE, "ecoflex-00-30", pressures_cm=(1.0,)).cm, rel=5e-4)
+    ) == pytest.approx(
+        limit.pressure / Case("x", DEVICE, "ecoflex-00-30", steps=steps_of(pressure_cm=(1.0,))).cm, rel=5e-4
+    )
 
 
 def test_an_impossible_length_is_told_in_place_and_changes_nothing(page):
@@ -101,7 +104,7 @@ def test_a_killed_server_resumes_its_job(browser, tmp_path):
     project = tmp_path / "project"
     project.mkdir()
     disk = sm.HollowDisk(cell_size=6e-3, refinement=1.0)
-    case = Case("device", disk, sm.Yeoh(14e3, 60.0), pressures_cm=tuple(range(0, 60, 3)))
+    case = Case("device", disk, sm.Yeoh(14e3, 60.0), steps=steps_of(pressure_cm=tuple(range(0, 60, 3))))
     (project / "case.toml").write_text(case.to_toml())
     rows = project / "results" / "device" / "path.csv"
     with served(project, stop=signal.SIGKILL) as (_, address), tab(browser, address) as page:
@@ -166,7 +169,7 @@ def test_an_own_report_works_within_the_page(browser, tmp_path):
     """Its program runs, its pictures load, its tables can be saved."""
     project = tmp_path / "project"
     disk = sm.HollowDisk(section="axisymmetric", cell_size=6e-3, refinement=1.0)
-    case = Case("device", disk, sm.Yeoh(14e3, 60.0), pressures_cm=(0.0, 20.0))
+    case = Case("device", disk, sm.Yeoh(14e3, 60.0), steps=steps_of(pressure_cm=(0.0, 20.0)))
     project.mkdir()
     (project / "case.toml").write_text(case.to_toml())
     with served(project) as (_, address), tab(browser, address) as page:

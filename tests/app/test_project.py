@@ -16,6 +16,7 @@ from softmodels.app import answers
 from softmodels.app.bench import PHOTOGRAPH, Photographs, Project
 from softmodels.app.forms import page_words
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.common.errors import FieldError
 from tests.app.conftest import TOP
 
@@ -83,7 +84,7 @@ def test_another_kind_of_file_is_refused(name, tmp_path):
 
 def test_the_linear_answer_of_a_stored_run_has_its_exact_derivatives(tmp_path):
     disk, material, length, step = sm.HollowDisk(section="axisymmetric"), sm.Yeoh(14e3, 60.0), "membrane", 0.2e-3
-    stored = sm.run(Case("disk", disk, material, pressures_cm=(0.0, 60.0)), folder=tmp_path / "run")
+    stored = sm.run(Case("disk", disk, material, steps=steps_of(pressure_cm=(0.0, 60.0))), folder=tmp_path / "run")
     pressure = float(stored.pressure[-1])
     found = answers.linear(str(tmp_path / "run"), pressure)
     assert Case.from_toml(found.case) == stored.case
@@ -107,7 +108,7 @@ def test_the_linear_answer_of_a_stored_run_has_its_exact_derivatives(tmp_path):
 @pytest.mark.parametrize("pressure", [0.0, 3e3])
 def test_the_simulated_outline_begins_at_the_apex(pressure):
     disk = sm.HollowDisk(section="axisymmetric")
-    case = Case("disk", disk, sm.Yeoh(14e3, 60.0), pressures_cm=(1.0,))
+    case = Case("disk", disk, sm.Yeoh(14e3, 60.0), steps=steps_of(pressure_cm=(1.0,)))
     curve = answers.outline(case.to_toml(), pressure)
     apex = sm.inflate(disk, case.material, [pressure]).apex[-1] if pressure else 0.0
     assert curve[0] == pytest.approx([0.0, apex], abs=1e-9)

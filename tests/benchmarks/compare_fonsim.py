@@ -18,19 +18,20 @@ from mpi4py import MPI
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
+from softmodels.case.load import steps_of
 from softmodels.materials.laws import Yeoh
 from softmodels.materials.specimens import sphere_pressure
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
-from softmodels.path.program import from_tables, time_at
-from softmodels.path.schedule import Settings, supply
+from softmodels.path.schedule import supply
+from softmodels.path.steps import time_at
 from softmodels.path.supply import VISCOSITY, Gas, Reservoir
 from tests.support.bodies import Sphere
 
 LAW = Yeoh(15e3, 0.0, 20.0, 0.5)
 BALLOON = Sphere(inner=0.010, outer=0.0104, through=1, along=24)
-SOURCE, SECONDS, CM = 1700.0, 120.0, 95.1
+SOURCE, SECONDS = 1700.0, 120.0
 LENGTH, BORE = 1.0, 0.7e-3
 AMBIENT = fonsim.pressure_atmospheric
 
@@ -74,8 +75,8 @@ def by_softmodels() -> tuple[np.ndarray, np.ndarray]:
     solver = Solver(System(body, LAW))
     system = solver.system
     gas = Gas(reservoir, system.stress_unit, system.volume_unit)
-    program = from_tables({"source_pressure_cm": [SOURCE / CM] * 2, "time_s": [0.0, SECONDS]})
-    path = supply(solver, program, gas, Settings(CM))
+    program = steps_of(source_pressure=[f"{SOURCE!r} Pa"] * 2, time_s=[0.0, SECONDS])
+    path = supply(solver, program, gas)
     rows = [(time_at(program, come), point.state.P * system.stress_unit) for come, point in path]
     return tuple(np.array(rows).T)  # type: ignore[return-value]
 

@@ -14,6 +14,7 @@ import time
 
 import numpy as np
 
+from softmodels.case.load import steps_of
 from softmodels.mechanics.mpi import is_root, start
 
 PRESSURE = 177 * 95.1
@@ -46,7 +47,7 @@ def main():
     quantities = (Rise(at=PRESSURE), Place(at=PRESSURE, axis="x"), AddedVolume(at=PRESSURE), StoredEnergy(at=PRESSURE))
     quantities += (PeakStretch(at=PRESSURE),)
     material = DEFAULT if given.device == "disk" else silicone_called("ecoflex-00-30").material
-    case = Case(name="cost", actuator=device, material=material, pressures_cm=(177.0,))
+    case = Case(name="cost", actuator=device, material=material, steps=steps_of(pressure_cm=(177.0,)))
     names = device.movable[:20]
     model = DesignModel(case, names, quantities, comm)
     say = print if is_root(comm) else lambda *words: None

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 import softmodels as sm
 from geometries import Cylinder, HollowDisk, PneuNet
+from softmodels.case.load import steps_of
 from softmodels.components.contact import RigidShape
 from softmodels.components.fibres import Fibres
 from softmodels.design.model import DesignModel
@@ -71,7 +72,13 @@ def compare(name: str, problem: sm.DesignProblem, values: int = VALUES, rounds: 
 def twist() -> None:
     """The angle of one helix of fibres for the largest twist of a tube."""
     tube = Cylinder(section="whole", length=0.020, cell_size=0.006)
-    case = sm.Case("twist", tube, LAW, pressures_cm=(32.0,), components=(Fibres(angle=30.0, modulus=3e5, helices=1),))
+    case = sm.Case(
+        "twist",
+        tube,
+        LAW,
+        steps=steps_of(pressure_cm=(32.0,)),
+        components=(Fibres(angle=30.0, modulus=3e5, helices=1),),
+    )
     asked = {"quantity": "figure", "of": "twist_deg", "at": "3 kPa"}
     compare("twist, deg", sm.DesignProblem(case, {"fibres.angle": (10.0, 80.0)}, minimise=asked))
 
@@ -79,7 +86,9 @@ def twist() -> None:
 def elongation() -> None:
     """The angle of two helices that go slack for the largest elongation of a tube."""
     tube = Cylinder(length=0.020, cell_size=0.003)
-    case = sm.Case("long", tube, LAW, pressures_cm=(32.0,), components=(Fibres(angle=50.0, modulus=3e5),))
+    case = sm.Case(
+        "long", tube, LAW, steps=steps_of(pressure_cm=(32.0,)), components=(Fibres(angle=50.0, modulus=3e5),)
+    )
     asked = {"quantity": "figure", "of": "elongation_percent", "at": "3 kPa"}
     compare("elongation, %", sm.DesignProblem(case, {"fibres.angle": (40.0, 90.0)}, maximise=asked))
 
@@ -88,7 +97,7 @@ def cylinder() -> None:
     """Wall and angle of two helices for the largest elongation of a tube whose stress is limited (`problems/wound.toml`)."""
     tube = Cylinder(length=0.040, wall=0.003)
     thread = Fibres(angle=50.0, modulus=100e3, name="thread")
-    case = sm.Case("wound", tube, LAW, pressures_cm=(110.0,), components=(thread,))
+    case = sm.Case("wound", tube, LAW, steps=steps_of(pressure_cm=(110.0,)), components=(thread,))
     asked = {"quantity": "figure", "of": "elongation_percent", "at": "10 kPa"}
     limit = {"quantity": "von_mises_norm", "at": "10 kPa", "at_most": 20e3}
     bounds = {"wall": (0.002, 0.004), "fibres.thread.angle": (30.0, 85.0)}
@@ -100,7 +109,7 @@ def finger() -> None:
     device = PneuNet(
         chambers=2, chamber_length=0.004, cell_size=0.006, gap=0.0003, wall=0.0012, base=0.002, least_wall=0.0001
     )
-    case = sm.Case("finger", device, sm.NeoHookean(150e3, 0.49), pressures_cm=(320.0,))
+    case = sm.Case("finger", device, sm.NeoHookean(150e3, 0.49), steps=steps_of(pressure_cm=(320.0,)))
     asked = {"quantity": "figure", "of": "bend_angle_deg", "at": "30 kPa"}
     compare("bend, deg", sm.DesignProblem(case, {"base": (0.0008, 0.004)}, maximise=asked))
 
@@ -110,7 +119,9 @@ def rod() -> None:
     device = PneuNet(chambers=2, cell_size=0.006)
     place = (device.length - 0.004, 0.0, -0.5 * device.base - 0.0065)
     shape = RigidShape("cylinder", "bottom", place, 0.006, (0.0, 1.0, 0.0), friction=0.5, name="rod")
-    case = sm.Case("rod", device, sm.silicone("ecoflex-00-30"), pressures_cm=(15.0,), components=(shape,))
+    case = sm.Case(
+        "rod", device, sm.silicone("ecoflex-00-30"), steps=steps_of(pressure_cm=(15.0,)), components=(shape,)
+    )
     asked = {"quantity": "force_on", "of": "rod", "along": "-z", "at": "1.2 kPa"}
     bounds = {"contact.rod.x": (0.6 * device.length, device.length)}
     compare("force on a rod with friction, N", sm.DesignProblem(case, bounds, maximise=asked), 9)
@@ -119,7 +130,7 @@ def rod() -> None:
 def even() -> None:
     """The profile of a disk's membrane for even stress, at a given mass."""
     disk = HollowDisk(section="axisymmetric", profile=(1.0, 1.0, 1.0, 1.0))
-    case = sm.Case("even", disk, LAW, pressures_cm=(150.0,))
+    case = sm.Case("even", disk, LAW, steps=steps_of(pressure_cm=(150.0,)))
     for quantity in ("stress_unevenness", "stress_deviation", "von_mises_norm"):
         problem = sm.DesignProblem(
             case,

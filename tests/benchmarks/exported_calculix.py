@@ -41,15 +41,16 @@ import numpy.typing as npt
 from calculix_wedge import read_displacements
 
 import softmodels as sm
+from softmodels.case.load import steps_of
 from softmodels.decks.deck import LOADS
 
 LAW = sm.Yeoh(14e3, 60.0, 0.0, 0.49)
-DISK = sm.Case("disk", sm.HollowDisk(fillet=0.0, cell_size=0.004), LAW, pressures_cm=(40.0, 80.0))
+DISK = sm.Case("disk", sm.HollowDisk(fillet=0.0, cell_size=0.004), LAW, steps=steps_of(pressure_cm=(40.0, 80.0)))
 SLAB = sm.Case(
     "slab",
     sm.SeminarActuator(channels=1, spread=20.0, around=4.0, cell_size=0.006),
     LAW,
-    pressures_cm=(20.0, 40.0),
+    steps=steps_of(pressure_cm=(20.0, 40.0)),
     components=(
         sm.Gravity("-z", 1070.0),
         sm.Mass("tip", 2e-3),
@@ -61,7 +62,7 @@ FINGER = sm.Case(
     "finger",
     sm.PneuNet(cell_size=0.006),
     LAW,
-    pressures_cm=(6.0, 12.0),
+    steps=steps_of(pressure_cm=(6.0, 12.0)),
     components=(sm.Gravity("-z"), sm.Region(sm.MooneyRivlin(200e3, 50e3, 0.45), 1200.0, name="base")),
 )
 COARSE = sm.HollowDisk(fillet=0.0, cell_size=0.006)
@@ -97,7 +98,7 @@ CASES = [
     DISK,
     SLAB,
     FINGER,
-    *(sm.Case(name, it, LAW, pressures_cm=cm, **more) for name, (it, cm, more) in RIGID.items()),
+    *(sm.Case(name, it, LAW, steps=steps_of(pressure_cm=cm), **more) for name, (it, cm, more) in RIGID.items()),
 ]
 
 

@@ -16,13 +16,12 @@ import time
 from pathlib import Path
 
 from geometries import HollowDisk
-from softmodels.common.units import pascal_per_cm
+from softmodels.case.load import steps_of
 from softmodels.materials.laws import Material, Yeoh
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.mpi import start
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
-from softmodels.path.program import from_tables
 from softmodels.path.schedule import Settings, follow
 
 LAW = Yeoh(14e3, 60.0)
@@ -33,9 +32,9 @@ STEPS = 12
 
 def cpu(solver: Solver, tables: dict[str, object], tolerance: float = 1.0) -> tuple[float, int]:
     """Return the CPU time in s of a path in time and its number of steps."""
-    program = from_tables(tables)
+    program = steps_of(**tables)
     began = time.process_time()
-    points = list(follow(solver, program, Settings(pascal_per_cm(), tolerance=tolerance)))
+    points = list(follow(solver, program, Settings(tolerance=tolerance)))
     return time.process_time() - began, len(points) - 1
 
 

@@ -53,7 +53,9 @@ from random_draws import case_of, grasp_of
 import softmodels as sm
 from geometries import MeshingError
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.mechanics.controls import LoadPart
+from softmodels.path.steps import Step, courses
 from softmodels.runs.grasp import grasp
 from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM
 
@@ -89,19 +91,22 @@ def denser(case: Case, rows: Any) -> Case:
 
     def between(values: Sequence[float]) -> tuple[float, ...]:
         known = [0.0, *values] if values[0] else list(values)
-        return tuple(np.interp(np.arange(1, DENSER * (len(known) - 1) + 1) / DENSER, range(len(known)), known))
+        return tuple(np.interp(np.arange(1, DENSER * (len(known) - 1) + 1) / DENSER, range(len(known)), known).tolist())
 
     volumes = [row["added_volume_ml"] for row in rows]
     one_way = case.load.direction * np.diff(volumes) > 0.0
-    if case.pressures_cm and not case.load_unload and not case.program and volumes[0] == 0.0 and one_way.all():
-        return dataclasses.replace(case, pressures_cm=(), volumes_ml=between(volumes), control="auto")
-    names = ("pressures_cm", "volumes_ml", "strokes_ml")
-    changes: dict[str, Any] = {name: between(values) for name in names if (values := getattr(case, name))}
-    if case.program:
-        changes["program"] = tuple(dataclasses.replace(one, values=between(one.values)) for one in case.program)
-    if case.driven:
-        changes["driven"] = dataclasses.replace(case.driven, values=between(case.driven.values))
-    return dataclasses.replace(case, **changes)
+    if case.quantity == "pressure" and not case.load_unload and volumes[0] == 0.0 and one_way.all():
+        return dataclasses.replace(case, steps=steps_of(volume_ml=between(volumes)), control="auto")
+    if not case.program:
+        *before, last = case.steps
+        asked = tuple(dataclasses.replace(one, values=between(one.values)) for one in last.prescribed)
+        return dataclasses.replace(case, steps=(*before, dataclasses.replace(last, prescribed=asked)))
+    denser_courses = [(one, between(one.values)) for one in courses(case.steps)]
+    steps = tuple(
+        Step(tuple(dataclasses.replace(one, values=(values[k],)) for one, values in denser_courses))
+        for k in range(len(denser_courses[0][1]))
+    )
+    return dataclasses.replace(case, steps=steps)
 
 
 def imbalance(case: Case, rows: Any) -> float:

@@ -14,14 +14,14 @@ import softmodels as sm
 from geometries import ACTUATORS, Actuator, GeometryError
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
-from softmodels.case.load import LoadRequest
+from softmodels.case.load import steps_of
 from softmodels.common.schema import Choice, Length, about
 from softmodels.components.fibres import Fabric, Fibres
 from softmodels.components.loads import Force, Gravity, Mass, Moment
 from softmodels.materials.silicones import SILICONES
 from softmodels.mechanics.component import Component, ComponentError
 from softmodels.mechanics.controls import LoadPart
-from softmodels.path.program import Series
+from softmodels.path.steps import Steps
 
 IMPORTED = ("ImportedActuator", "ImportedMesh")
 MOST_CELLS = {False: 4000, True: 5000}
@@ -233,18 +233,18 @@ def load_of(draw: Draw, components: list[Component], vacuum: bool = False) -> di
     kind = chance.choice([*kinds, *(["driven", "driven", "driven", "steps", "steps"] if loads else [])] or ["pressure"])
     if kind == "pressure":
         return {
-            "pressures_cm": (0.0, cm),
+            "steps": steps_of(pressure_cm=(0.0, cm)),
             "control": chance.choice(["auto", "auto", "pressure", "volume", "arc-length"]),
         }
     if kind == "volume":
-        return {"volumes_ml": (0.0, ml), "control": chance.choice(["auto", "volume", "arc-length"])}
+        return {"steps": steps_of(volume_ml=(0.0, ml)), "control": chance.choice(["auto", "volume", "arc-length"])}
     if kind == "cycle":
-        return {"pressures_cm": (0.0, cm), "load_unload": True}
+        return {"steps": steps_of(pressure_cm=(0.0, cm)), "load_unload": True}
     if kind == "stroke":
         syringe = sm.Syringe(3e-6 * ml, dead_volume=device.cavity_volume * draw.power(-1.0, 1.0))
-        return {"strokes_ml": (0.0, ml), "supply": syringe}
+        return {"steps": steps_of(stroke_ml=(0.0, ml)), "supply": syringe}
     if kind == "program":
-        return {"program": _air(draw, cm, ml)}
+        return {"steps": _air(draw, cm, ml)}
     load = chance.choice(loads)
     components[components.index(load)] = dataclasses.replace(load, amount=0.0) if isinstance(load, Force) else load
     newtons, size = draw.newtons * 3, 1e3 * device.size
@@ -257,33 +257,41 @@ def load_of(draw: Draw, components: list[Component], vacuum: bool = False) -> di
     if kind == "driven":
         pressure = chance.choice([0.0, 0.1 * cm]) if device.ratios else 0.0
         cycle = key != "travel_mm" and chance.random() < 0.2
-        return {"driven": LoadRequest(key, asked[key], load.name, pressure), "load_unload": cycle}
-    target = "gravity" if key == "share" else f"force.{load.name}"
+        return {"steps": steps_of(**{key: asked[key]}, on=load.name, at_pressure_cm=pressure), "load_unload": cycle}
     most = asked[key][-1]
-    if not device.ratios:
-        return {"program": (Series(key, (most, most / 2), target),)}
-    air = [Series("pressure_cm", (0.0, cm / 2, cm)) for _ in device.ratios]
-    return {"program": (*air, Series(key, (most, most, most), target))}
+    values = [most, most] if device.ratios else [most, most / 2]
+    air = {f"cavity{i}": {"pressure_cm": [0.0, cm / 2, cm]} for i in range(1, len(device.ratios) + 1)}
+    values += [most] if air else []
+    dead = {"gravity": {key: values}} if key == "share" else {"force": {load.name: {key: values}}}
+    return {"steps": steps_of(**air, **dead)}
 
 
 def _vacuum(draw: Draw, cm: float, ml: float) -> dict[str, Any]:
     """Air that is drawn out: a pressure, a volume, a pull and a push in turn, or a cycle."""
     kind = draw.chance.choice(["pressure", "pressure", "volume", "program", "cycle"])
     if kind == "pressure":
-        return {"pressures_cm": (0.0, cm), "control": draw.chance.choice(["auto", "auto", "pressure", "arc-length"])}
+        return {
+            "steps": steps_of(pressure_cm=(0.0, cm)),
+            "control": draw.chance.choice(["auto", "auto", "pressure", "arc-length"]),
+        }
     if kind == "volume":
-        return {"volumes_ml": (0.0, ml), "control": draw.chance.choice(["auto", "volume", "arc-length"])}
+        return {"steps": steps_of(volume_ml=(0.0, ml)), "control": draw.chance.choice(["auto", "volume", "arc-length"])}
     if kind == "cycle":
-        return {"pressures_cm": (0.0, cm), "load_unload": True}
+        return {"steps": steps_of(pressure_cm=(0.0, cm)), "load_unload": True}
     shares = [(-share, share / 2, -share / 2) for share in (draw.chance.uniform(0.1, 0.6) for _ in draw.device.ratios)]
-    return {"program": tuple(Series("pressure_cm", tuple(-cm * share for share in one)) for one in shares)}
+    return {"steps": _cavities("pressure_cm", [[-cm * share for share in one] for one in shares])}
 
 
-def _air(draw: Draw, cm: float, ml: float) -> tuple[Series, ...]:
+def _cavities(key: str, values: list[list[float]]) -> Steps:
+    """A program of values for each cavity."""
+    return steps_of(**{f"cavity{i}": {key: one} for i, one in enumerate(values, 1)})
+
+
+def _air(draw: Draw, cm: float, ml: float) -> Steps:
     """Three steps of every cavity."""
     key, most = draw.chance.choice([("pressure_cm", cm), ("volume_ml", ml / len(draw.device.ratios))])
     shares = [draw.chance.sample([0.25, 0.5, 0.75, 1.0, 0.1], 3) for _ in draw.device.ratios]
-    return tuple(Series(key, tuple(most * share for share in one)) for one in shares)
+    return _cavities(key, [[most * share for share in one] for one in shares])
 
 
 def case_of(number: int, seed: int, solid: bool, vacuum: bool = False) -> tuple[Case, collections.Counter[str]]:
@@ -335,7 +343,7 @@ def grasp_of(number: int, seed: int) -> tuple[Case, dict[str, Any], collections.
             )  # fmt: skip
             mu = float(material.shear_modulus_0)
             cm = mu * 10 ** chance.uniform(-1.8, -0.8) / CM
-            case = Case(f"grasp{number}", device, material, components=(rod,), pressures_cm=(cm / 2, cm))
+            case = Case(f"grasp{number}", device, material, components=(rod,), steps=steps_of(pressure_cm=(cm / 2, cm)))
             turn = chance.uniform(0.0, 2.0 * np.pi)
             load = chance.choice([0.0, 1.0]) * mu * device.size**2 * 10 ** chance.uniform(-4.5, -3.0)
             asked = {"fingers": chance.choice([2, 3, 3, 4]), "load": load, "steps": 4}

@@ -12,6 +12,7 @@ import sys
 import time
 
 import softmodels as sm
+from softmodels.case.load import steps_of
 from softmodels.design.study import Input, StudyPlan, solved
 
 
@@ -22,7 +23,7 @@ def cpu() -> float:
 
 def main(count: int) -> None:
     disk = sm.HollowDisk(section="axisymmetric", cell_size=0.004)
-    case = sm.Case("disk", disk, sm.Yeoh(14e3, 60.0), pressures_cm=(20.0, 40.0, 60.0))
+    case = sm.Case("disk", disk, sm.Yeoh(14e3, 60.0), steps=steps_of(pressure_cm=(20.0, 40.0, 60.0)))
     inputs = (Input.parse("geometry.membrane", "1.8:2.2 mm"), Input.parse("material.c1", "12:16 kPa"))
     for answer in ("path", "limit"):
         seed = time.time_ns() % 2**31  # meshes of an earlier run are cached

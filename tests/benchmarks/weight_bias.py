@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 import softmodels as sm
 from geometries import Actuator, HollowDisk, Membrane
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.components.loads import Gravity, Mass
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.problem import LawChoice
@@ -49,11 +50,11 @@ def without_weight(
 ) -> tuple[float, float, bool]:
     """Error of the modulus and half its 95 % interval, in percent, and whether the fit may be used."""
     law = sm.NeoHookean(modulus, 0.49)
-    case = Case("device", device, law, pressures_cm=(1.0,), components=components)
+    case = Case("device", device, law, steps=steps_of(pressure_cm=(1.0,)), components=components)
     model = MeasuredDevice.of(case).model(LAW, start())
     values = {"shear_modulus": modulus}
     outlines = simulated_outlines(model, values, [share * modulus for share in shares], SimulatedCamera())
-    plain = Case("device", device, law, pressures_cm=(1.0,))
+    plain = Case("device", device, law, steps=steps_of(pressure_cm=(1.0,)))
     found = sm.fit(plain, outlines, "neo-hookean", sm.FitOptions(poisson=0.49, profiles=False)).chosen
     off, width = found.fit.values["shear_modulus"] / modulus - 1, HALF * found.fit.error("shear_modulus") / modulus
     return 100 * off, 100 * width, found.sound and not found.judgement.warnings

@@ -7,6 +7,7 @@ import pytest
 
 from geometries import HollowDisk
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.design.extremes import PeakStretch, PeakVonMises
 from softmodels.design.model import DesignModel
 from softmodels.design.quantities import AddedVolume, Clearances, LimitMargin, Mass, Place, Rise, StoredEnergy
@@ -28,7 +29,13 @@ def designed():
     def make(device, names, quantities, comm, components=(), **more):
         key = (device, tuple(names), tuple(quantities), components, tuple(more.items()))
         if key not in known:
-            case = Case(name="design", actuator=device, material=SILICONE, pressures_cm=(20.0,), components=components)
+            case = Case(
+                name="design",
+                actuator=device,
+                material=SILICONE,
+                steps=steps_of(pressure_cm=(20.0,)),
+                components=components,
+            )
             known[key] = DesignModel(case, names, quantities, comm, **more)
         model = known[key] = known.pop(key)  # the last one asked for comes last
         while len(known) > 4:

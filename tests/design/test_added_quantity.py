@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.design.problem import DesignProblem
 from softmodels.design.quantities import QUANTITIES, DesignQuantity, FormMeasure, register_quantity
 from softmodels.materials.laws import NeoHookean
@@ -50,7 +51,7 @@ def test_its_gradient_is_exact(designed, thin_disk, comm, taylor):
 
 
 def test_a_problem_knows_it(thin_disk):
-    case = Case(name="mine", actuator=thin_disk, material=NeoHookean(20e3, 0.49), pressures_cm=(20.0,))
+    case = Case(name="mine", actuator=thin_disk, material=NeoHookean(20e3, 0.49), steps=steps_of(pressure_cm=(20.0,)))
     problem = DesignProblem(
         case, {"membrane": ("1.8 mm", "2.4 mm")}, maximise={"quantity": "rise", "at": "20 cm"},
         keep=[{"quantity": "mean_square_stretch", "at": "20 cm", "at_most": 1.2}],

@@ -9,6 +9,7 @@ import pytest
 
 import softmodels as sm
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.design.extremes import SHARPNESS, LeastGap, PeakStretch, PeakVonMises
 from softmodels.design.model import DesignModel
 from softmodels.design.problem import DesignProblem
@@ -40,7 +41,15 @@ def test_it_lies_below_the_least_gap_by_little(designed, comm):
     """As the state of an ordinary run has it, whose walls are far from pressing on each other."""
     model = designed(FOLDS, ("outer_radius", "wall"), (LeastGap(at=60.0), LeastGap(at=200.0)), comm)
     here = model.evaluate(model.start)
-    run = sm.run(Case("folds", FOLDS, model.case.material, pressures_cm=(0.0, 200.0 / 95.12405), water_density=970.0))
+    run = sm.run(
+        Case(
+            "folds",
+            FOLDS,
+            model.case.material,
+            steps=steps_of(pressure_cm=(0.0, 200.0 / 95.12405)),
+            water_density=970.0,
+        )
+    )
     end = run.last
     walls = surface.FacingWalls(end.points, end.cells, end.cell_name)
     found = walls.least(end.displacement, 0.006)
@@ -84,7 +93,7 @@ PRESSURE_CM = 90.0
 def wound(**lengths):
     """A tube wound with thread, whose ring is clamped: its stretch has no largest value there."""
     tube = sm.Cylinder(**lengths)
-    return sm.Case("tube", tube, SILICONE, pressures_cm=(0.0, PRESSURE_CM), components=WOUND)
+    return sm.Case("tube", tube, SILICONE, steps=steps_of(pressure_cm=(0.0, PRESSURE_CM)), components=WOUND)
 
 
 def test_the_mean_of_the_largest_values(comm):

@@ -9,6 +9,7 @@ import pytest
 
 from geometries import Balloon, Bellows, Cylinder, HollowDisk, Membrane, SeminarActuator
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.design import model as model_module
 from softmodels.design.extremes import PeakStretch
 from softmodels.design.model import DesignModel
@@ -123,7 +124,7 @@ def test_blocked_forces(designed, second_order, comm, name):
 def test_numbers_of_the_material(of_all_kinds, thin_disk, comm, figure):
     """Against differences of states that were solved for on one mesh with other numbers."""
     law, names = Yeoh(10e3, 100.0, 0.0, 0.49), ("c1", "c2", "poisson")
-    case = Case(name="law", actuator=thin_disk, material=law, pressures_cm=(20.0,))
+    case = Case(name="law", actuator=thin_disk, material=law, steps=steps_of(pressure_cm=(20.0,)))
     model = DesignModel(case, ("membrane",), of_all_kinds, comm, materials=names)
     here, meshed = model.evaluate(model.start), model.meshed
     for name in names:
@@ -174,7 +175,7 @@ def test_designs_are_carried(designed, thin_disk, of_all_kinds, comm, figure):
 
 def test_a_limit_that_comes_into_reach_is_found(thin_disk, comm):
     """A design whose path met no limit point up to the highest pressure is followed to one that has it below."""
-    case = Case(name="limits", actuator=thin_disk, material=NeoHookean(20e3, 0.49), pressures_cm=(10.0,))
+    case = Case(name="limits", actuator=thin_disk, material=NeoHookean(20e3, 0.49), steps=steps_of(pressure_cm=(10.0,)))
     model = DesignModel(case, ("membrane",), (Rise(at=1000.0), LimitPressure()), comm, highest=3300.0)
     without = model.evaluate(model.start)
     assert without.values["limit pressure"] == 3300.0 and any(
@@ -189,7 +190,7 @@ def test_a_limit_that_comes_into_reach_is_found(thin_disk, comm):
 
 
 def test_a_design_that_balloons_below_its_load_is_stepped_back_from(thin_disk, comm):
-    case = Case(name="limits", actuator=thin_disk, material=NeoHookean(20e3, 0.49), pressures_cm=(20.0,))
+    case = Case(name="limits", actuator=thin_disk, material=NeoHookean(20e3, 0.49), steps=steps_of(pressure_cm=(20.0,)))
     model = DesignModel(case, ("membrane",), (Rise(at=WORKING), LimitPressure()), comm)
     here = model.evaluate(model.start)
     with pytest.raises(DesignFailure, match=r"limit point at 1\.\d+ kPa, before 2 kPa") as failure:
@@ -204,7 +205,7 @@ def test_a_design_that_balloons_below_its_load_is_stepped_back_from(thin_disk, c
 def test_a_poor_mesh_is_made_anew_and_its_states_are_interpolated(comm, monkeypatch, figure):
     """Another length is free too, so that the two meshes have other units of length."""
     disk = HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.004)
-    case = Case(name="poor", actuator=disk, material=NeoHookean(20e3, 0.49), pressures_cm=(10.0,))
+    case = Case(name="poor", actuator=disk, material=NeoHookean(20e3, 0.49), steps=steps_of(pressure_cm=(10.0,)))
     quantities = (Rise(at=1000.0), AddedVolume(at=PAST), LimitPressure())
     model = DesignModel(case, ("membrane", "cavity_radius"), quantities, comm, highest=4000.0)
     model.evaluate(model.start * (1.0, 1.05))

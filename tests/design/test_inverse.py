@@ -10,6 +10,7 @@ import pytest
 import softmodels as sm
 from geometries import HollowDisk, PneuNet, SeminarActuator
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.design.model import DesignModel
 from softmodels.design.optimise import optimise
 from softmodels.design.problem import DesignProblem
@@ -30,7 +31,7 @@ TRUTH = {"membrane": 1.07 * DISK.membrane, "cavity_radius": 0.97 * DISK.cavity_r
 
 
 def case_of(device):
-    return Case(name="known", actuator=device, material=NeoHookean(20e3, 0.49), pressures_cm=(40.0,))
+    return Case(name="known", actuator=device, material=NeoHookean(20e3, 0.49), steps=steps_of(pressure_cm=(40.0,)))
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +104,7 @@ KNOWN = {"thickness": 1.08 * SLAB.thickness, "end_bore": 1.12 * SLAB.end_bore, "
 def test_a_slab_from_its_tip_path_alone(comm, figure):
     """Two coordinates of the tip at three pressures give three lengths."""
     pressures, names = (2e3, 5e3, 8e3), tuple(KNOWN)
-    case = Case(name="slab", actuator=SLAB, material=NeoHookean(20e3, 0.49), pressures_cm=(90.0,))
+    case = Case(name="slab", actuator=SLAB, material=NeoHookean(20e3, 0.49), steps=steps_of(pressure_cm=(90.0,)))
     asked = [Place(at=P, of="tip", axis=axis) for P in pressures for axis in "xz"]
     model = DesignModel(case, names, asked, comm)
     model.evaluate(model.start)
@@ -128,7 +129,9 @@ def test_a_slab_from_its_tip_path_alone(comm, figure):
 def test_a_finger_from_the_pose_of_its_tip(comm, figure):
     """Two coordinates and an angle at one pressure give three lengths, in a few steps of Gauss and Newton's method."""
     finger, known = PneuNet(chambers=2, chamber_length=0.004, cell_size=0.008), {"base": 3.4, "root": 4.5, "wall": 1.1}
-    case = Case(name="finger", actuator=finger, material=sm.silicone("ecoflex-00-30"), pressures_cm=(43.0,))
+    case = Case(
+        name="finger", actuator=finger, material=sm.silicone("ecoflex-00-30"), steps=steps_of(pressure_cm=(43.0,))
+    )
     asked = [*(FacePlace(at=4e3, of="tip", axis=axis) for axis in "xz"), Turn(at=4e3, of="tip")]
     model = DesignModel(case, tuple(known), asked, comm)
     model.evaluate(model.start)

@@ -13,6 +13,7 @@ import pytest
 import softmodels as sm
 from geometries import Bellows, Cylinder, HollowDisk, PneuNet
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.components.contact import RigidShape
 from softmodels.components.fibres import Fabric, Fibres, Sheet
 from softmodels.components.loads import Mass as Weight
@@ -70,7 +71,7 @@ def test_a_tube_with_all_that_is_no_contact(comm, exact):
         "tube",
         Cylinder(length=0.020, cell_size=0.004),
         sm.Yeoh(15e3, 1e3, 0.0, 0.49),
-        pressures_cm=(30.0,),
+        steps=steps_of(pressure_cm=(30.0,)),
         components=parts,
     )
     names = (
@@ -92,7 +93,7 @@ def test_a_finger_whose_chambers_press_on_each_other(comm, exact):
         chambers=2, chamber_length=0.004, cell_size=0.008, gap=0.0003, wall=0.0008, base=0.002, least_wall=1e-4
     )
     base = sm.Region(sm.NeoHookean(90e3, 0.49), name="base")
-    case = Case("finger", device, sm.NeoHookean(30e3, 0.49), pressures_cm=(150.0,), components=(base,))
+    case = Case("finger", device, sm.NeoHookean(30e3, 0.49), steps=steps_of(pressure_cm=(150.0,)), components=(base,))
     quantities = (Turn(of="tip", at=5000.0), InflationWork(at=5000.0), FacePlace(of="tip", axis="x", at=5000.0))
     model = DesignModel(case, ("gap",), quantities, comm)
     model.evaluate(model.start)
@@ -108,7 +109,7 @@ BALL = RigidShape("sphere", "top", (0.0, 0.0, 0.02702), radius=0.015, name="ball
 def test_a_disk_under_a_ball_that_gives_way(comm, exact):
     """On a spring; the air's work is the integral of p dV."""
     ball = dataclasses.replace(BALL, guide="z", spring=50.0)
-    case = Case("disk", DISK, LAW, pressures_cm=(20.0,), components=(ball,))
+    case = Case("disk", DISK, LAW, steps=steps_of(pressure_cm=(20.0,)), components=(ball,))
     quantities = (ForceOn(of="ball", at=1500.0), InflationWork(at=1500.0), TopHeight(at=1500.0))
     model = DesignModel(case, ("membrane",), quantities, comm)
     work = model.evaluate(model.start).values["inflation work at 1.5 kPa"]
@@ -120,11 +121,14 @@ def test_a_disk_under_a_ball_that_gives_way(comm, exact):
 def test_a_disk_that_slides_on_a_ball(comm, exact):
     """Friction: exact through the steps that lead to the state, most of whose points slide; values nearly as of a run."""
     ball = dataclasses.replace(BALL, friction=0.1)
-    case = Case("disk", DISK, LAW, pressures_cm=(20.0,), components=(ball,))
+    case = Case("disk", DISK, LAW, steps=steps_of(pressure_cm=(20.0,)), components=(ball,))
     quantities = (ForceOn(of="ball", at=800.0), StressNorm(at=800.0), AddedVolume(at=800.0))
     names = ("membrane", "material.shear_modulus", "contact.ball.z")
     model = DesignModel(case, names, quantities, comm)
-    here, run = model.evaluate(model.start).values, sm.run(dataclasses.replace(case, pressures_cm=(800.0 / case.cm,)))
+    here, run = (
+        model.evaluate(model.start).values,
+        sm.run(dataclasses.replace(case, steps=steps_of(pressure_cm=(800.0 / case.cm,)))),
+    )
     figures = model.meshed.design.system.potential.terms["ball"].figures(model.meshed.design.system)
     assert 0.3 < figures["ball_sliding"] < 0.99
     assert here["force on ball at 0.8 kPa"] == pytest.approx(run.path["ball_force_z_N"][-1], rel=2e-3)
@@ -142,7 +146,7 @@ def test_a_finger_with_everything(comm, exact):
     ball = RigidShape("sphere", "tip", (device.length + 0.03005, 0.0, 0.001), radius=0.03, stiffness=20.0, name="ball")
     thread = Fibres(on="bottom", angle=40.0, axis=(1.0, 0.0, 0.0), stiffness=30.0)
     parts = (sm.Region(sm.NeoHookean(90e3, 0.49), name="base"), Sheet("top", 20.0), thread, ball)
-    case = Case("finger", device, sm.NeoHookean(30e3, 0.49), pressures_cm=(40.0,), components=parts)
+    case = Case("finger", device, sm.NeoHookean(30e3, 0.49), steps=steps_of(pressure_cm=(40.0,)), components=parts)
     at = {"at": 3000.0}
     quantities = (
         StressDeviation(**at, region="base"), LeastGap(**at), TopHeight(**at), ForceOn(**at, of="ball", along="x"),
@@ -160,7 +164,7 @@ def test_a_finger_with_everything(comm, exact):
 def test_a_vacuum(comm, exact):
     """Values as of a run, and derivatives."""
     disk = HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.005)
-    case = Case("vacuum", disk, LAW, pressures_cm=(-1.0,))
+    case = Case("vacuum", disk, LAW, steps=steps_of(pressure_cm=(-1.0,)))
     quantities = (Rise(at=-80.0), AddedVolume(at=-80.0), StressNorm(at=-80.0), Rise(at=JudgedLoad("volume", -4e-7)))
     model = DesignModel(case, ("membrane", "material.shear_modulus"), quantities, comm)
     here = model.evaluate(model.start).values
@@ -172,7 +176,9 @@ def test_a_vacuum(comm, exact):
 
 def test_limit_pressures_by_numbers_of_parts(comm, exact):
     disk = HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.005)
-    case = Case("limit", disk, LAW, pressures_cm=(20.0,), components=(Sheet("top", 5.0), sm.Gravity("-z")))
+    case = Case(
+        "limit", disk, LAW, steps=steps_of(pressure_cm=(20.0,)), components=(Sheet("top", 5.0), sm.Gravity("-z"))
+    )
     names = ("sheet.stiffness", "material.shear_modulus")
     exact(DesignModel(case, names, (LimitPressure(), Rise(at=1000.0)), comm, highest=6000.0), "limit point")
 
@@ -183,7 +189,7 @@ def test_the_search_finds_the_angle_of_a_scan(comm, tmp_path):
         "long",
         Cylinder(length=0.020, cell_size=0.004),
         LAW,
-        pressures_cm=(20.0,),
+        steps=steps_of(pressure_cm=(20.0,)),
         components=(Fibres(angle=50.0, modulus=3e5),),
     )
     asked = DeviceFigure(of="diameter_mm", at=1500.0)
@@ -199,7 +205,7 @@ def test_the_search_finds_the_angle_of_a_scan(comm, tmp_path):
 def test_whole_numbers(tmp_path):
     """Every number of convolutions is tried, and the best reported."""
     device = Bellows(convolutions=2, cell_size=0.005, through=1.0)
-    case = Case("folds", device, LAW, pressures_cm=(1.0,))
+    case = Case("folds", device, LAW, steps=steps_of(pressure_cm=(1.0,)))
     problem = DesignProblem(case, {"convolutions": (1, 3)}, maximise=Rise(at=50.0))
     found = sm.optimise(problem, tmp_path / "out", confirm=False)
     assert found.device.convolutions == 3 and [text.split(":")[0] for text in found.variants] == [
@@ -215,7 +221,7 @@ def test_whole_numbers(tmp_path):
 def test_a_design_that_stretches_far_without_a_limit_point_is_none_that_fails():
     """The problem that the page of designs begins with: it ended unconfirmed where the cavity had grown 60-fold."""
     disk = HollowDisk(section="axisymmetric", cell_size=0.003, cavity_radius=0.0115)
-    case = Case("web", disk, sm.silicone("ecoflex-00-30"), pressures_cm=(177.0,))
+    case = Case("web", disk, sm.silicone("ecoflex-00-30"), steps=steps_of(pressure_cm=(177.0,)))
     limit = {"quantity": "limit_margin", "at_least": 1.25}
     problem = DesignProblem(case, {"cavity_radius": (0.0105, 0.013)}, maximise=Rise(at=177 * case.cm), keep=[limit])
     found = sm.optimise(problem)
@@ -251,7 +257,7 @@ RUBBING = dataclasses.replace(BALL, friction=0.3)
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_one_sentence(device, parts, changes, words):
-    case = Case("design", device, LAW, pressures_cm=(10.0,), components=parts)
+    case = Case("design", device, LAW, steps=steps_of(pressure_cm=(10.0,)), components=parts)
     name = "membrane" if isinstance(device, HollowDisk) else "wall"
     value = getattr(device, name)
     given = {"parameters": {name: (0.9 * value, 1.1 * value)}, "maximise": Rise(at=900.0), **changes}

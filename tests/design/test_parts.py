@@ -8,6 +8,7 @@ import softmodels as sm
 from geometries import Cylinder, HollowDisk, Membrane
 from geometries.actuator import parameter
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.components.fibres import Fabric, Fibres
 from softmodels.design.problem import DesignProblem
 from softmodels.design.quantities import AddedVolume, DeviceFigure, LimitPressure, Rise, Stiffness, StoredEnergy
@@ -54,7 +55,7 @@ def test_a_reinforced_tube(designed, second_order, comm, name):
     ],
 )
 def test_what_no_gradient_knows_is_refused(device, part, words):
-    case = Case("design", device, LAW, pressures_cm=(10.0,), components=(part,))
+    case = Case("design", device, LAW, steps=steps_of(pressure_cm=(10.0,)), components=(part,))
     name = device.movable[0]
     value = parameter(device, name)
     with pytest.raises(DesignError, match=words):

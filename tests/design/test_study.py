@@ -11,6 +11,7 @@ from click.testing import CliRunner
 import softmodels as sm
 from geometries import HollowDisk
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.case.materials import MaterialErrors
 from softmodels.cli.design import study_command
 from softmodels.common import processes as workers
@@ -211,7 +212,9 @@ def test_inputs_reach_the_case(files):
 def test_fitted_covariance_is_drawn():
     """Samples of a fit have its covariance."""
     errors = MaterialErrors(("c1", "c2"), ((1e4, -300.0), (-300.0, 25.0)))
-    case = Case("disk", HollowDisk(section="axisymmetric"), Yeoh(14e3, 60.0), pressures_cm=(10.0,), band=errors)
+    case = Case(
+        "disk", HollowDisk(section="axisymmetric"), Yeoh(14e3, 60.0), steps=steps_of(pressure_cm=(10.0,)), band=errors
+    )
     plan = StudyPlan("fit", case, tuple(_inputs({"material": "fit"}, case)), "sobol", 128)
     drawn = [plan.case_at(point).material for point in plan.points]
     found = np.cov([[one.c1, one.c2] for one in drawn], rowvar=False)

@@ -17,6 +17,7 @@ import pytest
 
 from geometries import Actuator, GeometryError, Hold, HollowDisk, register_device
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.case.materials import VARIABLE
 from softmodels.cli.options import device_command, main
 from softmodels.common.schema import length_field
@@ -155,7 +156,7 @@ def test_its_material_is_fitted_to_its_heights(comm):
     true = NeoHookean(18e3, 0.5)
     rises = np.linspace(0.2e-3, 1.5e-3, 6)
     heights = [Height(f"photo {k}", float(outer_pressure(true, rise)), rise) for k, rise in enumerate(rises)]
-    case = Case("ball", BALL, LAW, pressures_cm=(1.0,))
+    case = Case("ball", BALL, LAW, steps=steps_of(pressure_cm=(1.0,)))
     device = MeasuredDevice.of(case).model(LawChoice.from_text("neo-hookean"), comm)
     fitted = least_squares_of_heights(HeightResiduals(device, heights))
     assert fitted.values["shear_modulus"] == pytest.approx(18e3, rel=1e-3)

@@ -11,6 +11,7 @@ import pytest
 
 from geometries import HollowDisk
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.cli.run import run
 from softmodels.common.commands import RunOptions
 from softmodels.materials.laws import NeoHookean
@@ -38,7 +39,7 @@ NODES = ForceMeasure(
 def folder(tmp_path_factory):
     added = [register_output(output) for output in (SMALLEST, RADIAL, MEAN, NODES)]
     folder = tmp_path_factory.mktemp("added") / "disk"
-    case = Case("disk", HollowDisk(section="axisymmetric"), NeoHookean(28e3), pressures_cm=(0.0, 10.0))
+    case = Case("disk", HollowDisk(section="axisymmetric"), NeoHookean(28e3), steps=steps_of(pressure_cm=(0.0, 10.0)))
     try:
         assert run(case, folder, RunOptions(quiet=True, no_pictures=True)) == 0
         assert term("min_stretch").text == SMALLEST.extremes[0].text and term("nodes_here").name == "nodes"

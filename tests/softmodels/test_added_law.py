@@ -15,6 +15,7 @@ from click.testing import CliRunner
 
 from geometries import HollowDisk, PneuNet
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.case.materials import Region, from_table, own_modules, to_table
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.fit import fit_curves
@@ -154,6 +155,14 @@ def test_another_process_is_told_of_it_wherever_it_is_used():
     """The process that draws imports this file, be the law that of the device or of a region."""
     law, plain = EightChain(**TRUTH), NeoHookean(30e3)
     finger = PneuNet()
-    region = Case("finger", finger, plain, pressures_cm=(1.0,), components=(Region(EightChain(**TRUTH), name="base"),))
-    assert own_modules(Case("finger", finger, plain, pressures_cm=(1.0,))) == ""
-    assert own_modules(region) == own_modules(Case("finger", finger, law, pressures_cm=(1.0,))) == __file__
+    region = Case(
+        "finger",
+        finger,
+        plain,
+        steps=steps_of(pressure_cm=(1.0,)),
+        components=(Region(EightChain(**TRUTH), name="base"),),
+    )
+    assert own_modules(Case("finger", finger, plain, steps=steps_of(pressure_cm=(1.0,)))) == ""
+    assert (
+        own_modules(region) == own_modules(Case("finger", finger, law, steps=steps_of(pressure_cm=(1.0,)))) == __file__
+    )

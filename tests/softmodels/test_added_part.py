@@ -12,6 +12,7 @@ import pytest
 import softmodels as sm
 from softmodels.case.case import Case, difference, identity
 from softmodels.case.entries import CaseError
+from softmodels.case.load import steps_of
 from softmodels.cli.run import run
 from softmodels.common.commands import RunOptions
 from softmodels.common.schema import Quantity, Words, field_of
@@ -71,7 +72,7 @@ def registered():
 
 
 def case(*components):
-    return Case("disk", DISK, LAW, pressures_cm=(0.0, 20.0), components=components)
+    return Case("disk", DISK, LAW, steps=steps_of(pressure_cm=(0.0, 20.0)), components=components)
 
 
 def test_one_and_several_in_a_case_file():

@@ -11,7 +11,7 @@ import pytest
 import softmodels as sm
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
-from softmodels.case.load import LoadRequest
+from softmodels.case.load import steps_of
 from softmodels.case.materials import MaterialErrors, SourceBand, band_of
 from softmodels.components.loads import Gravity, Mass
 from softmodels.pictures.style import headline
@@ -115,7 +115,7 @@ def heavy_run():
 
 
 def test_in_case_files(tmp_path):
-    case = Case("disk", DISK, law(), pressures_cm=(10.0,), band=ERRORS)
+    case = Case("disk", DISK, law(), steps=steps_of(pressure_cm=(10.0,)), band=ERRORS)
     assert Case.from_toml(case.to_toml()).band == ERRORS
     fitted = tmp_path / "fitted.toml"
     fitted.write_text(
@@ -141,18 +141,18 @@ def test_in_case_files(tmp_path):
 )
 def test_what_is_no_error(band, words):
     with pytest.raises(CaseError, match=words):
-        Case("disk", DISK, law(), pressures_cm=(10.0,), band=dataclasses.replace(ERRORS, **band))
+        Case("disk", DISK, law(), steps=steps_of(pressure_cm=(10.0,)), band=dataclasses.replace(ERRORS, **band))
 
 
 @pytest.mark.parametrize("table", ["[band]", "[band]\nfile = 3", "[band]\nwidth = 2", "[band]\nfile = 'nowhere.toml'"])
 def test_tables_that_are_no_band(table):
     with pytest.raises(CaseError):
-        Case.from_toml(Case("disk", DISK, law(), pressures_cm=(10.0,)).to_toml() + table)
+        Case.from_toml(Case("disk", DISK, law(), steps=steps_of(pressure_cm=(10.0,))).to_toml() + table)
 
 
 def test_no_band_of_a_cycle():
     with pytest.raises(CaseError, match="bands are available only for"):
-        Case("disk", DISK, law(), pressures_cm=(10.0,), load_unload=True, band=ERRORS)
+        Case("disk", DISK, law(), steps=steps_of(pressure_cm=(10.0,)), load_unload=True, band=ERRORS)
 
 
 def test_titles_tell_the_pressure_and_not_its_band(run):
@@ -168,8 +168,8 @@ def test_of_shares_of_a_weight_and_of_forces():
     """A beam has no pressure: the band of its rise is that at the same share, or at the same force beside its weight."""
     beam = sm.Beam(length=0.03, width=0.01, thickness=0.005, cell_size=0.005)
     weight, pull = sm.Gravity("-z"), sm.Force("tip", "z")
-    for components, asked in (((weight,), ("share", (0.5,))), ((weight, pull), ("force_N", (0.005,)))):
-        case = Case("beam", beam, law(), components=components, driven=LoadRequest(*asked), band=ERRORS)
+    for components, asked in (((weight,), {"share": (0.5,)}), ((weight, pull), {"force_N": (0.005,)})):
+        case = Case("beam", beam, law(), components=components, steps=steps_of(**asked), band=ERRORS)
         expected = half(slopes(lambda other, case=case: sm.run(
             dataclasses.replace(case, material=other, band=None)).rows[-1]["tip_mm"]))  # fmt: skip
         row = sm.run(case).rows[-1]
@@ -179,13 +179,13 @@ def test_of_shares_of_a_weight_and_of_forces():
 def test_of_a_force_on_an_inflated_device():
     """Its pressure is kept beside the force."""
     membrane = sm.Membrane(cell_size=0.002, through=2)
-    asked = LoadRequest("force_N", (0.05,), at_pressure_cm=8.0)
-    case = Case("push", membrane, law(), components=(sm.Force("top", "-z"),), driven=asked, band=ERRORS)
+    asked = steps_of(force_N=(0.05,), at_pressure_cm=8.0)
+    case = Case("push", membrane, law(), components=(sm.Force("top", "-z"),), steps=asked, band=ERRORS)
     expected = half(slopes(lambda other: sm.run(
         dataclasses.replace(case, material=other, band=None)).rows[-1]["apex_mm"]))  # fmt: skip
     assert sm.run(case).rows[-1]["apex_ci95_mm"] == pytest.approx(expected, rel=2e-3)
     with pytest.raises(CaseError, match="bands are available only for"):
-        dataclasses.replace(case, driven=LoadRequest("travel_mm", (1.0,)))
+        dataclasses.replace(case, steps=steps_of(travel_mm=(1.0,)))
 
 
 def test_at_the_same_rise(heavy_run):
@@ -260,7 +260,9 @@ def test_sources_are_kept_in_a_folder(spanned, tmp_path):
 
 
 def test_bands_of_sources_that_cannot_be():
-    case = Case("disk", DISK, sm.silicone(f"{ECOFLEX}/sorotoki"), pressures_cm=(10.0,), band=SourceBand(ECOFLEX))
+    case = Case(
+        "disk", DISK, sm.silicone(f"{ECOFLEX}/sorotoki"), steps=steps_of(pressure_cm=(10.0,)), band=SourceBand(ECOFLEX)
+    )
     assert Case.from_toml(case.to_toml()) == case and "silicone" in case.to_toml()
     with pytest.raises(CaseError, match="the case's material is none of them"):
         dataclasses.replace(case, material=law())

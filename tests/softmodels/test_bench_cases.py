@@ -8,6 +8,7 @@ import pytest
 import softmodels as sm
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.case.load import steps_of
 from softmodels.case.materials import MaterialErrors
 from softmodels.cli.examples import BENCH
 from softmodels.runs.notes import bonded_notes
@@ -165,20 +166,22 @@ def test_a_case_file_is_run_with_another_material_and_its_band(fitted):
 def test_a_rigid_plate_with_a_mass_needs_gravity():
     """Else its weight would be left out in silence."""
     with pytest.raises(CaseError, match=r"has a mass, but gravity has no direction; add it"):
-        Case("lifted", MEMBRANE, LAW, pressures_cm=(5.0,), components=(PLATE,))
+        Case("lifted", MEMBRANE, LAW, steps=steps_of(pressure_cm=(5.0,)), components=(PLATE,))
 
 
 def test_a_plate_that_is_silicone_is_told():
     """A mass on a face does not make it rigid."""
     heavy = (sm.Gravity("-z"), sm.Mass("plate", 0.02))
-    soft = Case("lifted", MEMBRANE, LAW, pressures_cm=(5.0,), components=heavy)
+    soft = Case("lifted", MEMBRANE, LAW, steps=steps_of(pressure_cm=(5.0,)), components=heavy)
     assert "plate bends and stretches like the silicone in this model" in next(bonded_notes(soft))
     for part in (sm.Rigid("plate", name="plate"), sm.Clamp(face="plate", name="grip")):
-        assert not list(bonded_notes(Case("lifted", MEMBRANE, LAW, pressures_cm=(5.0,), components=(*heavy, part))))
+        assert not list(
+            bonded_notes(Case("lifted", MEMBRANE, LAW, steps=steps_of(pressure_cm=(5.0,)), components=(*heavy, part)))
+        )
     ringed = sm.Membrane(rings=(0.008, 0.010), ring_thickness=0.001)
-    note = next(bonded_notes(Case("ringed", ringed, LAW, pressures_cm=(5.0,))))
+    note = next(bonded_notes(Case("ringed", ringed, LAW, steps=steps_of(pressure_cm=(5.0,)))))
     assert note.startswith("ring1 bends and stretches") and "region" in note
-    held = Case("ringed", ringed, LAW, pressures_cm=(5.0,), components=(sm.Rigid(region="ring1"),))
+    held = Case("ringed", ringed, LAW, steps=steps_of(pressure_cm=(5.0,)), components=(sm.Rigid(region="ring1"),))
     assert not list(bonded_notes(held))
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from geometries import HollowDisk, SeminarActuator
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.materials.laws import NeoHookean
 from softmodels.path.supply import Syringe
 from softmodels.runs.columns import StateLabels
@@ -157,9 +158,9 @@ def test_a_cycle_comes_home_and_says_where_it_jumped(tmp_path):
 
 def test_a_case_with_a_syringe_survives_its_file():
     syringe = Syringe(30e-6, 1e-6 / 3, 98765.4, "adiabatic", 1234.5)
-    case = Case("disk", HollowDisk(), NeoHookean(30e3), strokes_ml=(0.0, 10 / 3), supply=syringe)
+    case = Case("disk", HollowDisk(), NeoHookean(30e3), steps=steps_of(stroke_ml=(0.0, 10 / 3)), supply=syringe)
     assert Case.from_toml(case.to_toml()) == case
-    cycle = Case("disk", HollowDisk(), NeoHookean(30e3), pressures_cm=(10.0,), load_unload=True)
+    cycle = Case("disk", HollowDisk(), NeoHookean(30e3), steps=steps_of(pressure_cm=(10.0,)), load_unload=True)
     assert Case.from_toml(cycle.to_toml()) == cycle
 
 

@@ -11,6 +11,7 @@ import scipy
 import softmodels as sm
 from geometries import Bellows, BendingBellows, HollowDisk, PneuNet
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.case.materials import without_walls
 from softmodels.components.contact import WallTerm
 from softmodels.mechanics.body import Body
@@ -138,7 +139,7 @@ class Foreign(PneuNet):
 
 @pytest.mark.parametrize("device", [COARSE, BendingBellows(), Bellows()], ids=lambda device: type(device).__name__)
 def test_walls_press_by_default_and_a_stored_case_repeats_it(device):
-    case = Case("x", device, sm.NeoHookean(30e3), pressures_cm=(1.0,), components=(sm.Gravity("-z"),))
+    case = Case("x", device, sm.NeoHookean(30e3), steps=steps_of(pressure_cm=(1.0,)), components=(sm.Gravity("-z"),))
     walls = [part for part in case.components if isinstance(part, sm.Walls)]
     assert walls == [sm.Walls()] and walls[0].automatic
     text = case.to_toml()
@@ -152,7 +153,7 @@ def test_walls_press_by_default_and_a_stored_case_repeats_it(device):
 
 @pytest.mark.parametrize("device", [HollowDisk(), PneuNet(gap=0.0, wall=0.002)], ids=["disk", "ribs"])
 def test_devices_whose_walls_never_meet_have_none(device):
-    assert Case("x", device, sm.NeoHookean(30e3), pressures_cm=(1.0,)).components == ()
+    assert Case("x", device, sm.NeoHookean(30e3), steps=steps_of(pressure_cm=(1.0,))).components == ()
 
 
 @pytest.mark.parametrize("faces", ["", "none, chamber_walls", "auto, auto", "chamber_walls, chamber_walls"])

@@ -14,6 +14,7 @@ from click.testing import CliRunner
 from geometries import HollowDisk
 from measurement.outline.outline import Outline, hold_of
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.cli.material_commands import fit_material
 from softmodels.components.loads import Gravity, Mass
 from softmodels.fitting.curves.curve import TensileCurve
@@ -215,7 +216,7 @@ def command(*words):
 
 def test_the_command_writes_the_memory(creeping, tmp_path):
     case = tmp_path / "case.toml"
-    case.write_text(Case("disk", DISK, Yeoh(14e3, 600.0), pressures_cm=(0.0, 100.0)).to_toml())
+    case.write_text(Case("disk", DISK, Yeoh(14e3, 600.0), steps=steps_of(pressure_cm=(0.0, 100.0))).to_toml())
     outlines = creeping.outlines(SimulatedCamera(), np.random.default_rng(3))
     folder = write(tmp_path / "outlines", outlines)
     done = command(case, folder, "--memory", "--fix", "c3=0Pa", "--silicone", "any", "-o", tmp_path / "out")
@@ -255,7 +256,7 @@ REFUSED = {
 @pytest.mark.parametrize(("made", "words", "said"), REFUSED.values(), ids=REFUSED.keys())
 def test_bad_input_is_one_sentence(made, words, said, tmp_path):
     case = tmp_path / "case.toml"
-    case.write_text(Case("disk", DISK, Yeoh(14e3, 600.0), pressures_cm=(0.0, 100.0)).to_toml())
+    case.write_text(Case("disk", DISK, Yeoh(14e3, 600.0), steps=steps_of(pressure_cm=(0.0, 100.0))).to_toml())
     done = command(case, write(tmp_path / "outlines", made), "--memory", *words, "-o", tmp_path / "out")
     assert done.exit_code == 2, done.output
     assert said in done.stderr and done.stderr.count("\n") == 1
@@ -263,7 +264,7 @@ def test_bad_input_is_one_sentence(made, words, said, tmp_path):
 
 def test_heights_carry_no_times(tmp_path):
     case = tmp_path / "case.toml"
-    case.write_text(Case("disk", DISK, Yeoh(14e3, 600.0), pressures_cm=(0.0, 100.0)).to_toml())
+    case.write_text(Case("disk", DISK, Yeoh(14e3, 600.0), steps=steps_of(pressure_cm=(0.0, 100.0))).to_toml())
     (tmp_path / "heights.csv").write_text("pressure_Pa,height_m\n3000,0.0008\n6000,0.0015\n")
     done = command(case, "--heights", tmp_path / "heights.csv", "--memory", "-o", tmp_path / "out")
     assert done.exit_code == 2 and "heights carry no times" in done.stderr

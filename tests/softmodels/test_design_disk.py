@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import softmodels as sm
+from softmodels.case.load import steps_of
 from softmodels.cli.examples import PROBLEMS
 from softmodels.design.model import DesignModel
 from softmodels.design.problem import DesignProblem
@@ -18,7 +19,7 @@ from softmodels.mechanics.mpi import start
 
 def problem_(**changes):
     device = sm.HollowDisk(section="axisymmetric", cell_size=0.004)
-    case = sm.Case("disk", device, sm.NeoHookean(30e3), pressures_cm=(0.0, 100.0))
+    case = sm.Case("disk", device, sm.NeoHookean(30e3), steps=steps_of(pressure_cm=(0.0, 100.0)))
     given = {
         "parameters": {"membrane": ("3.5 mm", "8 mm"), "cavity_radius": ("8 mm", "13 mm")},
         "maximise": {"quantity": "rise", "of": "apex", "at": "100 cm"},

@@ -10,6 +10,7 @@ import pytest
 
 import softmodels as sm
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.design.optimise import FARTHEST_REACH, FIRST_REACH, optimise
 from softmodels.design.problem import DesignProblem
 from tests.support import fake_design as fake
@@ -22,7 +23,7 @@ def in_closed_form(monkeypatch):
 
 def case_(**changes):
     device = fake.FakeDisk(section="axisymmetric", **changes)
-    return Case("disk", device, sm.NeoHookean(30e3), pressures_cm=(0.0, 177.0))
+    return Case("disk", device, sm.NeoHookean(30e3), steps=steps_of(pressure_cm=(0.0, 177.0)))
 
 
 def problem_(keep=None, case=None, **changes):
@@ -195,7 +196,7 @@ def test_a_fitted_materials_errors_count(tmp_path):
     fit = {"law": "neo-hookean", "free": ["leak", "shear_modulus"], "covariance": [[1.0, 0.0], [0.0, 500.0**2]]}
     (tmp_path / "fit.json").write_text(json.dumps({"laws": [fit]}))
     assert optimise(problem_(keep, material_errors=str(fitted))).best.values["limit margin"] < 1.36
-    other = Case("disk", fake.FakeDisk(), sm.NeoHookean(31e3), pressures_cm=(0.0, 177.0))
+    other = Case("disk", fake.FakeDisk(), sm.NeoHookean(31e3), steps=steps_of(pressure_cm=(0.0, 177.0)))
     with pytest.raises(sm.DesignError, match="another material"):
         problem_(case=other, material_errors=str(fitted))
 

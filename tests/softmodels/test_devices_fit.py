@@ -13,6 +13,7 @@ from click.testing import CliRunner
 import softmodels as sm
 from geometries import HollowDisk, Membrane
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.cli.material_commands import fit_material
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.problem import LawChoice
@@ -29,7 +30,10 @@ AWAY = {
     "disk": {"leak": 0.03, "zero": 3e-5, "centre": 5e-4},
     "membrane": {"pressure_offset": 15.0, "scale": -0.004, "centre": -1e-3},
 }
-CASES = {name: Case(name, device, sm.NeoHookean(30e3, 0.5), pressures_cm=(1.0,)) for name, device in DEVICES.items()}
+CASES = {
+    name: Case(name, device, sm.NeoHookean(30e3, 0.5), steps=steps_of(pressure_cm=(1.0,)))
+    for name, device in DEVICES.items()
+}
 QUICK = sm.FitOptions(profiles=False, silicone="any")
 
 

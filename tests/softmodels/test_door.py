@@ -139,7 +139,7 @@ def test_a_loaded_run_can_be_saved_elsewhere(folder, tmp_path):
     ],
 )  # fmt: skip
 def test_pressures_are_texts_with_a_unit_or_pascals(pressures, cm):
-    assert sm.inflate(sm.HollowDisk(**COARSE), LAW, pressures).case.pressures_cm == pytest.approx(cm, rel=1e-12)
+    assert sm.inflate(sm.HollowDisk(**COARSE), LAW, pressures).case.values == pytest.approx(cm, rel=1e-12)
 
 
 def test_volumes_and_strokes():
@@ -319,10 +319,11 @@ def test_a_commands_options_need_no_solver():
     text = """
 from softmodels.cli.options import device_command
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 
 command = device_command(sm.HollowDisk, "softmodels.disk", ())
 assert "--membrane" in command.get_help(command.make_context("softmodels.disk", ["--pressure-cm", "0:177"]))
-case = Case("disk", sm.HollowDisk(membrane=3e-3), sm.Yeoh(14e3, 60.0), pressures_cm=(0.0, 177.0))
+case = Case("disk", sm.HollowDisk(membrane=3e-3), sm.Yeoh(14e3, 60.0), steps_of(pressure_cm=(0.0, 177.0)))
 assert Case.from_toml(case.to_toml()) == case
 used = {"pint", "h5py", "gmsh", "rich", "scipy.sparse", "scipy.linalg", "scipy.spatial", "dolfinx", "matplotlib"}
 assert not used & sys.modules.keys(), used & sys.modules.keys()

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import softmodels as sm
-from softmodels.case.load import LoadRequest
+from softmodels.case.load import steps_of
 from softmodels.common.commands import run_command
 from softmodels.components.fibres import Reinforced, least_resistance
 from softmodels.runs.notes import advice
@@ -116,7 +116,7 @@ def test_a_cavity_that_cannot_change_takes_no_volume():
 
 
 def test_a_pressure_that_squeezes_the_silicone_itself_is_named():
-    case = sm.Case("tube", TUBE, sm.NeoHookean(30e3, 0.4999), volumes_ml=(1.0,), components=HELD)
+    case = sm.Case("tube", TUBE, sm.NeoHookean(30e3, 0.4999), steps=steps_of(volume_ml=(1.0,)), components=HELD)
     figures = {"max_stretch": 1.05, "J_min": 0.97}
     assert "300 times the silicone's shear modulus" in advice(case, {**figures, "pressure_Pa": 9e6})
     assert advice(case, {**figures, "pressure_Pa": 1e6}).startswith("No cause was found")
@@ -183,7 +183,7 @@ def test_fibres_that_kink_are_named():
     threads = sm.Fibres(angle=0.0, helices=1, modulus=3e5, name="threads")
     case = sm.Case(
         "tube", tube, sm.NeoHookean(30e3, 0.49), components=(threads, sm.Force("end", "-z", name="push")),
-        driven=LoadRequest("travel_mm", (0.0, 8.0), "push"),
+        steps=steps_of(travel_mm=(0.0, 8.0), on="push"),
     )  # fmt: skip
     run = sm.run(case)
     assert run.limit.kind == "limit" and "the fibres of [fibres.threads] kink" in run.limit.why

@@ -14,13 +14,14 @@ import softmodels as sm
 from geometries import ImportedMesh
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.case.load import steps_of
 from softmodels.decks.deck import silicones_of, solved
 from softmodels.materials.laws import HomogeneousStrain
 from tests.support.ranks import mpirun
 
 DISK = sm.HollowDisk(fillet=0.0, cell_size=0.006, support="base")
 LAW = sm.Yeoh(14e3, 60.0, 0.5, 0.49)
-CASE = Case("disk", DISK, LAW, pressures_cm=(0.0, 40.0, 80.0))
+CASE = Case("disk", DISK, LAW, steps=steps_of(pressure_cm=(0.0, 40.0, 80.0)))
 
 
 @pytest.fixture(scope="module")
@@ -184,8 +185,8 @@ def test_a_laws_terms_are_its_energy(law):
     ("changes", "words"),
     [
         ({"actuator": sm.HollowDisk(section="axisymmetric")}, "axisymmetric section"),
-        ({"pressures_cm": (), "volumes_ml": (1.0,)}, "asks for added volumes"),
-        ({"pressures_cm": (0.0,)}, "add a value above 0"),
+        ({"steps": steps_of(volume_ml=(1.0,))}, "asks for added volumes"),
+        ({"steps": steps_of(pressure_cm=(0.0,))}, "add a value above 0"),
         ({"load_unload": True}, "no unloading"),
         ({"material": sm.Gent(28e3, 30.0)}, "gent is a law that CalculiX does not have"),
         ({"material": sm.Yeoh(14e3, 60.0, 0.5, 0.5)}, "incompressible"),

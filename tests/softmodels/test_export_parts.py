@@ -12,15 +12,15 @@ import pytest
 import softmodels as sm
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.case.load import steps_of
 from softmodels.components.contact import ONSET, distances
-from softmodels.path.program import from_tables
 
 LAW = sm.Yeoh(14e3, 60.0, 0.0, 0.49)
-FINGER = Case("finger", sm.PneuNet(chambers=2, cell_size=0.008), LAW, pressures_cm=(4.0, 8.0))
+FINGER = Case("finger", sm.PneuNet(chambers=2, cell_size=0.008), LAW, steps=steps_of(pressure_cm=(4.0, 8.0)))
 """Half a finger, cut at y = 0."""
 PLATE = sm.Rigid("tip", name="plate", mass=5e-3)
 WEIGHT = sm.Gravity("0.6, 0, -0.8", 1100.0)
-DISK = Case("disk", sm.HollowDisk(fillet=0.0, cell_size=0.006), LAW, pressures_cm=(40.0,))
+DISK = Case("disk", sm.HollowDisk(fillet=0.0, cell_size=0.006), LAW, steps=steps_of(pressure_cm=(40.0,)))
 
 
 def export(case, file, **changes):
@@ -67,7 +67,9 @@ def test_a_held_plate_and_a_rigid_region_stand_still_or_rise(tmp_path):
         angle=60.0,
         cell_size=0.008,
     )
-    case = Case("membrane", ringed, LAW, pressures_cm=(5.0,), components=(sm.Rigid(region="ring1", name="ring"),))
+    case = Case(
+        "membrane", ringed, LAW, steps=steps_of(pressure_cm=(5.0,)), components=(sm.Rigid(region="ring1", name="ring"),)
+    )
     deck = sm.export(case, tmp_path / "x.inp")
     moved = admissible(deck)[np.unique(deck.mesh.cells[deck.mesh.regions["ring1"]])]
     assert not moved[:, :2].any() and np.ptp(moved[:, 2]) < 1e-12 and abs(moved[0, 2]) > 1e-3
@@ -222,7 +224,9 @@ def test_threads_are_springs_of_the_same_work(tmp_path, comm, part):
 
     tube = sm.Cylinder(section="half", length=0.02, cell_size=0.006, strip=90.0)
     device = FINGER.actuator if part.table == "fibres" and part.on == "base" else tube
-    deck = sm.export(Case("tube", device, LAW, pressures_cm=(5.0,), components=(part,)), tmp_path / "tube.inp")
+    deck = sm.export(
+        Case("tube", device, LAW, steps=steps_of(pressure_cm=(5.0,)), components=(part,)), tmp_path / "tube.inp"
+    )
     system = System(
         Body.from_file(device, device.write(tmp_path / "x.msh"), comm), LAW, "displacement", components=[part]
     )
@@ -268,13 +272,13 @@ def test_each_cavity_has_its_share_of_the_pressure(tmp_path):
 def test_a_program_of_pressures_is_written_step_by_step(tmp_path):
     device = sm.PneuNet(chambers=2, cell_size=0.008, sides=2, opposite=1.0)
     series = {"cavity1": {"pressure_cm": [0, 4, 4]}, "cavity2": {"pressure_cm": [0, 0, 6]}}
-    case = Case("two", device, LAW, program=from_tables(series))
+    case = Case("two", device, LAW, steps=steps_of(**series))
     sm.export(case, tmp_path / "x.inp")
     found = [float(p) for p in re.findall(r"CAVITY\d?, P, (\S+)", (tmp_path / "x.inp").read_text())]
     assert found == pytest.approx([case.cm * p for p in (4, 0, 4, 6)], rel=1e-12)
     series["cavity2"] = {"volume_ml": [0, 0, 0.1]}
     with pytest.raises(CaseError, match="a deck takes pressures"):
-        sm.export(dataclasses.replace(case, program=from_tables(series)), tmp_path / "y.inp")
+        sm.export(dataclasses.replace(case, steps=steps_of(**series)), tmp_path / "y.inp")
 
 
 BALL = sm.RigidShape("sphere", "bottom", (0.012, 0.0, -0.007), 0.005, name="ball")

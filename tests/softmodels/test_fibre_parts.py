@@ -12,6 +12,7 @@ import pytest
 import softmodels as sm
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.case.load import steps_of
 from softmodels.case.materials import VARIABLE, own_modules
 from softmodels.components.contact import Walls
 from softmodels.components.fibres import Fabric, Fibres, register_fibre_law
@@ -41,7 +42,9 @@ def own(k, q, b):
 
 
 def case(device, *components):
-    return Case("tube", device, sm.NeoHookean(30e3, 0.5), pressures_cm=(0.0, 10.0), components=components)
+    return Case(
+        "tube", device, sm.NeoHookean(30e3, 0.5), steps=steps_of(pressure_cm=(0.0, 10.0)), components=components
+    )
 
 
 def test_they_come_back_from_a_case_file():

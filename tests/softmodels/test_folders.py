@@ -21,6 +21,7 @@ from geometries import HollowDisk
 from geometries.meshing import apart
 from softmodels.__main__ import softmodels
 from softmodels.case.case import Case, difference, identity
+from softmodels.case.load import steps_of
 from softmodels.case.materials import DEFAULT
 from softmodels.common import folders
 from softmodels.common.folders import OwnFolder
@@ -200,7 +201,10 @@ def test_every_field_of_a_case_counts():
     assert {"actuator.membrane", "material.shear_modulus", "components.contact"} <= texts.keys()
     assert not any(" at 0x" in text for text in texts.values())
     assert difference(identity(plain), texts) == "components.contact"
-    assert difference(identity(plain), identity(dataclasses.replace(plain, pressures_cm=(10.0, 20.0)))) is None
+    assert (
+        difference(identity(plain), identity(dataclasses.replace(plain, steps=steps_of(pressure_cm=(10.0, 20.0)))))
+        is None
+    )
     assert identity(plain) == identity(dataclasses.replace(plain, solver="iterative"))
     assert identity(plain) == identity(Case.from_toml(plain.to_toml()))
 

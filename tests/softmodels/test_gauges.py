@@ -11,6 +11,7 @@ import softmodels as sm
 from geometries import HollowDisk
 from softmodels.case.case import Case, difference, identity
 from softmodels.case.entries import CaseError, ProbeError, Probes, probes_from_tables, probes_to_tables
+from softmodels.case.load import steps_of
 from tests.support import runs
 from tests.support.ranks import mpirun
 
@@ -77,9 +78,9 @@ def test_tables_come_back():
     gauges = probes_from_tables(TABLES)
     assert probes_from_tables(probes_to_tables(gauges)) == gauges and probes_to_tables(gauges) == TABLES
     case = Case("disk", HollowDisk(), Case.from_toml("[geometry]\ndevice='HollowDisk'\n[load]\npressure_cm=[1]\n").material,
-                pressures_cm=(1.0,), gauges=gauges)  # fmt: skip
+                steps=steps_of(pressure_cm=(1.0,)), gauges=gauges)  # fmt: skip
     assert Case.from_toml(case.to_toml()).gauges == gauges
-    assert "[points]" not in Case("disk", HollowDisk(), case.material, pressures_cm=(1.0,)).to_toml()
+    assert "[points]" not in Case("disk", HollowDisk(), case.material, steps=steps_of(pressure_cm=(1.0,))).to_toml()
 
 
 REFUSED = (
@@ -206,7 +207,7 @@ def test_the_rotation_of_a_face_is_the_bend():
     }
     gauges = probes_from_tables(tables)
     assert probes_to_tables(gauges) == tables and gauges.columns()[-2:] == ["chord_deg", "bend_deg"]
-    case = Case("bent", finger, sm.NeoHookean(30e3), pressures_cm=(0.0, 10.0), gauges=gauges)
+    case = Case("bent", finger, sm.NeoHookean(30e3), steps=steps_of(pressure_cm=(0.0, 10.0)), gauges=gauges)
     run = sm.run(case)
     bend, chord, probes = (run.path[name][-1] for name in ("bend_deg", "chord_deg", "bend_angle_deg"))
     assert run.path["bend_deg"][0] == pytest.approx(0.0, abs=1e-5)
@@ -214,13 +215,13 @@ def test_the_rotation_of_a_face_is_the_bend():
     assert abs(bend) == pytest.approx(abs(probes), rel=0.05) and abs(probes) > 4.0
     assert 0.4 < chord / bend < 0.75
     with pytest.raises(ProbeError, match="has no face 'face x = 1 mm'"):
-        sm.run(Case("bent", finger, sm.NeoHookean(30e3), pressures_cm=(0.0, 1.0),
+        sm.run(Case("bent", finger, sm.NeoHookean(30e3), steps=steps_of(pressure_cm=(0.0, 1.0)),
                     gauges=probes_from_tables({"angles": {"bend": "face x = 1 mm"}})))  # fmt: skip
 
 
 def test_faces_that_cannot_turn_are_refused():
     with pytest.raises(CaseError, match="faces of an axisymmetric section do not rotate"):
-        Case("disk", HollowDisk(section="axisymmetric"), sm.NeoHookean(30e3), pressures_cm=(0.0, 1.0),
+        Case("disk", HollowDisk(section="axisymmetric"), sm.NeoHookean(30e3), steps=steps_of(pressure_cm=(0.0, 1.0)),
              gauges=probes_from_tables({"angles": {"bend": "face z = 16 mm"}}))  # fmt: skip
     with pytest.raises(ProbeError, match="select the face by its position"):
         probes_from_tables({"angles": {"bend": "face named tip"}})

@@ -16,10 +16,12 @@ from measurement.__main__ import main as measure, main as measurement_main
 from softmodels.__main__ import softmodels as whole
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError, SeriesError, of_text, series, split_text
+from softmodels.case.load import load_table, steps_of
 from softmodels.cli.options import main
 from softmodels.common import processes
+from softmodels.common.units import pascal_per_cm
 from softmodels.disk import command as disk
-from softmodels.path.program import ProgramError, _series
+from softmodels.path.steps import StepError, courses
 
 CASE = '[geometry]\ndevice = "HollowDisk"\nsection = "axisymmetric"\n[load]\n'
 SECTION = ["--pressure-cm=0:10", "--section=axisymmetric"]
@@ -197,7 +199,8 @@ def test_series_say_how_they_are_written(read, told):
 
 def test_exponents_are_no_units():
     assert split_text("1e9 cm") == ("1e9", "cm") and split_text("0:2.5e-1kPa") == ("0:2.5e-1", "kPa")
-    assert of_text("cm", "1e1 cm", "pressure", 95.1) == (10.0,)
+    (value,) = of_text("cm", "1e1 cm", "pressure", 95.1)
+    assert value == 951.0 and (value.number, value.unit) == (10.0, "cm")
 
 
 def test_implausible_pressures_say_what_is_plausible():
@@ -209,9 +212,12 @@ def test_implausible_pressures_say_what_is_plausible():
         Case.from_toml(case)
 
 
-def test_a_cavitys_pressure_with_a_unit_is_told_in_cm():
-    with pytest.raises(ProgramError, match=r"4 kPa are 42\.05 cm, 0\.97 g/ml: cavity1\.pressure_cm = 42\.05"):
-        _series("cavity1", {"pressure": "4 kPa"}, {"pressure_cm": None, "volume_ml": None})
+def test_a_cavitys_pressures_may_have_units():
+    given = {"cavity1": {"pressure": ["4 kPa", "20 cm"]}}
+    (steps,) = courses(steps_of(**given))
+    assert steps.values == (4000.0, 20 * pascal_per_cm()) and load_table(steps_of(**given)) == given
+    with pytest.raises(StepError, match=r"cavity1\.pressure 4 has no unit"):
+        steps_of(cavity1={"pressure": 4})
 
 
 def test_sentences_are_wrapped_on_terminals_only(monkeypatch):

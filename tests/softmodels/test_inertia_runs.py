@@ -9,6 +9,7 @@ import pytest
 
 import softmodels as sm
 from softmodels.case.case import Case, CaseError
+from softmodels.case.load import steps_of
 from softmodels.cli.examples import CASES
 from tests.support import runs
 
@@ -52,7 +53,9 @@ def table(folder):
 def test_a_case_is_read_back_from_its_own_file():
     case = Case.from_toml(CASE.format(load=WHOLE))
     assert case.inertia and case.spectral_radius == 0.9 and Case.from_toml(case.to_toml()) == case
-    case = Case("ball", BALLOON, LAW, pressures_cm=(5.0,), hold="10 ms", inertia=True, spectral_radius=0.5)
+    case = Case(
+        "ball", BALLOON, LAW, steps=steps_of(pressure_cm=(5.0,), hold="10 ms"), inertia=True, spectral_radius=0.5
+    )
     assert Case.from_toml(case.to_toml()) == case
     jump = Case.from_toml(CASES["jump.toml"])
     assert jump.inertia and jump.supply is not None and jump.remembers

@@ -16,6 +16,7 @@ from geometries import ACTUATORS, Balloon, HollowDisk, PneuNet, SeminarActuator
 from softmodels.__main__ import softmodels
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.case.load import steps_of
 from softmodels.cli import analyses
 from softmodels.cli.analyses import LimitOptions
 from softmodels.common.commands import NO_INPUT
@@ -37,7 +38,7 @@ OPTIONS = ("--variant", "shadow", "--support", "base", "--fillet", "0mm", "--bas
 
 def case_of(device, components=(), **how):
     """A case whose load and material do not matter."""
-    return Case(device.stem, device, LAW, pressures_cm=(1.0,), components=components, **how)
+    return Case(device.stem, device, LAW, steps=steps_of(pressure_cm=(1.0,)), components=components, **how)
 
 
 def test_thin_disk_is_limited_and_a_stiffening_one_is_not(comm):

@@ -11,7 +11,7 @@ import softmodels as sm
 from geometries import Beam, HollowDisk, Membrane
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
-from softmodels.case.load import LoadRequest
+from softmodels.case.load import steps_of
 from softmodels.case.materials import Region
 from softmodels.components.contact import Obstacle, RigidShape, Walls
 from softmodels.components.loads import Force, Gravity, Mass
@@ -19,7 +19,6 @@ from softmodels.components.rigid import Rigid
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.silicones import silicone
 from softmodels.mechanics.component import ComponentError
-from softmodels.path.program import Series
 from tests.support import runs
 
 DISK = HollowDisk(section="axisymmetric", cell_size=0.003)
@@ -58,7 +57,7 @@ def test_a_force_on_an_inflated_disk(pushed):
 def test_it_goes_on_to_the_same(pushed, tmp_path):
     """A resumed run hangs first, too, and comes to the states of one that was not interrupted."""
     case = Case.from_file(pushed / "case.toml")
-    short = dataclasses.replace(case, driven=dataclasses.replace(case.driven, values=(0.0, 0.5)))
+    short = dataclasses.replace(case, steps=steps_of(force_N=(0.0, 0.5), at_pressure_cm=40.0))
     sm.run(short, folder=tmp_path / "short")
     last, wanted = sm.run(case, folder=tmp_path / "short", resume=True).rows[-1], runs.rows(pushed)[-1]
     for name in ("force_N", "travel_mm", "apex_mm", "stored_energy_mJ", "added_volume_ml"):
@@ -72,7 +71,7 @@ def test_it_goes_on_to_the_same(pushed, tmp_path):
 
 def test_the_case_is_repeated_exactly(pushed):
     case = Case.from_file(pushed / "case.toml")
-    assert case.driven == LoadRequest("force_N", (0.0, 0.5, 1.0), at_pressure_cm=40.0)
+    assert case.steps == steps_of(force_N=(0.0, 0.5, 1.0), at_pressure_cm=40.0)
     assert case.components == (
         Gravity(direction="-z"), Mass(face="top", amount=0.05), Force(face="top", direction="-z"),
     )  # fmt: skip
@@ -89,12 +88,9 @@ PARTS = (
 @pytest.fixture(scope="module")
 def programmed():
     """Weight first, then pressure and a force together, then a volume is let in."""
-    program = (
-        Series("pressure_cm", (0.0, 40.0, 40.0)),
-        Series("share", (1.0, 1.0, 0.5), "gravity"),
-        Series("force_N", (0.0, 0.5, 1.0), "force.push"),
-    )
-    return sm.inflate(DISK, LAW, program=program, components=PARTS)
+    push = {"push": {"force_N": (0.0, 0.5, 1.0)}}
+    steps = steps_of(cavity1={"pressure_cm": (0.0, 40.0, 40.0)}, gravity=(1.0, 1.0, 0.5), force=push)
+    return sm.inflate(DISK, LAW, steps=steps, components=PARTS)
 
 
 def test_a_program_changes_every_kind_of_load(programmed, pushed):
@@ -112,8 +108,8 @@ def test_a_program_changes_every_kind_of_load(programmed, pushed):
 def test_a_travel_leads_to_the_force(pushed):
     """By how far the face moves, in place of the force; and a state between two of them."""
     wanted = runs.rows(pushed)[-1]
-    request = LoadRequest("travel_mm", (wanted["travel_mm"],), at_pressure_cm=40.0)
-    run = sm.inflate(DISK, LAW, driven=request, components=Case.from_file(pushed / "case.toml").components)
+    request = steps_of(travel_mm=(wanted["travel_mm"],), at_pressure_cm=40.0)
+    run = sm.inflate(DISK, LAW, steps=request, components=Case.from_file(pushed / "case.toml").components)
     assert run.rows[-1]["force_N"] == pytest.approx(1.0, rel=1e-7)
     assert run.at(wanted["travel_mm"] * 1e-3).row["apex_mm"] == pytest.approx(wanted["apex_mm"], rel=1e-6)
     half = next(row for row in runs.rows(pushed) if row["force_N"] == 0.5)
@@ -172,16 +168,16 @@ def test_two_figures_of_one_column():
     beam = Beam(length=0.01, width=0.01, thickness=0.01, cell_size=0.01, part="quarter", clamp="slip")
     components = (Rigid(face="tip", name="tip"), Gravity(direction="x"))
     with pytest.raises(ComponentError, match=r"share the column tip_x_mm of path.csv; rename the part"):
-        sm.run(Case("beam", beam, LAW, components=components, driven=SHARE))
+        sm.run(Case("beam", beam, LAW, components=components, steps=SHARE))
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Case("beam", Beam(), LAW, pressures_cm=(1.0,)), "Beam has no cavity for a pressure"),
-        (lambda: Case("beam", Beam(), LAW, components=(Gravity(direction="y"),), driven=SHARE), "or part="),
+        (lambda: Case("beam", Beam(), LAW, steps=steps_of(pressure_cm=(1.0,))), "Beam has no cavity for a pressure"),
+        (lambda: Case("beam", Beam(), LAW, components=(Gravity(direction="y"),), steps=SHARE), "or part="),
         (
-            lambda: Case("beam", Beam(), LAW, components=(Gravity(direction="-z"),), driven=AT),
+            lambda: Case("beam", Beam(), LAW, components=(Gravity(direction="-z"),), steps=AT),
             "no cavity for a pressure",
         ),
     ],
@@ -191,8 +187,8 @@ def test_beams_that_cannot_be_meant(make, message):
         make()
 
 
-SHARE = LoadRequest("share", (1.0,))
-AT = LoadRequest("share", (1.0,), at_pressure_cm=1.0)
+SHARE = steps_of(share=(1.0,))
+AT = steps_of(share=(1.0,), at_pressure_cm=1.0)
 
 
 def test_a_weight_that_is_not_borne():
@@ -206,7 +202,7 @@ def test_a_weight_that_is_not_borne():
         beam,
         Yeoh(10e3, -1100.0, 60.0, 0.495),
         components=(weight, Gravity(direction="x")),
-        driven=LoadRequest("share", (1.0,)),
+        steps=steps_of(share=(1.0,)),
     )
     with pytest.raises(sm.RunError, match=r"no equilibrium under its dead loads.*limit point at 0") as end:
         sm.run(case)
@@ -218,15 +214,15 @@ def test_a_force_that_is_not_borne():
     from softmodels.materials.laws import Yeoh
 
     beam = Beam(length=0.01, width=0.01, thickness=0.01, cell_size=0.01, part="quarter", clamp="slip")
-    pull, asked = Force(face="tip", direction="x"), LoadRequest("force_N", (6.0,))
-    run = sm.run(Case("beam", beam, Yeoh(10e3, -1100.0, 60.0, 0.495), components=(pull,), driven=asked))
+    pull, asked = Force(face="tip", direction="x"), steps_of(force_N=(6.0,))
+    run = sm.run(Case("beam", beam, Yeoh(10e3, -1100.0, 60.0, 0.495), components=(pull,), steps=asked))
     assert run.limit.kind == "limit" and "the force has a limit point" in run.limit.why and len(run) > 3
 
 
 def test_a_program_of_a_device_without_a_cavity():
     beam = Beam(length=0.01, width=0.01, thickness=0.01, cell_size=0.01, part="quarter", clamp="slip")
-    program = (Series("force_N", (0.5, 0.2), "force"),)
-    run = sm.run(Case("beam", beam, LAW, components=(Force(face="tip", direction="x"),), program=program))
+    steps = steps_of(force={"force_N": (0.5, 0.2)})
+    run = sm.run(Case("beam", beam, LAW, components=(Force(face="tip", direction="x"),), steps=steps))
     assert run.limit is None and run.path["force_N"][-1] == pytest.approx(0.2) and not run.path["pressure_Pa"].any()
 
 
@@ -234,7 +230,7 @@ def test_a_cavity_that_is_pressed_empty():
     """A membrane pushed through the floor of its chamber: an end of the device's own, with what lets it rest there."""
     membrane = sm.Membrane(chamber_depth=0.001, cell_size=0.002)
     push = Force(face="top", direction="-z")
-    case = Case("push", membrane, NeoHookean(30e3), components=(push,), driven=LoadRequest("travel_mm", (4.0,)))
+    case = Case("push", membrane, NeoHookean(30e3), components=(push,), steps=steps_of(travel_mm=(4.0,)))
     limit = sm.run(case).limit
     assert (
         limit.kind == "limit"
@@ -251,11 +247,11 @@ def test_a_named_silicone_weighs_what_its_sheet_says():
     plate = Region(silicone("dragon-skin-20"), name="plate")
     volumes = np.array([membrane.solid_volume, np.pi * 0.008**2 * 0.002])
     volumes[0] -= volumes[1]
-    soft, share = silicone("ecoflex-00-10"), LoadRequest("share", (1.0,))
+    soft, share = silicone("ecoflex-00-10"), steps_of(share=(1.0,))
 
     def weighed(gravity, *components, law=soft):
         run = sm.inflate(
-            membrane, dataclasses.replace(law, poisson=0.49), driven=share, components=(gravity, *components)
+            membrane, dataclasses.replace(law, poisson=0.49), steps=share, components=(gravity, *components)
         )
         return run.rows[-1]["weight_N"] / 9.81, " ".join(run.notes), run.case.to_toml()
 

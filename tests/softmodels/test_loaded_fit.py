@@ -14,6 +14,7 @@ import softmodels as sm
 from geometries import HollowDisk, Membrane
 from measurement.outline.outline import Outline
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.cli.material_commands import fit_material, score
 from softmodels.components.loads import Force, Gravity, Mass, Moment
 from softmodels.fitting.curves.curve import TensileCurve
@@ -44,7 +45,7 @@ ERROR = 10e-6
 
 
 def case_of(device, components, law=TRUE):
-    return Case("device", device, law, pressures_cm=(1.0,), components=components)
+    return Case("device", device, law, steps=steps_of(pressure_cm=(1.0,)), components=components)
 
 
 def outer_curve(run, state):
@@ -212,7 +213,7 @@ REFUSED = {
 def test_what_is_refused(device, components, how, words, run_of):
     outlines = photographed(run_of("disk, its own weight"), DEVICES["disk, its own weight"][2])
     if device is WHOLE:
-        case = Case("device", device, TRUE, pressures_cm=(1.0,), components=components)
+        case = Case("device", device, TRUE, steps=steps_of(pressure_cm=(1.0,)), components=components)
     elif not components or isinstance(components[0], Gravity):
         case = case_of(device, components)
     else:

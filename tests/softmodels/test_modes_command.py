@@ -10,7 +10,7 @@ import pytest
 
 import softmodels as sm
 from softmodels.__main__ import softmodels
-from softmodels.case.load import LoadRequest
+from softmodels.case.load import steps_of
 from tests.support import runs
 
 DISK = sm.HollowDisk.variant("shadow", section="axisymmetric", cell_size=6e-3, refinement=1.0)
@@ -63,7 +63,7 @@ def test_a_path_that_ends_says_what_is_unstable(tmp_path):
 
 
 def test_a_solid_is_drawn_and_a_case_file_read(tmp_path):
-    case = sm.Case("beam", BEAM, LAW, components=sm.Gravity("-z"), driven=LoadRequest("share", (1.0,)))
+    case = sm.Case("beam", BEAM, LAW, components=sm.Gravity("-z"), steps=steps_of(share=(1.0,)))
     (tmp_path / "beam.toml").write_text(case.to_toml())
     refused = runs.run("-m", "softmodels", "modes", tmp_path / "beam.toml", "-o", tmp_path / "out")
     assert refused.status == 2 and "give the pressures" in refused.err

@@ -15,6 +15,7 @@ from geometries.imported import Triangles
 from geometries.meshing import mirror_mesh, private_model
 from softmodels.__main__ import softmodels
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.common.schema import number_field
 from softmodels.components.rigid import Clamp
 from softmodels.materials.laws import NeoHookean
@@ -62,7 +63,12 @@ def test_a_device_whose_air_misses_a_face_is_refused(ended, monkeypatch, tmp_pat
         return "outer" if floor else known(finger, tag)
 
     monkeypatch.setattr(pneunet, "_role", forgetful)
-    case = Case("f", PneuNet(chambers=1, chamber_length=0.01, cell_size=0.004), NeoHookean(30e3), pressures_cm=(1.0,))
+    case = Case(
+        "f",
+        PneuNet(chambers=1, chamber_length=0.01, cell_size=0.004),
+        NeoHookean(30e3),
+        steps=steps_of(pressure_cm=(1.0,)),
+    )
     (tmp_path / "finger.toml").write_text(case.to_toml())
     status, _, told = ended(softmodels, "run", tmp_path / "finger.toml", "--quiet", "--output", tmp_path / "run")
     assert status == 2 and told.count("\n") == 1
@@ -163,7 +169,7 @@ def test_a_mesh_with_less_air_than_the_device_is_warned_of_or_refused(comm, tmp_
     device = Smaller(share=0.8)
     with pytest.raises(BodyError, match="include every face around the air in its walls"):
         System(Body.from_file(device, device.write(tmp_path / "a.msh"), comm), law)
-    simulation, told = Simulation(Case("d", Smaller(), law, pressures_cm=(1.0,)), comm), []
+    simulation, told = Simulation(Case("d", Smaller(), law, steps=steps_of(pressure_cm=(1.0,))), comm), []
     simulation.write_mesh(tmp_path / "b.msh")
     simulation.prepare(tmp_path / "b.msh")
     simulation.listener.say = told.append

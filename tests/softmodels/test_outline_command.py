@@ -20,6 +20,7 @@ import softmodels as sm
 from geometries import HollowDisk
 from measurement.outline.outline import Outline
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.case.materials import MaterialErrors
 from softmodels.cli.material_commands import fit_material, score
 from softmodels.common.folders import OwnFolder
@@ -41,7 +42,7 @@ def dome(pressure, height, x=X, **changes):
 @pytest.fixture
 def case(tmp_path):
     file = tmp_path / "case.toml"
-    file.write_text(Case("disk", DISK, Yeoh(14e3, 600.0), pressures_cm=(0.0, 100.0)).to_toml())
+    file.write_text(Case("disk", DISK, Yeoh(14e3, 600.0), steps=steps_of(pressure_cm=(0.0, 100.0))).to_toml())
     return file
 
 
@@ -166,7 +167,7 @@ def test_outlines_of_another_device_end_badly(measured, outlines, tmp_path):
     """The fit that gave a chi squared of millions and a material file; an earlier fit's file is put away too."""
     file, output = tmp_path / "other.toml", tmp_path / "fit"
     other = dataclasses.replace(DISK, cavity_radius=0.016)
-    file.write_text(Case("disk", other, Yeoh(14e3, 600.0), pressures_cm=(0.0, 100.0)).to_toml())
+    file.write_text(Case("disk", other, Yeoh(14e3, 600.0), steps=steps_of(pressure_cm=(0.0, 100.0))).to_toml())
     own = OwnFolder(output, "fit")
     output.mkdir()
     own.claim(["fitted.toml"])

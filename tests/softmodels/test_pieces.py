@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import softmodels as sm
+from softmodels.case.load import steps_of
 from softmodels.runs.state_values import displacement_maps
 
 LAW = sm.NeoHookean(28e3, 0.49)
@@ -98,7 +99,10 @@ def test_amounts_that_do_not_fit_are_refused(ended, tmp_path):
             sm.inflate(DISK, LAW, pressures="1 cm", components=sm.Force("top", "-z", **load))
     wedge = sm.HollowDisk(cell_size=0.008, refinement=1.0)
     with pytest.raises(sm.CaseError, match=r"\[hold\] on a piece of a face, which decks do not support"):
-        sm.export(sm.Case("disk", wedge, LAW, pressures_cm=(5.0,), components=sm.Clamp(INNER)), tmp_path / "disk.inp")
+        sm.export(
+            sm.Case("disk", wedge, LAW, steps=steps_of(pressure_cm=(5.0,)), components=sm.Clamp(INNER)),
+            tmp_path / "disk.inp",
+        )
 
 
 def test_a_ring_within_the_layer_of_a_membrane():
@@ -111,7 +115,7 @@ def test_a_ring_within_the_layer_of_a_membrane():
     assert volume == pytest.approx(np.pi * (0.010**2 - 0.008**2) * membrane.thickness, rel=1e-6)
     apex = [sm.Model(membrane, LAW, parts).solve(pressure="3 cm").rises["apex"] for parts in ((), [ring])]
     assert 0 < apex[1] < 0.97 * apex[0]
-    case = sm.Case("m", membrane, LAW, pressures_cm=(3.0,), components=[ring])
+    case = sm.Case("m", membrane, LAW, steps=steps_of(pressure_cm=(3.0,)), components=[ring])
     assert sm.Case.from_toml(case.to_toml()) == case and 'within = "8 mm < r < 10 mm"' in case.to_toml()
     for within, sentence in {
         "r > 90 mm": r"\[region.stiff\]: within = 'r > 90 mm' selects no cells",

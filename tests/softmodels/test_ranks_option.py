@@ -13,6 +13,7 @@ import pytest
 
 from geometries import HollowDisk
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.case.materials import DEFAULT
 from softmodels.cli import options
 from softmodels.common.errors import MeshingError, MeshingStopped
@@ -34,7 +35,7 @@ def free(monkeypatch):
 
 
 def case_of(**fields):
-    return Case("disk", HollowDisk(**fields), DEFAULT, pressures_cm=(1.0,))
+    return Case("disk", HollowDisk(**fields), DEFAULT, steps=steps_of(pressure_cm=(1.0,)))
 
 
 @pytest.mark.parametrize(("nodes", "expected"), [(3_000, 1), (18_000, 1), (19_000, 2), (30_000, 3), (300_000, 4)])

@@ -138,7 +138,7 @@ def test_paraviews_reader_finds_all_fields_on_one_grid_during_and_after(whole, t
 
 def test_a_case_file_repeats_its_run(whole, tmp_path):
     case = Case.from_file(whole[0] / "case.toml")
-    assert case.pressures_cm[-1] == 177.0 and len(case.pressures_cm) == 37 and case.actuator.section == "axisymmetric"
+    assert case.values[-1] == 177.0 and len(case.values) == 37 and case.actuator.section == "axisymmetric"
     done = runs.run(
         "-m", "softmodels", "run", whole[0] / "case.toml", "--output", tmp_path / "again", "--no-pictures", "--quiet"
     )

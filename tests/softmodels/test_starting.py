@@ -172,6 +172,7 @@ def handlers():
 
 from geometries import HollowDisk
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.case.materials import material_from
 from softmodels.cli.run import run
 from softmodels.common.commands import RunOptions
@@ -180,7 +181,7 @@ import dolfinx_solver  # MPI's own handlers are set here
 signal.signal(signal.SIGTERM, lambda *_: None)
 before, ended = handlers(), []
 case = Case(name="disk", actuator=HollowDisk(section="axisymmetric", cell_size=6e-3, refinement=1.0),
-            material=material_from(None, {}), pressures_cm=(5.0,))
+            material=material_from(None, {}), steps=steps_of(pressure_cm=(5.0,)))
 thread = threading.Thread(target=lambda: ended.append(run(case, Path("out"), RunOptions(quiet=True, no_pictures=True))))
 thread.start()
 thread.join()
@@ -203,12 +204,13 @@ from unittest import mock
 
 from geometries import HollowDisk
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.case.materials import material_from
 from softmodels.cli.run import run
 from softmodels.common.commands import RunOptions
 
 case = Case(name="disk", actuator=HollowDisk(section="axisymmetric", cell_size=6e-3, refinement=1.0),
-            material=material_from(None, {}), pressures_cm=(5.0,))
+            material=material_from(None, {}), steps=steps_of(pressure_cm=(5.0,)))
 with mock.patch("softmodels.runs.recording.record", side_effect=KeyboardInterrupt):
     try:
         run(case, Path("out"), RunOptions(quiet=True, no_pictures=True))

@@ -10,7 +10,8 @@ import pytest
 
 import softmodels as sm
 from softmodels.case.case import Case, CaseError
-from softmodels.path.program import ProgramError
+from softmodels.case.load import steps_of
+from softmodels.path.steps import courses, times_of
 from softmodels.path.supply import SupplyError
 from tests.support import runs
 
@@ -53,18 +54,22 @@ def table(folder):
 
 def test_a_case_is_read_back_from_its_own_file():
     case = Case(
-        "disk", DISK, LAW, pressures_cm=(25.0,), rate="5cm/s", hold="10 s", supply=sm.Reservoir(conductance=1e-9 / 3)
+        "disk",
+        DISK,
+        LAW,
+        steps=steps_of(pressure_cm=(25.0,), rate="5cm/s", hold="10 s"),
+        supply=sm.Reservoir(conductance=1e-9 / 3),
     )
-    source, times = case.program
-    assert (source.key, source.values, times.values) == ("source_pressure_cm", (0, 25, 25), (0, 5, 15))
+    (source,) = courses(case.steps)
+    assert source.quantity == "source_pressure" and [value.number for value in source.values] == [0, 25, 25]
+    assert times_of(case.steps) == pytest.approx((0, 5, 15), rel=1e-14)
     assert Case.from_toml(case.to_toml()) == case
     text = CASE.format(load=LOAD(*WHOLE), supply=SUPPLY, kind="reservoir")
     case = Case.from_toml(text)
     assert Case.from_toml(case.to_toml()) == case
-    assert case.supply.leak_conductance == pytest.approx(2e-13) and [one.target for one in case.program] == [
+    assert case.supply.leak_conductance == pytest.approx(2e-13) and [one.name for one in courses(case.steps)] == [
         "source",
         "valve",
-        "time",
     ]
     pump = Case.from_toml(
         CASE.format(load="flow_ml_per_min = [6, 6, 0]\ntime_s = [0, 2, 3]", supply="", kind="reservoir")
@@ -159,7 +164,7 @@ def test_wrong_calls_are_told():
         sm.inflate(DISK, LAW, pressures=["1 kPa", "1 kPa"], times=[0, 1], valve=[1, 0])
     with pytest.raises(CaseError, match="give times too"):
         sm.inflate(DISK, LAW, pressures=["1 kPa"], valve=[1], supply=sm.Reservoir())
-    with pytest.raises(ProgramError, match="2 values but"):
+    with pytest.raises(CaseError, match="each of the 2 times"):
         sm.inflate(DISK, LAW, pressures=["1 kPa"] * 2, times=[0, 1], valve=[1, 1, 1], supply=sm.Reservoir())
     with pytest.raises(SupplyError, match="nothing resists"):
         sm.Reservoir(tube_length=0.0)
@@ -167,10 +172,10 @@ def test_wrong_calls_are_told():
 
 def test_a_pump_delivers_its_rate():
     tight = sm.Reservoir(dead_volume="2 ml")
-    program = Case.from_toml(
+    steps = Case.from_toml(
         CASE.format(load="flow_ml_per_min = [3, 3]\ntime_s = [0, 6]", supply="", kind="reservoir")
-    ).program
-    path = sm.inflate(DISK, LAW, program=program, supply=tight).path
+    ).steps
+    path = sm.inflate(DISK, LAW, steps=steps, supply=tight).path
     assert path["gas_ml"] - path["gas_ml"][0] == pytest.approx(3.0 / 60 * path["time_s"], rel=1e-7)
 
 

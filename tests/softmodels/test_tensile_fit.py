@@ -7,6 +7,7 @@ import pytest
 
 from geometries import HollowDisk
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.case.materials import material_from
 from softmodels.fitting.comparison import write_materials
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
@@ -234,7 +235,7 @@ def test_a_fitted_material_warns_beyond_the_stretch_it_was_fitted_to(tmp_path):
 
 
 def case_of(material):
-    return Case("disk", HollowDisk(), material, pressures_cm=(10.0,))
+    return Case("disk", HollowDisk(), material, steps=steps_of(pressure_cm=(10.0,)))
 
 
 GOOD, FINE = np.linspace(1.0, 3.0, 21), np.linspace(1.02, 3.0, 21)

@@ -9,7 +9,9 @@ import pytest
 
 import softmodels as sm
 from softmodels.case.case import Case, CaseError
+from softmodels.case.load import steps_of
 from softmodels.materials.laws import MaterialError
+from softmodels.path.steps import courses, times_of
 from tests.support import runs
 
 THINNING = {"share": 0.1, "time": "30 s", "onset": 0.05, "least": 0.01, "growth": 2, "spring": [[0.8, 1], [0.2, -2]]}
@@ -42,19 +44,19 @@ def run(tmp_path):
 
 
 def test_a_case_in_time_is_read_back_from_its_own_file():
-    case = Case("disk", DISK, LAW, pressures_cm=(10.0, 25.0), rate="5cm/s", hold="10 s", cycles=2)
-    assert case.timed and case.remembers and not case.pressures_cm
+    case = Case("disk", DISK, LAW, steps=steps_of(pressure_cm=(10.0, 25.0), rate="5cm/s", hold="10 s", cycles=2))
+    assert case.timed and case.remembers and case.program
     again = Case.from_toml(case.to_toml())
     assert again == case and again.material.memory == LAW.memory
-    (series, times) = case.program
-    assert series.values == (0, 10, 25, 25, 0, 10, 25, 25, 0)
-    assert times.values == (0, 2, 5, 15, 20, 22, 25, 35, 40)
+    (series,) = courses(case.steps)
+    assert [value.number for value in series.values] == [0, 10, 25, 25, 0, 10, 25, 25, 0]
+    assert times_of(case.steps) == pytest.approx((0, 2, 5, 15, 20, 22, 25, 35, 40), rel=1e-14)
 
 
 @pytest.mark.parametrize(("rate", "speed"), [("1kPa/s", 1000 / 95.12), ("5 cm/s", 5.0), ("6 kPa/min", 100 / 95.12)])
 def test_rates_have_units(rate, speed):
-    case = Case("disk", DISK, LAW, pressures_cm=(20.0,), rate=rate)
-    assert case.program[-1].values[-1] == pytest.approx(20.0 / speed, rel=1e-3)
+    case = Case("disk", DISK, LAW, steps=steps_of(pressure_cm=(20.0,), rate=rate))
+    assert times_of(case.steps)[-1] == pytest.approx(20.0 / speed, rel=1e-3)
 
 
 WRONG = {
@@ -80,7 +82,7 @@ WRONG = {
 
 @pytest.mark.parametrize(("memory", "sentence"), WRONG.items())
 def test_a_wrong_memory_is_told_before_anything_is_solved(memory, sentence):
-    text = Case("disk", DISK, sm.Yeoh(14e3), pressures_cm=(10.0,)).to_toml()
+    text = Case("disk", DISK, sm.Yeoh(14e3), steps=steps_of(pressure_cm=(10.0,))).to_toml()
     text = text.replace("[load]", f"[material.memory]\n{memory}\n[load]")
     with pytest.raises(CaseError, match="yeoh: ") as told:
         Case.from_toml(text)
@@ -90,7 +92,7 @@ def test_a_wrong_memory_is_told_before_anything_is_solved(memory, sentence):
 @pytest.mark.parametrize("tolerance", [1e-30, 0.0, 1.0])
 def test_a_tolerance_that_no_step_meets_is_told_before_anything_is_solved(tolerance):
     with pytest.raises(CaseError, match=r"time_tolerance is .*; it must be 1e-08 or more and below 1"):
-        Case("disk", DISK, LAW, pressures_cm=(10.0,), time_tolerance=tolerance)
+        Case("disk", DISK, LAW, steps=steps_of(pressure_cm=(10.0,)), time_tolerance=tolerance)
 
 
 def test_a_long_hold_spends_what_a_short_one_does():

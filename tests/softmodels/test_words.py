@@ -13,6 +13,7 @@ from click.testing import CliRunner
 
 import softmodels as sm
 from softmodels.api.calls import inflate  # noqa: F401  (says what its arguments are)
+from softmodels.case.load import steps_of
 from softmodels.common.errors import spoken, written
 from softmodels.common.schema import Quantity, field_of
 from softmodels.disk import command
@@ -100,7 +101,7 @@ def test_a_run_explains_its_end_to_each_reader(tmp_path):
 
 REFUSED = {
     'use control="auto" or "volume"': {"volumes": "0:10 ml", "control": "pressure"},
-    "add pressures or driven=LoadRequest(...)": {
+    "add pressures or steps=steps_of(force_N=...)": {
         "volumes": "0:10 ml",
         "load_unload": True,
     },
@@ -145,7 +146,7 @@ def test_a_supply_is_called_by_its_name(flask):
     ],
 )
 def test_a_limit_of_the_stroke_is_told_in_the_supplys_words(supply, gas, ending):
-    case = sm.Case("disk", BALLOONS, LAW, strokes_ml=(0.0, 20.0), supply=supply)
+    case = sm.Case("disk", BALLOONS, LAW, steps=steps_of(stroke_ml=(0.0, 20.0)), supply=supply)
     figures = types.SimpleNamespace(rises={"apex": 0.01}, pressure=3e3, added_volume=1e-5, max_stretch=1.5, device={})
     fields = types.SimpleNamespace(figures=lambda state: figures, system=types.SimpleNamespace(volume_unit=1e-5))
     path = types.SimpleNamespace(last=types.SimpleNamespace(state=None), value=lambda state: 1.0)
@@ -155,6 +156,6 @@ def test_a_limit_of_the_stroke_is_told_in_the_supplys_words(supply, gas, ending)
 
 
 def test_what_a_lost_path_is_told():
-    case = sm.Case("disk", BALLOONS, LAW, pressures_cm=(1.0,))
+    case = sm.Case("disk", BALLOONS, LAW, steps=steps_of(pressure_cm=(1.0,)))
     text = explain_failure(case, ValueError("no convergence"), None, petsc=True)
     assert spoken(text).endswith("(the variable PETSC_OPTIONS), refine the mesh (cell_size), or use another control")

@@ -19,6 +19,7 @@ import pytest
 import softmodels as sm
 from geometries import Actuator
 from softmodels.case.case import case_of
+from softmodels.case.load import steps_of
 from softmodels.common.errors import OWN
 from softmodels.common.names import span
 from softmodels.common.schema import Choice, Flag, Length, Open, Quantity, Several, Words, about
@@ -219,11 +220,11 @@ def calls(loaded):
          "formulation": "choice", "solver": "choice"},
     )  # fmt: skip
     case = PROBLEM.case
-    right = {"name": "a", "actuator": DISK, "material": LAW, "pressures_cm": (0.0, 30.0)}
+    right = {"name": "a", "actuator": DISK, "material": LAW, "steps": steps_of(pressure_cm=(0.0, 30.0))}
     yield Call(
         sm.Case,
         right,
-        {"actuator": "device", "material": "material", "pressures_cm": "heights", "driven": "thing", **CASE},
+        {"actuator": "device", "material": "material", "steps": "thing", **CASE},
     )
     yield Call(sm.run, {"case": case}, {"case": "path", **RUN})
     yield Call(sm.load, {"folder": "no-such-folder"}, {"folder": "path"})
@@ -338,9 +339,16 @@ def test_texts_names_and_single_values_are_taken(nothing_starts):
     assert sm.Ogden(["28 kPa"], [2.0]) == sm.Ogden((28e3,), (2.0,))
     assert sm.NeoHookean.from_young("30 kPa", 0.5) == sm.NeoHookean(10e3, 0.5)
     assert sm.Gravity("-z", density="1070 kg/m^3") == sm.Gravity("-z", 1070.0)
-    case = sm.Case("a", disk, "ecoflex-00-30", ["10", 20], components=sm.Gravity("-z"), water_density="0.97 g/ml")
+    case = sm.Case(
+        "a",
+        disk,
+        "ecoflex-00-30",
+        steps_of(pressure_cm=["10", 20]),
+        components=sm.Gravity("-z"),
+        water_density="0.97 g/ml",
+    )
     assert case.material == sm.silicone("ecoflex-00-30") and case.components == (sm.Gravity("-z"),)
-    assert case.pressures_cm == (10.0, 20.0) and case.water_density == pytest.approx(970.0, rel=1e-12)
+    assert case.values == (10.0, 20.0) and case.water_density == pytest.approx(970.0, rel=1e-12)
     assert sm.Region("dragon-skin-30", name="base").material == sm.silicone("dragon-skin-30")
     curve = sm.TensileCurve("pull", "uniaxial", [1.1, 1.2], ["4 kPa", 8e3])
     assert curve.stress.tolist() == [4e3, 8e3]

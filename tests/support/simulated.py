@@ -9,13 +9,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from measurement.outline.outline import Outline
+from softmodels.case.load import steps_of
 from softmodels.common.arrays import Array
 from softmodels.common.units import pascal_per_cm
 from softmodels.fitting.outlines.device import DeviceModel
 from softmodels.fitting.outlines.residuals import readings_of
 from softmodels.fitting.outlines.shapes import Silhouette, half_outline, shadow_of
 from softmodels.mechanics.solver import Solver
-from softmodels.path.program import from_tables
 from softmodels.path.schedule import Settings, follow, hang
 from softmodels.runs.grid import QuadraticCurve
 
@@ -128,8 +128,8 @@ class Creeping:
         times, pressures = np.array(corners).T
         begin = 0 if hung else 1
         cm, times = (pressures[begin:] / pascal_per_cm()).tolist(), times[begin:].tolist()
-        program = from_tables({"cavity1": {"pressure_cm": cm}, "time_s": times})
-        for come, point in follow(solver, program, Settings(pascal_per_cm(), tolerance=tolerance), hung=hung):
+        program = steps_of(**{"cavity1": {"pressure_cm": cm}, "time_s": times})
+        for come, point in follow(solver, program, Settings(tolerance=tolerance), hung=hung):
             if point.requested and round(come) in looks:
                 curves.append(silhouette.curve(point.state))
         if hung:

@@ -22,6 +22,7 @@ from matplotlib.figure import Figure
 import softmodels as sm
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.case.load import steps_of
 from softmodels.common.units import pascal_per_cm
 from softmodels.materials.laws import Material
 from softmodels.pictures.style import CURVE, FAINT, INK, STYLE
@@ -141,9 +142,9 @@ def deck_case(one: Measured) -> Case:
     device = case.actuator
     if "section" in {field.name for field in dataclasses.fields(device)}:
         device = dataclasses.replace(device, section="wedge")  # type: ignore[call-arg]
-    if case.volumes_ml:
+    if case.quantity == "volume":
         top = 1e3 * float(one.values.max()) / pascal_per_cm()
-        case = dataclasses.replace(case, volumes_ml=(), pressures_cm=tuple(np.linspace(0.0, top, 6).tolist()))
+        case = dataclasses.replace(case, steps=steps_of(pressure_cm=tuple(np.linspace(0.0, top, 6).tolist())))
     return dataclasses.replace(case, actuator=device, components=parts)
 
 

@@ -19,7 +19,7 @@ from scipy.interpolate import PchipInterpolator
 import softmodels as sm
 from geometries.meshing import private_model
 from softmodels.case.case import Case
-from softmodels.case.load import LoadRequest
+from softmodels.case.load import steps_of
 from softmodels.common.units import pascal_per_cm
 from softmodels.materials.laws import Material
 from softmodels.materials.silicones import silicone, spanning
@@ -109,7 +109,11 @@ def _membrane(name: str, row: dict[str, float]) -> Callable[[Material], Case]:
         parts.append(sm.Sheet("ring1, ring2", RING))
     volumes = np.linspace(0.0, 700.0 if rings else 1400.0, 29)
     return lambda material: Case(
-        f"{name}-{row['weight_N']:.0f}N", device, material, components=tuple(parts), volumes_ml=tuple(volumes.tolist())
+        f"{name}-{row['weight_N']:.0f}N",
+        device,
+        material,
+        components=tuple(parts),
+        steps=steps_of(volume_ml=tuple(volumes.tolist())),
     )
 
 
@@ -132,7 +136,7 @@ def beam() -> Iterator[Measured]:
     parts = (sm.Gravity("-z", density=1070.0), sm.Force("edge of tip and top", "-z", name="tip"))
 
     def case(material: Material) -> Case:
-        return Case("beam", device, material, components=parts, driven=LoadRequest("force_N", (0.0, largest), "tip"))
+        return Case("beam", device, material, components=parts, steps=steps_of(force_N=(0.0, largest), on="tip"))
 
     yield Measured(
         "beam under weight and load", "beam", np.array([row["load_N"] for row in rows]),
@@ -164,7 +168,7 @@ def cylinder(folder: Path) -> Iterator[Measured]:
             planes=("z = 0 mm",), rise="y", cell_size=0.0035,
         )  # fmt: skip
         steps = tuple(1e3 * pressure / pascal_per_cm() for pressure in (0.0, 16.3, 25.1, 30.3, 45.0))
-        head = Case("cylinder", device, material, components=(core,), pressures_cm=steps)
+        head = Case("cylinder", device, material, components=(core,), steps=steps_of(pressure_cm=steps))
         return Case.from_toml(f'{head.to_toml()}\n[angles]\nbend = "face x = {LENGTH:g} mm"\n')
 
     yield Measured(

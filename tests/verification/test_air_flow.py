@@ -12,14 +12,16 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq, minimize_scalar
 
 from geometries import HollowDisk
+from softmodels.case.load import steps_of
+from softmodels.common.units import pascal_per_cm
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.materials.specimens import sphere_pressure
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path import schedule
-from softmodels.path.program import from_tables, time_at
 from softmodels.path.schedule import TOLERANCE, Filling, Settings, source_at, supply
 from softmodels.path.stability import PathEnd
+from softmodels.path.steps import last_number, time_at
 from softmodels.path.supply import Gas, InSeries, Orifice, Reservoir, Tube, end_weight
 from tests.support import bodies
 
@@ -83,7 +85,10 @@ def filled(body_of):
     def follow(device, law, reservoir, tables, tolerance=TOLERANCE):
         solver = Solver(System(body_of(device), law))
         system, rows, come, end = solver.system, [], [], None
-        gas, program = Gas(reservoir, system.stress_unit, system.volume_unit), from_tables(tables)
+        gas, program = (
+            Gas(reservoir, system.stress_unit, system.volume_unit),
+            steps_of(water_density=CM / pascal_per_cm(1.0), **tables),
+        )
         with pytest.MonkeyPatch.context() as patch:
             kept = Filling.check
 
@@ -93,7 +98,7 @@ def filled(body_of):
 
             patch.setattr(schedule.Filling, "check", check)
             try:
-                for place, point in supply(solver, program, gas, Settings(CM, tolerance=tolerance)):
+                for place, point in supply(solver, program, gas, Settings(tolerance=tolerance)):
                     state = point.state
                     amount = gas.value(state.V, state.P) * system.volume_unit
                     rows.append(
@@ -108,17 +113,17 @@ def filled(body_of):
 
 def ode(reservoir, tables, pressure_of, amounts, times):
     """Pressures in Pa of a gas in a cavity whose pressure follows from the gas in m3 at ambient pressure, at times in s."""
-    program = from_tables(tables)
-    ends = [time_at(program, float(k)) for k in range(len(program[0].values) + 1)]
+    program = steps_of(water_density=CM / pascal_per_cm(1.0), **tables)
+    ends = [time_at(program, float(k)) for k in range(last_number(program) + 1)]
     ends = list(dict.fromkeys(ends))
     corners = [t for t in ends if t <= times[-1]]
-    steps = np.arange(len(program[0].values) + 1)
+    steps = np.arange(last_number(program) + 1)
     known = np.array([time_at(program, float(k)) for k in steps])
 
     def slope(t, X, low, high):
         last = np.flatnonzero(known <= low + 1e-12)[-1]
         share = (t - known[last]) / (known[last + 1] - known[last])
-        source, P = source_at(program, last + share, CM), pressure_of(X[0])
+        source, P = source_at(program, last + share), pressure_of(X[0])
         return [(reservoir.supplied(source, P)[0] - reservoir.lost(P)[0]) / reservoir.ambient]
 
     X, found = np.array([amounts[0]]), [pressure_of(amounts[0])] * int(times[0] == 0.0)

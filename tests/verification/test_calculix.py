@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import softmodels as sm
+from softmodels.case.load import steps_of
 
 pytestmark = pytest.mark.skipif(shutil.which("ccx") is None, reason="needs CalculiX (apt-get install calculix-ccx)")
 
@@ -28,7 +29,13 @@ def solved(folder, name, pressure, device=FINGER, **more):
     """The case's last row by softmodels; by CalculiX displacements in mm of the nodes that the deck names, at its last step."""
     components = (*more.pop("components", ()), sm.Walls("none"))  # a deck has no contact of walls
     case = sm.Case(
-        name, device, LAW, pressures_cm=(pressure,), formulation="displacement", components=components, **more
+        name,
+        device,
+        LAW,
+        steps=steps_of(pressure_cm=(pressure,)),
+        formulation="displacement",
+        components=components,
+        **more,
     )
     deck = sm.export(case, folder / "deck.inp")
     subprocess.run(["ccx", "deck"], cwd=folder, capture_output=True, check=True, timeout=600)
@@ -101,7 +108,9 @@ def test_fibres_and_a_fabric(tmp_path, figure):
         sm.Fabric("top", 200.0, 50.0, axis=(1.0, 0.0, 0.0), name="cloth"),
     )
     row, found = solved(tmp_path, "threads", 12.0, components=components)
-    bare = sm.run(sm.Case("bare", FINGER, LAW, pressures_cm=(12.0,), formulation="displacement")).rows[-1]
+    bare = sm.run(sm.Case("bare", FINGER, LAW, steps=steps_of(pressure_cm=(12.0,)), formulation="displacement")).rows[
+        -1
+    ]
     assert abs(row["tip_mm"] / bare["tip_mm"] - 1) > 0.1
     figure(CALCULIX, "rise of a finger with fibres and a fabric", probes_off(row, found), 1e-4)
 

@@ -19,7 +19,7 @@ from softmodels.materials import memory
 from softmodels.materials.laws import Gent, NeoHookean
 from softmodels.materials.memory import InNumpy, Memory
 from softmodels.materials.specimens import MODES, branch_stress, respond, stress_in_time
-from softmodels.path.program import TOLERANCE
+from softmodels.path.steps import TOLERANCE
 from tests.support import bodies
 from tests.verification.test_memory import MU, REST, SPHERE, entries, followed, strain, tensor, unimodular, wall_volume
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import softmodels as sm
+from softmodels.case.load import steps_of
 from softmodels.components.contact import RigidShape, slopes
 from softmodels.components.pressing import Grip, HardeningPenalty, PressedByDistance, Rubbed, Rubbing, Surface
 from softmodels.fitting.outlines.device import MeasuredDevice
@@ -192,7 +193,7 @@ def test_what_cannot_be_meant_is_refused(tmp_path):
         sm.inflate(SECTION, LAW, "0,5 cm", components=[PLATE], load_unload=True)
     with pytest.raises(sm.CaseError, match="is not available with friction"):
         sm.inflate(SECTION, LAW, "0,5 cm", components=[PLATE], branch=True)
-    case = sm.Case("disk", SECTION, LAW, pressures_cm=(5.0,), components=(PLATE,))
+    case = sm.Case("disk", SECTION, LAW, steps=steps_of(pressure_cm=(5.0,)), components=(PLATE,))
     with pytest.raises(FitError, match="has friction, whose derivatives"):
         MeasuredDevice.of(case)
     solid = dataclasses.replace(case, actuator=sm.HollowDisk())

@@ -7,6 +7,7 @@ import pytest
 
 import softmodels as sm
 from geometries import HollowDisk, PneuNet
+from softmodels.case.load import steps_of
 from softmodels.runs.grasp import GraspError, Held, check_grasp, grasp
 from tests.support import runs
 
@@ -20,7 +21,7 @@ def finger(friction, **changes):
     at = (FINGER.length - 0.004, 0.0, -0.5 * FINGER.base - RADIUS - 5e-5)
     given = {"radius": RADIUS, "along": (0.0, 1.0, 0.0), "friction": friction, "name": "rod", **changes}
     rod = sm.RigidShape("cylinder", "bottom, tip", at=at, **given)
-    return sm.Case("finger", FINGER, sm.silicone("ecoflex-00-30"), pressures_cm=(2.0,), components=rod)
+    return sm.Case("finger", FINGER, sm.silicone("ecoflex-00-30"), steps=steps_of(pressure_cm=(2.0,)), components=rod)
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +93,7 @@ def test_grasps_that_cannot_be(changes, fingers, direction, label, told):
 
 
 def test_a_grasp_without_a_finger_is_a_sentence_and_status_2(tmp_path):
-    case = sm.Case("disk", HollowDisk(), sm.silicone("ecoflex-00-30"), pressures_cm=(3.0,))
+    case = sm.Case("disk", HollowDisk(), sm.silicone("ecoflex-00-30"), steps=steps_of(pressure_cm=(3.0,)))
     (tmp_path / "case.toml").write_text(case.to_toml())
     done = runs.run("-m", "softmodels", "grasp", tmp_path / "case.toml", "-o", tmp_path / "out")
     assert done.status == 2 and "a grasp needs one object" in done.err and done.err.count("\n") == 1

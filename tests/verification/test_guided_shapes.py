@@ -10,7 +10,7 @@ import pytest
 import softmodels as sm
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
-from softmodels.case.load import LoadRequest
+from softmodels.case.load import steps_of
 from softmodels.components.contact import RigidShape, slopes
 from softmodels.components.pressing import GivingWay, HardeningPenalty, PressedByDistance, Stand, Surface
 from softmodels.materials.laws import NeoHookean
@@ -136,9 +136,9 @@ MASSES = (
 def test_masses_that_nothing_holds_are_refused(gravity, said):
     lifted = dataclasses.replace(BALL, spring=0.0, mass=0.02)
     with pytest.raises(CaseError, match=said):
-        Case("ball", SECTION, LAW, pressures_cm=(40.0,), components=(lifted, *gravity))
+        Case("ball", SECTION, LAW, steps=steps_of(pressure_cm=(40.0,)), components=(lifted, *gravity))
     with pytest.raises(CaseError, match="mass with its full weight, but shares of the weight are requested"):
-        Case("ball", SECTION, LAW, driven=LoadRequest("share", (1.0,)), components=(lifted, sm.Gravity("-z")))
+        Case("ball", SECTION, LAW, steps=steps_of(share=(1.0,)), components=(lifted, sm.Gravity("-z")))
 
 
 def test_a_wedge_lifts_as_its_section_does(figure):

@@ -9,6 +9,7 @@ import softmodels as sm
 from geometries import HollowDisk
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.case.load import steps_of
 from softmodels.case.materials import Region
 from softmodels.components.rigid import Clamp
 from softmodels.materials.laws import NeoHookean
@@ -99,12 +100,12 @@ def test_oblique_planes(body_of):
 )
 def test_what_cannot_be_held(table, words):
     with pytest.raises(CaseError, match=words):
-        Case.from_toml(Case("disk", DISK, LAW, pressures_cm=(5.0,)).to_toml() + table)
+        Case.from_toml(Case("disk", DISK, LAW, steps=steps_of(pressure_cm=(5.0,))).to_toml() + table)
 
 
 def test_case_file():
     components = (Clamp("support", along="z", name="bench"), Clamp("top", slip="x", name="grip"))
-    case = Case("disk", DISK, LAW, pressures_cm=(5.0,), components=components)
+    case = Case("disk", DISK, LAW, steps=steps_of(pressure_cm=(5.0,)), components=components)
     assert Case.from_toml(case.to_toml()).components == components
 
 

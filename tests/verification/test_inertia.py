@@ -16,15 +16,17 @@ from scipy.integrate import solve_ivp
 
 import softmodels as sm
 from geometries import Beam
+from softmodels.case.load import steps_of
+from softmodels.common.units import pascal_per_cm
 from softmodels.materials.laws import Gent, NeoHookean
 from softmodels.mechanics.assembly import Inertia
 from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.memory import Motion
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
-from softmodels.path.program import from_tables, time_at
 from softmodels.path.schedule import Settings, follow, supply
 from softmodels.path.stability import Mode, PathEnd, Stability
+from softmodels.path.steps import time_at
 from softmodels.path.supply import Gas, Reservoir
 from tests.support import bodies
 
@@ -60,8 +62,8 @@ def row_of(system, motion, time, state):
 def followed(body, law, tables, tolerance=5e-5, radius=0.9):
     """Rows of a load in time."""
     system, motion = system_of(body, law, radius)
-    program, rows = from_tables(tables), []
-    for come, point in follow(Solver(system), program, Settings(CM, tolerance=tolerance)):
+    program, rows = steps_of(water_density=CM / pascal_per_cm(1.0), **tables), []
+    for come, point in follow(Solver(system), program, Settings(tolerance=tolerance)):
         rows.append(row_of(system, motion, time_at(program, come), point.state))
     return np.array(rows).T
 
@@ -246,10 +248,13 @@ def filled(body, law, tables, moves=True):
     motion = Motion(system, Inertia((1.0,)), DENSITY)
     if moves:
         system.potential.motion = motion
-    program, gas = from_tables(tables), Gas(RESERVOIR, system.stress_unit, system.volume_unit)
+    program, gas = (
+        steps_of(water_density=CM / pascal_per_cm(1.0), **tables),
+        Gas(RESERVOIR, system.stress_unit, system.volume_unit),
+    )
     rows, end = [], None
     try:
-        for come, point in supply(Solver(system), program, gas, Settings(CM)):
+        for come, point in supply(Solver(system), program, gas):
             amount = gas.value(point.state.V, point.state.P) * system.volume_unit
             rows.append((*row_of(system, motion, time_at(program, come), point.state), amount))
     except PathEnd as met:

@@ -11,6 +11,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq, minimize_scalar
 
 from geometries import Actuator, Hold, HollowDisk
+from softmodels.case.load import steps_of
 from softmodels.case.materials import Region
 from softmodels.common.schema import length_field, number_field
 from softmodels.components.loads import Force, Gravity, Mass, Moment
@@ -21,8 +22,7 @@ from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
-from softmodels.path.program import Series
-from softmodels.path.schedule import HangingEnd, Settings, follow, hang, inflate_from, load_from
+from softmodels.path.schedule import HangingEnd, follow, hang, inflate_from, load_from
 from softmodels.path.stability import DIRECT, PathEnd
 from softmodels.runs.fields import Fields
 from tests.support.exact_beam import BEAM, STIFF, elastica
@@ -241,8 +241,8 @@ def test_any_steps_lead_to_the_same(hanging, body_of, figure):
         lambda text: None,
     )
     travel = wanted[1] - moved(solver, hung.state)[1]
-    series = (Series("travel_mm", (travel * 1e3,), "force.tip"),)
-    *_, (_, last) = follow(solver, series, Settings(98.0), hung=hung)
+    steps = steps_of(force={"tip": {"travel_mm": travel * 1e3}})
+    *_, (_, last) = follow(solver, steps, hung=hung)
     ways = [stop.driven * solver.system.dead.moved_units for stop in (both, turned)] + [moved(solver, last.state)]
     figure("the same loads in other steps", "what they move", np.array(ways) / wanted - 1, 1e-9)
     assert solver.system.drives_at(last.state)[1] * solver.system.dead.units[1] == pytest.approx(weight, rel=1e-9)

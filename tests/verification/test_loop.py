@@ -13,6 +13,7 @@ from measurement.__main__ import main as measurement
 from measurement.outline.outline import Outline
 from measurement.photographer import photograph, save
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.cli import examples
 from softmodels.cli.material_commands import fit_material
 from softmodels.common.units import pascal_per_cm
@@ -78,7 +79,7 @@ def test_photographs_of_a_silicone_that_sags(comm, tmp_path, figure):
     against = "a disk that sags, photographed where it hangs and inflated"
     figure(against, "heights above the zero plane", 1e6 * (heights - (np.array(tops[1:]) - tops[0])), 6.0, unit="um")
     for name, components in (("with", (sm.Gravity("-z"),)), ("without", ())):
-        case = Case("disk", disk, sm.NeoHookean(20e3, 0.49), pressures_cm=(1.0,), components=components)
+        case = Case("disk", disk, sm.NeoHookean(20e3, 0.49), steps=steps_of(pressure_cm=(1.0,)), components=components)
         (tmp_path / f"{name}.toml").write_text(case.to_toml())
         # The membrane is as drawn: a thinner one would take up a part of the weight that is left out.
         known = ["--fix", "c3=0Pa", "--fix", f"membrane={disk.membrane * 1e3:g}mm"]

@@ -17,14 +17,15 @@ from scipy.sparse import csr_array
 from scipy.special import erf
 
 from geometries import HollowDisk
+from softmodels.case.load import steps_of
 from softmodels.materials import memory
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.materials.memory import InNumpy, Softening
 from softmodels.mechanics import solver as solver_module
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
-from softmodels.path.program import TOLERANCE, from_tables, time_at
 from softmodels.path.schedule import LostInTime, Settings, follow
+from softmodels.path.steps import TOLERANCE, time_at
 from tests.support import bodies
 
 ODE = "ordinary differential equation of a Maxwell branch"
@@ -224,10 +225,10 @@ def followed(body, law, tables, tolerance):
     """Times in s, pressures in Pa, volumes in m3, energies stored and dissipated in J, of every state; and the end."""
     solver = Solver(System(body, law, creeping=True))
     system, rows, end = solver.system, [], None
-    program = from_tables(tables)
+    program = steps_of(**tables)
     unit = system.stress_unit * system.volume_unit
     try:
-        for come, point in follow(solver, program, Settings(95.1, tolerance=tolerance)):
+        for come, point in follow(solver, program, Settings(tolerance=tolerance)):
             system.load(point.state)
             energies = system.stored_energy() * unit, system.potential.dissipated * unit
             pressure = system.pressures_at(point.state)[0] * system.stress_unit

@@ -12,6 +12,7 @@ from scipy.optimize import fsolve
 from geometries import HollowDisk
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.case.load import steps_of
 from softmodels.components.contact import ONSET, Obstacle
 from softmodels.materials.laws import HomogeneousStrain, NeoHookean
 from softmodels.mechanics.component import ComponentError
@@ -163,7 +164,7 @@ def test_a_mirror_plane_stops_the_walls_of_two_neighbours(body_of, solved):
 
 
 def test_a_case_keeps_its_contact_and_refuses_what_makes_none(body_of):
-    case = Case("disk", HollowDisk(), RUBBER, pressures_cm=(10.0,), components=[PLATE])
+    case = Case("disk", HollowDisk(), RUBBER, steps=steps_of(pressure_cm=(10.0,)), components=[PLATE])
     assert Case.from_toml(case.to_toml()) == case
     for faces, plane, stiffness, words in (
         ("", "z = 9 mm", 100.0, "needs faces and a plane"),
@@ -179,7 +180,7 @@ def test_a_case_keeps_its_contact_and_refuses_what_makes_none(body_of):
         (SECTION, Obstacle("top", "x = 3 mm"), "perpendicular to its axis"),
     ):
         with pytest.raises(CaseError, match=words):
-            Case("disk", device, RUBBER, pressures_cm=(10.0,), components=[obstacle])
+            Case("disk", device, RUBBER, steps=steps_of(pressure_cm=(10.0,)), components=[obstacle])
     for obstacle, words in (
         (Obstacle("lid", "z = 17 mm"), "no face 'lid'"),
         (Obstacle("outer", "z = 9 mm"), "both sides"),

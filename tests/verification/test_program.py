@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from geometries import ImportedActuator
+from softmodels.case.load import steps_of
+from softmodels.common.units import pascal_per_cm
 from softmodels.materials.laws import NeoHookean
 from softmodels.path import schedule
-from softmodels.path.program import Series
 from tests.support import bodies
 
 ALONE = "two balloons by themselves, in one program"
@@ -98,7 +99,8 @@ def run(balloons, body_of):
         eq = Solver(System(body_of(device), RUBBER))
         fields, points = Fields(eq), []
         try:
-            for come, point in schedule.follow(eq, series, schedule.Settings(CM)):
+            cavities = {f"cavity{i}": one for i, one in enumerate(series, 1)}
+            for come, point in schedule.follow(eq, steps_of(water_density=CM / pascal_per_cm(1.0), **cavities)):
                 points.append((come, point, fields.figures(point.state)))
         except PathEnd as end:
             return points, end
@@ -130,7 +132,7 @@ def test_each_does_what_it_does_alone(run, alone, solved, limits, figure):
     """One is blown past its limit by volume, then the other's pressure is raised: it finds its own limit, at its pressure."""
     added = 2.0 * limits["inner"][1]
     above = 1.05 * limits["outer"][0] / CM
-    points, end = run(Series("volume_ml", (added * ML, added * ML)), Series("pressure_cm", (0.0, above)))
+    points, end = run({"volume_ml": (added * ML, added * ML)}, {"pressure_cm": (0.0, above)})
     assert end is not None and end.limit is not None
     eq = alone("inner")
     _, single, _ = solved(eq, [added / eq.system.volume_unit], "auto", "volume")
@@ -152,7 +154,7 @@ def test_a_pressure_held_past_its_limit_is_unstable(run, alone, solved, limits):
     """The first step is under volume and stable; that the pressure of the same state would not hold it shows in the falling
     directions of the balloon by itself."""
     added = 2.0 * limits["inner"][1]
-    points, _ = run(Series("volume_ml", (added * ML,)), Series("pressure_cm", (0.0,)))
+    points, _ = run({"volume_ml": (added * ML,)}, {"pressure_cm": (0.0,)})
     assert all(point.stable_under_volume for _, point, _ in points)
     assert (
         points[-1][1].signature.negative_eigenvalues == 1 and [point.limit for _, point, _ in points].count(True) == 1
@@ -172,18 +174,18 @@ def part(two_cavities):
 def test_pressures_and_volumes_are_two_ways_to_one_state(part, run, figure):
     """Volumes that a program of pressures leads to lead, given by themselves, to those pressures; in any order of steps."""
     pressures = ((60.0, 60.0, 30.0), (0.0, 45.0, 45.0))
-    points, end = run(*(Series("pressure_cm", row) for row in pressures), device=part)
+    points, end = run(*({"pressure_cm": row} for row in pressures), device=part)
     assert end is None
     wanted = asked(points)[-1]
     # Each presses the other's wall: with 45 cm beside it one takes less than with none.
     assert asked(points)[1].cavity_volumes[0] < 0.995 * asked(points)[0].cavity_volumes[0]
     one, other = (volume * ML for volume in wanted.cavity_volumes)
     ways = (
-        (Series("volume_ml", (one, one)), Series("volume_ml", (0.0, other))),
-        (Series("volume_ml", (0.0, one)), Series("volume_ml", (2 * other, other))),
-        (Series("volume_ml", (one,)), Series("volume_ml", (other,))),  # both at once
-        (Series("volume_ml", (0.5 * one, 0.5 * one, one)), Series("pressure_cm", (0.0, 45.0, 45.0))),
-        (Series("pressure_cm", (0.0, 30.0)), Series("volume_ml", (other, other))),
+        ({"volume_ml": (one, one)}, {"volume_ml": (0.0, other)}),
+        ({"volume_ml": (0.0, one)}, {"volume_ml": (2 * other, other)}),
+        ({"volume_ml": (one,)}, {"volume_ml": (other,)}),  # both at once
+        ({"volume_ml": (0.5 * one, 0.5 * one, one)}, {"pressure_cm": (0.0, 45.0, 45.0)}),
+        ({"pressure_cm": (0.0, 30.0)}, {"volume_ml": (other, other)}),
     )
     for way in ways:
         points, end = run(*way, device=part)
@@ -198,7 +200,7 @@ def test_pressures_and_volumes_are_two_ways_to_one_state(part, run, figure):
 def test_work_of_all_cavities_is_what_is_stored(part, run, figure):
     """Trapezia of the pressures over the volumes, through steps of both kinds and back down; their error is of second order."""
     points, _ = run(
-        Series("pressure_cm", (60.0, 60.0, 20.0)), Series("volume_ml", (0.0, 0.03, 0.03)), device=part
+        {"pressure_cm": (60.0, 60.0, 20.0)}, {"volume_ml": (0.0, 0.03, 0.03)}, device=part
     )  # fmt: skip
     p, V = (np.array([getattr(figures, name) for _, _, figures in points])
             for name in ("cavity_pressures", "cavity_volumes"))  # fmt: skip
@@ -212,9 +214,7 @@ def test_work_of_all_cavities_is_what_is_stored(part, run, figure):
 
 def test_back_to_nothing(part, run):
     """Whatever order the cavities are filled in, emptied they leave the part as it was."""
-    points, _ = run(
-        Series("pressure_cm", (40.0, 40.0, 0.0, 0.0)), Series("volume_ml", (0.0, 0.03, 0.03, 0.0)), device=part
-    )
+    points, _ = run({"pressure_cm": (40.0, 40.0, 0.0, 0.0)}, {"volume_ml": (0.0, 0.03, 0.03, 0.0)}, device=part)
     last = points[-1][2]
     assert last.stored_energy < 1e-9 * max(figures.stored_energy for *_, figures in points)
     assert max(map(abs, last.cavity_pressures)) < 1e-5 * 40 * CM
@@ -225,7 +225,7 @@ def test_like_series_are_one_pressure(part, run, body_of, solved):
     from softmodels.mechanics.system import System
     from softmodels.runs.fields import Fields
 
-    points, _ = run(Series("pressure_cm", (50.0,)), Series("pressure_cm", (25.0,)), device=part)
+    points, _ = run({"pressure_cm": (50.0,)}, {"pressure_cm": (25.0,)}, device=part)
     eq = Solver(System(body_of(dataclasses.replace(part, pressure_ratios=(1.0, 0.5))), RUBBER))
     _, single, _ = solved(eq, [50 * CM / eq.system.stress_unit])
     one, other = points[-1][2], Fields(eq).figures(single[-1].state)
@@ -282,5 +282,6 @@ def test_case_file_keeps_the_program(part):
     from softmodels.case.case import Case
 
     case = Case.from_toml(_toml(part, {"cavity1": {"pressure_cm": "0,20,40"}, "cavity2": {"volume_ml": 0}}))
-    assert case.program == (Series("pressure_cm", (0.0, 20.0, 40.0)), Series("volume_ml", (0.0, 0.0, 0.0)))
+    wanted = {"cavity1": {"pressure_cm": [0, 20, 40]}, "cavity2": {"volume_ml": [0, 0, 0]}}
+    assert case.program and case.steps == steps_of(**wanted)
     assert case.values == (0.0, 1.0, 2.0) and Case.from_toml(case.to_toml()) == case

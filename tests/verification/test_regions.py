@@ -14,6 +14,7 @@ import pytest
 from scipy.integrate import quad
 
 import softmodels as sm
+from softmodels.case.load import steps_of
 from softmodels.case.materials import Region
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.mechanics.body import Body
@@ -221,5 +222,5 @@ def test_what_is_no_region(layered, body_of):
 
 def test_a_density_comes_back_from_a_case_file():
     components = (Region(HARD, 1250.0, name="cap"), Region(HARD, name="wall"))
-    case = sm.Case("tube", sm.Cylinder(), SOFT, pressures_cm=(1.0,), components=components)
+    case = sm.Case("tube", sm.Cylinder(), SOFT, steps=steps_of(pressure_cm=(1.0,)), components=components)
     assert sm.Case.from_toml(case.to_toml()) == case and case.to_toml().count("\ndensity = ") == 1

@@ -12,6 +12,7 @@ import softmodels as sm
 from geometries import CutPlane, Hold, HollowDisk
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.case.load import steps_of
 from softmodels.common.schema import length_field
 from softmodels.components.contact import ONSET_PRESSURE, RigidShape
 from softmodels.materials.laws import NeoHookean
@@ -151,7 +152,7 @@ def test_no_step_goes_through_the_ball(pressed):
 
 def test_a_case_keeps_its_shapes_and_refuses_what_makes_none(body_of):
     tube = RigidShape("cylinder", "outer", (0.0, 0.0, 0.0), 0.03, (0.0, 0.0, 2.0), hollow=True, name="tube")
-    case = Case("disk", SECTION, LAW, pressures_cm=(10.0,), components=(BALL, tube))
+    case = Case("disk", SECTION, LAW, steps=steps_of(pressure_cm=(10.0,)), components=(BALL, tube))
     assert Case.from_toml(case.to_toml()) == case
     for changes, words in (
         ({"faces": ""}, "needs faces"),
@@ -173,7 +174,7 @@ def test_a_case_keeps_its_shapes_and_refuses_what_makes_none(body_of):
         (HollowDisk(), dataclasses.replace(BALL, at=(0.0, 0.002, 0.03)), "crosses the cut plane"),
     ):
         with pytest.raises(CaseError, match=words):
-            Case("disk", device, LAW, pressures_cm=(10.0,), components=(shape,))
+            Case("disk", device, LAW, steps=steps_of(pressure_cm=(10.0,)), components=(shape,))
     for shape, words in (
         (dataclasses.replace(BALL, faces="lid"), "no face 'lid'"),
         (dataclasses.replace(BALL, at=(0.0, 0.0, 0.02)), "the undeformed device is"),

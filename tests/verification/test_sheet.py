@@ -15,6 +15,7 @@ import pytest
 from geometries import HollowDisk, SeminarActuator
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.case.load import steps_of
 from softmodels.components.fibres import Sheet
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.specimens import sphere_pressure
@@ -106,7 +107,7 @@ def test_disk_with_a_sheet_rises_and_stretches_less(body_of, solved):
 def test_case_keeps_its_sheet():
     from geometries import HollowDisk
 
-    case = Case("disk", HollowDisk(), LAW, pressures_cm=(10.0,), components=[Sheet("top", 51234.5)])
+    case = Case("disk", HollowDisk(), LAW, steps=steps_of(pressure_cm=(10.0,)), components=[Sheet("top", 51234.5)])
     assert Case.from_toml(case.to_toml()) == case and "stiffness" in case.to_toml()
     with pytest.raises(CaseError, match="not a face of HollowDisk"):
         dataclasses.replace(case, components=[Sheet("rim", 1e3)])
@@ -194,7 +195,7 @@ def test_the_matrix_of_a_state_is_the_derivative_of_its_forces(sheeted, figure):
 )
 def test_a_lost_path_names_the_sheet_and_whether_it_locks(actuator, stiffness, locks):
     sheet = Sheet(actuator.faces[0], stiffness)
-    case = Case("device", actuator, NeoHookean(30e3, 0.49), pressures_cm=(10.0,), components=[sheet])
+    case = Case("device", actuator, NeoHookean(30e3, 0.49), steps=steps_of(pressure_cm=(10.0,)), components=[sheet])
     text = advice(case, {"max_stretch": 1.1, "J_min": 0.99})
     assert f"{stiffness / 1e3:g} kN/m" in text and "--sheet-stiffness" in text and "pressed together" not in text
     assert ("50 kN/m is nearly inextensible" in text) == ("a stiffer one locks" in text) == locks

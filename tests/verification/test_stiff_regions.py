@@ -7,7 +7,7 @@ import pytest
 
 import softmodels as sm
 from softmodels.case.case import Case
-from softmodels.case.load import LoadRequest
+from softmodels.case.load import steps_of
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System, rounding_of_stress, spread
 
@@ -22,7 +22,7 @@ BASE = sm.Region(sm.NeoHookean(180e3, 0.49), name="base")
 
 def test_a_finger_with_paper_hangs_under_its_weight():
     """With a twentieth of it: before, no step from 0.0227 of it on, at a residual that rounding had left."""
-    case = Case("finger", FINGER, LAW, components=(BASE, PAPER, sm.Gravity("-z")), driven=LoadRequest("share", (0.05,)))
+    case = Case("finger", FINGER, LAW, components=(BASE, PAPER, sm.Gravity("-z")), steps=steps_of(share=(0.05,)))
     run = sm.run(case)
     assert run.limit is None and -3.0 < run.path["tip_mm"][-1] < -1.0
     assert not run.path["negative_eigenvalues"].any()

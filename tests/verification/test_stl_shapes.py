@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import softmodels as sm
+from softmodels.case.load import steps_of
 from softmodels.common.errors import FieldError
 from softmodels.components.contact import _winding
 from softmodels.components.pressing import FixedWall, Penalty, PressedOn, Surface
@@ -134,7 +135,7 @@ def test_the_file_counts_by_its_content(tmp_path):
         "disk",
         DISK,
         LAW,
-        pressures_cm=(5.0,),
+        steps=steps_of(pressure_cm=(5.0,)),
         components=(sm.RigidShape("stl", "top", AT, file=str(file), name="ball"),),
     )
     before = identity(case)

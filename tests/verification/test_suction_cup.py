@@ -9,7 +9,7 @@ import pytest
 
 import softmodels as sm
 from geometries import GeometryError, SuctionCup
-from softmodels.case.load import LoadRequest
+from softmodels.case.load import steps_of
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.component import ComponentError
 
@@ -24,8 +24,8 @@ def pulled(cup, modulus, key="travel_mm", values=(0.0, 6.0), way="z", vacuum=VAC
     """A cup at a vacuum, whose lip seals on a plane and whose stem is pulled."""
     seal = sm.RigidShape("plane", "lip", at=(0.0, 0.0, 0.0), along=(0.0, 0.0, 1.0), seal=True, name="plane", **plane)
     pull = sm.Force("top", way, name="pull")
-    asked = LoadRequest(key, values, at_pressure_cm=-vacuum)
-    return sm.run(sm.Case("cup", cup, NeoHookean(modulus, 0.49), components=(pull, seal), driven=asked))
+    asked = steps_of(**{key: values}, at_pressure_cm=-vacuum)
+    return sm.run(sm.Case("cup", cup, NeoHookean(modulus, 0.49), components=(pull, seal), steps=asked))
 
 
 @pytest.fixture(scope="module")

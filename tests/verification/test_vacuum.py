@@ -18,6 +18,7 @@ from scipy.optimize import root
 
 import softmodels as sm
 from geometries import Balloon, Cylinder, HollowDisk
+from softmodels.case.load import steps_of
 from softmodels.components.contact import Walls
 from softmodels.components.rigid import Rigid
 from softmodels.materials.laws import MooneyRivlin, NeoHookean, Yeoh
@@ -26,7 +27,6 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path import schedule
 from softmodels.path.continuation import follow
-from softmodels.path.program import Series
 from softmodels.runs.fields import Fields
 from tests.support import bodies, runs
 from tests.support.cavities import TubeBody
@@ -157,9 +157,9 @@ def test_flattened_tube_touches_itself(ring, collapse, figure):
 def test_work_is_stored_through_zero(equilibrium, figure):
     """Down to a vacuum, up through ambient pressure to as much above it: one smooth curve, whose area is the energy."""
     equations = equilibrium(HollowDisk(section="axisymmetric"), NeoHookean(30e3, 0.49))
-    system, cm, goals = equations.system, 95.1, (-60.0, -45.0, -30.0, -15.0, 0.0, 15.0, 30.0, 45.0, 60.0)
+    system, goals = equations.system, (-60.0, -45.0, -30.0, -15.0, 0.0, 15.0, 30.0, 45.0, 60.0)
     down, up = [], []
-    for share, point in schedule.follow(equations, (Series("pressure_cm", goals),), schedule.Settings(cm)):
+    for share, point in schedule.follow(equations, steps_of(cavity1={"pressure_cm": goals})):
         # On the way down P and V rise as pressure and volume fall.
         P, sign = float(system.drives_at(point.state)[0]), 1 if share > 1.0 else -1
         here = P, sign * point.state.V, point.tangent.P / point.tangent.V

@@ -12,6 +12,7 @@ from geometries import CutPlane, Hold, HollowDisk
 from geometries.actuator import reflected
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.case.load import steps_of
 from softmodels.common.schema import length_field, number_field
 from softmodels.components.contact import Obstacle, Walls, passes
 from softmodels.components.pressing import Pairs, Penalty, Pressed, Surface
@@ -275,7 +276,7 @@ def test_a_case_keeps_its_walls_and_refuses_what_makes_none(body_of):
         "disk",
         disk,
         RUBBER,
-        pressures_cm=(10.0,),
+        steps=steps_of(pressure_cm=(10.0,)),
         components=(Walls("cavity", name="inside"), Walls("top", 100.0, name="above")),
     )
     assert Case.from_toml(case.to_toml()) == case

@@ -7,6 +7,7 @@ import tempfile
 from pathlib import Path
 
 from geometries import Cylinder, HollowDisk, ImportedActuator, PneuNet, SeminarActuator
+from softmodels.case.load import steps_of
 from tests.support.on_ranks import lifting, rubbing, sealing
 
 WEDGE = HollowDisk(angle=15.0, cell_size=0.006, fillet=0.0015)
@@ -181,7 +182,7 @@ def design(comm) -> list[float]:
         LimitMargin(),
         Mass(),
     )
-    case = Case(name="design", actuator=SECTION, material=NeoHookean(20e3, 0.49), pressures_cm=(20.0,))
+    case = Case(name="design", actuator=SECTION, material=NeoHookean(20e3, 0.49), steps=steps_of(pressure_cm=(20.0,)))
     model = DesignModel(case, ("membrane", "cavity_radius"), quantities, comm, materials=("shear_modulus",))
     found = []
     for shares in ((1.0, 1.0), (1.05, 0.97)):
@@ -194,18 +195,18 @@ def design(comm) -> list[float]:
 
 def program(comm, pair: Path) -> list[float]:
     """Pressures, volumes, rise and signature at the steps of a program."""
+    from softmodels.case.load import steps_of
     from softmodels.materials.laws import NeoHookean
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
-    from softmodels.path.program import Series
-    from softmodels.path.schedule import Settings, follow
+    from softmodels.path.schedule import follow
     from softmodels.runs.fields import Fields
 
     equations = Solver(System(Body.from_file(pair_of(pair.with_suffix(".step")), pair, comm), NeoHookean(30e3, 0.49)))
     fields, found = Fields(equations), []
-    series = (Series("pressure_cm", (40.0, 40.0)), Series("volume_ml", (0.0, 0.03)))
-    for _, point in follow(equations, series, Settings(95.0)):
+    steps = steps_of(cavity1={"pressure_cm": [40, 40]}, cavity2={"volume_ml": [0, 0.03]})
+    for _, point in follow(equations, steps):
         if point.requested:
             figures = fields.figures(point.state)
             found += [

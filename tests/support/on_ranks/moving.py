@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import softmodels as sm
-from softmodels.path.program import from_tables
+from softmodels.case.load import steps_of
 
 BALLOON = sm.Balloon(neck_radius=0.0, cell_size=4e-3, through=1)
 RUBBER = sm.Gent(30e3, 25.0, 0.5).with_memory(branches=[(0.3, "2 ms")])
 RESERVOIR = sm.Reservoir(tube_length="0.1 m", tube_bore="8 mm", dead_volume="5 l")
 BEAM = sm.Beam(length=0.05, width=0.005, thickness=0.005, cell_size=0.005)
 FORCE = sm.Force("tip", "-z")
-BENT = from_tables({"force": {"force_N": [1e-3, 1e-3]}, "time_s": [0.0, 0.01]})
+BENT = steps_of(**{"force": {"force_N": [1e-3, 1e-3]}, "time_s": [0.0, 0.01]})
 COLUMNS = {
     "balloon": ("time_s", "pressure_Pa", "added_volume_ml", "stored_energy_mJ", "kinetic_energy_mJ"),
     "beam": ("time_s", "moved_mm", "stored_energy_mJ", "kinetic_energy_mJ"),
@@ -25,7 +25,7 @@ def figures(comm, folder) -> dict[str, list[float]]:
             time_tolerance=5e-4,
         ).path,
         "beam": sm.inflate(
-            BEAM, sm.NeoHookean(30e3, 0.4), program=BENT, components=FORCE, inertia=True,
+            BEAM, sm.NeoHookean(30e3, 0.4), steps=BENT, components=FORCE, inertia=True,
             time_tolerance=5e-4,
         ).path,
     }  # fmt: skip
