@@ -40,7 +40,6 @@ from softmodels.runs.analyses import (
     find_limit,
 )
 from softmodels.runs.columns import state_labels
-from softmodels.runs.fields import Row
 from softmodels.runs.notes import no_branch, sentences
 from softmodels.runs.outcomes import BAD_INPUT, Ended, Progress, RunError, UnwrittenError
 from softmodels.runs.recording import ResultsPlace, is_loaded, solved_into
@@ -55,6 +54,7 @@ from softmodels.runs.simulation import (
     temporary_folder,
 )
 from softmodels.runs.states import StoredStates
+from softmodels.runs.table import Row
 
 if TYPE_CHECKING:
     from softmodels.pictures.comparison import Comparison
@@ -131,7 +131,7 @@ errors.call("output", "folder")
 for _option in ("resume", "branch", "sealed"):
     errors.call(_option, f"{_option}=True")
 
-type Told = bool | Callable[[Row], object] | None
+type Told = bool | Callable[[dict[str, float]], object] | None
 """Progress reports of each state: none, a bar (True), or a function that gets its row of ``path.csv``."""
 
 
@@ -274,11 +274,11 @@ def run(
 class _Each(Silent):
     """Passes each row to a function."""
 
-    def __init__(self, told: Callable[[Row], object]):
+    def __init__(self, told: Callable[[dict[str, float]], object]):
         self.told = told
 
     def step(self, row: Row, value: float) -> None:
-        self.told(row)
+        self.told(row.written)
 
 
 @checked
@@ -323,7 +323,7 @@ def compare(first: Run | str | Path, second: Run | str | Path, *more: Run | str 
             name = ("first", "second")[number] if number < 2 else "more"
             return Compared.from_folder(place(name, one, "a run, or a folder of results"))
         rest = one[0]
-        return Compared(f"{one.case.name} ({number + 1})", one.case, one.rows, rest.points, len(rest.cells),
+        return Compared(f"{one.case.name} ({number + 1})", one.case, one.table, rest.points, len(rest.cells),
                         lambda step: one[step].displacement)  # fmt: skip
 
     return compared([of(number, one) for number, one in enumerate((first, second, *more))])

@@ -7,6 +7,7 @@ import dataclasses
 import functools
 import io
 import itertools
+import math
 import operator
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -37,7 +38,7 @@ from softmodels.path.continuation import Continuation
 from softmodels.path.steps import STROKE, one_step
 from softmodels.runs.analyses import KINDS, Limit
 from softmodels.runs.columns import StateLabels, overlap_text, state_labels, term
-from softmodels.runs.fields import OUTPUTS, OutputField, Row, requestable, split
+from softmodels.runs.fields import OUTPUTS, OutputField, requestable
 from softmodels.runs.formats import CELL_TYPES, TENSOR
 from softmodels.runs.notes import notes_of, sentences
 from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM, STOPPED, Ended, RunError
@@ -45,6 +46,7 @@ from softmodels.runs.recording import ResultsPlace, begin, begin_branch, gather,
 from softmodels.runs.simulation import InMemory, Simulation, Step
 from softmodels.runs.states import POINTS, Line, Probe, States, StoredStates
 from softmodels.runs.store import Results
+from softmodels.runs.table import PathTable, Row, band_of, parsed
 
 if TYPE_CHECKING:
     import pandas
@@ -70,7 +72,7 @@ class SolvedState(Shown):
 
     Attributes:
         case: What was run.
-        row: Its row of ``path.csv``, with that file's units.
+        variables: The variables of the table in SI by name, such as ``state.variables["apex"]``.
         points: Undeformed nodes in device coordinates, m, shape (n, 3); of a section (r, 0, z).
         cells: Node numbers of the second-order cells in VTK's order, shape (c, 6 or 10).
         cell_name: ``"Triangle_6"`` or ``"Tetrahedron_10"``.
@@ -79,7 +81,7 @@ class SolvedState(Shown):
     """
 
     case: Case
-    row: Row
+    variables: Row
     points: Array
     cells: npt.NDArray[np.int64]
     cell_name: str
@@ -87,13 +89,13 @@ class SolvedState(Shown):
     _mesh: Callable[[], bytes] = bytes
 
     def _line(self) -> str:
-        return f"of {self.case.name} at {headline(self.case, self.row)}"
+        return f"of {self.case.name} at {headline(self.case, self.variables)}"
 
     def _figures(self) -> Table:
-        return state_figures(self.case, self.row)
+        return state_figures(self.case, self.variables)
 
     def _remarks(self) -> list[str]:
-        return [text] if (text := overlap_text(self.row)) else []
+        return [text] if (text := overlap_text(self.variables)) else []
 
     def __post_init__(self) -> None:
         # The arrays belong to the run: `Run.at` and `Run.save` use them.
@@ -102,14 +104,19 @@ class SolvedState(Shown):
         object.__setattr__(self, "fields", MappingProxyType(fields))
 
     @property
+    def row(self) -> dict[str, float]:
+        """Its row of ``path.csv``, with that file's columns and units; NaN where a number is not known."""
+        return self.variables.written
+
+    @property
     def pressure(self) -> float:
         """Pressure in Pa; of a program the highest."""
-        return float(self.row["pressure_Pa"])
+        return float(self.variables["pressure"])
 
     @property
     def added_volume(self) -> float:
         """Added volume in m3."""
-        return float(self.row["added_volume_ml"]) * 1e-6
+        return float(self.variables["added_volume"])
 
     @property
     def displacement(self) -> Array:
@@ -270,7 +277,7 @@ class SolvedState(Shown):
     def _states(self) -> States:
         """This state as pictures take it."""
         grid = self.points, self.cells, self.cell_name
-        return States(self.case, [self.row], grid, lambda step, name: self._tensor(name))
+        return States(self.case, [self.variables], grid, lambda step, name: self._tensor(name))
 
 
 def state_of(source: States, step: int) -> SolvedState:
@@ -315,7 +322,7 @@ def solve_between(source: States, quantity: str, wanted: float, values: Array) -
     the stored states, shape (states,).
     """
     comm, ends = start(), _bracket(source, values, wanted)
-    if ends is None and quantity in source.rows[0]:
+    if ends is None and quantity in source.rows.columns:
         raise RunError(f"no two neighbouring states on one continuous piece of the path bracket {quantity} {wanted:g}")
     case = source.case if ends else _to_one(source.case, quantity, wanted)
     simulation = Simulation(case, comm)
@@ -333,12 +340,12 @@ def solve_between(source: States, quantity: str, wanted: float, values: Array) -
 def _bracket(source: States, values: Array, wanted: float) -> tuple[int, int] | None:
     """Return the first two neighbouring solved states on one continuous piece of the path that bracket a value."""
     # A bifurcation is interpolated, and snap-through leaves no path between its two ends.
-    solved = [step for step, row in enumerate(source.rows) if not row["bifurcation"]]
+    solved = np.flatnonzero(source.rows["bifurcation"] == 0).tolist()
     for before, after in itertools.pairwise(solved):
         low, high = sorted(values[[before, after]])
         if low < wanted < high and not source.rows[after]["jump"]:
             return before, after
-    if not any(row["jump"] for row in source.rows):  # as on a branch
+    if not source.rows["jump"].any():  # as on a branch
         raise RunError("no two neighbouring states of the branch bracket this value")
     return None
 
@@ -346,11 +353,11 @@ def _bracket(source: States, values: Array, wanted: float) -> tuple[int, int] | 
 def _between(simulation: Simulation, source: States, ends: tuple[int, int], asked: tuple[str, float]) -> Step:
     """Return the state at a value between two steps of a run."""
     fields, comm, (quantity, wanted) = simulation.fields, simulation.comm, asked
-    passed = [step for step, row in enumerate(source.rows[: ends[0]]) if row["bifurcation"]]
+    passed = np.flatnonzero(source.rows["bifurcation"][: ends[0]]).tolist()
     *points, after = (
         stored_point(source, fields, comm, step, source.restart(step), step in passed) for step in (*passed, *ends)
     )
-    followed = source.case.quantity if quantity in source.rows[0] else quantity
+    followed = source.case.quantity if quantity in source.rows.columns else quantity
     path = Continuation(simulation.solver, simulation.quantity(followed), start=simulation.model.hanging())
     solved = dict.fromkeys((step for step in range(ends[0] + 1) if step not in passed), 0.0)
     path.recall = functools.partial(recall, source, fields, comm, solved)
@@ -358,7 +365,7 @@ def _between(simulation: Simulation, source: States, ends: tuple[int, int], aske
         path.resume(points)
         tangent = path.corrector.tangent(after.state)
         before, after = path.last, dataclasses.replace(after, tangent=tangent)
-        if quantity in source.rows[0]:
+        if quantity in source.rows.columns:
             state = path.corrector.root(before, after, lambda point: _figure(simulation, point, quantity) - wanted)
             found = path.corrector.point(state, requested=True)
         else:
@@ -371,7 +378,7 @@ def _between(simulation: Simulation, source: States, ends: tuple[int, int], aske
 
 def _figure(simulation: Simulation, point: Point, column: str) -> float:
     """Return the value of a column of ``path.csv`` at a point, on all ranks."""
-    return float(simulation.step_of(point, 0).row[column])
+    return simulation.step_of(point, 0).row.cell(column)
 
 
 def _to_one(case: Case, quantity: str, wanted: float) -> Case:
@@ -389,9 +396,8 @@ def _to_one(case: Case, quantity: str, wanted: float) -> Case:
 # A run as a value.
 
 
-COLUMNS = {"pressure": ("pressure_Pa", 1.0), "volume": ("added_volume_ml", 1e-6), "stroke": ("stroke_ml", 1e-6),
-           "step": ("load_step", 1.0)}  # fmt: skip
-"""Column of ``path.csv`` of each requestable quantity, and the SI value of the column's unit."""
+VARIABLES = {"pressure": "pressure", "volume": "added_volume", "stroke": "stroke", "step": "load_step"}
+"""Variable of the table of each requestable quantity."""
 SAME = 1e-6
 """Relative distance below which two values are the same."""
 
@@ -411,9 +417,9 @@ def _number(value: object, what: str, more: str = "") -> float:
 def headline(case: Case, row: Row) -> str:
     """Return the load of a state, and its main figures, in a line."""
     words = state_labels(case)
-    volume = f", added volume {row['added_volume_ml']:.4g} ml" if words.volume else ""
+    volume = f", added volume {row.told('added_volume')}" if words.volume else ""
     return (
-        f"{words.under(row, _pressure(row, words))}: {words.gauge} rise {row[f'{words.gauge}_mm']:.4g} mm{volume}, "
+        f"{words.under(row, _pressure(row, words))}: {words.gauge} rise {row.told(words.gauge)}{volume}, "
         f"largest stretch {row['max_stretch']:.4g}"
     )
 
@@ -438,30 +444,30 @@ def ingredients(case: Case) -> Table:
 
 
 def _pressure(row: Row, words: StateLabels) -> str:
-    return f"{row['pressure_Pa'] / 1e3:.4g} kPa ({row['pressure_cm']:.4g} {words.unit})"
+    return f"{row['pressure'] / 1e3:.4g} kPa ({row.shown('pressure'):.4g} {words.unit})"
 
 
 def state_figures(case: Case, row: Row) -> Table:
     """Return the main figures of a state, with their units and 95 % bands."""
     words = state_labels(case)
-    columns = [
-        *(name for name in ("time_s", "load_step", "stroke_ml") if name in row), *words.volumes(row), *words.load_columns(row),
-        *(f"{probe}_mm" for probe in case.actuator.probes), "max_stretch", "max_von_mises_kPa", "stored_energy_mJ",
+    names = [
+        *(name for name in ("time", "load_step", "stroke") if name in row), *words.volumes(row), *words.loads_in(row),
+        *case.actuator.probes, "max_stretch", "max_von_mises", "stored_energy",
     ]  # fmt: skip
     table = [("pressure", _pressure(row, words))] if words.pressure else []
-    for column in columns:
-        known, (name, unit) = term(column, case.actuator, words.driver), split(column)
-        band = row.get(f"{name}_ci95{column.removeprefix(name)}", np.nan)
-        give = f" ± {band:.2g}" if np.isfinite(band) else ""
-        table.append((known.name, f"{row[column]:.4g}{give} {unit}{' (95 %)' if give else ''}".strip()))
+    for name in names:
+        known, band = term(row.column(name), case.actuator, words.driver), band_of(name)
+        give = f" ± {row.shown(band):.2g}" if math.isfinite(row.get(band, math.nan)) else ""
+        text = f"{row.shown(name):.4g}{give} {row.unit(name)}{' (95 %)' if give else ''}"
+        table.append((known.name, text.strip()))
     return table
 
 
 class Run(Shown):
     """The states of an inflated device. Made by `softmodels.inflate`, `softmodels.run` and `softmodels.load`.
 
-    Beside the properties below, the rise in m of each of the device's probes has its name: ``run.apex`` of a disk,
-    ``run.tip`` of a seminar slab, shape (states,).
+    Beside the properties below, each variable of the table is an array in SI over the states by its name: ``run.time``,
+    ``run.stored_energy``, the rise of each of the device's probes (``run.apex`` of a disk, ``run.tip`` of a seminar slab).
 
     Attributes:
         case: What was run.
@@ -477,13 +483,13 @@ class Run(Shown):
         states = "1 state" if len(self) == 1 else f"{len(self)} states"
         ended = ""
         if self.limit is not None:
-            marked = any(row["limit"] or row.get("stroke_limit") for row in self.rows)
+            marked = self.table["limit"].any() or self.table.get("stroke_limit").any()
             known = f"; ended at a {KINDS[self.limit.kind]}" if marked else "; no equilibrium beyond"
             ended = known if self.limit.found else "; lost"
-        return f"of {self.case.name}: {states} to {headline(self.case, self.rows[-1])}{ended}"
+        return f"of {self.case.name}: {states} to {headline(self.case, self.table[-1])}{ended}"
 
     def _figures(self) -> Table:
-        return [*ingredients(self.case), ("states", f"{len(self)}"), *state_figures(self.case, self.rows[-1])]
+        return [*ingredients(self.case), ("states", f"{len(self)}"), *state_figures(self.case, self.table[-1])]
 
     def _remarks(self) -> list[str]:
         return [*([self.limit.why] if self.limit else []), *self.notes]
@@ -491,47 +497,52 @@ class Run(Shown):
     # -- the path as arrays -------------------------------------------------------------------------------------------
 
     @property
-    def rows(self) -> list[Row]:
-        """Rows of ``path.csv``, one for each state, with that file's units."""
-        return list(self._source.rows)
+    def table(self) -> PathTable:
+        """All variables in SI: ``run.table["apex"]`` is an array over the states, ``run.table[-1]`` a state."""
+        return self._source.rows
+
+    @property
+    def rows(self) -> list[dict[str, float]]:
+        """Rows of ``path.csv``, one for each state, with its columns and units; NaN where a number is not known."""
+        return [row.written for row in self.table]
 
     @property
     def path(self) -> dict[str, npt.NDArray[np.generic]]:
         """The table ``path.csv`` by column, with its names and units: ``pandas.DataFrame(run.path)`` takes it. A new copy
         at each call, so it may be changed."""
-        rows = self.rows
-        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+        return {name: np.array([row.cell(name) for row in self.table]) for name in self.table.columns}
 
     @property
     def pressure(self) -> Array:
         """Pressure in Pa of each state; of a program the highest of the cavities'."""
-        return self._column("pressure_Pa", 1.0)
+        return self._array("pressure")
 
     @property
     def added_volume(self) -> Array:
         """Volume in m3 that the cavity has taken in each state."""
-        return self._column("added_volume_ml", 1e-6)
+        return self._array("added_volume")
 
     @property
     def rise(self) -> Array:
         """Rise in m of the device's gauge, such as the disk's apex, in each state."""
-        return self._column(f"{self.case.actuator.gauge}_mm", 1e-3)
+        return self._array(self.case.actuator.gauge)
 
     @property
     def largest_stretch(self) -> Array:
         """Largest principal stretch in each state."""
-        return self._column("max_stretch", 1.0)
+        return self._array("max_stretch")
 
     def __getattr__(self, name: str) -> Array:
-        if not name.startswith("_") and name in self.case.actuator.probes:
-            return self._column(f"{name}_mm", 1e-3)
+        if not name.startswith("_") and name in self.table:
+            return self._array(name)
         raise AttributeError(f"a run has no {name!r}")
 
     def __dir__(self) -> list[str]:
-        return [*super().__dir__(), *self.case.actuator.probes]
+        return [*super().__dir__(), *self.table.names]
 
-    def _column(self, name: str, unit: float) -> Array:
-        return np.array([float(row[name]) * unit for row in self.rows])
+    def _array(self, name: str) -> Array:
+        values = self.table[name]
+        return values if values.dtype.kind == "U" else values.astype(float)
 
     # -- how it ended -------------------------------------------------------------------------------------------------
 
@@ -545,32 +556,31 @@ class Run(Shown):
         status = self._ended.status
         if status == DONE:
             return None
-        marks = [row for row in self.rows if row.get("stroke_limit")][-1:] if self.case.supply else []
-        marks = marks or [row for row in self.rows if row["limit"]]
-        row = marks[0] if status == NO_EQUILIBRIUM and marks else self.rows[-1]
+        marks = self.table.where("stroke_limit")[-1:] if self.case.supply else ()
+        marks = marks or self.table.where("limit")
+        row = marks[0] if status == NO_EQUILIBRIUM and marks else self.table[-1]
         kind = {NO_EQUILIBRIUM: "limit", STOPPED: "stopped"}.get(status, "lost")
         return Limit(
-            kind, row["pressure_Pa"], row["added_volume_ml"] * 1e-6,
-            {name: row[f"{name}_mm"] * 1e-3 for name in self.case.actuator.probes}, row["max_stretch"],
-            (row["max_stretch_x_mm"] * 1e-3, row["max_stretch_y_mm"] * 1e-3, row["max_stretch_z_mm"] * 1e-3),
+            kind, row["pressure"], row["added_volume"], {name: row[name] for name in self.case.actuator.probes},
+            row["max_stretch"], (row["max_stretch_x"], row["max_stretch_y"], row["max_stretch_z"]),
             spoken(self._ended.message), path=tuple(zip(self.added_volume.tolist(), self.pressure.tolist(), strict=True)),
         )  # fmt: skip
 
     @functools.cached_property
-    def sources(self) -> dict[str, Sequence[Row]]:
+    def sources(self) -> dict[str, list[dict[str, float]]]:
         """Rows of ``path.csv`` under each source of the silicone by name, from the softest to the stiffest, this run's own
         among them; empty unless the case's ``band`` is a silicone's."""
-        return self._source.sources
+        return {name: [row.written for row in table] for name, table in self._source.sources.items()}
 
     @property
     def notes(self) -> list[str]:
         """Warnings on the run's validity, as sentences; empty if there are none."""
-        return [spoken(note) for note in notes_of(self.case, self.rows, self.sources)]
+        return [spoken(note) for note in notes_of(self.case, self.table, self._source.sources)]
 
     # -- its states ---------------------------------------------------------------------------------------------------
 
     def __len__(self) -> int:
-        return len(self.rows)
+        return len(self.table)
 
     @one_at_a_time
     def __getitem__(self, step: int) -> SolvedState:
@@ -606,11 +616,10 @@ class Run(Shown):
             RunError: The path does not go there.
         """
         quantity, wanted = self._asked(value)
-        column, unit = COLUMNS.get(quantity, (self.case.column, self.case.load.scale))
-        there = self._column(column, unit)
+        there = self._array(VARIABLES.get(quantity, parsed(self.case.column)[0]))
         near = np.flatnonzero(np.abs(there - wanted) <= SAME * np.abs(there).max(initial=abs(wanted))).tolist()
         if near:
-            asked = [k for k in near if self.rows[k]["requested"]]
+            asked = [k for k in near if self.table[k]["requested"]]
             return self[asked[0] if asked else near[0]]
         if not there.min() < wanted < there.max() or quantity == "step":
             raise RunError(self._not_there(value, quantity, there))
@@ -631,11 +640,10 @@ class Run(Shown):
             CaseError: No such column.
             RunError: The path has no such value.
         """
-        first = self.rows[0]
-        figures = [name for name in first if isinstance(first[name], float)]
+        figures = [name for name, value in self.rows[0].items() if isinstance(value, float)]
         if column not in figures:
             raise CaseError(f"the path has no column {brief(column)}; {known_are(column, figures)}")
-        there, wanted = self._column(column, 1.0), _number(value, f"{column} of a state")
+        there, wanted = self.path[column].astype(float), _number(value, f"{column} of a state")
         if near := np.flatnonzero(np.abs(there - wanted) <= SAME * np.abs(there).max()).tolist():
             return self[near[0]]
         if self.case.program:
@@ -654,7 +662,7 @@ class Run(Shown):
             return own, _number(value, "the value of a state", ", or a text such as '70 cm' or '40 ml'")
         if own == "step":
             raise CaseError("states of a program are requested by step number, such as run.at(2)")
-        if own not in COLUMNS:
+        if own not in VARIABLES:
             raise CaseError(
                 f"the states of a run to {self.case.load.requested.words} are requested by a number in SI units"
             )
@@ -663,7 +671,7 @@ class Run(Shown):
 
     def _not_there(self, value: str | float, quantity: str, there: Array) -> str:
         units = {"pressure": (self.case.cm, "cm"), "step": (1.0, "")}
-        if quantity not in COLUMNS:
+        if quantity not in VARIABLES:
             units[quantity] = (self.case.load.scale, self.case.unit)
         scale, unit = units.get(quantity, (1e-6, "ml"))
         low, high = (f"{end / scale:.4g} {unit}".strip() for end in (there.min(), there.max()))
@@ -688,7 +696,7 @@ class Run(Shown):
     def _texts(self, column: str) -> dict[str, str]:
         """Return the unit and the name in words of a column of ``path.csv``."""
         known = term(column, self.case.actuator, state_labels(self.case).driver)
-        return {"units": split(column)[1], "long_name": known.name}
+        return {"units": known.unit, "long_name": known.name}
 
     @checked
     def to_xarray(self, fields: str | Sequence[str] = ()) -> xarray.Dataset:
@@ -707,7 +715,7 @@ class Run(Shown):
         """
         library = required("xarray", "notebook")
         wanted = several("fields", fields, str, "the name of a nodal field")
-        bifurcations = (step for step, row in enumerate(self.rows) if row.get("bifurcation"))
+        bifurcations = np.flatnonzero(self.table.get("bifurcation")).tolist()
         known = {name for step in (0, *bifurcations) for name in self._source.fields(step)} if wanted else set()
         for name in wanted:
             if name not in known:
@@ -756,7 +764,7 @@ class Run(Shown):
     @property
     def _states(self) -> States:
         """The states as pictures take them."""
-        self._source.branch = () if self.branch is None else self.branch.rows
+        self._source.branch = PathTable() if self.branch is None else self.branch.table
         return self._source
 
     @checked
@@ -820,9 +828,11 @@ class Run(Shown):
         words = state_labels(self.case)
         with matplotlib.rc_context(STYLE):
             figure = (
-                curves.steps(self.rows, words)
+                curves.steps(self.table, words)
                 if self.case.program
-                else curves.rise(self.rows, words.gauge, self.case.cm, (), curves.over_of(self.case), self.sources)
+                else curves.rise(
+                    self.table, words.gauge, self.case.cm, None, curves.over_of(self.case), self._source.sources
+                )
             )
 
         def png() -> bytes:

@@ -56,7 +56,9 @@ def state(case: str, pressure: str) -> StateAnswer:
 
 
 def _state(one: SolvedState) -> StateAnswer:
-    return StateAnswer(dict(one.row), Section.of(one.points, one.displacement, one.cells, one.von_mises / 1e3))
+    return StateAnswer(
+        dict[str, object](one.row), Section.of(one.points, one.displacement, one.cells, one.von_mises / 1e3)
+    )
 
 
 def limit(case: str) -> str:
@@ -81,7 +83,7 @@ def spread(case: str) -> str:
     if name is None or not spanning(product_of(name)) or asked.program:
         return ""
     banded = dataclasses.replace(asked, band=SourceBand(product_of(name)))
-    return span_sentence(banded, run(banded).sources)
+    return span_sentence(banded, run(banded)._source.sources)
 
 
 class _Solved:
@@ -93,13 +95,13 @@ class _Solved:
         case = self.source.case
         if case.timed or case.program or case.driven is not None:
             raise ValueError("states that depend on time or on a program of loads have no linear answer")
-        self.pressures = [float(row["pressure_Pa"]) for row in self.source.rows]
+        self.pressures = self.source.rows["pressure"]
         self.simulation = Simulation(case, comm)
         self.simulation.prepare_on(self.source.mesh)
 
     def state(self, pressure: float) -> State:
         """Return the state at a pressure in Pa, by Newton's method from the nearest stored one."""
-        step = min(range(len(self.pressures)), key=lambda k: abs(self.pressures[k] - pressure))
+        step = int(np.abs(self.pressures - pressure).argmin())
         fields, restart = self.source.fields(step, ("displacement", "p")), self.source.restart(step)
         near = self.simulation.fields.state(fields, restart["P"], restart["V"])
         solver = self.simulation.solver

@@ -230,7 +230,7 @@ def _write_line(output: Path, line: Line, state: SolvedState) -> None:
 
     columns = line.columns
     with matplotlib.rc_context(STYLE):
-        picture = encoded(drawn(along_line(line, f"{state.case.name} at {headline(state.case, state.row)}")), DPI)
+        picture = encoded(drawn(along_line(line, f"{state.case.name} at {headline(state.case, state.variables)}")), DPI)
     write_text(output, csv_text(columns, np.array([*columns.values()]).T.tolist()))
     write_bytes(output.with_suffix(".png"), picture)
 

@@ -485,7 +485,7 @@ class RigidShape(ContactPart):
         )
 
     def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
-        depth = figure(f"{self.label}_depth_mm")
+        depth = 1e3 * figure(f"{self.label}_depth")
         return self.try_other(f"faces press on {self.where} with a penetration of {depth:.3g} mm") if depth else ""
 
     def term(self, setting: FormContext) -> EnergyTerm:
@@ -590,7 +590,7 @@ class Obstacle(ContactPart):
         return f"; the rigid plane {self.plane} stops only {self.faces}"
 
     def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
-        if not figure("contact_force_N"):
+        if not figure("contact_force"):
             return ""
         return (
             f"faces press on the contact's plane: try a --contact-stiffness below {self.stiffness:g}, and smaller cells where "
@@ -745,8 +745,8 @@ class Walls(ContactPart):
         return ""
 
     def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
-        depth, force = (figure(f"{self.label}_{what}") for what in ("overlap_mm", "contact_N"))
-        pressed = f"{self.words} are in contact{f' and overlap by {depth:.3g} mm' if depth else ''}"
+        depth, force = (figure(f"{self.label}_{what}") for what in ("overlap", "contact"))
+        pressed = f"{self.words} are in contact{f' and overlap by {1e3 * depth:.3g} mm' if depth else ''}"
         return self.try_other(pressed) if depth or force else ""
 
     def term(self, setting: FormContext) -> EnergyTerm:

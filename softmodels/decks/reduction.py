@@ -38,12 +38,12 @@ from softmodels.mechanics.regions import RegionPart
 from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
-from softmodels.runs.fields import Row
 from softmodels.runs.notes import sentences
 from softmodels.runs.outcomes import RunError
 from softmodels.runs.recording import stored_state
 from softmodels.runs.simulation import Simulation
 from softmodels.runs.states import States
+from softmodels.runs.table import PathTable, Row
 
 TOLERANCE = 1e-11
 """Relative tolerance of the linear responses."""
@@ -233,10 +233,10 @@ class TipState:
     stretch: float
 
 
-def usable(rows: Sequence[Row]) -> tuple[list[int], str]:
+def usable(rows: PathTable) -> tuple[list[int], str]:
     """Return the steps of the first rising piece of a path, and why it ends, if not by the last requested value."""
     chosen, top = list[int](), -math.inf
-    way = -1.0 if rows[-1]["pressure_Pa"] < 0.0 else 1.0
+    way = -1.0 if rows[-1]["pressure"] < 0.0 else 1.0
     for step, row in enumerate(rows):
         if row["bifurcation"]:
             return chosen, "bifurcation"
@@ -244,7 +244,7 @@ def usable(rows: Sequence[Row]) -> tuple[list[int], str]:
             return chosen, "jump"
         if row["limit"]:
             return chosen, "limit point"
-        pressure = way * row["pressure_Pa"]
+        pressure = way * row["pressure"]
         if pressure < top:
             return chosen, "limit point"
         if pressure > top:
@@ -303,14 +303,14 @@ def table_of(source: States, face: str = "") -> ReducedModel:
     finally:
         simulation.release()
     model = ReducedModel(case, role, tuple(states), base, end, mass)
-    touching = (rows[step]["pressure_Pa"] for step in steps if touches(rows[step]))
+    touching = (rows[step]["pressure"] for step in steps if touches(rows[step]))
     model.contact = next(touching, None)
     return model
 
 
 def touches(row: Row) -> bool:
     """Return whether surfaces press on each other, or overlap, in a state."""
-    forces = [name for name in row if re.search(r"contact\w*_N$", name)]
+    forces = [name for name in row if re.search(r"contact", name) and row.unit(name) == "N"]
     return bool(row.get("walls_touch")) or any(abs(row[name]) > 0.0 for name in forces)
 
 
@@ -370,9 +370,9 @@ class Responses:
         pushes = [push.copy() for push in system.pressure_loads()[: len(device.ratios)]]
         jacobian = [self.tip.vectors @ solver.linear_response(push, 0.0, TOLERANCE).w[:n] for push in pushes]
         return TipState(
-            state.P * stress, float(row["added_volume_ml"]) * 1e-6, position, R,
+            state.P * stress, row["added_volume"], position, R,
             along.V * system.volume_unit / stress, rates @ (self.tip.vectors @ along.w[:n]) / stress,
-            rates @ np.transpose(jacobian) / stress, compliance, self._spread(state, rates), float(row["max_stretch"]),
+            rates @ np.transpose(jacobian) / stress, compliance, self._spread(state, rates), row["max_stretch"],
         )  # fmt: skip
 
     def _compliance(self, state: State, rates: Array, touching: bool) -> Array:

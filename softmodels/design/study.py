@@ -44,10 +44,10 @@ from softmodels.materials.laws import Material
 from softmodels.materials.specimens import nudged
 from softmodels.mechanics.mpi import start
 from softmodels.runs.analyses import limit_of
-from softmodels.runs.fields import Row, split
 from softmodels.runs.notes import sentences
 from softmodels.runs.outcomes import RunError
 from softmodels.runs.simulation import PathEnded, Simulation, temporary_folder
+from softmodels.runs.table import PathTable, split
 
 if TYPE_CHECKING:
     import xarray
@@ -373,14 +373,15 @@ def solved(task: tuple[Case, str]) -> dict[str, object]:
             **{f"{name}_mm": rise * 1e3 for name, rise in found.rises.items()},
         }  # fmt: skip
         return {"rows": [row], "ended": found.why, "kind": found.kind}
-    comm, rows, ended = start(), list[Row](), ""
+    comm, rows, ended = start(), PathTable(), ""
     simulation = Simulation(case, comm)
     try:
         with sentences(), temporary_folder(comm) as folder:
             mesh = folder / f"{case.name}.msh"
             simulation.write_mesh(mesh)
             simulation.prepare(mesh)
-            rows.extend(step.row for step in simulation.steps())
+            for step in simulation.steps():
+                rows.append(step.row)
     except PathEnded as end:
         ended = written(end)
     except RunError as error:
@@ -389,9 +390,9 @@ def solved(task: tuple[Case, str]) -> dict[str, object]:
         ended = written(error)
     finally:
         simulation.release()
-    limits = [row["pressure_Pa"] for row in rows if row.get("limit")]
-    asked = [{k: v for k, v in row.items() if isinstance(v, int | float)} for row in rows if row["requested"]]
-    return {"rows": asked, "ended": ended, "limit_Pa": limits[0] if limits else math.nan}
+    limits = rows.where("limit")
+    asked = [{k: v for k, v in row.cells.items() if isinstance(v, int | float)} for row in rows.where("requested")]
+    return {"rows": asked, "ended": ended, "limit_Pa": limits[0]["pressure"] if limits else math.nan}
 
 
 _BESIDE = threading.local()

@@ -224,7 +224,7 @@ class Component(abc.ABC):
 
     def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
         """Return how it may have ended a path and what to try, as a sentence without full stop; empty if unlikely. ``figure``
-        gives a column of ``path.csv`` in the last state, 0 where there is none."""
+        gives a variable of the last state in SI, 0 where there is none."""
         return ""
 
     @property

@@ -41,10 +41,10 @@ from softmodels.pictures.offscreen import (
 from softmodels.pictures.solid import tiled
 from softmodels.pictures.style import CURVE, DPI, FAINT, INK, LINES, SOLID, STYLE, WARNING, WIDTH, chart, png
 from softmodels.runs.analyses import Tolerance
-from softmodels.runs.fields import split
 from softmodels.runs.grasp import Grasp, Held
 from softmodels.runs.grid import Cells, outline, surface_of
 from softmodels.runs.state_values import FacingWalls
+from softmodels.runs.table import split
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -29,12 +29,12 @@ from softmodels.materials.silicones import publications
 from softmodels.pictures.curves import drawing, limits, over_of, profile, smooth
 from softmodels.pictures.style import LINE_COLOURS, STYLE, WIDTH, chart
 from softmodels.runs.columns import term
-from softmodels.runs.fields import Row
 from softmodels.runs.states import StoredStates
 from softmodels.runs.store import ResultsError
+from softmodels.runs.table import PathTable
 
-COMPARED = ("added_volume_ml", "max_stretch", "peak_stretch", "max_von_mises_kPa", "blocked_force_N", "contact_force_N")
-"""Columns compared at the highest common load, beside the rise."""
+COMPARED = ("added_volume", "max_stretch", "peak_stretch", "max_von_mises", "blocked_force", "contact_force")
+"""Variables compared at the highest common load, beside the rise."""
 MOST_LOADS = 6
 """Common loads at most whose rises are compared."""
 MISSING = "not given"
@@ -48,13 +48,13 @@ class ComparisonError(Spoken, ValueError):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Compared:
-    """One of the results: its name in the comparison, its case, the rows of ``path.csv``, undeformed nodes in device
+    """One of the results: its name in the comparison, its case, its table, undeformed nodes in device
     coordinates, m, shape (n, 3), the number of cells, the displacement of a state's nodes in m, shape (n, 3), and where it
     comes from."""
 
     name: str
     case: Case
-    rows: Sequence[Row]
+    rows: PathTable
     points: Array
     cells: int
     displacement: Callable[[int], Array]
@@ -76,19 +76,23 @@ class Compared:
 
     @property
     def gauge(self) -> str:
-        """Column of the rise that stands for the device's motion."""
-        return f"{self.case.actuator.gauge}_mm"
+        """Variable that stands for the device's motion."""
+        return self.case.actuator.gauge
+
+    @property
+    def loads(self) -> Array:
+        """The loads in the unit in which they are shown, shape (states,)."""
+        return self.rows.shown(over_of(self.case)[0])
 
     @functools.cached_property
     def sign(self) -> float:
         """-1 if the largest load is a negative one, such as a vacuum; else 1."""
-        loads = [float(row[over_of(self.case)[0]]) for row in self.rows]
-        return -1.0 if -min(loads) > max(loads) else 1.0
+        return -1.0 if -self.loads.min() > self.loads.max() else 1.0
 
     @functools.cached_property
-    def rising(self) -> tuple[Array, Sequence[Row]]:
-        """Sizes of the loads, and rows, up to the highest one of the first part of the path, where it only rises."""
-        loads = self.sign * np.array([float(row[over_of(self.case)[0]]) for row in self.rows])
+    def rising(self) -> tuple[Array, PathTable]:
+        """Sizes of the loads, and states, up to the highest one of the first part of the path, where it only rises."""
+        loads = self.sign * self.loads
         falls = np.flatnonzero(np.diff(loads) <= 0.0)
         end = int(falls[0]) + 1 if len(falls) else len(loads)
         return loads[:end], self.rows[:end]
@@ -135,7 +139,7 @@ class Comparison(Shown):
         results: At least two.
         differences: What differs in their cases.
         figures: Their main figures.
-        common: The highest load that all of them reach, in the unit of its column; None without a common one.
+        common: The highest load that all of them reach, in the unit in which it is shown; None without a common one.
     """
 
     results: tuple[Compared, ...]
@@ -168,12 +172,12 @@ class Comparison(Shown):
         """Plot the paths over each other: the rise of the gauge over the load."""
         figure, axes = chart(4.6, 0.6 * WIDTH)
         for one, colour in zip(self.results, itertools.cycle(LINE_COLOURS), strict=False):
-            column = over_of(one.case)[0]
-            path = np.array([[row[column], row[one.gauge]] for row in one.rows], dtype=float)
+            over = over_of(one.case)[0]
+            path = np.column_stack([one.loads, one.rows.shown(one.gauge)])
             axes.plot(*smooth(path).T, color=colour, label=one.name)
             axes.plot(*path.T, "o", color=colour, markersize=3.5)
             for row in limits(one.rows):
-                axes.plot(row[column], row[one.gauge], "D", color=colour, markersize=8)
+                axes.plot(row.shown(over), row.shown(one.gauge), "D", color=colour, markersize=8)
         gauges = dict.fromkeys(f"rise of the {one.case.actuator.gauge}" for one in self.results)
         axes.set(xlabel=over_of(self.results[0].case)[1], ylabel=f"{' and '.join(gauges)} in mm")
         axes.set_title("Paths; a diamond is a limit point")
@@ -272,11 +276,11 @@ def compared(results: Sequence[Compared]) -> Comparison:
         seen[one.name] += 1
         name = one.name if counted[one.name] == 1 else f"{one.name} ({seen[one.name]})"
         unique.append(dataclasses.replace(one, name=name))
-    columns = {over_of(one.case) for one in unique}
-    if len(columns) > 1:
-        loads = f"different loads ({' and '.join(sorted(label for _, label in columns))})"
+    loaded = {over_of(one.case) for one in unique}
+    if len(loaded) > 1:
+        loads = f"different loads ({' and '.join(sorted(label for _, label in loaded))})"
         raise ComparisonError(f"the results are over {loads}; compare runs with the same kind of load")
-    return Comparison(tuple(unique), tuple(_differences(unique)), *_figures(unique, next(iter(columns))[0]))
+    return Comparison(tuple(unique), tuple(_differences(unique)), *_figures(unique, next(iter(loaded))[0]))
 
 
 def _differences(results: Sequence[Compared]) -> list[Difference]:
@@ -310,9 +314,10 @@ def _text(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _figures(results: Sequence[Compared], column: str) -> tuple[tuple[Figures, ...], float | None]:
+def _figures(results: Sequence[Compared], over: str) -> tuple[tuple[Figures, ...], float | None]:
     """Return the main figures, and the highest common load; see `Comparison`."""
-    meaning, cm = term(column), results[0].case.cm
+    first_row, cm = results[0].rows[0], results[0].case.cm
+    meaning = term(first_row.column(over))
     found, common, sign = [], min(float(one.rising[0][-1]) for one in results), results[0].sign
     common = common if len({one.sign for one in results}) == 1 else 0.0
     if common > 0.0:
@@ -322,16 +327,17 @@ def _figures(results: Sequence[Compared], column: str) -> tuple[tuple[Figures, .
         for name in COMPARED:
             values = tuple(_between(one, name, common) for one in results)
             if any(map(math.isfinite, values)):
-                found.append(Figures(f"{term(name).name} {where}", term(name).unit, values))
-        for value in _shared(results, column, common):
+                known = term(next(one.rows[0].column(name) for one in results if name in one.rows))
+                found.append(Figures(f"{known.name} {where}", known.unit, values))
+        for value in _shared(results, common):
             rises = tuple(_between(one, one.gauge, value) for one in results)
             found.append(Figures(f"rise at {sign * value:.5g} {meaning.unit}", "mm", rises))
     pascal = cm if meaning.unit == "cm" else 0.0
     first = [next(iter(limits(one.rows)), None) for one in results]
     if any(first):
-        values = tuple(math.nan if row is None else float(row[column]) for row in first)
+        values = tuple(math.nan if row is None else row.shown(over) for row in first)
         found.append(Figures("limit point", meaning.unit, values, pascal))
-    highest = tuple(one.sign * max(one.sign * float(row[column]) for row in one.rows) for one in results)
+    highest = tuple(one.sign * float((one.sign * one.loads).max()) for one in results)
     found.append(Figures(f"highest {meaning.name}", meaning.unit, highest, pascal))
     found.append(Figures("cells", "", tuple(float(one.cells) for one in results)))
     if all(one.made.seconds is not None for one in results):
@@ -339,9 +345,11 @@ def _figures(results: Sequence[Compared], column: str) -> tuple[tuple[Figures, .
     return tuple(found), sign * common if common > 0.0 else None
 
 
-def _shared(results: Sequence[Compared], column: str, common: float) -> list[float]:
+def _shared(results: Sequence[Compared], common: float) -> list[float]:
     """Return loads below the highest common one that all were asked to stop at, evenly chosen if there are many."""
-    asked = [{round(one.sign * float(row[column]), 9) for row in one.rising[1] if row["requested"]} for one in results]
+    asked = [
+        {round(float(load), 9) for load, row in zip(*one.rising, strict=True) if row["requested"]} for one in results
+    ]
     shared = sorted(value for value in set.intersection(*asked) if 0.0 < value < common * (1 - 1e-9))
     if len(shared) <= MOST_LOADS:
         return shared
@@ -355,14 +363,14 @@ def _step_at(one: Compared, size: float) -> int | None:
     return nearest if math.isclose(loads[nearest], size, rel_tol=1e-6) else None
 
 
-def _between(one: Compared, column: str, size: float) -> float:
-    """Return a column at a load of the rising part: of the state there, else between its neighbours (monotone cubic); nan if
-    the results have no such column."""
+def _between(one: Compared, variable: str, size: float) -> float:
+    """Return a variable at a load of the rising part, in the unit in which it is shown: of the state there, else between its
+    neighbours (monotone cubic); nan if the results have none of this name."""
     loads, rows = one.rising
-    if column not in rows[0]:
+    if variable not in rows:
         return math.nan
     if (step := _step_at(one, size)) is not None:
-        return float(rows[step][column])
+        return rows[step].shown(variable)
     if size < loads[0]:
         return math.nan
-    return float(scipy.interpolate.PchipInterpolator(loads, [float(row[column]) for row in rows])(size))
+    return float(scipy.interpolate.PchipInterpolator(loads, rows.shown(variable))(size))

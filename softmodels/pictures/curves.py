@@ -6,7 +6,7 @@ import io
 import itertools
 import math
 import textwrap
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -36,11 +36,11 @@ from softmodels.pictures.style import (
     chart,
     number,
 )
-from softmodels.runs.columns import SourceRows, StateLabels, key_of, state_labels, term
-from softmodels.runs.fields import Row, at_rise, split
+from softmodels.runs.columns import SourceTables, StateLabels, key_of, state_labels, term
 from softmodels.runs.grid import parabolas
 from softmodels.runs.notes import cycles, jumped_over
 from softmodels.runs.states import Line, States, round_steps, row_at, told
+from softmodels.runs.table import PathTable, Row, at_rise, band_of, parsed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,26 +51,26 @@ if TYPE_CHECKING:
     from softmodels.case.case import Case
 
 
-FORCES = ("contact_force_N", "blocked_force_N")
-"""Columns plotted separately if the device is in contact."""
+FORCES = ("contact_force", "blocked_force")
+"""Variables plotted separately if the device is in contact."""
 DASHES = ("--", ":", "-.", (0, (10, 3)), (0, (1, 4)))
 """Line styles of the sources."""
 MOST_CYCLES = 6
 """Number of cycles up to which each is in the legend; of more only the first and the last."""
-PRESSURE = "pressure_cm"
+PRESSURE = "pressure"
 """Default abscissa of the plots."""
 
 
 def _pressure(words: StateLabels) -> tuple[str, str]:
-    """Return the default abscissa: the column and its label."""
+    """Return the default abscissa: the variable and its label."""
     return PRESSURE, f"pressure in {words.unit}"
 
 
 def over_of(case: Case) -> tuple[str, str]:
-    """Return the abscissa of a case's plots: the column and its label; the pressure unless a dead load is requested."""
+    """Return the abscissa of a case's plots: the variable and its label; the pressure unless a dead load is requested."""
     if case.driven is None:
         return _pressure(state_labels(case))
-    return case.column, str(term(case.column))
+    return parsed(case.column)[0], str(term(case.column))
 
 
 def rise_of(states: States) -> Figure:
@@ -80,29 +80,28 @@ def rise_of(states: States) -> Figure:
 
 
 def rise(
-    rows: Sequence[Row],
+    rows: PathTable,
     gauge: str,
     pascal_per_cm: float,
-    branch: Sequence[Row] = (),
+    branch: PathTable | None = None,
     over: tuple[str, str] = (PRESSURE, f"pressure in {column_unit()}"),
-    sources: SourceRows = MappingProxyType({}),
+    sources: SourceTables = MappingProxyType({}),
 ) -> Figure:
     """Plot the rise of the device's `Actuator.gauge`, such as the disk's apex, over the pressure or else (see `over_of`), of
-    all rows of ``path.csv``, of the branch that was followed, if one was, and of each source of the silicone where they were
+    all states, of the branch that was followed, if one was, and of each source of the silicone where they were
     solved; ``pascal_per_cm`` is Pa in one cm of the column."""
     figure, axes = chart(6.4)
-    column = f"{gauge}_mm"
 
     def place(row: Row) -> str:
-        at = f"{row['pressure_cm']:.4g} cm ({row['pressure_Pa'] / 1e3:.4g} kPa)"
-        return f"{at if over[0] == PRESSURE else f'{row[over[0]]:.4g} {split(over[0])[1]}'}, {row[column]:.4g} mm"
+        kilopascals = f" ({row['pressure'] / 1e3:.4g} kPa)" if over[0] == PRESSURE else ""
+        return f"{row.told(over[0])}{kilopascals}, {row.told(gauge)}"
 
-    _sources(axes, sources, rows, column, over[0])
-    _path(axes, rows, column, branch, over[0])
+    _sources(axes, sources, rows, gauge, over[0])
+    _path(axes, rows, gauge, branch, over[0])
     for name, colour, marker, events in _events(rows):
         for row in events:
             label = f"{name}: {place(row)}"
-            axes.plot(row[over[0]], row[column], marker, color=colour, markersize=9, label=label)
+            axes.plot(row.shown(over[0]), row.shown(gauge), marker, color=colour, markersize=9, label=label)
     axes.set(xlabel=over[1], ylabel=f"rise of the {gauge} in mm")
     axes.margins(0.04)
     if over[0] == PRESSURE:
@@ -152,11 +151,11 @@ class _OtherUnits(Artist):
 
 
 def curves(
-    rows: Sequence[Row],
+    rows: PathTable,
     words: StateLabels,
-    branch: Sequence[Row] = (),
+    branch: PathTable | None = None,
     over: tuple[str, str] = (PRESSURE, f"pressure in {column_unit()}"),
-    sources: SourceRows = MappingProxyType({}),
+    sources: SourceTables = MappingProxyType({}),
 ) -> list[Figure]:
     """Plot the gauge's rise, the added volume and the blocked force, if any, over the pressure.
 
@@ -164,21 +163,20 @@ def curves(
     shows, the other arguments are as of `rise`. One figure each, so that a narrow page puts them below each other.
     """
     wanted = [
-        (over, (f"{words.gauge}_mm", f"rise of the {words.gauge} in mm")),
-        *([(over, ("added_volume_ml", "added volume in ml"))] if words.volume else []),
+        (over, (words.gauge, f"rise of the {words.gauge} in mm")),
+        *([(over, ("added_volume", "added volume in ml"))] if words.volume else []),
     ]
-    wanted += [(over, (name, f"{term(name).name} in N")) for name in FORCES if name in rows[0]]
-    wanted += [(over, (name, str(term(name)))) for name in words.moved]
-    if "stroke_ml" in rows[0]:
-        wanted.insert(0, (("stroke_ml", f"stroke of the {words.driver} in ml"), _pressure(words)))
+    wanted += [(over, (name, f"{term(rows[0].column(name)).name} in N")) for name in FORCES if name in rows]
+    wanted += [(over, (name, str(term(rows[0].column(name))))) for name in words.moved]
+    if "stroke" in rows:
+        wanted.insert(0, (("stroke", f"stroke of the {words.driver} in ml"), _pressure(words)))
     figures = []
-    for (place, below), (column, label) in wanted:
+    for (place, below), (variable, label) in wanted:
         figure, axes = chart(4.2, WIDTH / 2)
-        _sources(axes, sources, rows, column, place)
-        _path(axes, rows, column, branch, place)
+        _sources(axes, sources, rows, variable, place)
+        _path(axes, rows, variable, branch, place)
         for name, colour, marker, events in _events(rows):
-            places = [[row[key] for row in events] for key in (place, column)]
-            axes.plot(*places, marker, color=colour, markersize=8, label=name)
+            axes.plot(events.shown(place), events.shown(variable), marker, color=colour, markersize=8, label=name)
         axes.set(xlabel=below, ylabel=label)
         axes.legend(loc="best")
         figures.append(figure)
@@ -201,19 +199,19 @@ def along_line(line: Line, title: str) -> Figure:
     return figure
 
 
-def _events(rows: Sequence[Row]) -> list[tuple[str, str, str, list[Row]]]:
-    """Return the events of a path that occur: name, colour, marker and rows."""
+def _events(rows: PathTable) -> list[tuple[str, str, str, PathTable]]:
+    """Return the events of a path that occur: name, colour, marker and states."""
     kinds = (
         ("limit point", WARNING, "D", limits(rows)),
-        ("bifurcation", BRANCH, "s", [row for row in rows if row.get("bifurcation")]),
+        ("bifurcation", BRANCH, "s", rows.where("bifurcation")),
     )
     return [kind for kind in kinds if kind[3]]
 
 
-def _path(axes: Axes, rows: Sequence[Row], column: str, branch: Sequence[Row], over: str = "pressure_cm") -> None:
-    """Plot curve, steps, requested values and snap-throughs of a path over the column ``over``, and its branch."""
-    places = np.array([[row[over], row[column]] for row in rows])
-    jumps = [k for k, row in enumerate(rows) if row.get("jump")]
+def _path(axes: Axes, rows: PathTable, variable: str, branch: PathTable | None, over: str = PRESSURE) -> None:
+    """Plot curve, steps, requested values and snap-throughs of a path over the variable ``over``, and its branch."""
+    places = np.column_stack([rows.shown(over), rows.shown(variable)])
+    jumps = np.flatnonzero(rows.get("jump")).tolist()
     held = np.ones(len(rows), dtype=bool)
     held[jumped_over(rows)] = False
     # States skipped by a supply's snap-through are on the path too.
@@ -223,8 +221,8 @@ def _path(axes: Axes, rows: Sequence[Row], column: str, branch: Sequence[Row], o
     axes.plot(*places[held].T, "o", color=CURVE, markersize=3.5, label="steps")
     if not held.all():
         axes.plot(*places[~held].T, "x", color=WARNING, markersize=6, label="steps skipped by snap-through")
-    _band(axes, rows, column, over)
-    asked = places[[bool(row["requested"]) for row in rows]]
+    _band(axes, rows, variable, over)
+    asked = places[rows["requested"] != 0]
     if len(asked):
         axes.plot(*asked.T, "o", color=CURVE, mfc="white", markersize=8, markeredgewidth=2, label="requested")
     for k in jumps:
@@ -232,49 +230,49 @@ def _path(axes: Axes, rows: Sequence[Row], column: str, branch: Sequence[Row], o
         axes.plot(*np.array([start, end]).T, ":", color=WARNING, label="" if k > jumps[0] else "jump")
         way = {"arrowstyle": "-|>", "color": WARNING, "mutation_scale": 16}
         axes.annotate("", 0.45 * start + 0.55 * end, 0.55 * start + 0.45 * end, arrowprops=way)
-    if branch and over in branch[0]:
-        leaving = next(row for row in rows if row.get("bifurcation"))
-        aside = np.array([[row[over], row[column]] for row in (leaving, *branch)])
+    if branch and over in branch:
+        whole = PathTable([rows.where("bifurcation")[0], *branch])
+        aside = np.column_stack([whole.shown(over), whole.shown(variable)])
         axes.plot(*smooth(aside).T, "--", color=BRANCH, label="branch")
 
 
-def _sources(axes: Axes, sources: SourceRows, rows: Sequence[Row], column: str, over: str) -> None:
+def _sources(axes: Axes, sources: SourceTables, rows: PathTable, variable: str, over: str) -> None:
     """Plot the paths of the other sources of a silicone, and the band they span: areas between neighbours, as far as
     both extend."""
     if not sources:
         return
-    paths = {name: np.array([[row[over], row[column]] for row in many]) for name, many in sources.items()}
+    paths = {name: np.column_stack([many.shown(over), many.shown(variable)]) for name, many in sources.items()}
     lines = {name: smooth(path) for name, path in paths.items() if len(path) > 1}
     for k, pair in enumerate(itertools.pairwise(lines.values())):
         farthest = min(line[:, 0].max() for line in pair)
         soft, stiff = (line[line[:, 0] <= farthest] for line in pair)
         label = "" if k else f"band of the {len(lines)} sources of {product_of(next(iter(lines)))}"
         axes.fill(*np.vstack([soft, stiff[::-1]]).T, color=SPAN, linewidth=0, zorder=0.5, label=label)
-    others = [name for name in lines if list(sources[name]) != list(rows)]
+    others = [name for name in lines if sources[name] != rows]
     for name, dashes in zip(others, itertools.cycle(DASHES), strict=False):
         axes.plot(*lines[name].T, linestyle=dashes, color=FAINT, linewidth=1.2, label=key_of(name), zorder=1.5)
 
 
-def _band(axes: Axes, rows: Sequence[Row], column: str, over: str) -> None:
-    """Plot the 95 % band of the pressure from the material's errors at equal values of the column, regular at limit
+def _band(axes: Axes, rows: PathTable, variable: str, over: str) -> None:
+    """Plot the 95 % band of the pressure from the material's errors at equal values of the variable, regular at limit
     points: at the same rise, or at the same added volume."""
-    half = "pressure_ci95_cm" if column == "added_volume_ml" else at_rise(split(column)[0])
-    if over != "pressure_cm" or half not in rows[0]:
+    half = band_of(PRESSURE) if variable == "added_volume" else at_rise(variable)
+    if over != PRESSURE or half not in rows:
         return
-    found = np.array([[row[over], row[column], row[half]] for row in rows])
+    found = np.column_stack([rows.shown(over), rows.shown(variable), rows.shown(half)])
     found = found[~np.isnan(found[:, 2])]
     if len(found) < 2:
         return
     x, y = smooth(found[:, :2]).T
     width = np.interp(y, *smooth(found[:, 1:]).T) if (np.diff(found[:, 1]) > 0).all() else None
     x, y, width = (x, y, width) if width is not None else found.T
-    label = f"95 % band of the pressure at equal {'volume' if column == 'added_volume_ml' else 'rise'}"
+    label = f"95 % band of the pressure at equal {'volume' if variable == 'added_volume' else 'rise'}"
     axes.fill_betweenx(y, x - width, x + width, color=CURVE, alpha=0.18, linewidth=0, label=label)
 
 
-def limits(rows: Sequence[Row]) -> list[Row]:
-    """Return the rows that are limit points of the pressure."""
-    return [row for row in rows if row["limit"]]
+def limits(rows: PathTable) -> PathTable:
+    """Return the states that are limit points of the pressure."""
+    return rows.where("limit")
 
 
 def smooth(path: Array, count: int = 400) -> Array:
@@ -307,14 +305,14 @@ def smooth(path: Array, count: int = 400) -> Array:
 # Plots of a program: loads of each cavity and response of the device, over the program's steps.
 
 
-SUPPLIED = {"source_pressure_cm": "source pressure\nin {}", "flow_ml_per_min": "flow in\nml/min"}
-"""Columns of a supply in time, with their labels."""
+SUPPLIED = {"source_pressure": "source pressure\nin {}", "flow": "flow in\nml/min"}
+"""Variables of a supply in time, with their labels."""
 
 
-def steps(rows: Sequence[Row], words: StateLabels) -> Figure:
+def steps(rows: PathTable, words: StateLabels) -> Figure:
     """Plot the gauge's rise, the cavities' pressures, their added volumes and the loads over the steps, in panels."""
     panels = [
-        ([f"{words.gauge}_mm"], f"{words.gauge} rise in mm"),
+        ([words.gauge], f"{words.gauge} rise in mm"),
         (words.pressures(rows[0]), f"pressure in\n{words.unit}"),
         (words.volumes(rows[0]), "added volume\nin ml"),
         *(
@@ -322,28 +320,28 @@ def steps(rows: Sequence[Row], words: StateLabels) -> Figure:
             for name, label in SUPPLIED.items()
             if not np.isnan(rows[0].get(name, np.nan))
         ),
-        *(([name], str(term(name))) for name in words.loads),
-        *([(["kinetic_energy_mJ"], "kinetic energy\nin mJ")] if "kinetic_energy_mJ" in rows[0] else []),
+        *(([name], str(term(rows[0].column(name)))) for name in words.loads),
+        *([(["kinetic_energy"], "kinetic energy\nin mJ")] if "kinetic_energy" in rows else []),
     ]
     panels = [panel for panel in panels if panel[0]]
     figure = Figure((WIDTH, 7.6 + 1.8 * (len(panels) - 3)), dpi=DPI, layout="constrained")
     places = figure.subplots(len(panels), 1, sharex=True, height_ratios=(1.4, *(1.0 for _ in panels[1:])))
-    timed = "time_s" in rows[0]
-    along = "time_s" if timed else "load_step"
-    come = np.array([row[along] for row in rows])
-    asked = np.array([bool(row["requested"]) for row in rows])
-    for axes, (columns, label) in zip(places, panels, strict=True):
-        shades = matplotlib.colormaps[LINES](np.linspace(0.1, 0.8, len(columns))) if len(columns) > 1 else [CURVE]
-        for k, (name, colour) in enumerate(zip(columns, shades, strict=True), 1):
-            values = np.array([row[name] for row in rows])
-            cavity = f"cavity{k}" if len(columns) > 1 else None
+    timed = "time" in rows
+    along = "time" if timed else "load_step"
+    come, asked = rows[along], rows["requested"] != 0
+    for axes, (variables, label) in zip(places, panels, strict=True):
+        count = len(variables)
+        shades = matplotlib.colormaps[LINES](np.linspace(0.1, 0.8, count)) if count > 1 else [CURVE]
+        for k, (name, colour) in enumerate(zip(variables, shades, strict=True), 1):
+            values = rows.shown(name)
+            cavity = f"cavity{k}" if count > 1 else None
             axes.plot(come, values, _marked(rows), color=colour, markersize=3.5, label=cavity)
             axes.plot(come[asked], values[asked], "o", color=colour, mfc="white", markersize=8, markeredgewidth=2)
             for row in limits(rows):
-                axes.plot(row[along], row[name], "D", color=WARNING, markersize=8)
+                axes.plot(row[along], row.shown(name), "D", color=WARNING, markersize=8)
         axes.set(ylabel=label)
         axes.margins(0.03, 0.08)
-        if len(columns) > 1:
+        if count > 1:
             axes.legend(loc="best")
     what = "time in s" if timed else "step of the program"
     places[-1].set(xlabel=f"{what} (circles are requested; a diamond is a limit point)")
@@ -356,12 +354,12 @@ MOST_MARKED = 150
 """Number of states up to which each has a marker."""
 
 
-def _marked(rows: Sequence[Row]) -> str:
+def _marked(rows: PathTable) -> str:
     """Return matplotlib's style of a line through states."""
     return "o-" if len(rows) <= MOST_MARKED else "-"
 
 
-def loop(rows: Sequence[Row], words: StateLabels) -> Figure:
+def loop(rows: PathTable, words: StateLabels) -> Figure:
     """Plot the pressure over the added volume and over the gauge's rise in each cycle of a load with times, with the areas of
     the loops."""
     found = cycles(rows)
@@ -372,8 +370,8 @@ def loop(rows: Sequence[Row], words: StateLabels) -> Figure:
         label = f"cycle {count}: loses {cycle.loss}" if cycle.closed else f"cycle {count}, not closed"
         marker, wide = {1: ("o", 2.0), len(found): ("s", 2.0)}.get(count, ("", 0.9))
         shown = label if marker or len(found) <= MOST_CYCLES else None
-        for axes, name in zip(places, ("added_volume_ml", f"{words.gauge}_mm"), strict=True):
-            x, y = ([row[column] for row in cycle.rows] for column in (name, PRESSURE))
+        for axes, name in zip(places, ("added_volume", words.gauge), strict=True):
+            x, y = (cycle.rows.shown(variable) for variable in (name, PRESSURE))
             axes.plot(x, y, "-", marker=marker, color=colour, linewidth=wide, markersize=4.0, label=shown)
     places[0].set(xlabel="added volume in ml", ylabel=_pressure(words)[1])
     places[1].set(xlabel=f"rise of the {words.gauge} in mm")
@@ -402,7 +400,7 @@ def profile(points: Array, displacement: Array, actuator: Actuator) -> Array:
     return np.column_stack([radius + moved[:, :2] @ along, start[:, 2] + moved[:, 2]])[order]
 
 
-def profile_steps(rows: Sequence[Row], words: StateLabels) -> list[float]:
+def profile_steps(rows: PathTable, words: StateLabels) -> list[float]:
     """Return the steps of the profile besides the undeformed line: the requested ones, limit points and the last.
 
     If few were requested, up to eight round pressures as well (see `round_steps`), or steps evenly in the gauge's rise.
@@ -413,17 +411,17 @@ def profile_steps(rows: Sequence[Row], words: StateLabels) -> list[float]:
     shown: set[float] = {k for k in loaded if rows[k]["requested"] or rows[k]["limit"]} | {loaded[-1]}
     if sum(bool(rows[k]["requested"]) for k in loaded) > FEW:
         return sorted(shown)
-    if even := round_steps(rows, "pressure_cm", 8) if words.pressure and "load_step" not in rows[0] else []:
+    if even := round_steps(rows, PRESSURE, 8) if words.pressure and "load_step" not in rows else []:
         shown |= set(even)
     else:
-        risen = np.array([rows[k][f"{words.gauge}_mm"] for k in loaded])
+        risen = rows[words.gauge][loaded]
         wanted = np.linspace(0.0, risen[np.abs(risen).argmax()], 9)[1:]
         shown |= {loaded[int(np.argmin(np.abs(risen - value)))] for value in wanted}
     return sorted(shown)
 
 
 def cut_profiles(
-    lines: Mapping[float, Array], rest: Array, path: tuple[Sequence[Row], StateLabels], axes_of_plane: Array, plane: str
+    lines: Mapping[float, Array], rest: Array, path: tuple[PathTable, StateLabels], axes_of_plane: Array, plane: str
 ) -> Figure:
     """Plot the section of the outer surface by a plane at rest, seen along its normal: pieces (k, 2, 3) in m by number of the
     step, as `softmodels.runs.states.cut_line` gives them, and the undeformed ones, along unit vectors to the right and
@@ -463,7 +461,7 @@ TALLEST = 8.0
 def profiles(
     lines: Mapping[float, Array],
     rest: Array,
-    path: tuple[Sequence[Row], StateLabels],
+    path: tuple[PathTable, StateLabels],
     axial: bool = True,
     plate: float | None = None,
 ) -> Figure:
@@ -502,27 +500,27 @@ def _legend_beside(axes: Axes, words: StateLabels) -> None:
     axes.legend(title=title, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, alignment="left")
 
 
-def _labels(rows: Sequence[Row], words: StateLabels, steps: Collection[float]) -> dict[float, str]:
+def _labels(rows: PathTable, words: StateLabels, steps: Collection[float]) -> dict[float, str]:
     """Return the legend entries of some steps: load, and part of the path."""
     places, found = branches(rows, words), dict[float, str]()
     for step in steps:
         row, part = row_at(rows, step), places[math.ceil(step)]
-        name = f"{number(row['pressure_cm'])} cm" if words.pressure else textwrap.fill(words.place(row), 19)
+        name = f"{number(row.shown(PRESSURE))} cm" if words.pressure else textwrap.fill(words.place(row), 19)
         found[step] = name + ("\n" + textwrap.fill(f"({part})", 19) if part else "")
     return found
 
 
-def branches(rows: Sequence[Row], words: StateLabels) -> list[str]:
+def branches(rows: PathTable, words: StateLabels) -> list[str]:
     """Return the part of the path of each state, in words for a legend; empty for the first part.
 
     Where the device jumps, the way of the load counts too: up, and down after the highest one. A state past a limit
     point that stands under its pressure again is on another part of the path, not past the limit.
     """
     over, (raised, moved) = set(jumped_over(rows)), words.along
-    landings = [k for k, row in enumerate(rows) if row.get("jump")]
+    landings = np.flatnonzero(rows.get("jump")).tolist()
     before = [row[moved] for k, row in enumerate(rows[: landings[0] if landings else 0]) if k not in over]
     largest_before = max(before, default=0.0)
-    highest = max(range(len(rows)), key=lambda k: rows[k][raised])
+    highest = int(rows[raised].argmax())
     found, passed = [], False
     for k, row in enumerate(rows):
         part = ["up" if k <= highest else "down"] if landings and not over else []

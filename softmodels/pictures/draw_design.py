@@ -46,10 +46,10 @@ from softmodels.pictures.style import (
     rulers,
     wrapped,
 )
-from softmodels.runs.fields import Row
 from softmodels.runs.grid import outline
 from softmodels.runs.states import States, StoredStates
 from softmodels.runs.store import ResultsError
+from softmodels.runs.table import PathTable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,20 +68,20 @@ DEEPEST = -0.6
 """Lower end of the plotted violations."""
 
 
-def paths(before: Sequence[Row], after: Sequence[Row], gauge: str, pascal_per_cm: float) -> Figure:
-    """Plot the gauge's rise over the pressure, of the given and the optimised device, from their rows of ``path.csv``;
-    ``pascal_per_cm`` is Pa in one cm of the column."""
-    (figure, axes), column = chart(6.2), f"{gauge}_mm"
+def paths(before: PathTable, after: PathTable, gauge: str, pascal_per_cm: float) -> Figure:
+    """Plot the gauge's rise over the pressure, of the given and the optimised device; ``pascal_per_cm`` is Pa in one cm of the
+    column."""
+    figure, axes = chart(6.2)
     for rows, colour, words in ((before, BEFORE, "as given"), (after, AFTER, "design")):
-        places = np.array([[row["pressure_cm"], row[column]] for row in rows])
-        asked = places[[bool(row["requested"]) for row in rows]]
+        places = np.column_stack([rows.shown("pressure"), rows.shown(gauge)])
+        asked = places[rows["requested"] != 0]
         end = f": {asked[-1, 1]:.4g} mm at {asked[-1, 0]:.4g} cm" if len(asked) else ""
         axes.plot(*smooth(places).T, color=colour, label=f"{words}{end}")
         axes.plot(*places.T, "o", color=colour, markersize=3.5)
         axes.plot(*asked.T, "o", color=colour, mfc="white", markersize=8, markeredgewidth=2)
         for row in limits(rows):
-            label = f"limit point, {words}: {row['pressure_cm']:.4g} cm"
-            axes.plot(row["pressure_cm"], row[column], "D", color=WARNING, markersize=9, label=label)
+            label = f"limit point, {words}: {row.told('pressure')}"
+            axes.plot(row.shown("pressure"), row.shown(gauge), "D", color=WARNING, markersize=9, label=label)
     axes.set(xlabel=f"pressure in {column_unit(pascal_per_cm)}", ylabel=f"rise of the {gauge} in mm")
     axes.margins(0.06)
     kilopascals(axes, pascal_per_cm)
@@ -300,9 +300,9 @@ def page(folder: Path, told: DesignTold, drawn: Sequence[Part], pair: tuple[Stat
         [
             Fact("Limits of the design", "all kept" if told["feasible"] else "violated",
                  "" if told["feasible"] else "see the warnings and reasons below", not told["feasible"]),
-            *(Fact(f"Rise of the {gauge}, {name}", f"{row[f'{gauge}_mm']:.4g} mm", load(row, states.words))
+            *(Fact(f"Rise of the {gauge}, {name}", row.told(gauge), load(row, states.words))
               for name, row, states in (("as given", given, pair[0]), ("design", best, pair[1]))),
-            *([Fact("Limit point of the design", f"{limit['pressure_cm']:.4g} {pair[1].words.unit}")] if limit else []),
+            *([Fact("Limit point of the design", f"{limit.shown('pressure'):.4g} {pair[1].words.unit}")] if limit else []),
         ],
         [*([f"{told['trouble']}."] if told["trouble"] else []), *told["missed"]],
         publications(pair[1].case.material), downloads, pair[1].case.cm,

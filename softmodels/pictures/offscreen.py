@@ -308,8 +308,8 @@ def way(states: States, shape: RigidShape, step: float) -> Array:
     """Return the displacement of a shape at a step or between two, in m, shape (3,)."""
     if not shape.guide:
         return np.zeros(3)
-    ways = [row[f"{shape.label}_travel_mm"] for row in states.rows]
-    return 1e-3 * float(np.interp(step, np.arange(len(ways)), ways)) * shape.gives_way
+    ways = states.rows[f"{shape.label}_travel"]
+    return float(np.interp(step, np.arange(len(ways)), ways)) * shape.gives_way
 
 
 def shape_layers(states: States, step: float) -> list[Layer]:
@@ -594,8 +594,8 @@ def hot_spot(states: States, step: int) -> HotSpot:
     row, stretch, skin = states.rows[step], states.field(step, "largest_stretch"), states.skin
     value = row["max_stretch"] if "max_stretch" in row else float(stretch.max())
     rest = states.points[int(np.argmax(stretch))]
-    if "max_stretch_x_mm" in row:
-        rest = np.array([row[f"max_stretch_{axis}_mm"] for axis in "xyz"]) * 1e-3
+    if "max_stretch_x" in row:
+        rest = np.array([row[f"max_stretch_{axis}"] for axis in "xyz"])
     flat = np.array([np.hypot(*rest[:2]), 0.0, rest[2]]) if states.actuator.dimension == 2 else rest
     # The wall that the nearest cell has nodes on, and of these the one nearest to the place.
     cell = states.cells[np.argmin(np.linalg.norm(states.points[states.cells].mean(axis=1) - flat, axis=1))]
@@ -607,7 +607,7 @@ def hot_spot(states: States, step: int) -> HotSpot:
     name = {None: "inside the silicone", OUTSIDE: "on the outer face"}.get(part, f"on the wall of cavity {part}")
     name = "on the cavity's wall" if part == skin.cavities == 1 else name
     words = states.words
-    under = load(row, words) if "load_step" in row else words.under(row, f"{number(row['pressure_cm'])} cm")
+    under = load(row, words) if "load_step" in row else words.under(row, f"{number(row.shown('pressure'))} cm")
     at = ", ".join(f"{axis} = {1e3 * x:.2f}" for axis, x in zip("xyz", rest, strict=True))
     return HotSpot(
         value, flat + states.field(step, "displacement")[near[:4]].mean(axis=0), part, name,

@@ -53,11 +53,11 @@ from softmodels.pictures.curves import drawing
 from softmodels.pictures.offscreen import Look, ViewCamera
 from softmodels.pictures.style import DPI, STYLE, encoded, headline, load, subject
 from softmodels.runs.columns import StateLabels, overlap_text, term
-from softmodels.runs.fields import Cell as Value, Row
 from softmodels.runs.grid import CUT, OUTSIDE, QUARTERS, SECTOR, Cells, turn
 from softmodels.runs.notes import gained, left_out, notes_of, risen, stability_text
 from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM
 from softmodels.runs.states import States
+from softmodels.runs.table import Cell as Value, PathTable, Row
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The case of a report: device, material, load and solver as tables with units.
@@ -253,8 +253,8 @@ class Report:
         self.folder = folder
         states, told = look.states, summary(folder)
         viewer = Markup(render("web_view.html", "softmodels.pictures", view=view(look)))
-        asked = [row for row in states.rows if row["requested"]] or [states.rows[-1]]
-        terms = [(name, term(name, states.actuator, states.case.load.driver)) for name in states.rows[0]]
+        asked = states.rows.where("requested") or states.rows[-1:]
+        terms = [(name, term(name, states.actuator, states.case.load.driver)) for name in states.rows.columns]
         warnings = told["notes"] if "notes" in told else notes_of(states.case, states.rows, states.sources)
         self._head: list[Section] = [
             ("3-D view", [Program(viewer)]),
@@ -298,34 +298,33 @@ def facts(states: States, told: dict[str, object]) -> list[Fact]:
     row, words = states.rows[states.main], states.words
     overlap = overlap_text(row)
     under = load(row, words).removesuffix(f" - {overlap}") if overlap else load(row, words)
-    risen = f"{row[f'{words.gauge}_mm']:.4g} mm"
-    rise = Fact(f"Rise of the {words.gauge}", risen, overlap or f"at {under}", bool(overlap))
+    rise = Fact(f"Rise of the {words.gauge}", row.told(words.gauge), overlap or f"at {under}", bool(overlap))
     return [rise, _limit(states, told), *_stretch(states)]
 
 
 def _limit(states: States, told: dict[str, object]) -> Fact:
     """Return the limit point that was met and the margin to it, or how far none was."""
     rows, words, row = states.rows, states.words, states.rows[states.main]
-    name, column = f"Limit point of the {words.kept[0]}", words.along[0]
+    name, raised = f"Limit point of the {words.kept[0]}", words.along[0]
     if states.case.program:
         name = "Limit point of the loads"
     if found := curves.limits(rows):
         beyond = told.get("status") == NO_EQUILIBRIUM
         note = "there is no equilibrium at what was requested beyond it" if beyond else ""
-        if not beyond and not states.case.program and row["requested"] and row[column]:
-            note = f"{found[0][column] / row[column]:.3g} times the last requested {words.kept[0]}"
+        if not beyond and not states.case.program and row["requested"] and row[raised]:
+            note = f"{found[0][raised] / row[raised]:.3g} times the last requested {words.kept[0]}"
         return Fact(name, load(found[0], words), note, beyond)
-    highest = max(rows, key=lambda one: abs(float(one[column])))
-    way = "up" if highest[column] >= 0.0 else "down"
+    highest = rows[int(np.abs(rows[raised]).argmax())]
+    way = "up" if highest[raised] >= 0.0 else "down"
     note = "the margin is not known from this run: softmodels limit case.toml finds it"
     return Fact(name, f"none {way} to {load(highest, words)}", note if words.kept[0] == "pressure" else "")
 
 
 def _stretch(states: States) -> list[Fact]:
     """Return the largest stretch beside those that the material was fitted to and breaks at."""
-    if "max_stretch" not in states.rows[0]:
+    if "max_stretch" not in states.rows:
         return []
-    most, material = max(float(row["max_stretch"]) for row in states.rows), states.case.material
+    most, material = float(states.rows["max_stretch"].max()), states.case.material
     fitted, breaks = stretches_of(material), stretch_at_break(material)
     known = [f"fitted up to {fitted[1]:.4g}"] if fitted else ["the range of the material's fit is unknown"]
     known += [break_words(material)] if breaks else []
@@ -335,10 +334,10 @@ def _stretch(states: States) -> list[Fact]:
 
 def convergence(states: States) -> list[str]:
     """Return what is known of the errors of a run's numbers, in sentences."""
-    rows = [row for row in states.rows if not row.get("bifurcation")]
+    rows = states.rows.where(lambda row: not row.get("bifurcation"))
     text = f"Newton's method converged in every state: residual below {TOLERANCE:g} of the pressure's load"
-    if "newton_iterations" in states.rows[0]:
-        text += f", {sum(int(row['newton_iterations']) for row in rows)} iterations in {len(rows)} states"
+    if "newton_iterations" in states.rows:
+        text += f", {rows['newton_iterations'].sum():.0f} iterations in {len(rows)} states"
     count = f"{len(states.cells)} cells of second order, {len(states.points)} nodes"
     return [
         f"{text}.",
@@ -360,15 +359,13 @@ def summary(folder: Path) -> dict[str, object]:
 def ending(states: States, told: dict[str, object]) -> str:
     """Return how the run ended, in a sentence or two; ``told`` is its `summary`."""
     row, words = states.rows[states.main], states.words
-    stroke = f"{row['stroke_ml']:.4g} ml of stroke and " if "stroke_ml" in row else ""
-    reached = (
-        f"At {stroke}{load(row, words)} the {words.gauge} has {risen(row[f'{words.gauge}_mm'])}{_taken(row, words)}"
-    )
+    stroke = f"{row.told('stroke')} of stroke and " if "stroke" in row else ""
+    reached = f"At {stroke}{load(row, words)} the {words.gauge} has {risen(row[words.gauge])}{_taken(row, words)}"
     if "max_stretch" in row:
         reached += f"; the largest stretch is {row['max_stretch']:.4g}"
-    for name in ("blocked_force_N", "contact_force_N"):
+    for name in ("blocked_force", "contact_force"):
         if name in row:
-            reached += f"; the {term(name).name} is {row[name]:.4g} N"
+            reached += f"; the {term(row.column(name)).name} is {row.told(name)}"
     if not told:
         return f"The run was interrupted; {len(states.rows)} states are stored. {reached}."
     if told.get("status") == DONE:
@@ -380,7 +377,7 @@ def ending(states: States, told: dict[str, object]) -> str:
 def _taken(row: Row, words: StateLabels) -> str:
     count = len(words.volumes(row))
     taker = "the cavities have together" if count > 1 else "the cavity has"
-    return f" and {taker} {gained(row['added_volume_ml'])}" if count else ""
+    return f" and {taker} {gained(row['added_volume'])}" if count else ""
 
 
 def _curves(states: States) -> list[tuple[str, str]]:
@@ -403,19 +400,19 @@ def _contact(states: States) -> str:
     if obstacle is None:
         return ""
     text = f"The rigid plane {obstacle.plane} is in frictionless contact with {obstacle.faces} (red in the pictures)."
-    pressed = [row for row in states.rows if row.get("contact_force_N", 0.0) > ROUNDING]
+    pressed = states.rows.where(lambda row: row.get("contact_force") > ROUNDING)
     if not pressed:
         return f"{text} No contact occurred."
     first, row, words = pressed[0], states.rows[states.main], states.words
-    force, depth = f"{row['contact_force_N']:.4g} N", f"{row['contact_depth_mm']:.2g} mm"
+    force, depth = row.told("contact_force"), row.told("contact_depth", ".2g")
     text += f" Contact starts at {load(first, words)}; at {load(row, words)} the force is {force}"
     return f"{text}, the penetration {depth}."
 
 
-def _lines(rows: Sequence[Row], states: States) -> Table:
+def _lines(rows: PathTable, states: States) -> Table:
     """Return the rows of ``path.csv`` side by side: one line per column of the file, with exact and displayed values."""
     lines = []
-    for name in states.rows[0]:
+    for name in states.rows.columns:
         if name == "requested" or states.words.hides(name):
             continue
         meaning = term(name, states.actuator, states.case.load.driver)
@@ -450,7 +447,7 @@ def _notes(states: States) -> list[str]:
     kept = words.kept[0]
     notes = [stability_text(states.rows, actuator, words, states.branch)]
     for limit in curves.limits(states.rows):
-        at = words.under(limit, f"{limit['pressure_cm']:.5g} cm ({limit['pressure_Pa'] / 1e3:.4g} kPa)")
+        at = words.under(limit, f"{limit.told('pressure', '.5g')} ({limit['pressure'] / 1e3:.4g} kPa)")
         notes.append(f"limit point of the {kept} at {at}: under {kept} control the device snaps through there")
     if actuator.copies > 1:
         notes.append(f"one of {actuator.copies} equal parts was computed, the others are mirror images")

@@ -566,7 +566,7 @@ def render_frames(look: Look, count: int = FRAMES) -> list[Image]:
         for place in np.linspace(0.0, 1.0, count):
             step = float(np.interp(place, states.along, range(last + 1))) if count > 1 else float(last)
             row, words = states.row(step), states.words
-            text = f"{load(row, words, kilopascals=False)}   {words.gauge} rise {row[f'{words.gauge}_mm']:+.2f} mm"
+            text = f"{load(row, words, kilopascals=False)}   {words.gauge} rise {row.told(words.gauge, '+.2f')}"
             found.append(_captioned(shoot(look.coloured(step, scale)), text, scale))
     return found
 

@@ -35,7 +35,8 @@ from softmodels.common.commands import COLORMAP
 from softmodels.common.files import write_bytes
 from softmodels.materials.silicones import named
 from softmodels.runs.columns import INVALID, StateLabels, overlap_text
-from softmodels.runs.fields import Row, coloured
+from softmodels.runs.fields import coloured
+from softmodels.runs.table import Row
 
 if TYPE_CHECKING:
     from matplotlib.backend_bases import RendererBase
@@ -80,14 +81,14 @@ def load(row: Row, words: StateLabels, kilopascals: bool = True) -> str:
     """Return the load of a state in words and units: its pressure, or its program step and every cavity's pressure.
 
     Args:
-        row: The state's row of ``path.csv``.
+        row: The state.
         words: What its run shows.
         kilopascals: Whether a pressure is shown in kPa too.
     """
     step = f"step {row['load_step']:.3g}: " if "load_step" in row else ""
-    pressure = f"{' and '.join(number(row[name]) for name in words.pressures(row))} {words.unit}"
+    pressure = f"{' and '.join(number(row.shown(name)) for name in words.pressures(row))} {words.unit}"
     if kilopascals and words.pressure and not step:
-        pressure += f" ({row['pressure_Pa'] / 1e3:.3g} kPa)"
+        pressure += f" ({row['pressure'] / 1e3:.3g} kPa)"
     overlap = overlap_text(row)
     return f"{step}{words.under(row, pressure)}{f' - {overlap}' if overlap else ''}"
 
@@ -99,7 +100,7 @@ def title_colour(title: str) -> str:
 
 def headline(row: Row, words: StateLabels) -> str:
     """Return the title of a state."""
-    return f"{load(row, words)}, {words.gauge} rise {row[f'{words.gauge}_mm']:.2f} mm"
+    return f"{load(row, words)}, {words.gauge} rise {row.told(words.gauge, '.2f')}"
 
 
 def wrapped(text: str, width: float, size: float) -> str:
@@ -214,13 +215,13 @@ class Scale:
     Corners make a few nodes stand far out, and a scale up to them would leave the body one colour. The scale therefore ends
     at the next round value above which, in the state that has most, a two-hundredth of the nodes lies. The bar says so, and
     whether its colours follow the value or a power of it. The largest value below the bar is that of the states in the
-    picture, from their rows of ``path.csv``, over the integration points of the whole device: nodal values scatter around it.
+    picture, from the table, over the integration points of the whole device: nodal values scatter around it.
     """
 
     def __init__(self, values: Array, field: str = "von_mises", rows: Sequence[Row] = (), colours: str = COLORMAP):
         shown, how = coloured()[field]
         self.what, self.unit, self.factor, self.low = shown.title, how.unit, how.factor, how.rest
-        self._column = shown.largest.column if shown.largest else ""
+        self._variable = shown.largest.name if shown.largest else ""
         self.field, self.power = field, how.power
         self.highest = self._highest(rows, values)[0]
         end = float(np.percentile(values, CLIPPED, axis=-1).max()) * self.factor
@@ -229,7 +230,7 @@ class Scale:
 
     def _highest(self, rows: Sequence[Row], values: Array) -> tuple[float, str]:
         """Return the largest value of some states in the bar's unit, and where it is taken."""
-        told = [float(row[self._column]) for row in rows if self._column in row]
+        told = [row.shown(self._variable) for row in rows if self._variable in row]
         return (max(told), "at an integration point") if told else (float(values.max()) * self.factor, "at a node")
 
     def largest(self, rows: Sequence[Row], values: Array) -> str:

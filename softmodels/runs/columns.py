@@ -1,7 +1,7 @@
-"""The columns of ``path.csv``: name with unit, description, and computation, each in one place.
+"""The variables of the table: name, unit of its column, description, and computation, each in one place.
 
-Add a column by `register_output`: a `PathColumn`, an output field (`OutputField.extremes`), or a figure computed on all ranks
-(`ForceMeasure`).
+Add a variable by `register_output`: a `Variable`, an output field (`OutputField.extremes`), or a figure computed on all ranks
+(`ForceMeasure`). What they make is a `softmodels.runs.table.Table`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import functools
 import itertools
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -35,25 +35,32 @@ from softmodels.path.steps import PRESSURE, time_at
 from softmodels.path.supply import Reservoir, Source
 from softmodels.runs.fields import (
     OUTPUTS,
-    Cell,
-    ColumnText,
     Extreme,
     Fields,
     Figures,
     ForceMeasure,
     Output,
     OutputField,
-    Row,
-    at_rise,
-    described,
     outputs,
     register_output,
-    split,
 )
 from softmodels.runs.state_values import OVERLAP, Gap
+from softmodels.runs.table import (
+    UNITS,
+    Cell,
+    ColumnText,
+    PathTable,
+    Row,
+    at_rise,
+    band_of,
+    column_of,
+    described,
+    parsed,
+    split,
+)
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Columns of ``path.csv``: name, description, and how each is computed from a state.
+# Variables of the table: name, description, and how each is computed from a state.
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -93,25 +100,43 @@ class Solved:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class PathColumn(Output):
-    """One column; the end of its name is its unit, see `UNITS`. It has a short name, a sentence without its stop, a value in
-    its unit, None if that is not known, and a condition on the case."""
+class Variable(Output):
+    """One variable of the table: its name, the ending of its column in ``path.csv`` that is its unit ("" for a number), a short
+    name, a sentence without its stop, its value in SI, None if that is not known, and a condition on the case."""
 
+    unit: str
     title: str
     text: str
     value: Callable[[Solved], Cell]
     present: Callable[[Case], bool] = lambda case: True
 
+    @property
+    def key(self) -> str:
+        """Its column of ``path.csv``."""
+        return column_of(self.name, self.unit)
+
     def cells(self, solved: Solved) -> dict[str, Cell]:
-        return {self.name: self.value(solved)} if self.present(solved.case) else {}
+        return {self.key: self.written(self.value(solved))} if self.present(solved.case) else {}
+
+    def written(self, value: Cell) -> Cell:
+        """Return its value in the unit of its column."""
+        return UNITS[self.unit].written(value) if self.unit and isinstance(value, int | float) else value
 
     def term(self, column: str, device: Actuator | None) -> ColumnText | None:
-        return described(column, (self.title, self.text)) if column == self.name else None
+        return described(column, (self.title, self.text)) if column == self.key else None
+
+
+class VariableAsWritten(Variable):
+    """A variable that is computed in the unit of its column, such as a height of the case's column, as it was typed."""
+
+    def written(self, value: Cell) -> Cell:
+        return value
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Columns(Output):
-    """Several columns whose names depend on the device or the case: their values, and what a column is; None for another's."""
+class Variables(Output):
+    """Several variables whose names depend on the device or the case: their columns with the values there, and what a column
+    is; None for another's."""
 
     cells: Callable[[Solved], Mapping[str, Cell]]
     term: Callable[[str, Actuator | None], ColumnText | None]
@@ -120,33 +145,32 @@ class Columns(Output):
 def row_of(solved: Solved) -> Row:
     """Return the row of a state, on rank 0."""
     cells: dict[str, Cell] = {}
-    for entry in every_column():
+    for entry in every_variable():
         cells |= entry.cells(solved)
-    return Row(cells)
+    return Row(cells, solved.case.cm)
 
 
-def every_column() -> Iterator[PathColumn | Columns]:
+def every_variable() -> Iterator[Variable | Variables]:
     """Yield all that are registered, then the extremes of other output fields."""
-    yield from (output for output in OUTPUTS.values() if isinstance(output, PathColumn | Columns))
+    yield from (output for output in OUTPUTS.values() if isinstance(output, Variable | Variables))
     for field in outputs(OutputField):
-        yield from (column for column in _extremes(field.name) if column.name not in OUTPUTS)
+        yield from (variable for variable in _extremes(field.name) if variable.key not in OUTPUTS)
 
 
 def term(column: str, device: Actuator | None = None, supply: str = "supply") -> ColumnText:
     """Return the description of a column of ``path.csv``; an unknown column is described by its own name. ``supply`` is in a
     word what drives the air."""
     # A column that is known by its whole name is not described by a pattern that fits it too, such as that of named gaps.
-    entries = sorted((DEVICE, *every_column(), NAMED), key=lambda entry: isinstance(entry, Columns))
+    entries = sorted((DEVICE, *every_variable(), NAMED), key=lambda entry: isinstance(entry, Variables))
     found = (entry.term(column, device) for entry in entries)
     known = next((one for one in found if one is not None), described(column, (split(column)[0].replace("_", " "), "")))
     return known.told_of(supply)
 
 
-def cavity_columns(row: Row, what: str, unit: str) -> list[str]:
-    """Return the columns of each cavity, such as ``pressure_1_cm`` and ``pressure_2_cm``; for a single cavity ``pressure_cm``.
-    ``pressure_ci95_cm`` is no cavity's: it is half the 95 % band of the pressure."""
-    numbered = (f"{what}_{k}_{unit}" for k in itertools.count(1))
-    return list(itertools.takewhile(row.__contains__, numbered)) or [f"{what}_{unit}"]
+def of_cavities(row: Row, what: str) -> list[str]:
+    """Return a variable of each cavity, such as ``pressure_1`` and ``pressure_2``; of a single cavity ``pressure``."""
+    numbered = (f"{what}_{k}" for k in itertools.count(1))
+    return list(itertools.takewhile(row.__contains__, numbered)) or [what]
 
 
 def _height(solved: Solved) -> float:
@@ -176,7 +200,7 @@ def _gas_energy(solved: Solved) -> float:
     supply, figures = solved.case.supply, solved.figures
     assert supply is not None
     cavity = solved.fields.rest_volume * solved.fields.system.volume_unit
-    return supply.gas_energy(_stroke(solved), figures.added_volume, figures.pressure, cavity) * 1e3
+    return supply.gas_energy(_stroke(solved), figures.added_volume, figures.pressure, cavity)
 
 
 def _held(solved: Solved) -> int:
@@ -195,7 +219,7 @@ def _cavity_cells(solved: Solved) -> dict[str, Cell]:
 
 def _cavity_term(column: str, device: Actuator | None) -> ColumnText | None:
     found = re.fullmatch(r"(pressure|added_volume)_(\d+)_(cm|ml)", column)
-    if not found or found[2] == "95":  # the 95 % band's, see `cavity_columns`
+    if not found:
         return None
     words = found[1].replace("_", " ")
     return described(column, (f"{words} of cavity{found[2]}", f"of the device's cavity{found[2]} only"))
@@ -246,7 +270,7 @@ def _band_term(column: str, device: Actuator | None) -> ColumnText | None:
     name, unit = split(column)
     if not name.endswith("_ci95") or not unit:
         return None
-    if device is not None and column == at_rise(device.gauge):
+    if device is not None and name == at_rise(device.gauge):
         text = f"half the 95 % confidence interval from the material's errors, at the same rise of the {device.gauge}"
         return described(column, ("band of the pressure at equal rise", text))
     whole = term(f"{name.removesuffix('_ci95')}{column.removeprefix(name)}", device)
@@ -256,27 +280,27 @@ def _band_term(column: str, device: Actuator | None) -> ColumnText | None:
     )
 
 
-def _extremes(name: str) -> list[PathColumn]:
-    """Return the columns of an output field's least and largest values."""
+def _extremes(name: str) -> list[Variable]:
+    """Return the variables of an output field's least and largest values."""
     field = OUTPUTS[name]
     assert isinstance(field, OutputField)
     return [_extreme(field, one) for one in field.extremes]
 
 
-def _extreme(field: OutputField, one: Extreme) -> PathColumn:
+def _extreme(field: OutputField, one: Extreme) -> Variable:
     def value(solved: Solved) -> float:
         if one.peak:
-            return solved.figures.peaks[field.name] / one.unit
-        return solved.figures.extremes[field.name][0 if one.least else 1] / one.unit
+            return solved.figures.peaks[field.name]
+        return solved.figures.extremes[field.name][0 if one.least else 1]
 
-    return PathColumn(one.column, one.title, one.text, value)
+    return Variable(one.name, one.unit, one.title, one.text, value)
 
 
-def _place_of_largest(axis: str) -> PathColumn:
+def _place_of_largest(axis: str) -> Variable:
     i = "xyz".index(axis)
-    return PathColumn(
-        f"max_stretch_{axis}_mm", f"place of the largest stretch, {axis}", "in the undeformed device",
-        lambda s: s.figures.max_stretch_at[i] * 1e3,
+    return Variable(
+        f"max_stretch_{axis}", "mm", f"place of the largest stretch, {axis}", "in the undeformed device",
+        lambda s: s.figures.max_stretch_at[i],
     )  # fmt: skip
 
 
@@ -319,102 +343,98 @@ def _source_height(solved: Solved) -> float | None:
 
 
 def _flow(solved: Solved) -> float:
-    """Return the flow from the source in ml/min at ambient pressure."""
+    """Return the flow from the source in m3/s at ambient pressure."""
     supply = solved.case.supply
     assert isinstance(supply, Reservoir)
-    return supply.supplied(_source(solved), solved.figures.pressure)[0] / supply.ambient * 60e6
-
-
-def _gas_held(solved: Solved) -> float:
-    V, P, curve = _on_supply(solved)
-    return curve.value(V, P) * solved.fields.system.volume_unit * 1e6
+    return supply.supplied(_source(solved), solved.figures.pressure)[0] / supply.ambient
 
 
 def _gas(case: Case) -> bool:
     return case.supply is not None and case.supply.stores_energy
 
 
-DEVICE = Columns("device", lambda s: s.figures.device, _device_term)
-NAMED = Columns("named", lambda s: {}, _named_term)
+DEVICE = Variables("device", lambda s: s.figures.device, _device_term)
+NAMED = Variables("named", lambda s: {}, _named_term)
 """Named points and angles, whose values are among the device's."""
 
-BAND = Columns("band", lambda s: s.band, _band_term)
+BAND = Variables("band", lambda s: s.band, _band_term)
 """Last in the file."""
 
-_COLUMNS: tuple[PathColumn | Columns, ...] = (
-    PathColumn("step", "step", "number of the state along the path, from rest", lambda s: s.number),
-    PathColumn("pressure_cm", "pressure",
+_VARIABLES: tuple[Variable | Variables, ...] = (
+    Variable("step", "", "step", "number of the state along the path, from rest", lambda s: s.number),
+    VariableAsWritten("pressure", "cm", "pressure",
            "of the air in the cavity, as the height of the column that balances it, of the load's water_density", _height),
-    PathColumn("pressure_Pa", "pressure", "the same in pascal, above ambient pressure", lambda s: s.pressure),
-    PathColumn("added_volume_ml", "added volume", "volume of the whole device's cavities minus that at rest; with pressure "
-           "ratios, the work-conjugate of the common pressure", lambda s: s.figures.added_volume * 1e6),
-    PathColumn("stroke_ml", "stroke", "volume that the {supply} has displaced or let in",
-           lambda s: _stroke(s) * 1e6, _by_strokes),
-    PathColumn("source_pressure_cm", "source pressure", "of the {supply}, as the height of the column that balances it",
-           _source_height, _in_time),
-    PathColumn("flow_ml_per_min", "flow", "from the source towards the device, as volume at ambient pressure", _flow, _in_time),
-    PathColumn("gas_ml", "gas", "amount of gas in tubes, fittings and cavity, as its volume at ambient pressure",
-           _gas_held, _in_time),
-    PathColumn("gas_energy_mJ", "gas energy", "work stored in the gas of {supply}, tubes and cavity", _gas_energy, _gas),
-    PathColumn("stroke_limit", "stroke limit",
+    Variable("pressure", "Pa", "pressure", "the same in pascal, above ambient pressure", lambda s: s.pressure),
+    Variable("added_volume", "ml", "added volume", "volume of the whole device's cavities minus that at rest; with pressure "
+           "ratios, the work-conjugate of the common pressure", lambda s: s.figures.added_volume),
+    Variable("stroke", "ml", "stroke", "volume that the {supply} has displaced or let in",
+           _stroke, _by_strokes),
+    VariableAsWritten("source_pressure", "cm", "source pressure",
+           "of the {supply}, as the height of the column that balances it", _source_height, _in_time),
+    Variable("flow", "ml_per_min", "flow", "from the source towards the device, as volume at ambient pressure", _flow,
+           _in_time),
+    Variable("gas", "ml", "gas", "amount of gas in tubes, fittings and cavity, as its volume at ambient pressure",
+           _stroke, _in_time),
+    Variable("gas_energy", "mJ", "gas energy", "work stored in the gas of {supply}, tubes and cavity", _gas_energy, _gas),
+    Variable("stroke_limit", "", "stroke limit",
            "1 where the stroke has a limit point: beyond it the device snaps through",
            lambda s: int(s.point.turn), _by_strokes),
-    PathColumn("stable_under_supply", "stable under the {supply}",
+    Variable("stable_under_supply", "", "stable under the {supply}",
            "1 if this state is stable with the gas of the supply, 0 if the device snaps through", _held,
            lambda case: _supplied(case) and _at_rest(case)),
-    PathColumn("load_step", "load step", "number of the step in a program of several cavities",
+    Variable("load_step", "", "load step", "number of the step in a program of several cavities",
            lambda s: s.load_step, lambda case: case.program),
-    PathColumn("time_s", "time", "since the load began", lambda s: time_at(s.case.steps, s.load_step),
+    Variable("time", "s", "time", "since the load began", lambda s: time_at(s.case.steps, s.load_step),
            lambda case: case.timed),
-    Columns("cavities", _cavity_cells, _cavity_term),
-    Columns("rises", lambda s: {f"{name}_mm": rise * 1e3 for name, rise in s.figures.rises.items()}, _rise_term),
+    Variables("cavities", _cavity_cells, _cavity_term),
+    Variables("rises", lambda s: {f"{name}_mm": rise * 1e3 for name, rise in s.figures.rises.items()}, _rise_term),
     DEVICE,
-    PathColumn("max_displacement_mm", "largest displacement", "longest displacement of any node",
-           lambda s: s.figures.max_displacement * 1e3),
+    Variable("max_displacement", "mm", "largest displacement", "longest displacement of any node",
+           lambda s: s.figures.max_displacement),
     *_extremes("largest_stretch"),
-    PathColumn("break_margin", "break margin",
+    Variable("break_margin", "", "break margin",
            "least published stretch at break of the silicone in tension over the largest stretch; below 1 it may tear",
            _break_margin, lambda case: stretch_at_break(case.material) is not None),
     *(_place_of_largest(axis) for axis in "xyz"),
     *_extremes("von_mises"),
     *_extremes("J"),
-    PathColumn("newton_iterations", "Newton iterations", "that this state took to converge",
+    Variable("newton_iterations", "", "Newton iterations", "that this state took to converge",
            lambda s: s.point.state.iterations),
-    PathColumn("stored_energy_mJ", "stored energy", "elastic energy of the whole device",
-           lambda s: s.figures.stored_energy * 1e3),
-    PathColumn("dissipated_energy_mJ", "dissipated energy", "work that the silicone of the whole device has lost to creep and "
-           "softening", lambda s: s.figures.dissipated_energy * 1e3, lambda case: case.timed and case.remembers),
-    PathColumn("kinetic_energy_mJ", "kinetic energy", "of the whole device and the masses bonded to it",
-           lambda s: s.figures.kinetic_energy * 1e3, lambda case: case.inertia),
-    PathColumn("least_gap_mm", "least gap",
+    Variable("stored_energy", "mJ", "stored energy", "elastic energy of the whole device",
+           lambda s: s.figures.stored_energy),
+    Variable("dissipated_energy", "mJ", "dissipated energy", "work that the silicone of the whole device has lost to creep and "
+           "softening", lambda s: s.figures.dissipated_energy, lambda case: case.timed and case.remembers),
+    Variable("kinetic_energy", "mJ", "kinetic energy", "of the whole device and the masses bonded to it",
+           lambda s: s.figures.kinetic_energy, lambda case: case.inertia),
+    Variable("least_gap", "mm", "least gap",
            "smallest distance between facing walls, negative if they overlap; empty if no walls are near",
-           lambda s: None if s.gap is None else s.gap.value * 1e3),
-    PathColumn("walls_touch", "walls overlap",
+           lambda s: None if s.gap is None else s.gap.value),
+    Variable("walls_touch", "", "walls overlap",
            f"1 where walls overlap by more than {OVERLAP:.0%} of their thickness, or where the surface is folded onto itself "
            "within a cell: the state is invalid", lambda s: int(s.overlaps)),
-    PathColumn("requested", "requested", "1 for a requested state", lambda s: int(s.point.requested)),
-    PathColumn("limit", "limit point",
+    Variable("requested", "", "requested", "1 for a requested state", lambda s: int(s.point.requested)),
+    Variable("limit", "", "limit point",
            "1 at a limit point of the pressure: under pressure control the device snaps through",
            lambda s: int(s.point.limit)),
-    PathColumn("jump", "jump", "1 for the equilibrium after a snap-through", lambda s: int(s.point.jump)),
-    PathColumn("bifurcation", "bifurcation", "1 at a bifurcation, where another branch of equilibria starts",
+    Variable("jump", "", "jump", "1 for the equilibrium after a snap-through", lambda s: int(s.point.jump)),
+    Variable("bifurcation", "", "bifurcation", "1 at a bifurcation, where another branch of equilibria starts",
            lambda s: int(s.point.bifurcation)),
-    PathColumn("stable_under_pressure", "stable under a pressure", "1 if the state is stable at constant pressure",
+    Variable("stable_under_pressure", "", "stable under a pressure", "1 if the state is stable at constant pressure",
            lambda s: int(s.point.stable_under_pressure), _at_rest),
-    PathColumn("stable_under_volume", "stable under a volume",
+    Variable("stable_under_volume", "", "stable under a volume",
            "1 if the state is stable at constant cavity volume",
            lambda s: int(s.point.stable_under_volume), _at_rest),
-    PathColumn("negative_eigenvalues", "negative eigenvalues",
+    Variable("negative_eigenvalues", "", "negative eigenvalues",
            "number of independent directions in which the energy falls at this pressure; 0 is stable",
            lambda s: s.point.signature.negative_eigenvalues, _at_rest),
-    PathColumn("lowest_eigenvalue_Pa_per_mm2", "lowest eigenvalue",
+    VariableAsWritten("lowest_eigenvalue", "Pa_per_mm2", "lowest eigenvalue",
            "of the tangent at this pressure; zero where stability is lost", _eigenvalue, _at_rest),
-    PathColumn("control", "control", "control of the step: pressure, volume, a supply's line or the arc length",
+    Variable("control", "", "control", "control of the step: pressure, volume, a supply's line or the arc length",
            lambda s: s.point.line),
     BAND,
 )  # fmt: skip
-for _column in _COLUMNS:
-    register_output(_column)
+for _variable in _VARIABLES:
+    register_output(_variable)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -424,7 +444,7 @@ for _column in _COLUMNS:
 # cavity, the zero pressure is hidden and the added volume shown.
 
 
-PRESSURE_AND_VOLUME = ("pressure_Pa", "added_volume_ml")
+PRESSURE_AND_VOLUME = ("pressure", "added_volume")
 OF_PRESSURE = re.compile(r"pressure(_\d+|_ci95|_at_\w+_ci95)*_(cm|Pa)")
 OF_VOLUME = re.compile(r"added_volume(_\d+|_ci95)*_ml")
 
@@ -436,13 +456,13 @@ def overlap_text(row: Row) -> str:
     """Return a warning that walls overlap in a state or its surface is folded, for its line, title and picture; else ""."""
     if not row.get("walls_touch"):
         return ""
-    overlap = overlap_of(row)
+    overlap = 1e3 * overlap_of(row)
     return f"{f'WALLS OVERLAP by {overlap:.3g} mm' if overlap > 0.0 else 'SURFACE FOLDED onto itself'}: {INVALID}"
 
 
 def overlap_of(row: Row) -> float:
-    """Return by how many mm walls overlap in a state; 0 where none do."""
-    gap = row.get("least_gap_mm")  # NaN where no walls are near
+    """Return by how many m walls overlap in a state; 0 where none do."""
+    gap = row.get("least_gap")  # NaN where no walls are near
     return -gap if gap < 0.0 else 0.0
 
 
@@ -454,8 +474,8 @@ class StateLabels:
         gauge: The probe whose rise stands for the device's motion.
         pressure, volume: Whether it is pressurised, and has a cavity.
         driver: The air supply, in a word.
-        along: Columns of the load and its conjugate, which locate a state on the path.
-        loads, moved: Columns with weights, forces and moments, and of what each works on.
+        along: Variables of the load and its conjugate, which locate a state on the path.
+        loads, moved: Variables with weights, forces and moments, and of what each works on.
         unit: Of the heights of the column, with the density of its liquid.
     """
 
@@ -468,14 +488,13 @@ class StateLabels:
     moved: tuple[str, ...] = ()
     unit: str = column_unit()
 
-    def load_columns(self, row: Row) -> list[str]:
-        """Return the columns with weights, forces and moments that a row has."""
+    def loads_in(self, row: Row) -> list[str]:
+        """Return the weights, forces and moments that a row has."""
         return [name for name in self.loads if name in row]
 
     def loads_words(self, row: Row) -> list[str]:
         """Return the weights, forces and moments of a state in words, such as ``"force tip 2 N"``."""
-        parts = ((*split(name), row[name]) for name in self.load_columns(row))
-        return [f"{words.replace('_', ' ')} {value:.4g} {unit}" for words, unit, value in parts]
+        return [f"{name.replace('_', ' ')} {row.told(name)}" for name in self.loads_in(row)]
 
     def under(self, row: Row, pressure: str) -> str:
         """Return the loads of a state: the given words for its pressure, then its weights, forces and moments."""
@@ -483,19 +502,19 @@ class StateLabels:
 
     def place(self, row: Row) -> str:
         """Return the loads of a state, short: ``"34.81 cm"``, ``"12 cm, force tip 2 N"``."""
-        return self.under(row, f"{row['pressure_cm']:.4g} cm" if self.pressure else "")
+        return self.under(row, row.told("pressure") if self.pressure else "")
 
     def loaded(self, row: Row) -> bool:
         """Return whether anything acts on a state."""
-        return any(row.get(column) for column in (*self.along, *PRESSURE_AND_VOLUME, *self.loads))
+        return any(row.get(name) for name in (*self.along, *PRESSURE_AND_VOLUME, *self.loads))
 
     def pressures(self, row: Row) -> list[str]:
-        """Return the columns with pressures that are shown: one for each cavity, or none."""
-        return cavity_columns(row, "pressure", "cm") if self.pressure else []
+        """Return the pressures that are shown: one for each cavity, or none."""
+        return of_cavities(row, "pressure") if self.pressure else []
 
     def volumes(self, row: Row) -> list[str]:
-        """Return the columns with added volumes that are shown: one for each cavity, or none."""
-        return cavity_columns(row, "added_volume", "ml") if self.volume else []
+        """Return the added volumes that are shown: one for each cavity, or none."""
+        return of_cavities(row, "added_volume") if self.volume else []
 
     def hides(self, column: str) -> bool:
         """Return whether to hide a column of ``path.csv``, because the device has no air in it."""
@@ -517,13 +536,13 @@ def state_labels(case: Case) -> StateLabels:
     loads = [part for part in case.components if isinstance(part, LoadPart) and not part.idle(case.components)]
     words = StateLabels(
         case.actuator.gauge, case.load.has_pressure, bool(case.actuator.ratios), case.load.driver,
-        loads=tuple(load.column for load in loads), moved=tuple(load.moved_column for load in loads),
+        loads=tuple(parsed(load.column)[0] for load in loads), moved=tuple(parsed(load.moved_column)[0] for load in loads),
         unit=column_unit(case.cm),
     )  # fmt: skip
     if case.driven is None:
         return words
     load = case.load.driven_part
-    return dataclasses.replace(words, along=(load.column, load.moved_column))
+    return dataclasses.replace(words, along=(parsed(load.column)[0], parsed(load.moved_column)[0]))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -582,7 +601,7 @@ class Band:
         rises = [*(_named(f"{probe}_mm") for probe in actuator.probes), *map(_named, figures)]
         if self.kept == DeadForce.name:
             return rises
-        return ["pressure_ci95_cm", at_rise(actuator.gauge), "added_volume_ci95_ml", *rises]
+        return ["pressure_ci95_cm", f"{at_rise(actuator.gauge)}_cm", "added_volume_ci95_ml", *rises]
 
     def _move(self, point: Point, root: Array) -> dict[str, float]:
         """Return the changes by column if the parameters change by ``root`` (SI units)."""
@@ -607,7 +626,7 @@ class Band:
         if forced:
             return self._rises(state.w, w)
         gauge = fields.system.body.actuator.gauge
-        pressures = {"pressure_ci95_cm": dP / self.cm, at_rise(gauge): sideways / self.cm}
+        pressures = {"pressure_ci95_cm": dP / self.cm, f"{at_rise(gauge)}_cm": sideways / self.cm}
         return {**pressures, "added_volume_ci95_ml": 1e6 * dV, **self._rises(state.w, w)}
 
     def _slope(self, point: Point) -> float:
@@ -640,36 +659,38 @@ class Band:
 def _named(column: str) -> str:
     """Return the column of another column's band: ``apex_ci95_mm`` of ``apex_mm``."""
     name = split(column)[0]
-    return f"{name}_ci95{column.removeprefix(name)}"
+    return f"{band_of(name)}{column.removeprefix(name)}"
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The paths of a device for every source of its silicone: the file ``sources.csv`` and a summary.
 
 
-type SourceRows = Mapping[str, Sequence[Row]]
-"""Rows of ``path.csv`` of each source by its name, from the softest to the stiffest."""
+type SourceTables = Mapping[str, PathTable]
+"""PathTable of each source by its name, from the softest to the stiffest."""
 
 FILE = "sources.csv"
 WORDS = ("control",)
 """Columns of words."""
 
 
-def write_sources(folder: Path, sources: SourceRows) -> None:
+def write_sources(folder: Path, sources: SourceTables) -> None:
     """Write the table: the source, then the columns of ``path.csv`` without those of an error's band."""
     rows = [(name, row) for name, many in sources.items() for row in many]
-    columns = list(dict.fromkeys(column for _, row in rows for column in row))
+    columns = list(dict.fromkeys(column for _, row in rows for column in row.cells))
     cells = ([name, *(row.cells.get(column, "") for column in columns)] for name, row in rows)
     write_text(folder / FILE, csv_text(["source", *columns], cells))
 
 
-def read_sources(folder: Path) -> dict[str, list[Row]]:
-    """Return the table's rows by source; empty where there is none, or none that can be read."""
-    found: dict[str, list[Row]] = {}
+def read_sources(folder: Path, cm: float) -> dict[str, PathTable]:
+    """Return the table of each source, ``cm`` being Pa in one cm of the case's column; empty where there is none, or none that
+    can be read."""
+    found: dict[str, PathTable] = {}
     try:
         with (folder / FILE).open(newline="", encoding="utf-8") as file:
             for cells in csv.DictReader(file):
-                found.setdefault(cells.pop("source"), []).append(Row({k: _cell(k, v) for k, v in cells.items()}))
+                own = found.setdefault(cells.pop("source"), PathTable())
+                own.append(Row({k: _cell(k, v) for k, v in cells.items()}, cm))
     except (OSError, ValueError, KeyError):
         return {}
     return found
@@ -679,7 +700,7 @@ def _cell(column: str, text: str) -> Cell:
     return text if column in WORDS else float(text) if text else None
 
 
-def in_order(case: Case, rows: Sequence[Row], others: SourceRows) -> dict[str, Sequence[Row]]:
+def in_order(case: Case, rows: PathTable, others: SourceTables) -> dict[str, PathTable]:
     """Return all sources from the softest to the stiffest, the run's own path among them; empty where there are no others."""
     own = named(case.material)
     if own is None or not others:
@@ -688,36 +709,35 @@ def in_order(case: Case, rows: Sequence[Row], others: SourceRows) -> dict[str, S
     return {name: every[name] for name in source_names(own) if name in every}
 
 
-def span_sentence(case: Case, sources: SourceRows) -> str:
+def span_sentence(case: Case, sources: SourceTables) -> str:
     """Return the range over the sources of a silicone at the last value that all reach, and at their limits."""
     words, own = state_labels(case), named(case.material)
     common = _common(case, sources)
     parts = []
     if common:
         rows = {name: many[common[name]] for name, many in sources.items()}
-        gauge = f"{words.gauge}_mm"
         here = rows[own or ""]
-        place = words.place(here) if case.column == "pressure_cm" else f"{here[case.column]:.4g} {case.unit}"
-        parts.append(f"at {place} the {words.gauge} rises {_ends(rows, gauge, 'mm')}")
+        place = words.place(here) if case.column == "pressure_cm" else f"{here.cell(case.column):.4g} {case.unit}"
+        parts.append(f"at {place} the {words.gauge} rises {_ends(rows, words.gauge)}")
         if words.volume and case.column != "added_volume_ml":
-            parts.append(f"the cavity takes {_ends(rows, 'added_volume_ml', 'ml')}")
+            parts.append(f"the cavity takes {_ends(rows, 'added_volume')}")
         if words.pressure and case.column != "pressure_cm":
-            parts.append(f"the pressure is {_ends(rows, 'pressure_cm', 'cm')}")
-    limits = {name: row for name, many in sources.items() if (row := next((r for r in many if r["limit"]), None))}
+            parts.append(f"the pressure is {_ends(rows, 'pressure')}")
+    limits = {name: many.where("limit")[0] for name, many in sources.items() if many["limit"].any()}
     if limits:
         none = [key_of(name) for name in sources if name not in limits]
         met = f" (none met with {', '.join(none)})" if none else ""
-        parts.append(f"the limit point lies at {_ends(limits, 'pressure_cm', 'cm')}{met}")
+        parts.append(f"the limit point lies at {_ends(limits, 'pressure')}{met}")
     band = case.band.product if isinstance(case.band, SourceBand) else own
     return f"over the {len(sources)} sources of {band}, {'; '.join(parts)}" if parts else ""
 
 
-def _common(case: Case, sources: SourceRows) -> dict[str, int]:
+def _common(case: Case, sources: SourceTables) -> dict[str, int]:
     """Return the row of each source at the last requested value that all of them reach; empty if they share none under load."""
     for value in sorted(case.values, key=abs, reverse=True):
         found: dict[str, int] = {}
         for name, rows in sources.items():
-            there = [k for k, row in enumerate(rows) if math.isclose(row[case.column], value, rel_tol=1e-6)]
+            there = [k for k, row in enumerate(rows) if stands_at(row, case, value)]
             if there:
                 found[name] = there[0]
         if value and len(found) == len(sources):
@@ -725,9 +745,14 @@ def _common(case: Case, sources: SourceRows) -> dict[str, int]:
     return {}
 
 
-def _ends(rows: Mapping[str, Row], column: str, unit: str) -> str:
-    ordered = sorted(rows, key=lambda name: rows[name][column])
-    low, high = (f"{rows[name][column]:.4g} {unit} ({key_of(name)})" for name in (ordered[0], ordered[-1]))
+def stands_at(row: Row, case: Case, value: float) -> bool:
+    """Return whether a state is at a requested value of its case, in the unit of the request."""
+    return math.isclose(row.cell(case.column), value, rel_tol=1e-6)
+
+
+def _ends(rows: Mapping[str, Row], variable: str) -> str:
+    ordered = sorted(rows, key=lambda name: rows[name][variable])
+    low, high = (f"{rows[name].told(variable)} ({key_of(name)})" for name in (ordered[0], ordered[-1]))
     return low if len(rows) == 1 else f"{low} to {high}"
 
 

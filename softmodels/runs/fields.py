@@ -1,12 +1,11 @@
-"""Nodal fields and key figures of equilibrium states, and the row of ``path.csv`` that a state has."""
+"""Nodal fields and key figures of equilibrium states."""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, ItemsView, Iterable, Iterator, KeysView, Mapping, Sequence
-from typing import Literal, overload
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -27,118 +26,10 @@ from softmodels.mechanics.regions import RigidMotion, rotation_vector
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System, held_force
 from softmodels.runs.state_values import WORDS, FacingWalls, Grid, Sampling, StateValues, volume_peak
-
-# ----------------------------------------------------------------------------------------------------------------------
-# A state's row of ``path.csv``: numbers by column name, which ends in the unit.
-
-
-Cell = float | str | None
-"""Cell of a row: a number, a word, or None if unknown."""
-Words = Literal["control"]
-"""Columns that hold a word."""
-
-
-class Row:
-    """A row with the columns of its run in the order of the file; use `get` or ``in`` for columns that only some runs have. A
-    number that is not known, None, reads as NaN."""
-
-    __slots__ = ("_cells",)
-
-    def __init__(self, cells: Mapping[str, Cell] | Iterable[tuple[str, Cell]]):
-        self._cells: dict[str, Cell] = dict(cells)
-
-    @overload
-    def __getitem__(self, column: Words) -> str: ...  # type: ignore[overload-overlap]
-
-    @overload
-    def __getitem__(self, column: str) -> float: ...
-
-    def __getitem__(self, column: str) -> float | str:
-        value = self._cells[column]
-        return math.nan if value is None else value
-
-    def get(self, column: str, default: float = 0.0) -> float:
-        """Return the number in a column, or another one where this run has no such column."""
-        return self[column] if column in self._cells else default
-
-    def __contains__(self, column: object) -> bool:
-        return column in self._cells
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._cells)
-
-    def __len__(self) -> int:
-        return len(self._cells)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Row) and self._cells == other._cells
-
-    __hash__ = None  # type: ignore[assignment]
-
-    def __repr__(self) -> str:
-        return f"Row({self._cells!r})"
-
-    def keys(self) -> KeysView[str]:
-        """Return the names of the columns, in the order of the file."""
-        return self._cells.keys()
-
-    def items(self) -> ItemsView[str, Cell]:
-        """Return the columns and what the file holds in them."""
-        return self._cells.items()
-
-    @property
-    def cells(self) -> dict[str, Cell]:
-        """Contents of the file: a dict for JSON and CSV."""
-        return dict(self._cells)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Descriptions of the columns of ``path.csv``: unit, short name and meaning.
-
-
-UNITS = {
-    "N_per_m": "N/m", "Pa_per_mm2": "Pa/mm²", "per_m": "1/m", "cm": "cm", "mm": "mm", "ml": "ml", "Pa": "Pa", "kPa": "kPa",
-    "mJ": "mJ", "Nmm": "N mm", "N": "N", "deg": "°",
-}  # fmt: skip
-"""Unit by the ending of a column's name, longer endings first."""
-
-
-@dataclasses.dataclass(frozen=True)
-class ColumnText:
-    """A column: its short name, its unit ("" for a number) and its meaning, a sentence without full stop."""
-
-    name: str
-    unit: str
-    text: str
-
-    def told_of(self, supply: str) -> ColumnText:
-        """Return a copy with the name of the air supply instead of ``{supply}``."""
-        return ColumnText(self.name.replace("{supply}", supply), self.unit, self.text.replace("{supply}", supply))
-
-    def __str__(self) -> str:
-        return f"{self.name} ({self.unit})" if self.unit else self.name
-
+from softmodels.runs.table import column_of
 
 AT_POINTS = "over all integration points of the whole device, not only those shown in a picture"
 """Where the largest stretch and stress are taken, for every table, picture and message."""
-
-
-def split(column: str) -> tuple[str, str]:
-    """Return a column's name without its unit, and the unit: ``apex_mm`` is ("apex", "mm")."""
-    for ending, unit in UNITS.items():
-        if column.endswith(f"_{ending}"):
-            return column.removesuffix(f"_{ending}"), unit
-    return column, ""
-
-
-def described(column: str, texts: tuple[str, str]) -> ColumnText:
-    """Return the term of a column from its short name and its meaning."""
-    return ColumnText(texts[0], split(column)[1], texts[1])
-
-
-def at_rise(gauge: str) -> str:
-    """Return the column of the pressure's 95 % band at the same rise of a device's gauge."""
-    return f"pressure_at_{gauge}_ci95_cm"
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -379,8 +270,13 @@ class Output:
         function = next(value for value in vars(self).values() if callable(value))
         object.__setattr__(self, "__module__", function.__module__)  # where another process finds it
 
+    @property
+    def key(self) -> str:
+        """What it is called in the registry."""
+        return self.name
 
-OUTPUTS: Registry[Output] = Registry("output", lambda output: output.name)
+
+OUTPUTS: Registry[Output] = Registry("output", lambda output: output.key)
 """In the order in which they are computed and stand in ``path.csv``."""
 register_output = OUTPUTS.register
 
@@ -404,21 +300,26 @@ class Colours:
 
 @dataclasses.dataclass(frozen=True)
 class Extreme:
-    """A column of ``path.csv`` with the least or the largest value of a field over the whole device.
+    """A variable of the table that is the least or the largest value of a field over the whole device.
 
     Attributes:
-        column, title, text: Its name, which ends in the unit, a short name, and what it is, a sentence without its stop.
-        unit: SI value of the column's unit.
+        name, unit: Its name, and the ending of its column that is its unit, "" for a number.
+        title, text: A short name, and what it is, a sentence without its stop.
         least: Whether it is the least value, not the largest.
         peak: Whether it is the field's `softmodels.runs.state_values`, which no single point decides.
     """
 
-    column: str
+    name: str
+    unit: str
     title: str
     text: str
-    unit: float = 1.0
     least: bool = False
     peak: bool = False
+
+    @property
+    def column(self) -> str:
+        """Its column of ``path.csv``."""
+        return column_of(self.name, self.unit)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -432,7 +333,7 @@ class OutputField(Output):
             ranks.
         sampled: Its values where they are exact: at integration points or corners, shape (cells, k). `Figures.extremes` has
             the least and the largest of them over the whole device.
-        extremes: Columns of ``path.csv`` with these.
+        extremes: Variables of the table with these.
         colours: How pictures show it; None if they do not.
         requested: Whether only runs that ask for it write it.
         axes: What its indices beside the node count, in datasets of xarray.
@@ -454,7 +355,7 @@ class OutputField(Output):
 
     @property
     def largest(self) -> Extreme | None:
-        """The column of its largest value, if it has one."""
+        """The variable of its largest value, if it has one."""
         return next((one for one in self.extremes if not (one.least or one.peak)), None)
 
 
@@ -464,27 +365,27 @@ for _field in (
     OutputField(
         "von_mises", "Pa", "von Mises stress", lambda at: at.at_nodes(at.von_mises, positive=True),
         lambda at: at.von_mises,
-        (Extreme("max_von_mises_kPa", "largest von Mises stress", f"von Mises norm of the deviatoric Cauchy stress; "
-                                                                  f"{AT_POINTS}", 1e3),
-         Extreme("peak_von_mises_kPa", "peak von Mises stress", f"{WORDS}; used as the objective and limit of "
-                                                                f"designs", 1e3, peak=True)),
+        (Extreme("max_von_mises", "kPa", "largest von Mises stress", f"von Mises norm of the deviatoric Cauchy stress; "
+                                                                     f"{AT_POINTS}"),
+         Extreme("peak_von_mises", "kPa", "peak von Mises stress", f"{WORDS}; used as the objective and limit of "
+                                                                   f"designs", peak=True)),
         Colours("kPa", 1e-3, 0.0, 0.5),
     ),
     OutputField(
         "largest_stretch", "", "largest stretch", lambda at: at.at_nodes(at.stretches[..., -1], positive=True),
         lambda at: at.stretches[..., -1],
-        (Extreme("max_stretch", "largest stretch",
+        (Extreme("max_stretch", "", "largest stretch",
                  f"largest principal stretch; {AT_POINTS}, so at sharp corners and clamped "
                  f"edges it grows with every refinement of the mesh"),
-         Extreme("peak_stretch", "peak stretch", f"of the largest stretch the {WORDS}, which converges with the mesh; used "
+         Extreme("peak_stretch", "", "peak stretch", f"of the largest stretch the {WORDS}, which converges with the mesh; used "
                  "as the objective and limit of designs", peak=True)),
         Colours("", 1.0, 1.0),
     ),
     OutputField(
         "J", "", "volume ratio", lambda at: at.from_corners(at.J), lambda at: at.J,
-        (Extreme("J_min", "smallest J", "J, the silicone's volume over that at rest, 1 for an incompressible rubber; over the "
-                 "cells' vertices", least=True),
-         Extreme("J_max", "largest J", "of the same, over the cells' vertices")),
+        (Extreme("J_min", "", "smallest J", "J, the silicone's volume over that at rest, 1 for an incompressible rubber; over "
+                 "the cells' vertices", least=True),
+         Extreme("J_max", "", "largest J", "of the same, over the cells' vertices")),
     ),
     OutputField(
         "deformation_gradient", "", "deformation gradient", lambda at: at.gradient_at_nodes, requested=True,

@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
-import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -21,7 +20,7 @@ import numpy.typing as npt
 
 from softmodels.common.files import check_file, csv_text, parse_json, replace, replace_hdf5, write_text
 from softmodels.path.stability import Point
-from softmodels.runs.fields import Row
+from softmodels.runs.table import Cell
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Restart data of a state, besides its fields.
@@ -117,12 +116,12 @@ ROW, RESTART = "row", "restart"
 
 @dataclasses.dataclass(frozen=True)
 class StoredStep:
-    """Location of a step's fields, a group of an HDF5 file relative to the folder of results, its row of ``path.csv``, what a
+    """Location of a step's fields, a group of an HDF5 file relative to the folder of results, its cells of ``path.csv``, what a
     `Point` needs to be made again beside its fields, and these fields' shapes by name, (n,), (n, 3) or (n, 9) of tensors."""
 
     file: str
     group: str
-    row: Row
+    cells: Mapping[str, Cell]
     restart: Restart
     shapes: Mapping[str, tuple[int, ...]]
 
@@ -143,9 +142,7 @@ def read_step(group: h5py.Group, file: str, path: str) -> StoredStep:
     """Return a step from its group of an HDF5 file, named relative to the folder of results; `ForeignDataError` if a field is
     not in it."""
     fields = {name: inside(group, name) for name in group}
-    return StoredStep(
-        file, path, Row(parse_json(group.attrs[ROW])), parse_json(group.attrs[RESTART]), shapes_of(fields)
-    )
+    return StoredStep(file, path, parse_json(group.attrs[ROW]), parse_json(group.attrs[RESTART]), shapes_of(fields))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -251,10 +248,10 @@ def times_of(stored: Sequence[StoredStep]) -> list[float]:
     """Return the time of each step in ParaView and VTK, where it has to rise: that in s, the pressure in cm of the column or
     the added volume in ml, of a vacuum its size; the number of the step where the path turns in all of them."""
     for column in TIMES:
-        values = np.abs([step.row.get(column, math.nan) for step in stored])
+        values = np.abs(np.array([step.cells.get(column) for step in stored], dtype=float))
         if (np.diff(values) > 0.0).all() and np.isfinite(values).all():
             return values.tolist()
-    return [float(step.row["step"]) for step in stored]
+    return [float(step.cells["step"] or 0) for step in stored]
 
 
 def link_vtkhdf(file: Path, heavy: Path) -> None:
@@ -316,7 +313,7 @@ def _grid(
 def write_light(heavy: Path, shapes: Shapes, stored: Sequence[StoredStep], gathered: bool) -> None:
     """Write ``path.csv``, the XDMF and the light VTKHDF of a run, each replaced whole; ``heavy`` has the grid, and if
     ``gathered`` all steps' fields."""
-    write_text(heavy.with_name("path.csv"), csv_text(stored[0].row, (step.row.cells for step in stored)))
+    write_text(heavy.with_name("path.csv"), csv_text(stored[0].cells, (step.cells for step in stored)))
     light = xdmf(heavy.stem, heavy.name, shapes, stored)
     replace(heavy.with_suffix(".xdmf"), lambda path: path.write_bytes(light))
 

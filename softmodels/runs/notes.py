@@ -7,7 +7,7 @@ import dataclasses
 import itertools
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import MappingProxyType
 
@@ -43,9 +43,10 @@ from softmodels.path.schedule import LostInTime, SnapInTime
 from softmodels.path.stability import PathEnd
 from softmodels.path.steps import VALVE, prescribes, step_text, time_at, value_at
 from softmodels.path.supply import TURBULENT_FROM, Reservoir
-from softmodels.runs.columns import SourceRows, StateLabels, overlap_of, span_sentence, state_labels
-from softmodels.runs.fields import Fields, Row, split
+from softmodels.runs.columns import SourceTables, StateLabels, overlap_of, span_sentence, state_labels
+from softmodels.runs.fields import Fields
 from softmodels.runs.outcomes import RunError, UnwrittenError, no_memory
+from softmodels.runs.table import PathTable, Row, parsed
 
 DEEPEST = 0.01
 """Penetration of a contact, relative to the device's size, above which the user is warned."""
@@ -59,9 +60,8 @@ VOLUME_CHANGE = 0.05
 """Change of the silicone's volume (J - 1 at a vertex) above which the user is warned."""
 
 
-def notes_of(case: Case, rows: Sequence[Row], sources: SourceRows = MappingProxyType({})) -> list[str]:
-    """Return the warnings for a run's states, as sentences, from its rows of ``path.csv`` and those of every source of the
-    silicone."""
+def notes_of(case: Case, rows: PathTable, sources: SourceTables = MappingProxyType({})) -> list[str]:
+    """Return the warnings for a run's states, as sentences, from its table and those of every source of the silicone."""
     return [
         *typed_notes(case),
         *vacuum_notes(case),
@@ -90,36 +90,36 @@ def notes_of(case: Case, rows: Sequence[Row], sources: SourceRows = MappingProxy
 @dataclasses.dataclass(frozen=True)
 class Cycle:
     """A cycle of a run in time, from one state without pressure to the next: its rows, the work of the air on the way up, and
-    what it does not get back, the area of the loop, in mJ."""
+    what it does not get back, the area of the loop, in J."""
 
-    rows: Sequence[Row]
+    rows: PathTable
     work: float
     lost: float
 
     @property
     def closed(self) -> bool:
-        return not self.rows[-1]["pressure_Pa"]
+        return not self.rows[-1]["pressure"]
 
     @property
     def loss(self) -> str:
         """What it loses, in words."""
-        return f"{self.lost:.3g} mJ, {self.lost / self.work:.1%} of the work"
+        return f"{1e3 * self.lost:.3g} mJ, {self.lost / self.work:.1%} of the work"
 
 
-def cycles(rows: Sequence[Row]) -> list[Cycle]:
+def cycles(rows: PathTable) -> list[Cycle]:
     """Return the cycles of one cavity in time, an unfinished one among them; none where nothing inflates it."""
-    ends = [0, *(i for i, row in enumerate(rows) if i and row["requested"] and not row["pressure_Pa"]), len(rows) - 1]
+    ends = [0, *(i for i, row in enumerate(rows) if i and row["requested"] and not row["pressure"]), len(rows) - 1]
     found = []
     for first, last in itertools.pairwise(dict.fromkeys(ends)):
         part = rows[first : last + 1]
-        P, V = (np.array([row[name] for row in part]) for name in ("pressure_Pa", "added_volume_ml"))
-        steps = (P[1:] + P[:-1]) / 2 * np.diff(V) * 1e-3
+        P = part["pressure"]
+        steps = (P[1:] + P[:-1]) / 2 * np.diff(part["added_volume"])
         if P.any():
             found.append(Cycle(part, float(np.maximum(steps, 0.0).sum()), float(steps.sum())))
     return found
 
 
-def time_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
+def time_notes(case: Case, rows: PathTable) -> Iterator[str]:
     """Yield sentences on the last cycle of a load in time, or on times and memories that do nothing without each other."""
     if case.remembers and not case.timed:
         yield (
@@ -130,44 +130,43 @@ def time_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
         yield "the load has times, but the silicone has no memory ([material.memory]): they change nothing"
     if case.inertia or not (case.timed and case.remembers):
         return
-    found, gauge = cycles(rows), f"{case.actuator.gauge}_mm"
+    found, gauge = cycles(rows), case.actuator.gauge
     told = []
     if found and found[-1].closed and found[-1].work:
-        cycle, most = found[-1], max((abs(row[gauge]) for row in found[-1].rows), default=0.0)
-        rest = f"; {abs(cycle.rows[-1][gauge]) / most:.1%} of the {case.actuator.gauge}'s rise are left" if most else ""
+        cycle, rises = found[-1], np.abs(found[-1].rows[gauge])
+        rest = f"; {rises[-1] / rises.max():.1%} of the {gauge}'s rise are left" if rises.any() else ""
         told.append(f"cycle {len(found)} loses {cycle.loss}{rest}")
     for first, last in _holds(rows):
         if first[gauge] and last[gauge]:
-            seconds, of = last["time_s"] - first["time_s"], f"the {case.actuator.gauge}"
             told.append(
-                f"held at {first['pressure_cm']:.4g} cm for {seconds:.4g} s, {of} creeps from {first[gauge]:+.4g} to "
-                f"{last[gauge]:+.4g} mm ({last[gauge] / first[gauge] - 1:+.1%})"
+                f"held at {first.told('pressure')} for {last['time'] - first['time']:.4g} s, the {gauge} creeps from "
+                f"{first.shown(gauge):+.4g} to {last.told(gauge, '+.4g')} ({last[gauge] / first[gauge] - 1:+.1%})"
             )
     yield from dict.fromkeys(told[:1] + told[-1:])
 
 
-def _holds(rows: Sequence[Row]) -> list[tuple[Row, Row]]:
+def _holds(rows: PathTable) -> list[tuple[Row, Row]]:
     """Return the ends of the times at which the pressure of one cavity is held above zero."""
-    asked = [row for row in rows if row["requested"]] + list(rows[-1:])
+    asked = [*rows.where("requested"), *rows[-1:]]
     pairs = itertools.pairwise(asked)
-    return [(a, b) for a, b in pairs if 0.0 < a["pressure_Pa"] == b["pressure_Pa"] and b["time_s"] > a["time_s"]]
+    return [(a, b) for a, b in pairs if 0.0 < a["pressure"] == b["pressure"] and b["time"] > a["time"]]
 
 
-def motion_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
+def motion_notes(case: Case, rows: PathTable) -> Iterator[str]:
     """Yield the density that inertia has, and the balance of energy, as sentences; none without inertia."""
     if not case.inertia or not rows:
         return
     work = supplied_work(case, rows)
-    stored = rows[-1]["stored_energy_mJ"] - rows[0]["stored_energy_mJ"]
-    lost, kinetic = (rows[-1].get(f"{name}_energy_mJ", 0.0) for name in ("dissipated", "kinetic"))
+    stored = rows[-1]["stored_energy"] - rows[0]["stored_energy"]
+    lost, kinetic = (rows[-1].get(f"{name}_energy") for name in ("dissipated", "kinetic"))
     left = work - stored - lost - kinetic
-    most = max(abs(work), *(row["kinetic_energy_mJ"] for row in rows))
+    most = max(abs(work), rows["kinetic_energy"].max())
     yield f"the silicone's inertia is that of {density_of_main(case):g} kg/m^3"
     if most:
         yield (
-            f"work of the supply and loads {work:.4g} mJ = {stored:.4g} mJ stored + {lost:.4g} mJ dissipated by the silicone + "
-            f"{kinetic:.4g} mJ kinetic + {left:.2g} mJ ({abs(left) / most:.2g} of the largest) for numerical damping "
-            f"(--spectral-radius {case.spectral_radius:g}), friction and the error of the steps"
+            f"work of the supply and loads {1e3 * work:.4g} mJ = {1e3 * stored:.4g} mJ stored + {1e3 * lost:.4g} mJ dissipated "
+            f"by the silicone + {1e3 * kinetic:.4g} mJ kinetic + {1e3 * left:.2g} mJ ({abs(left) / most:.2g} of the largest) "
+            f"for numerical damping (--spectral-radius {case.spectral_radius:g}), friction and the error of the steps"
         )
 
 
@@ -177,30 +176,27 @@ def density_of_main(case: Case) -> float:
     return density_of(case.material) if given is None else given
 
 
-def supplied_work(case: Case, rows: Sequence[Row]) -> float:
-    """Return the work in mJ of the air and of dead loads along a run's states."""
+def supplied_work(case: Case, rows: PathTable) -> float:
+    """Return the work in J of the air and of dead loads along a run's states."""
     count = len(case.actuator.ratios)
-    pairs = [(f"pressure_{i}_cm", f"added_volume_{i}_ml", case.cm * 1e-3) for i in range(1, count + 1)]
-    pairs = [("pressure_Pa", "added_volume_ml", 1e-3)] if count == 1 else pairs
-    loads = [part for part in case.components if isinstance(part, LoadPart) and part.column in rows[0]]
-    pairs += [(part.column, part.moved_column, part.column_unit * part.moved_column_unit * 1e3) for part in loads]
-    found = 0.0
-    for force, way, unit in pairs:
-        f, x = (np.array([row[name] for row in rows]) for name in (force, way))
-        found += unit * float(np.sum((f[1:] + f[:-1]) / 2 * np.diff(x)))
-    return found
+    pairs = [(f"pressure_{i}", f"added_volume_{i}") for i in range(1, count + 1)]
+    pairs = [("pressure", "added_volume")] if count == 1 else pairs
+    loads = [part for part in case.components if isinstance(part, LoadPart)]
+    names = [(parsed(part.column)[0], parsed(part.moved_column)[0]) for part in loads]
+    pairs += [pair for pair in names if pair[0] in rows]
+    return sum(float(np.sum((rows[f][1:] + rows[f][:-1]) / 2 * np.diff(rows[x]))) for f, x in pairs)
 
 
-def supply_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
+def supply_notes(case: Case, rows: PathTable) -> Iterator[str]:
     """Yield sentences on a supply in time: how long it fills the device, how the device leaks, and whether a tube's flow is
     turbulent."""
     supply = case.supply
     if not isinstance(supply, Reservoir) or not rows:
         return
-    time, pressure = (np.array([row[name] for row in rows]) for name in ("time_s", "pressure_cm"))
+    time, pressure = rows["time"], rows.shown("pressure")
     if (seconds := fill_time(rows)) is not None:
-        most = max(row["source_pressure_cm"] for row in rows)
-        yield f"the device takes {seconds:.3g} s to {FILLED:.0%} of the source's {most:.4g} cm"
+        most = max(rows, key=lambda row: row["source_pressure"])
+        yield f"the device takes {seconds:.3g} s to {FILLED:.0%} of the source's {most.told('source_pressure')}"
     opening = prescribes(case.steps, VALVE)
     closed = np.array([opening and value_at(case.steps, VALVE, row["load_step"]) == 0.0 for row in rows])
     if supply.leak is not None and closed.any():
@@ -213,8 +209,8 @@ def supply_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
         elif left[0] > 0.0 and since[-1] > 0.0:
             lost = 1 - left[-1] / left[0]
             yield f"with the valve closed the leak takes {lost:.1%} of {left[0]:.4g} cm in {since[-1]:.3g} s"
-    most = max(abs(row["flow_ml_per_min"]) for row in rows) * supply.ambient / 60e6
-    if supply.tube is not None and (number := supply.tube.reynolds(most)) > TURBULENT_FROM:
+    flow = float(np.abs(rows["flow"]).max()) * supply.ambient
+    if supply.tube is not None and (number := supply.tube.reynolds(flow)) > TURBULENT_FROM:
         yield (
             f"the flow in the tube has a Reynolds number up to {number:.0f} and is turbulent above "
             f"{TURBULENT_FROM:.0f}; it is computed as laminar, which is too fast"
@@ -225,15 +221,14 @@ FILLED = 0.9
 """Share of the source's pressure at which a device counts as filled."""
 
 
-def fill_time(rows: Sequence[Row]) -> float | None:
+def fill_time(rows: PathTable) -> float | None:
     """Return the time in s in which a device fills to `FILLED` of the source's largest pressure; None if it does not."""
-    sources = [row["source_pressure_cm"] for row in rows]
-    if None in sources or not (most := max(sources)) > 0.0:
+    if not (most := rows["source_pressure"].max()) > 0.0:  # NaN where the source gives a flow
         return None
     for before, after in itertools.pairwise(rows):
-        low, high = before["pressure_cm"], after["pressure_cm"]
+        low, high = before["pressure"], after["pressure"]
         if low < (wanted := FILLED * most) <= high:
-            return float(before["time_s"] + (wanted - low) / (high - low) * (after["time_s"] - before["time_s"]))
+            return float(before["time"] + (wanted - low) / (high - low) * (after["time"] - before["time"]))
     return None
 
 
@@ -251,14 +246,14 @@ def vacuum_notes(case: Case) -> Iterator[str]:
         )
 
 
-def lifted_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
+def lifted_notes(case: Case, rows: PathTable) -> Iterator[str]:
     """Yield where a face that only stands on its plane lifts off, as a sentence; none if it does not."""
     role = case.actuator.standing
-    forces = [row[f"{role}_force_N"] for row in rows if f"{role}_force_N" in row]
+    forces = rows.get(f"{role}_force", math.nan)
     at = next((k for k, (one, two) in enumerate(itertools.pairwise(forces)) if one > 0.0 >= two), None)
     if at is not None:
         share = forces[at] / (forces[at] - forces[at + 1])
-        before, after = (rows[k][case.column] for k in (at, at + 1))
+        before, after = (rows[k].cell(case.column) for k in (at, at + 1))
         yield (
             f"the {role} LIFTS OFF at about {before + share * (after - before):.4g} {case.unit}, between states {at} and "
             f"{at + 1} ({role}_force_N falls to 0): beyond it the seal leaks, and the states are invalid"
@@ -269,20 +264,20 @@ BARELY = 1e-3
 """Share of the holding force below which the lateral force at which a lip slides is not told."""
 
 
-def sealing_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
+def sealing_notes(case: Case, rows: PathTable) -> Iterator[str]:
     """Yield what each seal holds in the last state, as sentences."""
     for part in case.components if rows else ():
         last, label = rows[-1], part.label
-        if part.sealing and (hold := last[f"{label}_hold_N"]) > 0.0:
-            slides = last[f"{label}_shear_N"] if part.remembers else 0.0  # where the seal opens, it presses no more
+        if part.sealing and (hold := last[f"{label}_hold"]) > 0.0:
+            slides = last[f"{label}_shear"] if part.remembers else 0.0  # where the seal opens, it presses no more
             shear = f"; its lip slides at a lateral force of {slides:.4g} N" if slides > BARELY * hold else ""
             yield (
                 f"in the last state the holding force of {part.where} is {hold:.4g} N (vacuum times "
-                f"{last[f'{label}_sealed_mm2']:.4g} mm2 inside the seal){shear}"
+                f"{last.shown(f'{label}_sealed'):.4g} mm2 inside the seal){shear}"
             )
 
 
-def law_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
+def law_notes(case: Case, rows: PathTable) -> Iterator[str]:
     """Yield a sentence if the law's numbers look like those of another convention, if the material is stiffer than silicones
     and soft rubbers, and if a run stretches it beyond the stability of its law by Drucker's criterion."""
     if case.material.misread:
@@ -292,7 +287,7 @@ def law_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
             f"the material's shear modulus is {modulus / 1e6:.4g} MPa; silicones have 5 to 500 kPa, so check the units of its "
             "parameters"
         )
-    most = max((float(row.get("max_stretch", 1.0)) for row in rows), default=1.0)
+    most = float(rows.get("max_stretch", 1.0).max(initial=1.0))
     # Of all deformations with this largest stretch, uniaxial tension has the least I1: the others reach it earlier. In the
     # other modes of tension the stretch itself is compared, because a membrane is pulled in both directions.
     strain = most**2 + 2 / most - 3
@@ -305,12 +300,12 @@ def law_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
         )
 
 
-def band_notes(rows: Sequence[Row]) -> Iterator[str]:
+def band_notes(rows: PathTable) -> Iterator[str]:
     """Yield the 95 % interval of the limit pressure from the material's errors, as a sentence; none if unknown."""
     for row in rows:
-        half = row.get("pressure_ci95_cm", math.nan)
-        if row.get("limit") and not math.isnan(half):
-            low, high = row["pressure_cm"] - half, row["pressure_cm"] + half
+        if row.get("limit") and not math.isnan(row.get("pressure_ci95", math.nan)):
+            half = row.shown("pressure_ci95")
+            low, high = row.shown("pressure") - half, row.shown("pressure") + half
             yield (
                 f"limit pressure between {low:.4g} and {high:.4g} cm (95 % confidence interval from the fitted material's "
                 f"errors)"
@@ -337,12 +332,12 @@ def bonded_notes(case: Case) -> Iterator[str]:
     )
 
 
-def stretch_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
+def stretch_notes(case: Case, rows: PathTable) -> Iterator[str]:
     """Yield a sentence on stretches beyond the silicone's range or its stretch at break; none if unknown or below."""
-    if "max_stretch" not in rows[0]:
+    if "max_stretch" not in rows:
         return
     breaks = stretch_at_break(case.material)
-    most = max(rows, key=lambda row: float(row["max_stretch"]))
+    most = float(rows["max_stretch"].max())
     torn = next((row for row in rows if breaks is not None and row["max_stretch"] > breaks), None)
     if torn is not None:
         product = product_of(named(case.material) or "")
@@ -351,11 +346,11 @@ def stretch_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
             f"least stretch at break of {product} ({break_words(case.material)}): the device may tear there, and states from "
             "there on may not be real"
         )
-    elif text := extrapolated(case.material, float(most["max_stretch"])):
+    elif text := extrapolated(case.material, most):
         yield text
 
 
-def source_notes(case: Case, sources: SourceRows) -> Iterator[str]:
+def source_notes(case: Case, sources: SourceTables) -> Iterator[str]:
     """Yield the spread of a named silicone's sources, and of this device's states if solved for them."""
     texts = (material_spread(case.material), span_sentence(case, sources) if sources else "")
     yield from (text for text in texts if text)
@@ -369,10 +364,9 @@ def weight_notes(case: Case) -> Iterator[str]:
         yield f"the silicone weighs {density_of(case.material):g} kg/m^3, {source} ([gravity] density, --gravity-density)"
 
 
-def volume_notes(rows: Sequence[Row]) -> Iterator[str]:
+def volume_notes(rows: PathTable) -> Iterator[str]:
     """Yield a sentence if the silicone's own volume changed more than that of rubber can."""
-    told = [row for row in rows if "J_min" in row]
-    least, most = min((row["J_min"] for row in told), default=1.0), max((row["J_max"] for row in told), default=1.0)
+    least, most = rows.get("J_min", 1.0).min(initial=1.0), rows.get("J_max", 1.0).max(initial=1.0)
     if least < 1 - VOLUME_CHANGE or most > 1 + VOLUME_CHANGE:
         yield (
             f"the silicone's volume ratio J is {least:.3f} to {most:.3f}; rubber is nearly incompressible, so "
@@ -380,9 +374,9 @@ def volume_notes(rows: Sequence[Row]) -> Iterator[str]:
         )
 
 
-def contact_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
+def contact_notes(case: Case, rows: PathTable) -> Iterator[str]:
     """Yield a sentence on walls that overlap or a surface that is folded onto itself; none if there are none."""
-    invalid = [row for row in rows if row.get("walls_touch")]
+    invalid = rows.where("walls_touch")
     if not invalid:
         return
     where, deepest = state_labels(case), max(invalid, key=overlap_of)
@@ -395,7 +389,7 @@ def contact_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
         )
         return
     found = (
-        f"WALLS OVERLAP: {since} walls overlap by up to {overlap_of(deepest):.3g} mm at {where.place(deepest)}: {told} "
+        f"WALLS OVERLAP: {since} walls overlap by up to {1e3 * overlap_of(deepest):.3g} mm at {where.place(deepest)}: {told} "
         "(least_gap_mm and walls_touch in path.csv)"
     )
     walls = [part for part in case.components if isinstance(part, Walls) and not part.off]
@@ -409,30 +403,30 @@ def contact_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
         yield f"{found}; enable self-contact{auto}, or name the faces in a [walls] table of a case file"
 
 
-def depth_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
+def depth_notes(case: Case, rows: PathTable) -> Iterator[str]:
     """Yield a sentence if faces penetrate deep into the contact plane."""
-    deepest, size = max((row.get("contact_depth_mm", 0.0) for row in rows), default=0.0), case.actuator.size
-    if deepest <= DEEPEST * size * 1e3 or (plane := obstacle_of(case.components)) is None:
+    deepest, size = rows.get("contact_depth").max(initial=0.0), case.actuator.size
+    if deepest <= DEEPEST * size or (plane := obstacle_of(case.components)) is None:
         return
-    force = max((abs(row.get("contact_force_N", 0.0)) for row in rows), default=0.0)
+    force = np.abs(rows.get("contact_force")).max(initial=0.0)
     # The penetration of this force if spread over the device; an edge that curls into the plane carries little of it.
     spread = force / (plane.stiffness * case.material.shear_modulus_0 * size**2)
     if spread < LOCAL * DEEPEST:
         yield (
-            f"an edge of the faces penetrates the contact plane by {deepest:.3g} mm under a total "
+            f"an edge of the faces penetrates the contact plane by {1e3 * deepest:.3g} mm under a total "
             f"force of {force:.3g} N; the faces as a whole penetrate far less, so a larger --contact-stiffness "
             f"changes only that edge. Check it with smaller cells (--cell-size)"
         )
     else:
         yield (
-            f"faces penetrate the contact plane by {deepest:.3g} mm, more than {DEEPEST:.0%} of the device's size; use a "
+            f"faces penetrate the contact plane by {1e3 * deepest:.3g} mm, more than {DEEPEST:.0%} of the device's size; use a "
             f"--contact-stiffness above {plane.stiffness:g}"
         )
 
 
-def place_notes(case: Case, rows: Sequence[Row]) -> Iterator[str]:
+def place_notes(case: Case, rows: PathTable) -> Iterator[str]:
     """Yield a sentence on each named point that is tracked away from its named position."""
-    away = {name: 1e-3 * rows[0].get(column) for name, column in case.gauges.off_columns.items()} if rows else {}
+    away = {name: rows[0].get(f"{name}_off") for name in case.gauges.places} if rows else {}
     yield from (followed_text(name, far) for name, far in away.items() if far > FOLLOWED_DISTANCE * case.actuator.size)
 
 
@@ -450,7 +444,7 @@ def left_out(case: Case) -> str:
 # Report stability: sentences for the end of a run, and a table for ``summary.json``.
 
 
-def events(rows: Sequence[Row], words: StateLabels) -> list[dict[str, float | str]]:
+def events(rows: PathTable, words: StateLabels) -> list[dict[str, float | str]]:
     """Return the limit points, bifurcations and snap-throughs of a path in order, as in ``summary.json``.
 
     A jump includes its starting point: volume and the gauge's rise before, and whether the device inflates or collapses, or a
@@ -460,16 +454,16 @@ def events(rows: Sequence[Row], words: StateLabels) -> list[dict[str, float | st
     from_keys = ("pressure_cm", "added_volume_ml", f"{words.gauge}_mm")
     keys = ("step", "pressure_cm", "pressure_Pa", *from_keys[1:])
     found: list[dict[str, float | str]] = [
-        {"kind": kind, **{key: row[key] for key in keys}} for row in rows for kind in kinds if row.get(kind)
+        {"kind": kind, **{key: row.cell(key) for key in keys}} for row in rows for kind in kinds if row.get(kind)
     ]
     landed = [event for event in found if event["kind"] == "jump"]
     for event, (before, after) in zip(landed, jumps(rows), strict=True):
         event["way"] = _way(before, after, words, rows)
-        event |= {f"from_{key}": before[key] for key in from_keys}
+        event |= {f"from_{key}": before.cell(key) for key in from_keys}
     return found
 
 
-def jumps(rows: Sequence[Row]) -> list[tuple[Row, Row]]:
+def jumps(rows: PathTable) -> list[tuple[Row, Row]]:
     """Return the snap-throughs of a path: the last state before and the first one after each."""
     over, found = set(jumped_over(rows)), []
     for k, row in enumerate(rows):
@@ -483,29 +477,28 @@ LOCAL_SNAP = 0.02
 """Share of the volume or travel of a path up to which a snap-through is that of a part of the device."""
 
 
-def _way(before: Row, after: Row, words: StateLabels, rows: Sequence[Row]) -> str:
+def _way(before: Row, after: Row, words: StateLabels, rows: PathTable) -> str:
     moved = words.along[1]
-    if abs(after[moved] - before[moved]) < LOCAL_SNAP * np.ptp([row[moved] for row in rows]):
+    if abs(after[moved] - before[moved]) < LOCAL_SNAP * np.ptp(rows[moved]):
         return "snaps in a part"
     onwards, back = ("inflates", "collapses") if words.pressure else ("gives way", "springs back")
     return onwards if after[moved] > before[moved] else back
 
 
-def jumps_text(rows: Sequence[Row], words: StateLabels) -> str:
+def jumps_text(rows: PathTable, words: StateLabels) -> str:
     """Return the load, direction and heights of a path's snap-throughs in a sentence without full stop; "" if none."""
-    gauge, column = words.gauge, f"{words.gauge}_mm"
-    components = []
+    gauge, components = words.gauge, []
     for before, after in jumps(rows):
-        same = not words.pressure or abs(after["pressure_cm"] - before["pressure_cm"]) < 1e-6
-        volume = f", added volume {before['added_volume_ml']:.4g} to {after['added_volume_ml']:.4g} ml"
+        same = not words.pressure or abs(after.shown("pressure") - before.shown("pressure")) < 1e-6
+        volume = f", added volume {before.shown('added_volume'):.4g} to {after.told('added_volume')}"
         components.append(
             f"at {words.place(before)}{'' if same else f' to {words.place(after)}'} it {_way(before, after, words, rows)}, "
-            f"{gauge} rise {before[column]:.4g} to {after[column]:.4g} mm{volume if words.volume else ''}"
+            f"{gauge} rise {before.shown(gauge):.4g} to {after.told(gauge)}{volume if words.volume else ''}"
         )
     return f"snap-through: {'; '.join(components)}" if components else ""
 
 
-def jumped_over(rows: Sequence[Row]) -> list[int]:
+def jumped_over(rows: PathTable) -> list[int]:
     """Return which states of a path a supply skips by snap-through: the unstable ones, and all up to the next stable one."""
     found, falling = [], False
     for k, row in enumerate(rows):
@@ -526,11 +519,11 @@ def unseen(actuator: Actuator) -> str:
     return ""
 
 
-def unlocated(rows: Sequence[Row], words: StateLabels) -> str:
+def unlocated(rows: PathTable, words: StateLabels) -> str:
     """Return that a bifurcation was passed but not located; empty if none was. The number of negative eigenvalues changes only
     at limit points and bifurcations, whose own rows still have the old one; a cycle comes to some of them from the other
     side."""
-    cyclic = any(row.get("jump") for row in rows)
+    cyclic = rows.get("jump").any()
     for before, after in itertools.pairwise(rows):
         told = before.get("limit") or before.get("bifurcation") or after.get("jump") or (cyclic and after.get("limit"))
         if before["negative_eigenvalues"] != after["negative_eigenvalues"] and not told:
@@ -543,21 +536,21 @@ def unlocated(rows: Sequence[Row], words: StateLabels) -> str:
 
 def _between(before: Row, after: Row, words: StateLabels) -> str:
     if words.pressure:
-        return f"{before['pressure_cm']:.4g} and {after['pressure_cm']:.4g} cm"
+        return f"{before.shown('pressure'):.4g} and {after.told('pressure')}"
     return f"{words.place(before)} and {words.place(after)}"
 
 
 def _state(row: Row, words: StateLabels) -> str:
     """Return the load of a state, and in brackets its added volume."""
-    return f"{words.place(row)} ({row['added_volume_ml']:.4g} ml)" if words.volume else words.place(row)
+    return f"{words.place(row)} ({row.told('added_volume')})" if words.volume else words.place(row)
 
 
-def stability_text(rows: Sequence[Row], actuator: Actuator, words: StateLabels, branch: Sequence[Row] = ()) -> str:
+def stability_text(rows: PathTable, actuator: Actuator, words: StateLabels, branch: PathTable | None = None) -> str:
     """Return one or two sentences on the stability of the last state of a path, or of the branch that was followed, and its
     changes, for the closing message."""
     if not rows or "negative_eigenvalues" not in rows[-1]:
         return ""
-    last, found = rows[-1], [row for row in rows if row.get("bifurcation")]
+    last, found = rows[-1], rows.where("bifurcation")
     load, moved = words.kept
     if last["stable_under_pressure"]:
         text = f"stable under {load} and under {moved}"
@@ -572,7 +565,7 @@ def stability_text(rows: Sequence[Row], actuator: Actuator, words: StateLabels, 
         text += f"; {told}"
     if lost:
         text += (
-            f"; at {lost[0]['stroke_ml']:.4g} ml of stroke ({lost[0]['pressure_cm']:.4g} cm) the device snaps through with "
+            f"; at {lost[0].told('stroke')} of stroke ({lost[0].told('pressure')}) the device snaps through with "
             f"the gas of this {words.driver}, skipping {len(lost)} of the states (stroke_limit and jump in path.csv)"
         )
     if found:
@@ -585,10 +578,10 @@ def stability_text(rows: Sequence[Row], actuator: Actuator, words: StateLabels, 
         text += f"; {passed}"
     if branch:
         end = branch[-1]
-        rise, held = end[f"{actuator.gauge}_mm"], "stable" if end["stable_under_volume"] else "unstable"
+        rise, held = end.told(actuator.gauge, "+.4g"), "stable" if end["stable_under_volume"] else "unstable"
         text += (
             f"; the branch was followed through {len(branch)} states to {_state(end, words)}, "
-            f"{actuator.gauge} rise {rise:+.4g} mm, {held} under a given {moved}"
+            f"{actuator.gauge} rise {rise}, {held} under a given {moved}"
         )
     hidden = unseen(actuator)
     return f"{text} ({hidden})" if hidden else text
@@ -618,11 +611,11 @@ def unstable_law(case: Case, stretch: float) -> str:
     )
 
 
-def known_causes(case: Case, figures: Row | Mapping[str, float], petsc: bool = False) -> list[str]:
-    """Return possible causes of the end of a path, the most certain first; empty if none is found. Figures are
-    ``max_stretch``, ``J_min`` and ``pressure_Pa`` of the last state, ``contact_force_N`` where a plane stops faces, and the
-    columns of parts; ``petsc`` says whether PETSc's own options were given."""
-    stretch = float(figures["max_stretch"])
+def known_causes(case: Case, row: Row, petsc: bool = False) -> list[str]:
+    """Return possible causes of the end of a path, the most certain first; empty if none is found. The row has at least
+    ``max_stretch``, ``J_min`` and ``pressure`` of the last state, and the variables of parts; ``petsc`` says whether PETSc's
+    own options were given."""
+    stretch = row["max_stretch"]
     found = []
     if petsc:
         found.append("PETSc options were given: first try without them (what follows --)")
@@ -635,19 +628,17 @@ def known_causes(case: Case, figures: Row | Mapping[str, float], petsc: bool = F
             f"has {stretch:.3g}: it cannot deform further. Use a larger limit, or stay below"
         )
     modulus = case.material.shear_modulus_0
-    if (pressure := float(figures.get("pressure_Pa") or 0.0)) > SQUEEZED * modulus:
+    if (pressure := row.get("pressure")) > SQUEEZED * modulus:
         found.append(
             f"the pressure is {pressure / modulus:.3g} times the silicone's shear modulus: the supports or stiffeners "
             "leave the device almost no freedom, so the silicone itself is compressed. Support less of it, or stay below"
         )
-    if float(figures["J_min"]) < FOLDED:
+    if row["J_min"] < FOLDED:
         found.append(
-            f"the smallest volume ratio (J) is {figures['J_min']:.3g}, so cells are nearly inverted: refine the mesh "
+            f"the smallest volume ratio (J) is {row['J_min']:.3g}, so cells are nearly inverted: refine the mesh "
             "(--cell-size) or round its corners (--fillet)"
         )
-    components = (
-        part.hindrance(case.actuator, lambda column: float(figures.get(column) or 0.0)) for part in case.components
-    )
+    components = (part.hindrance(case.actuator, row.get) for part in case.components)
     found += [sentence for sentence in components if sentence]
     return found
 
@@ -658,10 +649,10 @@ def mended(case: Case, cause: PathFailure, stretch: float) -> str:
     return weak[0].upper() + weak[1:] if weak else cause.advice
 
 
-def advice(case: Case, figures: Row | Mapping[str, float], petsc: bool = False) -> str:
+def advice(case: Case, row: Row, petsc: bool = False) -> str:
     """Return the known causes of a failed continuation and their fixes, as sentences, the last without full stop."""
-    stretch, J = float(figures["max_stretch"]), float(figures["J_min"])
-    if causes := known_causes(case, figures, petsc):
+    stretch, J = row["max_stretch"], row["J_min"]
+    if causes := known_causes(case, row, petsc):
         return ". ".join(cause[0].upper() + cause[1:] for cause in causes)
     checked = f"the law is stable at stretch {stretch:.3g} by Drucker's criterion and no cell is inverted (smallest J {J:.3g})"
     return (
@@ -679,30 +670,23 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
     asked = f"{case.values[-1]:g} {case.unit}"
     device, last = case.actuator, fields.figures(path.last.state)
     pressure = f"{last.pressure / case.cm:.4g} {column_unit(case.cm)} ({last.pressure:.4g} Pa)"
+    cells = {"pressure_Pa": last.pressure, "max_stretch": last.max_stretch, "J_min": last.extremes["J"][0]}
+    row = Row(cells | last.device, case.cm)
     where = (
-        f"The last state is at {state_labels(case).under(Row(last.device), pressure)}, {device.gauge} rise "
+        f"The last state is at {state_labels(case).under(row, pressure)}, {device.gauge} rise "
         f"{last.rises[device.gauge] * 1e3:+.4g} mm, largest stretch {last.max_stretch:.3g}. "
     )
     if end.cause:
         return f"{_not_met(asked, end.cause)}: {end.cause.clause}. {where}" + mended(case, end.cause, last.max_stretch)
     if end.limit is None:
-        return f"{asked} was not reached: {end}. {where}" + advice(
-            case,
-            {
-                "pressure_Pa": last.pressure,
-                "max_stretch": last.max_stretch,
-                "J_min": last.extremes["J"][0],
-                **last.device,
-            },
-            petsc,
-        )
+        return f"{asked} was not reached: {end}. {where}{advice(case, row, petsc)}"
     at = fields.figures(end.limit.state)
     if case.driven is not None:
         load = case.load.driven_part
-        most = at.device[load.column]
+        most = Row(at.device, case.cm).told(parsed(load.column)[0], ".5g")
         return (
-            f"no equilibrium at {asked} on this path: the {load.table} has a limit point at {most:.5g} "
-            f"{split(load.column)[1]}, where {_risen(device, at.rises)}; beyond it the device collapses. Stay below, "
+            f"no equilibrium at {asked} on this path: the {load.table} has a limit point at {most}, "
+            f"where {_risen(device, at.rises)}; beyond it the device collapses. Stay below, "
             f"or use {device.stiffer} or a stiffer silicone{_or_its_travel(load.table)}"
         )
     if case.supply is not None:
@@ -712,20 +696,20 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
         return (
             f"a stroke of {asked} was not reached: {end}. The stroke has a limit point at {stroke:.4g} ml "
             f"({at.pressure / case.cm:.4g} cm), where {_risen(device, at.rises)} and the cavity has "
-            f"{gained(at.added_volume * 1e6)}; beyond it {gas} expands and the device snaps "
+            f"{gained(at.added_volume)}; beyond it {gas} expands and the device snaps "
             f"through. Stay below{f', or use {supply.gentler}' if supply.gentler else ''}"
         )
     happens = "balloons" if at.added_volume > 0.0 else "collapses"
     return (
         f"no equilibrium at {asked} on this path: the pressure has a limit point at {at.pressure / case.cm:.4g} "
         f"{column_unit(case.cm)} ({at.pressure:.5g} Pa), where {_risen(device, at.rises)} and the cavity has "
-        f"{gained(at.added_volume * 1e6)}; beyond it the device {happens}. Stay below (with 25 % margin: "
+        f"{gained(at.added_volume)}; beyond it the device {happens}. Stay below (with 25 % margin: "
         f"{0.8 * at.pressure / case.cm:.4g} cm), use {device.stiffer} or a stiffer silicone, or drive it by volume "
         f"past the limit (--volume-ml, or --control volume)"
     )
 
 
-def explain_step(case: Case, end: PathEnd, rows: Sequence[Row], come: float, petsc: bool = False) -> str:
+def explain_step(case: Case, end: PathEnd, rows: PathTable, come: float, petsc: bool = False) -> str:
     """Return the same for a program's step."""
     number = math.floor(come) + 1
     at = next((row for row in reversed(rows) if row["limit"]), rows[-1]) if end.limit else rows[-1]
@@ -733,17 +717,17 @@ def explain_step(case: Case, end: PathEnd, rows: Sequence[Row], come: float, pet
     pressures, volumes = words.pressures(at), words.volumes(at) if words.pressure else []
     names = [f"cavity{i} at " for i in range(1, len(pressures) + 1)] if len(pressures) > 1 else [""]
     cavities = [
-        f"{name}{at[pressure]:.4g} cm with {at[volume]:.4g} ml added"
+        f"{name}{at.told(pressure)} with {at.told(volume)} added"
         for name, pressure, volume in zip(names, pressures, volumes, strict=True)
     ]
     place = ", ".join([*cavities, *words.loads_words(at)])
     asked = f"step {number} of the program ({step_text(case.steps, number)})"
     gauge = case.actuator.gauge
-    moved = f"the {gauge} has moved {at[f'{gauge}_mm']:+.4g} mm"
+    moved = f"the {gauge} has moved {at.told(gauge, '+.4g')}"
     if end.cause:
         return (
             f"{_not_met(asked, end.cause)}: {end.cause.clause}. The last state has {place}, and {moved}. "
-            f"{mended(case, end.cause, float(at['max_stretch']))}"
+            f"{mended(case, end.cause, at['max_stretch'])}"
         )
     if isinstance(end, SnapInTime):
         return (
@@ -787,17 +771,17 @@ def _or_its_travel(table: str) -> str:
 def _risen(device: Actuator, rises: dict[str, float]) -> str:
     """Return how far the device has moved: its gauge, and the other probes in brackets."""
     others = ", ".join(f"{name} {rise * 1e3:.4g} mm" for name, rise in rises.items() if name != device.gauge)
-    return f"the {device.gauge} has {risen(rises[device.gauge] * 1e3)}" + (f" ({others})" if others else "")
+    return f"the {device.gauge} has {risen(rises[device.gauge])}" + (f" ({others})" if others else "")
 
 
 def risen(rise: float) -> str:
-    """Return how a place has moved that has a rise in mm."""
-    return f"{'sunk' if rise < 0.0 else 'risen'} {abs(rise):.4g} mm"
+    """Return how a place has moved that has a rise in m."""
+    return f"{'sunk' if rise < 0.0 else 'risen'} {1e3 * abs(rise):.4g} mm"
 
 
 def gained(volume: float) -> str:
-    """Return what a cavity has done that has an added volume in ml."""
-    return f"{'lost' if volume < 0.0 else 'gained'} {abs(volume):.4g} ml"
+    """Return what a cavity has done that has an added volume in m3."""
+    return f"{'lost' if volume < 0.0 else 'gained'} {1e6 * abs(volume):.4g} ml"
 
 
 def explain_failure(case: Case, failure: Exception, last: Row | None, petsc: bool = False) -> str:
@@ -808,9 +792,9 @@ def explain_failure(case: Case, failure: Exception, last: Row | None, petsc: boo
     return f"the path could not be followed ({failure})" + (f"; {told}" if last is None else f". {advice(case, last)}")
 
 
-def no_branch(case: Case, rows: Sequence[Row]) -> str:
+def no_branch(case: Case, rows: PathTable) -> str:
     """Return why a run has no branch to follow."""
-    if any(row.get("bifurcation") for row in rows):
+    if rows.get("bifurcation").any():
         return "the bifurcation was passed before the run was resumed; run without --resume to follow the branch"
     if text := unlocated(rows, state_labels(case)):
         return text

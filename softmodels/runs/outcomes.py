@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from IPython.display import DisplayHandle
 
     from softmodels.runs.columns import StateLabels
-    from softmodels.runs.fields import Row
+    from softmodels.runs.table import Row
 
 
 DONE, FAILED, BAD_INPUT, NO_EQUILIBRIUM, STOPPED = 0, 1, 2, 3, 130
@@ -143,16 +143,16 @@ class Progress:
         """Report a step: its row of the table, and the progress towards the last requested value."""
         gauge, done = self.words.gauge, max(0.0, min(self._way * value, abs(self.last)))
         if self._cell is not None:
-            rise = f"{gauge} rise {row[f'{gauge}_mm']:.4g} mm"
+            rise = f"{gauge} rise {row.told(gauge)}"
             spent = f"{row['step'] + 1} states in {time.monotonic() - self.started:.1f} s"
             self._done = done
             self.say(f"{value:.4g} of {self.last:g} {self.unit}: {rise}, {spent}")
             return
-        volume = f"{row['added_volume_ml']:+8.3f} ml  " if self.words.volume else ""
-        when = f"{row['time_s']:8.3g} s  " if "time_s" in row else ""
+        volume = f"{row.told('added_volume', '+8.3f')}  " if self.words.volume else ""
+        when = f"{row.told('time', '8.3g')}  " if "time" in row else ""
         text = (
-            f"step {row['step']:3d}  {when}{self.words.under(row, f'{row["pressure_cm"]:8.3f} cm')}  "
-            f"{gauge} rise {row[f'{gauge}_mm']:+8.3f} mm  {volume}{row['newton_iterations']:2d} iterations"
+            f"step {row['step']:3d}  {when}{self.words.under(row, row.told('pressure', '8.3f'))}  "
+            f"{gauge} rise {row.told(gauge, '+8.3f')}  {volume}{row['newton_iterations']:2d} iterations"
         )
         if self._bar is not None:
             self.say(text)  # above the bar, where it stays

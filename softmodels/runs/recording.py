@@ -8,7 +8,6 @@ import functools
 import hashlib
 import itertools
 import json
-import math
 import shutil
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -31,14 +30,15 @@ from softmodels.mechanics.system import State
 from softmodels.path.schedule import StageEnd
 from softmodels.path.stability import Point, Signature
 from softmodels.path.steps import goes_on
-from softmodels.runs.columns import cavity_columns, state_labels
-from softmodels.runs.fields import Fields, Row
+from softmodels.runs.columns import of_cavities, stands_at, state_labels
+from softmodels.runs.fields import Fields
 from softmodels.runs.formats import Restart
 from softmodels.runs.notes import events, no_branch, notes_of, sentences, stability_text, unwritten
 from softmodels.runs.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM, Ended, RunError, UnwrittenError
 from softmodels.runs.simulation import FROM_REST, Begun, Listener, PathEnded, Simulation, Step, solve_sources
 from softmodels.runs.states import States
 from softmodels.runs.store import BRANCH, RUN, Results, picture_files, picture_folder
+from softmodels.runs.table import PathTable, parsed
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Resume an interrupted run: check that the case matches the stored results, and load the states to continue from.
@@ -68,7 +68,7 @@ def set_back(case: Case, results: Results) -> None:
     """Go back to the last state that is not found between two steps, or within a step of a program, but for its beginning. The
     others are found again, and stay until then."""
     while len(results.stored) > 1:
-        row = results.stored[-1].row
+        row = results.rows[-1]
         between = any(row.get(name) for name in ("limit", "bifurcation", "stroke_limit", "jump")) or (
             row["requested"] and row["step"] and row["control"] != case.quantity
         )
@@ -80,11 +80,10 @@ def set_back(case: Case, results: Results) -> None:
 
 def check_values(case: Case, results: Results) -> None:
     """Reject requested values that the stored states have passed without stopping."""
-    key, unit = case.column, case.unit
-    reached = max((row[key] for row in results.rows), default=0.0)
+    reached = max((row.cell(case.column) for row in results.rows), default=0.0)
     for value in case.values:
-        if 0.0 < value < reached * (1 - 1e-9) and not stopped_at(results, key, value):
-            text = f"{results.folder} holds a run that passed {value:g} {unit} without stopping there"
+        if 0.0 < value < reached * (1 - 1e-9) and not stopped_at(case, results, value):
+            text = f"{results.folder} holds a run that passed {value:g} {case.unit} without stopping there"
             raise RunError(f"{text}; resume with the run's own values, or run without --resume", BAD_INPUT)
 
 
@@ -93,23 +92,23 @@ def last_stop(case: Case, results: Results, fields: Fields, comm: MPI.Comm) -> S
     last, row, record = on_root(comm, lambda: (len(results.stored) - 1, results.rows[-1], results.stored[-1].restart))
     state = stored_state(results, fields, comm, last, record["P"], record["V"])
     system = fields.system
-    pressures = [row[name] * case.cm / system.stress_unit for name in cavity_columns(row, "pressure", "cm")]
-    dead = [row[load.column] * load.column_unit for load in system.dead.loads] / system.dead.units
+    pressures = [row[name] / system.stress_unit for name in of_cavities(row, "pressure")]
+    dead = [row[parsed(load.column)[0]] for load in system.dead.loads] / system.dead.units
     system.load(state)
     drives = np.concatenate([pressures[: len(system.body.actuator.ratios)], dead])
     return StageEnd(round(row["load_step"]), state, drives, system.driven())
 
 
-def stopped_at(results: Results, key: str, value: float) -> bool:
-    """Return whether a requested value, by its column of ``path.csv``, is among the stored states."""
-    return any(row["requested"] and math.isclose(row[key], value, rel_tol=1e-6) for row in results.rows)
+def stopped_at(case: Case, results: Results, value: float) -> bool:
+    """Return whether a requested value is among the stored states."""
+    return any(row["requested"] and stands_at(row, case, value) for row in results.rows)
 
 
 def stored_points(results: Results, fields: Fields, comm: MPI.Comm) -> list[Point]:
     """The points a trace goes on from: bifurcations, the first limit point, the last turn of a stroke, and the last two."""
     records = on_root(comm, lambda: [stored.restart for stored in results.stored])
     # A bifurcation is interpolated: the path did not continue from it.
-    branching = on_root(comm, lambda: [i for i, row in enumerate(results.rows) if row["bifurcation"]])
+    branching = on_root(comm, lambda: np.flatnonzero(results.rows["bifurcation"]).tolist())
     solved = [i for i in range(len(records)) if i not in branching]
     limits = [i for i, record in enumerate(records) if record["limit"]][:1]
     turns = [i for i, record in enumerate(records) if record["turn"]][-1:]
@@ -176,7 +175,7 @@ def begin(case: Case, place: ResultsPlace) -> tuple[Results, bool]:
         if output is None and place.resume:
             output = _found(base, case, wanted)
         own = take_default(base, RUN, wanted) if output is None else OwnFolder(output, RUN)
-        results = Results(own.path, case.name, case.actuator.gauge)
+        results = Results(own.path, case.name, case.actuator.gauge, cm=case.cm)
         results.own = own
         own.take()
         try:
@@ -198,7 +197,7 @@ def begin_together(case: Case, place: ResultsPlace, comm: MPI.Comm) -> tuple[Res
     """The same on all ranks, where rank 0 alone takes the folder and writes there."""
     begun = kept_on_root(comm, lambda: begin(case, place))
     home, at, resumed = comm.bcast(None if begun is None else (begun[0].own.path, begun[0].folder, begun[1]))
-    results = begun[0] if begun else Results(home, case.name, case.actuator.gauge)
+    results = begun[0] if begun else Results(home, case.name, case.actuator.gauge, cm=case.cm)
     results.folder = at
     return results, resumed
 
@@ -391,9 +390,9 @@ def _complete(case: Case, results: Results | None, ended: Ended, observer: Obser
     return failure, results is not None and is_loaded(results.rows)
 
 
-def is_loaded(rows: Sequence[Row]) -> bool:
+def is_loaded(rows: PathTable) -> bool:
     """Whether there is a state that is not at rest."""
-    return any(row["pressure_Pa"] or row["max_displacement_mm"] for row in rows)
+    return bool(rows) and bool(rows["pressure"].any() or rows["max_displacement"].any())
 
 
 def record(
@@ -457,15 +456,13 @@ def _begun(simulation: Simulation, results: Results) -> Begun:
     rows = on_root(comm, lambda: results.rows)
     if case.load_unload:
         return Begun(rows)
-    solved = on_root(
-        comm, lambda: {i: row.get("time_s", 0.0) for i, row in enumerate(results.rows) if not row["bifurcation"]}
-    )
+    solved = on_root(comm, lambda: {i: row.get("time") for i, row in enumerate(results.rows) if not row["bifurcation"]})
     again = functools.partial(recall, results, fields, comm, solved)
     if case.program:
         stop = last_stop(case, results, fields, comm)
         simulation.listener.say(f"resuming from step {stop.number} of the program")
         return Begun(rows, stop=stop, recall=again)
-    left = on_root(comm, lambda: [not stopped_at(results, case.column, value) for value in case.values])
+    left = on_root(comm, lambda: [not stopped_at(case, results, value) for value in case.values])
     points = stored_points(results, fields, comm)
     simulation.listener.say(f"resuming from step {len(rows) - 1}")
     return Begun(rows, left, points, recall=again)

@@ -57,11 +57,12 @@ from softmodels.path.stability import (
 from softmodels.path.steps import PRESSURE, VOLUME, one_step
 from softmodels.path.supply import AMBIENT, Gas
 from softmodels.runs.columns import Band, Solved, row_of
-from softmodels.runs.fields import Fields, Figures, Row, check_requested
+from softmodels.runs.fields import Fields, Figures, check_requested
 from softmodels.runs.formats import Restart, restart_of
 from softmodels.runs.notes import explain, explain_failure, explain_step, sentences
 from softmodels.runs.outcomes import FAILED, INTERRUPTED, NO_EQUILIBRIUM, STOPPED, RunError
 from softmodels.runs.states import States
+from softmodels.runs.table import PathTable, Row
 
 # ----------------------------------------------------------------------------------------------------------------------
 # A device whose equations are made: its equilibria, its path, its natural frequencies and modes, without files.
@@ -490,7 +491,7 @@ class Equilibrium(Shown):
             "pressure_Pa": self.pressure, "pressure_cm": self.pressure / case.cm, "added_volume_ml": self.volume * 1e6,
             **{f"{name}_mm": rise * 1e3 for name, rise in self.rises.items()}, "max_stretch": self.largest_stretch,
             "requested": 1, "limit": 0,
-        })  # fmt: skip
+        }, case.cm)  # fmt: skip
         nodes = self.points, grid.cells, grid.cell_name
         return States(case, [row], nodes, lambda step, name: self.fields[name])
 
@@ -574,7 +575,7 @@ class Listener(Protocol):
         """Report a sentence on the current step."""
 
     def step(self, row: Row, value: float) -> None:
-        """Report a solved state: its row of ``path.csv``, and the progress towards the last requested value."""
+        """Report a solved state: its row of the table, and the progress towards the last requested value."""
 
 
 class Silent:
@@ -593,7 +594,7 @@ class PathEnded(RunError):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Step:
-    """One state of a run: its row of ``path.csv``, on all ranks, its nodal fields by name, SI units, as `Fields.nodal` gives
+    """One state of a run: its row of the table, on all ranks, its nodal fields by name, SI units, as `Fields.nodal` gives
     them, with the ``mode`` at a bifurcation, on rank 0, and numbers that a restart needs beside these."""
 
     row: Row
@@ -606,14 +607,14 @@ class Begun:
     """Stored data from which a run is resumed.
 
     Attributes:
-        rows: Rows of ``path.csv`` of the states that there are; none for a run from the beginning.
+        rows: The states that there are; none for a run from the beginning.
         left: Which of the case's requested values are still to come.
         points: The points to go on from; see `Continuation.resume`.
         stop: The same of a program: the end of its last complete step.
         recall: Lets parts remember what they do after those states; called where the path has begun.
     """
 
-    rows: Sequence[Row] = ()
+    rows: PathTable = dataclasses.field(default_factory=PathTable)
     left: Sequence[bool] = ()
     points: Sequence[Point] = ()
     stop: StageEnd | None = None
@@ -713,7 +714,7 @@ class Simulation:
         for step in steps:
             yield step
             if is_root(self.comm):
-                self.listener.step(step.row, step.row[self.case.column])
+                self.listener.step(step.row, step.row.cell(self.case.column))
             self._stop_if_asked()
 
     def _load_path(self, begun: Begun) -> Iterator[Step]:
@@ -779,7 +780,7 @@ class Simulation:
 
     def _program(self, begun: Begun) -> Iterator[Step]:
         """Follow the device's program."""
-        case, rows = self.case, list(begun.rows)
+        case, rows = self.case, PathTable(begun.rows)
         come = float(begun.stop.number) if begun.stop else 0.0
         try:
             say = self.listener.say
@@ -888,21 +889,21 @@ class InMemory(States):
 # Solve a case with every other source of its silicone, on the mesh of the run.
 
 
-def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, list[Row]]:
+def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, PathTable]:
     """Follow the path of each other source of a case's band, on its mesh's file; all ranks call it. Return rows by the
     sources' names, on all ranks; empty where the case has no such band. A path that ends early has the rows up to there.
     `RunError` if the user stopped it."""
     case, band = simulation.case, simulation.case.band
     if not isinstance(band, SourceBand):
         return {}
-    found: dict[str, list[Row]] = {}
+    found: dict[str, PathTable] = {}
     others = band.others(case.material)
     for number, (name, material) in enumerate(others.items(), 1):
         simulation.listener.say(f"solving with {name}, source {number} of {len(others)} besides the run's own")
         aside = Simulation(
             dataclasses.replace(case, material=material, band=None), simulation.comm, None, simulation.stopped
         )
-        rows = found[name] = []
+        rows = found[name] = PathTable()
         try:
             aside.prepare(mesh)
             for step in aside.steps():

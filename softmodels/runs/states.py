@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -25,12 +25,13 @@ from softmodels.common.commands import Provenance
 from softmodels.common.files import hdf5_reason
 from softmodels.common.lazy import pyvista
 from softmodels.common.units import brief
-from softmodels.runs.columns import SourceRows, StateLabels, in_order, read_sources, state_labels
-from softmodels.runs.fields import OUTPUTS, OutputField, Row
+from softmodels.runs.columns import SourceTables, StateLabels, in_order, read_sources, state_labels
+from softmodels.runs.fields import OUTPUTS, OutputField
 from softmodels.runs.formats import CELL_TYPES, Restart, opened, read_values
 from softmodels.runs.grid import OUTSIDE, Surface, surface_of
 from softmodels.runs.state_values import FacingWalls, principal
 from softmodels.runs.store import FORMAT, OLDER, Results, ResultsError
+from softmodels.runs.table import PathTable, Row, parsed
 
 STILLS = 4
 """Maximum number of states shown side by side."""
@@ -47,16 +48,17 @@ class States:
     Attributes:
         points: Undeformed nodes in device coordinates, m, shape (n, 3).
         cells, cell_name: Node numbers in VTK's order, shape (c, 10 or 6), and XDMF's name of them.
-        others: Rows of the silicone's other sources by name; empty where they were not asked for.
-        branch: Rows of the branch followed from the first bifurcation; empty if none was.
+        rows: The table of the states.
+        others: Tables of the silicone's other sources by name; empty where they were not asked for.
+        branch: That of the branch followed from the first bifurcation; empty if none was.
         made: Where they come from.
     """
 
-    def __init__(self, case: Case, rows: Sequence[Row], grid: NodalGrid, read: Callable[[int, str], Array]):
-        self.case, self.rows, self._read = case, list(rows), read
+    def __init__(self, case: Case, rows: Iterable[Row], grid: NodalGrid, read: Callable[[int, str], Array]):
+        self.case, self.rows, self._read = case, PathTable(rows), read
         self.points, self.cells, self.cell_name = grid
-        self.others: SourceRows = {}
-        self.branch: Sequence[Row] = ()
+        self.others: SourceTables = {}
+        self.branch = PathTable()
         self.made = Provenance()
 
     @property
@@ -92,11 +94,11 @@ class States:
     @property
     def bifurcation(self) -> int | None:
         """The first bifurcation of the path; None if there is none."""
-        return next((step for step, row in enumerate(self.rows) if row.get("bifurcation")), None)
+        return next(iter(np.flatnonzero(self.rows.get("bifurcation")).tolist()), None)
 
     @functools.cached_property
-    def sources(self) -> dict[str, Sequence[Row]]:
-        """Rows of each source of the silicone, the run's own among them; none where no others were solved."""
+    def sources(self) -> dict[str, PathTable]:
+        """Tables of each source of the silicone, the run's own among them; none where no others were solved."""
         return in_order(self.case, self.rows, self.others)
 
     def field(self, step: float, name: str) -> Array:
@@ -130,16 +132,16 @@ class States:
         """Position of each step along the path, from 0 to 1, shape (steps,): of a program by its steps, else by the pressure
         where it only rises; past a limit point by the arc length of pressure and volume."""
         if self.case.program:
-            steps = np.array([row["load_step"] for row in self.rows])
+            steps = self.rows["load_step"]
             return steps / (steps[-1] or 1.0)
         # Of a dead load its magnitude stands for the pressure, and what it moves for the volume.
         raised, moved = self.words.along
-        pressure = np.array([row[raised] for row in self.rows])
+        pressure = self.rows[raised]
         if len(pressure) == 1:
             return np.zeros(1)
         if (np.diff(pressure) > 0).all():
             return np.asarray((pressure - pressure[0]) / (pressure[-1] - pressure[0]))
-        path = np.column_stack([pressure, [row[moved] for row in self.rows]])
+        path = np.column_stack([pressure, self.rows[moved]])
         size = np.ptp(path, axis=0)
         lengths = np.linalg.norm(np.diff(path, axis=0) / np.where(size > 0, size, 1.0), axis=1)
         along = np.concatenate([[0.0], np.cumsum(lengths)])
@@ -155,7 +157,11 @@ class States:
             return list[float](asked)
         if not self.loaded:
             return [len(self.rows) - 1]
-        if even := [] if self.case.program else round_steps(self.rows[: self.main + 1], self.case.column, most):
+        if (
+            even := []
+            if self.case.program
+            else round_steps(self.rows[: self.main + 1], parsed(self.case.column)[0], most)
+        ):
             return even
         wanted = np.linspace(0.0, 1.0, most + 1)[1:]
         places = self.along[self.loaded]
@@ -188,13 +194,14 @@ class StoredStates(States):
         if not self.results.rows:
             raise ResultsError(f"the results in {folder} hold no step yet, so there is nothing to draw")
         case = case or Case.from_file(folder / "case.toml")
+        self.results.cm = case.cm
         with opened(self.results.heavy) as file:
             points, cells = (np.asarray(read_values(file, f"mesh/{name}")) for name in ("points", "cells"))
             grid = points, cells, str(file["mesh"].attrs["cell_name"])
         read = functools.lru_cache(maxsize=24)(lambda step, field: self.fields(step, (field,))[field])
         super().__init__(case, self.results.rows, grid, read)
         self._mesh = (home or folder) / f"{case.name}.msh"
-        self.others = read_sources(folder) if isinstance(case.band, SourceBand) else {}
+        self.others = read_sources(folder, case.cm) if isinstance(case.band, SourceBand) else {}
         self.branch = self.results.branch_rows
         self.made = Provenance.from_table(self.results.own.about.get("made"))
 
@@ -232,20 +239,20 @@ class StoredStates(States):
             ) from None
 
 
-def row_at(rows: Sequence[Row], step: float) -> Row:
+def row_at(rows: PathTable, step: float) -> Row:
     """Return the row of a state, of step 2.5 the mean of the numbers of steps 2 and 3."""
     begin, share = int(step), step - int(step)
     if not share:
         return rows[begin]
     pairs = [(name, value, rows[begin + 1].cells.get(name)) for name, value in rows[begin].cells.items()]
     both = [(name, a, b) for name, a, b in pairs if isinstance(a, int | float) and isinstance(b, int | float)]
-    return Row((name, (1 - share) * a + share * b) for name, a, b in both)
+    return Row(((name, (1 - share) * a + share * b) for name, a, b in both), rows[begin].cm)
 
 
-def round_steps(rows: Sequence[Row], column: str, most: int) -> list[float]:
-    """Return where a column has round values, at most ``most``, and the last step; empty unless it only rises, or only falls
-    from 0. Fractions are between two steps, where the column is taken as straight."""
-    values = np.array([row[column] for row in rows])
+def round_steps(rows: PathTable, variable: str, most: int) -> list[float]:
+    """Return where a variable has round values in the unit in which it is shown, at most ``most``, and the last step; empty
+    unless it only rises, or only falls from 0. Fractions are between two steps, where it is taken as straight."""
+    values = rows.shown(variable)
     values = values * np.sign(values[-1])
     if len(values) < 2 or not values[-1] or not (np.diff(values) > 0).all():
         return []

@@ -15,7 +15,7 @@ import json
 import math
 import os
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import h5py
@@ -27,8 +27,7 @@ from softmodels.case.materials import SourceBand
 from softmodels.common.errors import Spoken
 from softmodels.common.files import hdf5_reason, remove_steps, replace, replace_hdf5
 from softmodels.common.folders import PATIENCE, OwnFolder
-from softmodels.runs.columns import FILE as SOURCES, SourceRows, in_order, read_sources, write_sources
-from softmodels.runs.fields import Row
+from softmodels.runs.columns import FILE as SOURCES, SourceTables, in_order, read_sources, write_sources
 from softmodels.runs.formats import (
     RESTART,
     ROW,
@@ -43,6 +42,7 @@ from softmodels.runs.formats import (
     write_gathered,
     write_light,
 )
+from softmodels.runs.table import PathTable, Row
 
 PICTURES = ("profile", "loop", "mesh", "slice", "mode", "undeformed", "cut", "hot-spots", "stress",
             *(f"stress-{k}" for k in range(1, 5)))  # fmt: skip
@@ -72,11 +72,11 @@ def not_passed(steps: Mapping[int, StoredStep]) -> list[int]:
     resumed one have passed: it may take other steps in time, and fewer."""
     reached, numbers = -math.inf, []
     for number in sorted(steps):
-        row = steps[number].row
+        row = Row(steps[number].cells)
         come = row.get("load_step", math.inf)
         if reached < come:
             numbers.append(number)
-            reached = come if come < math.inf and (row["requested"] or "time_s" in row) else reached
+            reached = come if come < math.inf and (row["requested"] or "time" in row) else reached
     return numbers
 
 
@@ -94,11 +94,12 @@ class Results:
         stored: The states, in their order.
         later: By number, those of the run that is resumed which are found again: each stays until a new one has come as far.
         started: When the run that writes them began (`time.monotonic`); None if unknown.
+        cm: Pa in one cm of the case's column; None for the usual liquid.
     """
 
-    def __init__(self, folder: Path, name: str, gauge: str = "apex", kind: str = RUN):
+    def __init__(self, folder: Path, name: str, gauge: str = "apex", kind: str = RUN, cm: float | None = None):
         self.own = OwnFolder(folder, kind)
-        self.folder, self.name, self.gauge = folder, name, gauge
+        self.folder, self.name, self.gauge, self.cm = folder, name, gauge, cm
         self.stored: list[StoredStep] = []
         self.later: dict[int, StoredStep] = {}
         self._about: dict[str, object] = {}
@@ -114,30 +115,32 @@ class Results:
         return self.folder / f"{self.name}.steps"
 
     @property
-    def rows(self) -> list[Row]:
-        return [step.row for step in self.stored]
+    def rows(self) -> PathTable:
+        return PathTable.read((step.cells for step in self.stored), self.cm)
 
     def branch(self) -> Results:
         """Results of the branch at this path's bifurcation, in their own folder, which may not exist."""
-        return Results(self.own.path / BRANCH.strip("/"), self.name, self.gauge, "branch")
+        return Results(self.own.path / BRANCH.strip("/"), self.name, self.gauge, "branch", self.cm)
 
     @property
-    def branch_rows(self) -> list[Row]:
+    def branch_rows(self) -> PathTable:
         """Rows of the followed branch; empty if there is none."""
         branch = self.branch()
         if branch.heavy.exists():
             branch.load()
         return branch.rows
 
-    def write_sources(self, sources: SourceRows) -> None:
+    def write_sources(self, sources: SourceTables) -> None:
         """Write the paths of the silicone's other sources, if any."""
         if sources:
             self.own.claim([SOURCES])
             write_sources(self.folder, sources)
 
-    def sources(self, case: Case) -> dict[str, Sequence[Row]]:
-        """Return the rows of each source of the silicone, the run's own included; empty if no others were solved."""
-        return in_order(case, self.rows, read_sources(self.folder) if isinstance(case.band, SourceBand) else {})
+    def sources(self, case: Case) -> dict[str, PathTable]:
+        """Return the table of each source of the silicone, the run's own included; empty if no others were solved."""
+        return in_order(
+            case, self.rows, read_sources(self.folder, case.cm) if isinstance(case.band, SourceBand) else {}
+        )
 
     @property
     def files(self) -> list[str]:
@@ -254,7 +257,7 @@ class Results:
 
         path = self.steps / f"{len(self.stored):04d}.h5"
         replace_hdf5(path, fill)
-        self.stored.append(StoredStep(f"{self.steps.name}/{path.name}", "", row, restart.copy(), shapes_of(flat)))
+        self.stored.append(StoredStep(f"{self.steps.name}/{path.name}", "", row.cells, restart.copy(), shapes_of(flat)))
         known = dict(enumerate(self.stored))
         self.later = {step: self.later[step] for step in not_passed(self.later | known) if step not in known}
         self.write_light()

@@ -15,7 +15,7 @@ from softmodels.case.load import steps_of
 from softmodels.cli.run import run
 from softmodels.common.commands import RunOptions
 from softmodels.materials.laws import NeoHookean
-from softmodels.runs.columns import PathColumn, term
+from softmodels.runs.columns import Variable, term
 from softmodels.runs.fields import OUTPUTS, Extreme, ForceMeasure, OutputField, register_output
 
 SMALLEST = OutputField(
@@ -24,12 +24,10 @@ SMALLEST = OutputField(
     "smallest stretch",
     lambda at: at.at_nodes(at.stretches[..., 0], positive=True),
     lambda at: at.stretches[..., 0],
-    (Extreme("min_stretch", "smallest stretch", "where the silicone is pressed together most", least=True),),
+    (Extreme("min_stretch", "", "smallest stretch", "where the silicone is pressed together most", least=True),),
 )
 RADIAL = OutputField("turned", "m", "displacement, turned", lambda at: at.displacement[:, [2, 0, 1]])
-MEAN = PathColumn(
-    "mean_rise_mm", "mean rise", "of all nodes", lambda s: 1e3 * float(s.nodal["displacement"][:, 2].mean())
-)
+MEAN = Variable("mean_rise", "mm", "mean rise", "of all nodes", lambda s: float(s.nodal["displacement"][:, 2].mean()))
 NODES = ForceMeasure(
     "nodes", lambda sampling, state: {"nodes_here": float(sampling.grid.owned)}, {"nodes_here": ("nodes", "of a rank")}
 )
@@ -46,7 +44,7 @@ def folder(tmp_path_factory):
         yield folder
     finally:
         for output in added:
-            del OUTPUTS[output.name]
+            del OUTPUTS[output.key]
 
 
 def test_the_field_and_its_extreme_are_in_every_file(folder):

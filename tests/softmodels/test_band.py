@@ -63,7 +63,7 @@ def test_the_limit_point(run):
     row = next(row for row in run.rows if row["limit"])
     expected = half(slopes(lambda other: sm.limit(DISK, other).pressure))
     assert row["pressure_ci95_cm"] * run.case.cm == pytest.approx(expected, rel=1e-3)
-    (note,) = band_notes(run.rows)
+    (note,) = band_notes(run.table)
     low, high = row["pressure_cm"] - row["pressure_ci95_cm"], row["pressure_cm"] + row["pressure_ci95_cm"]
     assert f"between {low:.4g} and {high:.4g} cm" in note
 
@@ -156,9 +156,9 @@ def test_no_band_of_a_cycle():
 
 
 def test_titles_tell_the_pressure_and_not_its_band(run):
-    row, words = run.last.row, state_labels(run.case)
-    assert row["pressure_ci95_cm"] > 0.0 and headline(row, words).startswith(f"{row['pressure_cm']:.4g} cm, 0.97 g/ml")
-    assert (words.pressures(row), words.volumes(row)) == (["pressure_cm"], ["added_volume_ml"])
+    row, words = run.table[-1], state_labels(run.case)
+    assert row["pressure_ci95"] > 0.0 and headline(row, words).startswith(f"{row.shown('pressure'):.4g} cm, 0.97 g/ml")
+    assert (words.pressures(row), words.volumes(row)) == (["pressure"], ["added_volume"])
     assert term("pressure_ci95_cm", DISK).name.startswith("band") and term(
         "added_volume_ci95_ml", DISK
     ).name.startswith("band")
@@ -227,7 +227,7 @@ def test_a_silicones_band_has_a_path_for_each_source(spanned):
             [row["apex_mm"] for row in alone.rows], rel=1e-9
         )
     plain = sm.inflate(SHADOW, sm.silicone(ECOFLEX), "0,20,31 cm")
-    assert [row.cells for row in plain.rows] == [row.cells for row in spanned.rows] and not plain.sources
+    assert plain.rows == spanned.rows and not plain.sources
 
 
 def test_what_the_sources_span_is_told_and_drawn(spanned):

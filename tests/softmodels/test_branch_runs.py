@@ -16,6 +16,7 @@ from softmodels.path.supply import Syringe
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.notes import jumped_over, stability_text, unlocated, unseen
 from softmodels.runs.store import Results
+from softmodels.runs.table import PathTable
 from tests.support import runs
 
 WORDS = StateLabels("tip")
@@ -90,19 +91,18 @@ def test_a_slice_says_what_it_cannot_show(device, words):
 def test_a_bifurcation_that_was_passed_unlocated_is_told():
     keys = ("pressure_cm", "limit", "stable_under_pressure", "stable_under_volume", "negative_eigenvalues")
     table = ((30.0, 0, 1, 1, 0), (34.2, 1, 1, 1, 0), (34.0, 0, 0, 1, 1), (33.0, 0, 0, 0, 2))
-    rows = [dict(zip(keys, values, strict=True)) for values in table]
-    assert (
-        unlocated(rows[:3], WORDS) == "" and unlocated([*rows[:3], {**rows[2], "bifurcation": 1}, rows[3]], WORDS) == ""
-    )
+    cells = [dict(zip(keys, values, strict=True)) for values in table]
+    rows = PathTable.read(cells)
+    found = PathTable.read([*cells[:3], {**cells[2], "bifurcation": 1}, cells[3]])
+    assert unlocated(rows[:3], WORDS) == "" and unlocated(found, WORDS) == ""
     assert "between 34 and 33 cm could not be located" in stability_text(rows, SeminarActuator(part="full"), WORDS)
 
 
 def test_a_syringe_that_cannot_hold_a_state_is_told():
     row = {"negative_eigenvalues": 1, "stable_under_pressure": 0, "stable_under_volume": 1, "pressure_cm": 33.0,
            "stroke_ml": 12.0, "stable_under_supply": 0}  # fmt: skip
-    text = stability_text(
-        [{**row, "stable_under_supply": 1, "stroke_ml": 11.0}, row], SeminarActuator(part="full"), WORDS
-    )
+    rows = PathTable.read([{**row, "stable_under_supply": 1, "stroke_ml": 11.0}, row])
+    text = stability_text(rows, SeminarActuator(part="full"), WORDS)
     assert "at 12 ml of stroke (33 cm)" in text and "skipping 1 of the states" in text
 
 
@@ -167,7 +167,7 @@ def test_a_case_with_a_syringe_survives_its_file():
 def test_states_that_a_syringe_jumps_over():
     """All between the stroke's limit point and the landing, held or not; with no landing all to the end."""
     told = [(1, 0, 0), (1, 1, 0), (0, 0, 0), (1, 0, 0), (1, 0, 1), (1, 0, 0)]
-    rows = [dict(zip(("stable_under_supply", "stroke_limit", "jump"), row, strict=True)) for row in told]
+    rows = PathTable.read(dict(zip(("stable_under_supply", "stroke_limit", "jump"), row, strict=True)) for row in told)
     assert jumped_over(rows) == [2, 3]
     assert jumped_over(rows[:4]) == [2, 3] and jumped_over(rows[:2]) == []
-    assert jumped_over([{"jump": 0}, {"jump": 1}]) == []
+    assert jumped_over(PathTable.read([{"jump": 0}, {"jump": 1}])) == []

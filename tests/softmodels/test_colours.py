@@ -17,9 +17,9 @@ from softmodels.pictures.offscreen import look
 from softmodels.pictures.solid import cut_open
 from softmodels.pictures.style import DPI, FOOT, STYLE, Caption, Pixels, Scale, drawn, load, page
 from softmodels.runs.columns import StateLabels
-from softmodels.runs.fields import Row
 from softmodels.runs.grid import fine_triangles, outline
 from softmodels.runs.states import StoredStates
+from softmodels.runs.table import PathTable, Row
 
 
 def corners(states):
@@ -151,7 +151,7 @@ def test_a_hot_spot_is_marked_on_the_wall_that_has_it(wedge):
         ((0.0, 0.0, disk.height), "on the outer face"),
     ):
         row = {f"max_stretch_{axis}_mm": 1e3 * x for axis, x in zip("xyz", place, strict=True)}
-        states.rows[step] = Row({**states.rows[step].cells, "max_stretch": 1.5, **row})
+        states.rows = PathTable([Row({**one.cells, "max_stretch": 1.5, **row}) for one in states.rows])
         found = offscreen.hot_spot(states, step)
         assert (found.value, found.wall) == (1.5, wall)
         assert np.linalg.norm(found.place - np.array(place)) < 3e-3

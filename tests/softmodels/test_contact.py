@@ -21,6 +21,7 @@ from softmodels.pictures.style import WARNING, headline, title_colour
 from softmodels.runs.columns import overlap_text, state_labels
 from softmodels.runs.notes import contact_notes, left_out
 from softmodels.runs.state_values import FacingWalls, _near
+from softmodels.runs.table import PathTable, Row
 from tests.support import made_up as drawings, runs
 
 COARSE = PneuNet(chambers=2, cell_size=0.006)
@@ -225,9 +226,9 @@ def test_a_facet_that_is_folded_onto_itself_is_an_invalid_state(name, width, dep
     if name == "Tetrahedron_10":
         turn = np.array([[0.0, 0.6, 0.8], [1.0, 0.0, 0.0], [0.0, 0.8, -0.6]])
         assert FacingWalls(3 * points @ turn, np.arange(10)[None], name).folded(3 * moved @ turn) == folded
-    row = {**fingers[0]._source.rows[-1], "walls_touch": 1}
+    row = Row({**fingers[0]._source.rows[-1].cells, "walls_touch": 1})
     assert overlap_text(row) == "SURFACE FOLDED onto itself: invalid state"
-    (note,) = contact_notes(fingers[0]._source.case, [row])
+    (note,) = contact_notes(fingers[0]._source.case, PathTable([row]))
     assert note.startswith("SURFACE FOLDED: from 3 cm on, in one state, ")
 
 

@@ -22,6 +22,7 @@ from softmodels.pictures.style import headline
 from softmodels.runs.columns import term
 from softmodels.runs.notes import advice
 from softmodels.runs.states import StoredStates
+from softmodels.runs.table import Row
 from tests.support import runs
 
 TUBE, HALF = sm.Cylinder(), sm.Cylinder(section="half", strip=90.0)
@@ -94,7 +95,7 @@ def test_a_face_that_the_direction_is_square_to():
 
 
 def test_a_lost_path_names_them():
-    last = {"max_stretch": 1.1, "J_min": 0.99}
+    last = Row({"max_stretch": 1.1, "J_min": 0.99})
     cloth, hoop = Fabric(on="strip", along=1e5, across=1e3), Fibres(on="outer", stiffness=2e4, angle=90.0)
     braid = Fibres(on="wall", modulus=1.25e6, name="braid")
     text = advice(case(HALF, cloth, hoop, braid), last)
@@ -105,9 +106,9 @@ def test_a_lost_path_names_them():
 
 def test_a_lost_path_names_walls_that_press_on_each_other():
     components = case(TUBE, Walls(faces="outer", name="side"))
-    text = advice(components, {"max_stretch": 1.1, "J_min": 0.99, "side_overlap_mm": 0.0123})
+    text = advice(components, Row({"max_stretch": 1.1, "J_min": 0.99, "side_overlap_mm": 0.0123}))
     assert "[walls.side] (outer) are in contact and overlap by 0.0123 mm" in text and "than 2000" in text
-    assert "No cause was found" in advice(components, {"max_stretch": 1.1, "J_min": 0.99})
+    assert "No cause was found" in advice(components, Row({"max_stretch": 1.1, "J_min": 0.99}))
 
 
 def test_their_columns_are_explained():

@@ -27,8 +27,8 @@ from softmodels.common import folders
 from softmodels.common.folders import OwnFolder
 from softmodels.components.contact import Obstacle
 from softmodels.disk import command
-from softmodels.runs.fields import Row
 from softmodels.runs.store import Results
+from softmodels.runs.table import Row
 from tests.support import runs
 
 BASIC = ["--section=axisymmetric", "--no-pictures", "--quiet"]

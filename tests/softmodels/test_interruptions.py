@@ -15,8 +15,8 @@ import h5py
 import numpy as np
 import pytest
 
-from softmodels.runs.fields import Row
 from softmodels.runs.store import Results, ResultsError
+from softmodels.runs.table import Row
 from tests.benchmarks import kills
 from tests.support import runs
 

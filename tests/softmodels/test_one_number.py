@@ -18,10 +18,10 @@ from softmodels.components.rigid import Rigid
 from softmodels.pictures import curves, offscreen, report, solid
 from softmodels.pictures.offscreen import look
 from softmodels.pictures.style import Pixels, headline
-from softmodels.runs.columns import PathColumn, StateLabels, every_column, overlap_of, state_labels, term
-from softmodels.runs.fields import Row
+from softmodels.runs.columns import StateLabels, Variable, every_variable, overlap_of, state_labels, term
 from softmodels.runs.notes import events, gained, jumps_text, risen, unlocated
 from softmodels.runs.states import StoredStates
+from softmodels.runs.table import PathTable, Row
 from tests.support import runs
 
 CYCLE = (
@@ -85,7 +85,7 @@ def test_a_picture_has_the_largest_value_of_its_own_state(inflated):
     for step, row in ((lower, rows[lower]), (len(rows) - 1, rows[-1])):
         words = f"integration point: {row['max_von_mises_kPa']:.4g} kPa"
         assert words in texts(solid.section_stress(seen, step)) and words in seen.caption(step, None, scale).largest
-    between = seen.states.row(lower - 0.5)["max_von_mises_kPa"]
+    between = seen.states.row(lower - 0.5).shown("max_von_mises")
     assert f"integration point: {between:.4g} kPa" in seen.caption(lower - 0.5, None, scale).largest
     assert f"integration point: {rows[-1]['max_von_mises_kPa']:.4g} kPa" in texts(solid.section_sheet(seen))
 
@@ -104,7 +104,7 @@ def test_centimetres_name_their_liquid(inflated, tmp_path):
     water = dataclasses.replace(states.case, water_density=998.2)
     row = Row({"pressure_cm": 10.0, "pressure_Pa": 978.9, "apex_mm": 1.0})
     assert headline(row, state_labels(water)) == "10 cm, 0.9982 g/ml (0.979 kPa), apex rise 1.00 mm"
-    assert curves.over_of(water) == ("pressure_cm", "pressure in cm, 0.9982 g/ml")
+    assert curves.over_of(water) == ("pressure", "pressure in cm, 0.9982 g/ml")
     limits = runs.run("-m", "softmodels", "limit", "--variant", "shadow", "--cell-size", "6mm", "--refinement", "1",
                       "--water-density", "1000kg/m^3")  # fmt: skip
     assert re.search(r"limit pressure \d+\.\d+ cm, 1 g/ml \(", limits.out), limits.err
@@ -112,9 +112,9 @@ def test_centimetres_name_their_liquid(inflated, tmp_path):
 
 def test_columns_are_described_by_their_own_names():
     """Not by a pattern that a part's columns have: the least gap is not the gap between walls named least."""
-    for column in every_column():
-        if isinstance(column, PathColumn):
-            assert term(column.name, None, "{supply}").name == column.title, column.name
+    for variable in every_variable():
+        if isinstance(variable, Variable):
+            assert term(variable.key, None, "{supply}").name == variable.title, variable.key
     loaded = Case(
         "disk",
         HollowDisk(),
@@ -133,7 +133,7 @@ def test_without_walls_near_each_other_no_gap_is_told(inflated):
     assert rows[0]["least_gap_mm"] is rows[-1]["least_gap_mm"] is None
     states = StoredStates(folder, "disk")
     assert "gap between" not in report.Report(look(states), folder, "disk").write().read_text()
-    assert overlap_of(states.rows[-1]) == 0.0 and overlap_of(Row({"least_gap_mm": -0.5})) == 0.5
+    assert overlap_of(states.rows[-1]) == 0.0 and overlap_of(Row({"least_gap_mm": -0.5})) == 0.5e-3
 
 
 def test_a_cycle_tells_its_jumps(cycled):
@@ -146,15 +146,16 @@ def test_a_cycle_tells_its_jumps(cycled):
         before, after = rows[k - 1], rows[k]
         assert f"at {before['pressure_cm']:.4g} cm it" in done.out
         assert f"apex rise {before['apex_mm']:.4g} to {after['apex_mm']:.4g} mm" in done.out
-    jumps = [event for event in events(rows, StateLabels("apex")) if event["kind"] == "jump"]
+    path = PathTable.read(rows)
+    jumps = [event for event in events(path, StateLabels("apex")) if event["kind"] == "jump"]
     assert [jump["way"] for jump in jumps] == ["inflates", "collapses", "collapses"]
     assert [jump["from_apex_mm"] for jump in jumps] == [rows[k - 1]["apex_mm"] for k in landed]
     # Limit points that it comes to from the other side are no bifurcations.
-    assert unlocated(rows, StateLabels("apex")) == "" and "could not be located" not in done.out
+    assert unlocated(path, StateLabels("apex")) == "" and "could not be located" not in done.out
 
 
 def test_what_sinks_is_said_to_sink():
-    assert (risen(-8.6946), risen(0.0), gained(-4.0041), gained(6.5)) == (
+    assert (risen(-8.6946e-3), risen(0.0), gained(-4.0041e-6), gained(6.5e-6)) == (
         "sunk 8.695 mm", "risen 0 mm", "lost 4.004 ml", "gained 6.5 ml"
     )  # fmt: skip
 
@@ -162,7 +163,7 @@ def test_what_sinks_is_said_to_sink():
 def test_a_syringes_jump_starts_where_its_gas_still_held():
     keys = ("pressure_cm", "added_volume_ml", "apex_mm", "stable_under_supply", "jump", "stroke_limit")
     table = ((20, 5, 4, 1, 0, 0), (21, 6, 5, 1, 0, 1), (19, 9, 8, 0, 0, 0), (15, 20, 16, 1, 1, 0))
-    rows = [dict(zip(keys, row, strict=True)) for row in table]
+    rows = PathTable.read(dict(zip(keys, row, strict=True)) for row in table)
     assert jumps_text(rows, StateLabels("apex")) == (
         "snap-through: at 21 cm to 15 cm it inflates, apex rise 5 to 16 mm, added volume 6 to 20 ml"
     )
@@ -170,7 +171,8 @@ def test_a_syringes_jump_starts_where_its_gas_still_held():
 
 def test_a_snap_that_hardly_moves_the_device_is_that_of_a_part():
     keys = ("pressure_cm", "added_volume_ml", "apex_mm", "jump")
-    rows = [dict(zip(keys, row, strict=True)) for row in ((0, 0, 0, 0), (-8, -9, -4, 0), (-8.1, -9.1, -4, 1))]
+    table = ((0, 0, 0, 0), (-8, -9, -4, 0), (-8.1, -9.1, -4, 1))
+    rows = PathTable.read(dict(zip(keys, row, strict=True)) for row in table)
     assert jumps_text(rows, StateLabels("apex")).startswith(
         "snap-through: at -8 cm to -8.1 cm it snaps in a part, apex"
     )
@@ -178,7 +180,7 @@ def test_a_snap_that_hardly_moves_the_device_is_that_of_a_part():
 
 def test_profiles_of_a_cycle_are_labelled_by_their_part_of_the_path(cycled):
     rows = runs.rows(cycled[0])
-    places = curves.branches(rows, StateLabels("apex"))
+    places = curves.branches(PathTable.read(rows), StateLabels("apex"))
     landed = [k for k, row in enumerate(rows) if row["jump"]]
     asked = [(row["pressure_cm"], place) for row, place in zip(rows, places, strict=True) if row["requested"]]
     jumped = "after snap-through"
@@ -189,18 +191,18 @@ def test_profiles_of_a_cycle_are_labelled_by_their_part_of_the_path(cycled):
 
 def test_a_path_by_volume_is_past_the_limit_until_it_is_stable_again():
     stable, limit = (1, 1, 1, 0, 0, 0, 1), (0, 0, 1, 0, 0, 1, 0)
-    rows = [
+    rows = PathTable.read(
         {"pressure_Pa": p, "added_volume_ml": k, "limit": limit[k], "stable_under_pressure": stable[k]}
         for k, p in enumerate((0, 5, 6, 5, 4, 3, 4))
-    ]
+    )
     words = ["", "", "limit point", "past the limit point", "past the limit point", "limit point", "stable again"]
     assert curves.branches(rows, StateLabels("apex")) == words
 
 
 def test_forces_are_in_the_closing_line():
-    assert run.pressed({"blocked_force_N": 0.123456}) == ", blocked force 0.1235 N"
-    assert run.pressed({"contact_force_N": 3.07765}) == ", contact force 3.078 N"
-    assert run.pressed({"pressure_cm": 3.0}) == ""
+    assert run.pressed(Row({"blocked_force_N": 0.123456})) == ", blocked force 0.1235 N"
+    assert run.pressed(Row({"contact_force_N": 3.07765})) == ", contact force 3.078 N"
+    assert run.pressed(Row({"pressure_cm": 3.0})) == ""
 
 
 def test_lengths_are_written_as_people_write_them():

@@ -26,6 +26,7 @@ from softmodels.runs.columns import StateLabels
 from softmodels.runs.grid import CUT
 from softmodels.runs.states import States, StoredStates, round_steps
 from softmodels.runs.store import Results, ResultsError
+from softmodels.runs.table import PathTable
 from tests.support import made_up as drawings
 
 RISE, SPREAD, STEPS = 4e-3, 0.05, 6
@@ -138,8 +139,8 @@ def plain(folder: Path, into: Path) -> Path:
     return into
 
 
-def rows(pressures: list[float], requested: set[float], limit: float | None = None) -> list[dict[str, float]]:
-    return [
+def rows(pressures: list[float], requested: set[float], limit: float | None = None) -> PathTable:
+    return PathTable.read(
         {
             "pressure_cm": p,
             "pressure_Pa": 95.0 * p,
@@ -149,7 +150,7 @@ def rows(pressures: list[float], requested: set[float], limit: float | None = No
             "limit": int(p == limit),
         }
         for k, p in enumerate(pressures)
-    ]
+    )
 
 
 def test_which_steps_the_profile_shows():
@@ -221,23 +222,23 @@ def test_the_smooth_curve_keeps_points_and_turning_points():
 
 def test_the_state_shown_is_the_last_requested_one(wedge):
     states, _ = loaded(wedge)
-    assert states.rows[states.main]["pressure_cm"] == 100.0
+    assert states.rows[states.main].shown("pressure") == 100.0
     assert states.field(states.main, "displacement")[:, 2].max() == pytest.approx(0.6 * RISE)
-    assert [states.rows[k]["pressure_cm"] for k in states.shown()] == [50.0, 100.0]
+    assert [states.rows[k].shown("pressure") for k in states.shown()] == [50.0, 100.0]
     # The pressure turns at 120 cm: the path is measured along its arc there.
     assert (np.diff(states.along) > 0).all() and states.along[[0, -1]].tolist() == [0.0, 1.0]
     half = states.field(2.5, "displacement")
     assert half == pytest.approx((states.field(2, "displacement") + states.field(3, "displacement")) / 2)
-    assert states.row(2.5)["pressure_cm"] == 75.0
+    assert states.row(2.5).shown("pressure") == 75.0
 
 
 def test_few_requested_values_are_filled_up_with_round_ones():
     """Between two steps where the path has none there, and none right before the last; not where the pressure turns."""
-    path = [{"pressure_cm": 177.0 * k / 13} for k in range(14)]
-    found = round_steps(path, "pressure_cm", 4)
+    path = PathTable.read({"pressure_cm": 177.0 * k / 13} for k in range(14))
+    found = round_steps(path, "pressure", 4)
     assert found == pytest.approx([50 * 13 / 177, 100 * 13 / 177, 150 * 13 / 177, 13])
-    assert round_steps([{"pressure_cm": 10.0 * k} for k in range(17)], "pressure_cm", 4) == [5, 10, 16]
-    assert round_steps([{"pressure_cm": p} for p in (0.0, 20.0, 10.0)], "pressure_cm", 4) == []
+    assert round_steps(PathTable.read({"pressure_cm": 10.0 * k} for k in range(17)), "pressure", 4) == [5, 10, 16]
+    assert round_steps(PathTable.read({"pressure_cm": p} for p in (0.0, 20.0, 10.0)), "pressure", 4) == []
 
 
 def test_fine_triangles_keep_area_and_bend():

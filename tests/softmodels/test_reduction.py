@@ -29,7 +29,7 @@ from softmodels.decks.reduction import (
     inverse_left_jacobian,
     usable,
 )
-from softmodels.runs.fields import Row
+from softmodels.runs.table import PathTable, Row
 
 FINGER = sm.BendingBellows(folds=1, cell_size=0.006)
 MU, DEVIATION = 30e3, 600.0
@@ -417,7 +417,10 @@ def test_rotations_past_half_a_turn():
 def test_table_ends_at_the_limit_point():
     plain = {"bifurcation": 0, "jump": 0, "limit": 0}
     rows = [{**plain, "pressure_Pa": p} for p in (0.0, 1.0, 2.0, 2.5)]
-    assert usable(rows) == ([0, 1, 2, 3], "")
-    assert usable([*rows, {**plain, "pressure_Pa": 2.4}]) == ([0, 1, 2, 3], "limit point")
-    assert usable([*rows, {**plain, "pressure_Pa": 2.6, "limit": 1}]) == ([0, 1, 2, 3], "limit point")
-    assert usable([*rows[:2], {**plain, "pressure_Pa": 2.0, "bifurcation": 1}, *rows[2:]])[1] == "bifurcation"
+    for more, found in (
+        (rows, ([0, 1, 2, 3], "")),
+        ([*rows, {**plain, "pressure_Pa": 2.4}], ([0, 1, 2, 3], "limit point")),
+        ([*rows, {**plain, "pressure_Pa": 2.6, "limit": 1}], ([0, 1, 2, 3], "limit point")),
+        ([*rows[:2], {**plain, "pressure_Pa": 2.0, "bifurcation": 1}, *rows[2:]], ([0, 1], "bifurcation")),
+    ):
+        assert usable(PathTable.read(more)) == found

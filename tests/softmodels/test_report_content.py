@@ -129,7 +129,8 @@ def test_every_column_is_explained_with_its_unit(pressed, stretched):
         for column in header:
             meaning = term(column, device)
             assert meaning.text, column
-            assert bool(meaning.unit) == bool(re.search(r"_(cm|mm|ml|Pa|kPa|mJ|N|deg|per_m|per_mm2)$", column)), column
+            endings = "cm|mm|ml|Pa|kPa|mJ|N|deg|per_m|per_mm2|mm2|per_min|s"
+            assert bool(meaning.unit) == bool(re.search(rf"_({endings})$", column)), column
         text = page(folder)
         assert all(f"<code>{column}</code>" in text for column in header)
     slab = SeminarActuator()
@@ -146,11 +147,12 @@ def test_a_curled_edge_is_not_called_a_soft_contact():
     from softmodels.case.materials import DEFAULT
     from softmodels.components.contact import Obstacle
     from softmodels.runs.notes import depth_notes
+    from softmodels.runs.table import PathTable
 
     case = Case("disk", HollowDisk(), DEFAULT, (10.0,), components=[Obstacle("top", "z = 20 mm")])
     row = {"contact_depth_mm": 0.3}
-    (edge,) = depth_notes(case, [{**row, "contact_force_N": 0.05}])
-    (face,) = depth_notes(case, [{**row, "contact_force_N": 12.0}])
+    (edge,) = depth_notes(case, PathTable.read([{**row, "contact_force_N": 0.05}]))
+    (face,) = depth_notes(case, PathTable.read([{**row, "contact_force_N": 12.0}]))
     assert "an edge" in edge and "use a --contact-stiffness above" not in edge
     assert "use a --contact-stiffness above 300" in face
-    assert not list(depth_notes(dataclasses.replace(case, components=()), [row]))
+    assert not list(depth_notes(dataclasses.replace(case, components=()), PathTable.read([row])))

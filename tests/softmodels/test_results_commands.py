@@ -106,8 +106,8 @@ def test_between_stored_states_figures_are_interpolated_and_said_to_be(half_sect
     from softmodels.pictures.comparison import Compared, compared
 
     one, other = Compared.from_folder(half_section), Compared.from_folder(thinner)
-    rows = [row for row in one.rows if row["pressure_cm"] != 50.0]
-    short = [row for row in other.rows if row["pressure_cm"] <= 50.0]
+    rows = one.rows.where(lambda row: row.shown("pressure") != 50.0)
+    short = other.rows.where(lambda row: row.shown("pressure") <= 50.0)
     found = compared([dataclasses.replace(one, rows=rows), dataclasses.replace(other, rows=short)])
     rise = found.figures[0]
     assert rise.what == "rise at 50 cm, interpolated" and found.outlines() is None
@@ -119,13 +119,12 @@ def test_between_stored_states_figures_are_interpolated_and_said_to_be(half_sect
 
 def test_a_vacuum_is_compared_by_its_size(half_section, thinner):
     from softmodels.pictures.comparison import Compared, compared
-    from softmodels.runs.fields import Row
+    from softmodels.runs.table import PathTable
 
     def emptied(folder):
         one = Compared.from_folder(folder)
-        return dataclasses.replace(
-            one, rows=[Row({**row.cells, "pressure_cm": -row["pressure_cm"]}) for row in one.rows]
-        )
+        cells = ({**row.cells, "pressure_cm": -row.shown("pressure")} for row in one.rows)
+        return dataclasses.replace(one, rows=PathTable.read(cells))
 
     found = compared([emptied(half_section), emptied(thinner)])
     assert found.common == -120.0 and found.figures[0].what == "rise at -120 cm"

@@ -15,6 +15,7 @@ import pytest
 
 from softmodels.case.case import Case
 from softmodels.runs.store import Results
+from softmodels.runs.table import Row
 from tests.support import runs
 
 SHADOW = '[geometry]\ndevice = "HollowDisk"\ncavity_radius = "20 mm"\nmembrane = "2 mm"\n'
@@ -56,7 +57,7 @@ def cut_off(whole, folder, count):
         part.begin(file["mesh/points"][:], file["mesh/cells"][:], str(file["mesh"].attrs["cell_name"]))
         for stored in whole.stored[:count]:
             fields = {name: values[:] for name, values in file[stored.group].items()}
-            part.add(stored.row, fields, stored.restart)
+            part.add(Row(stored.cells), fields, stored.restart)
     return part.folder
 
 

@@ -18,8 +18,8 @@ from softmodels.fitting.problem import Extra, FitError, FitOptions, LawChoice, P
 from softmodels.fitting.scoring import score
 from softmodels.materials.laws import LAWS, NeoHookean
 from softmodels.materials.specimens import MODE_NAMES, respond
-from softmodels.runs.fields import Row
 from softmodels.runs.notes import stretch_notes
+from softmodels.runs.table import PathTable
 
 TRUTH = {
     "neo-hookean": {"shear_modulus": 20e3},
@@ -229,9 +229,9 @@ def test_a_fitted_material_warns_beyond_the_stretch_it_was_fitted_to(tmp_path):
     read = material_from(str(tmp_path / "fitted.toml"), {})
     assert read.fitted_stretch == pytest.approx(report.material.fitted_stretch, rel=1e-12)
     for material in (report.material, read, Case.from_toml(case_of(read).to_toml()).material):
-        (note,) = stretch_notes(case_of(material), [Row({"max_stretch": 1.0}), Row({"max_stretch": 4.18})])
+        (note,) = stretch_notes(case_of(material), PathTable.read([{"max_stretch": 1.0}, {"max_stretch": 4.18}]))
         assert "the largest stretch, 4.18, exceeds 3, the end of the fitted range of this yeoh law" in note
-        assert not list(stretch_notes(case_of(material), [Row({"max_stretch": 2.9})]))
+        assert not list(stretch_notes(case_of(material), PathTable.read([{"max_stretch": 2.9}])))
 
 
 def case_of(material):

@@ -15,8 +15,8 @@ import h5py
 import numpy as np
 import pytest
 
-from softmodels.runs.fields import Row
 from softmodels.runs.store import Results
+from softmodels.runs.table import Row
 
 # VTK and h5py each bring an HDF5: VTK reads in a process of its own.
 READ = """

@@ -11,8 +11,8 @@ import numpy as np
 from geometries.meshing import private_model
 from softmodels.case.case import Case
 from softmodels.case.materials import DEFAULT
-from softmodels.runs.fields import Row
 from softmodels.runs.store import Results
+from softmodels.runs.table import Row
 
 RISE, SPREAD, STEPS = 4e-3, 0.05, 6
 """Of the made-up displacement at full load: rise of the top in m, radial strain; and the number of states."""

@@ -25,6 +25,7 @@ from softmodels.mechanics.system import State, System
 from softmodels.path.continuation import Continuation, trace
 from softmodels.runs.fields import Fields
 from softmodels.runs.notes import advice
+from softmodels.runs.table import Row
 from tests.support import bodies
 
 SPHERE = "closed form of a thick sphere with a bonded sheet"
@@ -196,6 +197,6 @@ def test_the_matrix_of_a_state_is_the_derivative_of_its_forces(sheeted, figure):
 def test_a_lost_path_names_the_sheet_and_whether_it_locks(actuator, stiffness, locks):
     sheet = Sheet(actuator.faces[0], stiffness)
     case = Case("device", actuator, NeoHookean(30e3, 0.49), steps=steps_of(pressure_cm=(10.0,)), components=[sheet])
-    text = advice(case, {"max_stretch": 1.1, "J_min": 0.99})
+    text = advice(case, Row({"max_stretch": 1.1, "J_min": 0.99}))
     assert f"{stiffness / 1e3:g} kN/m" in text and "--sheet-stiffness" in text and "pressed together" not in text
     assert ("50 kN/m is nearly inextensible" in text) == ("a stiffer one locks" in text) == locks

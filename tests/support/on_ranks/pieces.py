@@ -185,5 +185,5 @@ def figures(comm, folder: Path) -> dict[str, dict[str, list[float]] | str]:
             continue
         finally:
             simulation.release()
-        found[name] = {column: [row[column] for row in rows] for column in rows[-1].cells if column not in UNLIKE}
+        found[name] = {column: [row.cell(column) for row in rows] for column in rows[-1].cells if column not in UNLIKE}
     return found

@@ -1,0 +1,273 @@
+"""The table of a run: arrays in SI by the name of a variable, and the columns of ``path.csv`` that they are read from.
+
+A column is named after its variable and its unit: ``apex_mm`` holds the variable ``apex``, which is in metres everywhere but
+where it is written. What a variable is, and how it is computed, is registered in `softmodels.runs.columns`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from types import MappingProxyType
+from typing import Literal, overload
+
+import numpy as np
+
+from softmodels.common.arrays import Array
+from softmodels.common.units import pascal_per_cm
+
+Cell = float | str | None
+"""Cell of ``path.csv``: a number in the unit of its column, a word, or None if unknown."""
+Words = Literal["control"]
+"""Variables that are a word."""
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Units of the files, and their SI values.
+
+
+@dataclasses.dataclass(frozen=True)
+class Unit:
+    """A unit of files: its symbol there, that of SI, and one of it in SI; nan for the centimetre of a case's column."""
+
+    symbol: str
+    si: str
+    size: float = 1.0
+
+    def written(self, value: float) -> float:
+        """Return a value in SI in this unit."""
+        return value * round(1 / self.size) if self.size < 1.0 else value / self.size if self.size != 1.0 else value
+
+
+UNITS: Mapping[str, Unit] = MappingProxyType({
+    "N_per_m": Unit("N/m", "N/m"), "Pa_per_mm2": Unit("Pa/mm²", "Pa/m²", 1e6), "ml_per_min": Unit("ml/min", "m³/s", 1 / 60e6),
+    "per_m": Unit("1/m", "1/m"), "cm": Unit("cm", "Pa", math.nan), "mm": Unit("mm", "m", 1e-3), "ml": Unit("ml", "m³", 1e-6),
+    "Pa": Unit("Pa", "Pa"), "kPa": Unit("kPa", "Pa", 1e3), "mJ": Unit("mJ", "J", 1e-3), "Nmm": Unit("N mm", "N m", 1e-3),
+    "N": Unit("N", "N"), "deg": Unit("°", "rad", math.pi / 180), "mm2": Unit("mm²", "m²", 1e-6), "s": Unit("s", "s"),
+})  # fmt: skip
+"""By the ending of a column's name, longer endings first."""
+NUMBER = Unit("", "")
+
+
+def column_of(name: str, unit: str) -> str:
+    """Return the column of a variable: ``apex_mm`` of ``apex`` in ``mm``; of a number its name."""
+    return f"{name}_{unit}" if unit else name
+
+
+@functools.cache
+def parsed(column: str) -> tuple[str, Unit]:
+    """Return the variable of a column, and the column's unit."""
+    for ending, unit in UNITS.items():
+        if column.endswith(f"_{ending}"):
+            return column.removesuffix(f"_{ending}"), unit
+    return column, NUMBER
+
+
+def split(column: str) -> tuple[str, str]:
+    """Return a column's name without its unit, and the unit's symbol: ``apex_mm`` is ("apex", "mm")."""
+    name, unit = parsed(column)
+    return name, unit.symbol
+
+
+@dataclasses.dataclass(frozen=True)
+class ColumnText:
+    """A column: its short name, its unit ("" for a number) and its meaning, a sentence without full stop."""
+
+    name: str
+    unit: str
+    text: str
+
+    def told_of(self, supply: str) -> ColumnText:
+        """Return a copy with the name of the air supply instead of ``{supply}``."""
+        return ColumnText(self.name.replace("{supply}", supply), self.unit, self.text.replace("{supply}", supply))
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.unit})" if self.unit else self.name
+
+
+def described(column: str, texts: tuple[str, str]) -> ColumnText:
+    """Return the term of a column from its short name and its meaning."""
+    return ColumnText(texts[0], split(column)[1], texts[1])
+
+
+def at_rise(gauge: str) -> str:
+    """Return the variable of the pressure's 95 % band at the same rise of a device's gauge."""
+    return f"pressure_at_{gauge}_ci95"
+
+
+def band_of(name: str) -> str:
+    """Return the variable of the 95 % band of another."""
+    return f"{name}_ci95"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A state's row, and the table of all.
+
+
+Place = tuple[str, Unit, float]
+"""A variable's column, the column's unit, and the SI value of one in it; 0 where it is taken as it is."""
+
+
+@functools.lru_cache(maxsize=256)
+def _places(columns: tuple[str, ...], cm: float) -> tuple[Mapping[str, Place], Mapping[str, str]]:
+    """Return the place of each variable in a file's columns, and the column in which each is shown, the first one."""
+    places: dict[str, Place] = {}
+    shown: dict[str, str] = {}
+    for column in columns:
+        name, unit = parsed(column)
+        if name in places and "cm" not in (unit.symbol, places[name][1].symbol):
+            name, unit = column, NUMBER  # a point and an angle may have the same name
+        size = cm if unit.symbol == "cm" else unit.size
+        shown.setdefault(name, column)
+        if name not in places or unit.symbol != "cm":  # pascals rather than their height of column
+            places[name] = column, unit, 0.0 if size == 1.0 else size
+    return MappingProxyType(places), MappingProxyType(shown)
+
+
+class Row(Mapping[str, float]):
+    """A state: numbers in SI by the name of the variable, in the order of the file; ``row["apex"]`` in m. A number that is not
+    known is NaN. Use `get` or ``in`` for variables that only some runs have.
+
+    Attributes:
+        cells: The state as ``path.csv`` has it.
+        cm: Pa in one cm of the case's column.
+    """
+
+    __slots__ = ("_places", "_shown", "cells", "cm")
+
+    def __init__(self, cells: Mapping[str, Cell] | Iterable[tuple[str, Cell]], cm: float | None = None):
+        self.cells: dict[str, Cell] = dict(cells)
+        self.cm = pascal_per_cm() if cm is None else cm
+        self._places, self._shown = _places(tuple(self.cells), self.cm)
+
+    def __reduce__(self) -> tuple[type[Row], tuple[dict[str, Cell], float]]:
+        return Row, (self.cells, self.cm)
+
+    @overload
+    def __getitem__(self, name: Words) -> str: ...  # type: ignore[overload-overlap]
+
+    @overload
+    def __getitem__(self, name: str) -> float: ...
+
+    def __getitem__(self, name: str) -> float | str:
+        column, _, size = self._places[name]
+        value = self.cells[column]
+        if value is None:
+            return math.nan
+        return value * size if size and not isinstance(value, str) else value
+
+    def get(self, name: str, default: float = 0.0) -> float:  # type: ignore[override]
+        """Return a variable, or another number where this run has none of this name."""
+        return self[name] if name in self._places else default
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._places
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._places)
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Row) and self.cells == other.cells
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return f"Row({self.cells!r})"
+
+    def column(self, name: str) -> str:
+        """Return the column of ``path.csv`` in which a variable is shown."""
+        return self._shown[name]
+
+    def unit(self, name: str) -> str:
+        """Return the symbol of the unit in which a variable is shown."""
+        return split(self._shown[name])[1]
+
+    def cell(self, column: str) -> float:
+        """Return the number in a column of ``path.csv``, NaN if it is not known."""
+        value = self.cells[column]
+        return math.nan if value is None else value  # type: ignore[return-value]
+
+    @property
+    def written(self) -> dict[str, float]:
+        """The state by the columns of ``path.csv``, in their units; NaN where a number is not known."""
+        return {column: self.cell(column) for column in self.cells}
+
+    def shown(self, name: str) -> float:
+        """Return a variable in the unit in which it is shown, NaN if it is not known; a pressure in cm of the column."""
+        return self.cell(self._shown[name])
+
+    def told(self, name: str, form: str = ".4g") -> str:
+        """Return a variable with its unit, such as ``"12.34 mm"``."""
+        return f"{self.shown(name):{form}} {self.unit(name)}".rstrip()
+
+
+class PathTable(Sequence[Row]):
+    """The states of a path: ``table["apex"]`` is an array in SI over them, ``table[-1]`` a state, ``table[2:5]`` a part."""
+
+    def __init__(self, rows: Iterable[Row] = ()):
+        self._rows = list(rows)
+
+    @classmethod
+    def read(cls, cells: Iterable[Mapping[str, Cell]], cm: float | None = None) -> PathTable:
+        """Return the table of rows as ``path.csv`` has them; ``cm`` is Pa in one cm of the case's column."""
+        return cls(Row(own, cm) for own in cells)
+
+    @overload
+    def __getitem__(self, key: str) -> Array: ...
+
+    @overload
+    def __getitem__(self, key: int) -> Row: ...
+
+    @overload
+    def __getitem__(self, key: slice) -> PathTable: ...
+
+    def __getitem__(self, key: str | int | slice) -> Array | Row | PathTable:
+        if isinstance(key, str):
+            return np.array([row[key] for row in self._rows])
+        return PathTable(self._rows[key]) if isinstance(key, slice) else self._rows[key]
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def __iter__(self) -> Iterator[Row]:
+        return iter(self._rows)
+
+    def __contains__(self, key: object) -> bool:
+        return key in self._rows[:1][0] if isinstance(key, str) and self._rows else key in self._rows
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, PathTable) and self._rows == other._rows
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def append(self, row: Row) -> None:
+        """Add a state."""
+        self._rows.append(row)
+
+    @property
+    def names(self) -> list[str]:
+        """The variables, in the order of the file; none without a state."""
+        return list(self._rows[0]) if self._rows else []
+
+    @property
+    def columns(self) -> list[str]:
+        """The columns of ``path.csv``."""
+        return list(self._rows[0].cells) if self._rows else []
+
+    def get(self, name: str, default: float = 0.0) -> Array:
+        """Return a variable over the states, or another number where a state has none of this name."""
+        return np.array([row.get(name, default) for row in self._rows])
+
+    def shown(self, name: str) -> Array:
+        """Return a variable over the states in the unit in which it is shown."""
+        return np.array([row.shown(name) for row in self._rows])
+
+    def where(self, holds: Callable[[Row], object] | str) -> PathTable:
+        """Return the states for which something holds, or of which a variable that some runs have is not 0."""
+        test = (lambda row: row.get(holds)) if isinstance(holds, str) else holds
+        return PathTable(row for row in self._rows if test(row))
