@@ -49,6 +49,7 @@ class States:
         cells, cell_name: Node numbers in VTK's order, shape (c, 10 or 6), and XDMF's name of them.
         others: Rows of the silicone's other sources by name; empty where they were not asked for.
         branch: Rows of the branch followed from the first bifurcation; empty if none was.
+        mesh_notes: Warnings about the mesh, as sentences.
         made: Where they come from.
     """
 
@@ -57,6 +58,7 @@ class States:
         self.points, self.cells, self.cell_name = grid
         self.others: SourceRows = {}
         self.branch: Sequence[Row] = ()
+        self.mesh_notes: Sequence[str] = ()
         self.made = Provenance()
 
     @property
@@ -195,7 +197,7 @@ class StoredStates(States):
         super().__init__(case, self.results.rows, grid, read)
         self._mesh = (home or folder) / f"{case.name}.msh"
         self.others = read_sources(folder) if isinstance(case.band, SourceBand) else {}
-        self.branch = self.results.branch_rows
+        self.branch, self.mesh_notes = self.results.branch_rows, self.results.mesh_notes
         self.made = Provenance.from_table(self.results.own.about.get("made"))
 
     def branch_states(self) -> StoredStates | None:
