@@ -575,7 +575,8 @@ class Run(Shown):
     @property
     def notes(self) -> list[str]:
         """Warnings on the run's validity, as sentences; empty if there are none."""
-        return [spoken(note) for note in notes_of(self.case, self.table, self._source.sources)]
+        found = [*self._source.mesh_notes, *notes_of(self.case, self.table, self._source.sources)]
+        return [spoken(note) for note in found]
 
     # -- its states ---------------------------------------------------------------------------------------------------
 
@@ -902,7 +903,7 @@ class Run(Shown):
         try:
             mesh = results.folder / f"{self.case.name}.msh"
             mesh.write_bytes(self._source.mesh())
-            results.record(mesh=file_digest(mesh))
+            results.record(mesh=file_digest(mesh), mesh_notes=list(self._source.mesh_notes))
             write_states(self._source, results)
             if self.branch is not None:
                 self.branch._save_branch(results)

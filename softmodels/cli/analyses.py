@@ -374,7 +374,7 @@ def limit(
         limits, scattered = _answered(question, named, comm)
     if not is_root(comm):
         return
-    notes = list(_notes(question, named, limits))
+    notes = list(_notes(question, named, limits, scattered))
     for text in [
         *(sentence(name, found, question.column) for name, found in limits.items()),
         *band_texts(bands, limits, question.column.cm), *notes,
@@ -399,7 +399,9 @@ def _answered(
     return dict(zip(materials, limits, strict=True)), Scatter(question.tolerances, sampled)
 
 
-def _notes(question: LimitRequest, materials: Mapping[str, Material], limits: Mapping[str, Limit]) -> Iterator[str]:
+def _notes(
+    question: LimitRequest, materials: Mapping[str, Material], limits: Mapping[str, Limit], scatter: Scatter
+) -> Iterator[str]:
     """Yield warnings about the limits."""
     device = question.case.actuator
     for name, found in limits.items():
@@ -416,6 +418,9 @@ def _notes(question: LimitRequest, materials: Mapping[str, Material], limits: Ma
             yield f"note: {materials[name].misread}"
     for text in dict.fromkeys(text for found in limits.values() for text in found.notes):
         yield f"note: {text}"
+    if warned := [found.notes for _, found in scatter.sampled if found.notes]:
+        many = f"{len(warned)} of {len(scatter.sampled)} sampled devices have warnings"
+        yield f"note: {many}; of the first: {'; '.join(warned[0])}"
     if hidden := unseen(device):
         yield f"note: {hidden}"
     if len(device.ratios) > 1:
@@ -757,7 +762,7 @@ def grasp_table(made: Grasp, found: Sequence[Held]) -> str:
 
 def told(made: Grasp, found: Sequence[Held]) -> list[str]:
     """Return what a user wants to know, as sentences."""
-    friction, lines = made.shape.friction, []
+    friction, lines = made.shape.friction, [f"note: {note}" for note in made.model.notes]
     for held in found if not found[-1].load else [held for held in found if not held.load] + [found[-1]]:
         forces = ", ".join(f"{force:.4g}" for force in held.press)
         closed = "force closure" if held.closed(friction) else "no force closure"

@@ -244,7 +244,7 @@ class MeshedDesign:
         motion, question = self.design.motion, self.question
         velocities = motion.boundary_velocities(question.shape) if gradients else {}
         found: dict[str, Judged] = {}
-        notes = []
+        notes = self.design.system.mesh_notes
         for load in (None, *question.loads):
             parts = [part for part in self.measures if part.load == load]
             state = None if load is None or not parts else self._settled(load)

@@ -21,7 +21,7 @@ import numpy as np
 
 from softmodels.common.errors import FieldError, Spoken
 from softmodels.common.lazy import ufl
-from softmodels.common.names import Registry, checked, spelling
+from softmodels.common.names import Registry, checked
 from softmodels.common.schema import Quantity, Several
 from softmodels.common.units import with_prefix
 from softmodels.materials.memory import Expression, Memory
@@ -533,16 +533,16 @@ register_law = LAWS.register
 def law_called(name: str) -> tuple[type[Material], int] | None:
     """Return the law of a name, and the number of its terms where the name ends in one, as of ``"ogden3"``, else 0; None if
     there is none. Large letters and separators do not count."""
-    if name in LAWS:
-        return LAWS[name], 0
-    laws = {spelling(known): known for known in LAWS}
-    found = re.fullmatch(r"(.*\D)([1-9])", name)
-    whole = [] if name[-1:] == "0" else [(name, 0)]  # a spelling leaves out zeros
-    for plain, terms in (*whole, *([(found[1], int(found[2]))] if found else [])):
-        law = LAWS.get(laws.get(spelling(plain), ""))
-        if law is not None and (not terms or law.most_terms):
-            return law, terms
-    return None
+    laws = {_plain_name(known): law for known, law in LAWS.items()}
+    plain = _plain_name(name)
+    if plain in laws:
+        return laws[plain], 0
+    law = laws.get(plain[:-1])
+    return (law, int(plain[-1])) if law is not None and law.most_terms and plain[-1] in "123456789" else None
+
+
+def _plain_name(name: str) -> str:
+    return re.sub(r"[\W_]", "", name.lower())
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries.actuator import Hold, check_closed
+from geometries.meshing import straight_text
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import MPI, PETSc, basix, fem, la, meshes, ufl
 from softmodels.materials.laws import Material, Strain
@@ -354,6 +355,8 @@ FORMULATIONS = ("mixed", "displacement")
 VOLUME_TOLERANCE = 0.1
 """Tolerance of the meshed cavity's volume against the exact one: straight edges, or three curved ones around a channel,
 give a few percent error; six a part in a thousand."""
+VOLUME_WARNING = 0.01
+"""Relative error of the meshed cavity's volume above which the user is warned."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -482,6 +485,18 @@ class System:
                 f"every face around the air in its walls, let planes that cut the cavity pass through the "
                 f"origin, or use smaller cells if the mesh is coarse (--cell-size)"
             )
+
+    @property
+    def mesh_notes(self) -> list[str]:
+        """Warnings about the mesh, which belong to every result that is computed on it."""
+        notes = [straight_text(self.body.straight)] if self.body.straight else []
+        if abs(error := self.volume_error) > VOLUME_WARNING:
+            kind, amount = "less" if error < 0.0 else "more", f"{abs(error):.1%}"
+            notes.append(
+                f"the cavity of the mesh has {amount} {kind} volume than the device's: use smaller cells, or check that "
+                "all faces around the air are among its walls"
+            )
+        return notes
 
     @property
     def matter(self) -> Sequence[MaterialRegion]:

@@ -255,7 +255,9 @@ class Report:
         viewer = Markup(render("web_view.html", "softmodels.pictures", view=view(look)))
         asked = states.rows.where("requested") or states.rows[-1:]
         terms = [(name, term(name, states.actuator, states.case.load.driver)) for name in states.rows.columns]
-        warnings = told["notes"] if "notes" in told else notes_of(states.case, states.rows, states.sources)
+        warnings = told.get("notes")
+        if warnings is None:
+            warnings = [*states.mesh_notes, *notes_of(states.case, states.rows, states.sources)]
         self._head: list[Section] = [
             ("3-D view", [Program(viewer)]),
             ("The path", [Charts(_curves(states)), Text(_contact(states))]),

@@ -302,7 +302,7 @@ def gather(case: Case, results: Results, ended: Ended) -> Summary:
     summary: Summary = {
         "status": ended.status, "message": ended.message, "steps": len(results.stored), "last": results.rows[-1].cells,
         "events": events(results.rows, words), "stretch_at_break": stretch_at_break(case.material),
-        "notes": notes_of(case, results.rows, results.sources(case)),
+        "notes": [*results.mesh_notes, *notes_of(case, results.rows, results.sources(case))],
         "stability": stability_text(results.rows, case.actuator, words, results.branch_rows),
     }  # fmt: skip
     started = results.started
@@ -410,6 +410,7 @@ def record(
         simulation.write_mesh(mesh)
         on_root(comm, lambda: results.record(mesh=file_digest(mesh)))
     simulation.prepare(mesh)
+    on_root(comm, lambda: results.record(mesh_notes=simulation.model.notes))
     if resumed:
         on_root(comm, lambda: results.check_grid(simulation.fields.grid.points))
     simulation.describe()

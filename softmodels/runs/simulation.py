@@ -97,10 +97,6 @@ def body_of(device: Actuator, mesh: Path, comm: MPI.Comm) -> Body:
         raise RunError(str(error)) from error
 
 
-COARSE = 0.01
-"""Relative error of the meshed cavity's volume above which the user is warned."""
-
-
 SMALL_PRESSURE = one_step(PRESSURE, [100.0])
 """Load of a case whose requested values do not matter."""
 
@@ -189,14 +185,7 @@ class Model(Shown):
     @property
     def notes(self) -> list[str]:
         """Warnings about the mesh, as sentences; empty if there are none."""
-        found = [meshing.straight_text(self.body.straight)] if self.body.straight else []
-        if abs(error := self.system.volume_error) > COARSE:
-            kind, amount = "less" if error < 0.0 else "more", f"{abs(error):.1%}"
-            found.append(
-                f"the cavity of the mesh has {amount} {kind} volume than the device's: use smaller cells, or check that "
-                "all faces around the air are among its walls"
-            )
-        return [spoken(note) for note in found]
+        return [spoken(note) for note in self.system.mesh_notes]
 
     def release(self) -> None:
         """Give back what PETSc and MPI hold; the model is not used afterwards."""
@@ -865,7 +854,7 @@ class InMemory(States):
         points, cells, self._mesh = on_root(self._comm, lambda: (grid.points, grid.cells, mesh()))
         kept: list[dict[str, Array]] = []
         super().__init__(simulation.case, (), (points, cells, grid.cell_name), lambda step, name: kept[step][name])
-        self._fields = kept
+        self.mesh_notes, self._fields = simulation.model.notes, kept
         self._restarts: list[Restart] = []
 
     def add(self, step: Step) -> None:

@@ -51,6 +51,7 @@ class States:
         rows: The table of the states.
         others: Tables of the silicone's other sources by name; empty where they were not asked for.
         branch: That of the branch followed from the first bifurcation; empty if none was.
+        mesh_notes: Warnings about the mesh, as sentences.
         made: Where they come from.
     """
 
@@ -59,6 +60,7 @@ class States:
         self.points, self.cells, self.cell_name = grid
         self.others: SourceTables = {}
         self.branch = PathTable()
+        self.mesh_notes: Sequence[str] = ()
         self.made = Provenance()
 
     @property
@@ -202,7 +204,7 @@ class StoredStates(States):
         super().__init__(case, self.results.rows, grid, read)
         self._mesh = (home or folder) / f"{case.name}.msh"
         self.others = read_sources(folder, case.cm) if isinstance(case.band, SourceBand) else {}
-        self.branch = self.results.branch_rows
+        self.branch, self.mesh_notes = self.results.branch_rows, self.results.mesh_notes
         self.made = Provenance.from_table(self.results.own.about.get("made"))
 
     def branch_states(self) -> StoredStates | None:

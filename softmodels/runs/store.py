@@ -130,6 +130,11 @@ class Results:
             branch.load()
         return branch.rows
 
+    @property
+    def mesh_notes(self) -> list[str]:
+        """Recorded warnings about the mesh."""
+        return list(self.own.about.get("mesh_notes", ()))
+
     def write_sources(self, sources: SourceTables) -> None:
         """Write the paths of the silicone's other sources, if any."""
         if sources:

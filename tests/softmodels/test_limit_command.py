@@ -10,6 +10,7 @@ import warnings
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 
 import softmodels as sm
 from geometries import ACTUATORS, Balloon, HollowDisk, PneuNet, SeminarActuator
@@ -22,6 +23,9 @@ from softmodels.cli.analyses import LimitOptions
 from softmodels.common.commands import NO_INPUT
 from softmodels.common.schema import about
 from softmodels.components.loads import Force, Gravity, Mass
+from softmodels.design.model import DesignModel
+from softmodels.design.quantities import Rise
+from softmodels.fitting.outlines.residuals import Height
 from softmodels.materials.laws import MooneyRivlin, NeoHookean, Yeoh
 from softmodels.materials.silicones import SILICONES, density_of
 from softmodels.materials.specimens import sphere_pressure
@@ -249,6 +253,30 @@ def test_straight_edges_are_told_wherever_a_device_is_meshed(ended, monkeypatch)
     device, law = Balloon(wall=3e-3, cell_size=5e-3), NeoHookean(20e3, 0.5)
     for found in (sm.limit(device, law), sm.Model(device, law), sm.modes(device, law, count=1)):
         assert [note for note in found.notes if note.startswith(text)] and text in found._repr_html_()
+    sampled = dataclasses.replace(sm.limit(device, law), notes=(text,))
+    question = analyses.LimitRequest(case_of(device), {}, (), 2, False, None, 0.0)
+    notes = analyses._notes(question, {}, {}, analyses.Scatter((), [({}, sampled), ({}, sampled)]))
+    assert f"note: 2 of 2 sampled devices have warnings; of the first: {text}" in list(notes)
+
+
+def test_straight_edges_are_told_with_every_result_on_their_mesh(monkeypatch, tmp_path):
+    monkeypatch.setattr(body, "straight_edges", lambda: 12)
+    text = "12 edges of the mesh on curved faces are straight"
+    device, law = HollowDisk(section="axisymmetric", cell_size=6e-3, refinement=1.0), Yeoh(9e3, 300.0, 0.0, 0.49)
+    case = Case("disk", device, law, pressures_cm=(20.0, 50.0, 80.0))
+    run = sm.run(case)
+    run.save(tmp_path / "saved")
+    sm.run(case, folder=tmp_path / "stored")
+    for found in (run, sm.load(tmp_path / "saved"), sm.load(tmp_path / "stored")):
+        assert [note for note in found.notes if note.startswith(text)]
+    for folder in ("saved", "stored"):
+        assert text in json.loads((tmp_path / folder / "summary.json").read_text())["notes"][0]
+    heights = [Height(f"{P:.0f}", P, apex) for P, apex in zip(run.pressure[1:], run.apex[1:], strict=True)]
+    options = sm.FitOptions(poisson=0.49, changes={"c3": {"start": 0.0, "fixed": True}}, profiles=False)
+    assert any(note.startswith(text) for note in sm.fit_heights(device, heights, "yeoh", options).notes)
+    model = DesignModel(case, ("membrane",), (Rise(at=1900.0),), MPI.COMM_WORLD)
+    assert model.evaluate(model.start).notes[0].startswith(text)
+    model.release()
 
 
 @pytest.mark.parametrize("name", ["ImportedActuator", "ImportedMesh"])

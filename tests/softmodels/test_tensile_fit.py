@@ -212,7 +212,7 @@ def test_robust_fit_leaves_a_slipping_grip_out():
     assert abs(robust.values["c1"] - 8e3) < 100.0 < abs(plain.values["c1"] - 8e3)
 
 
-@pytest.mark.parametrize("text", ["rubber", "ogden5", "ogden0", "yeoh2", ""])
+@pytest.mark.parametrize("text", ["rubber", "ogden5", "ogden0", "yeoh0", "ogden-00", "yeoh2", ""])
 def test_unknown_laws(text):
     with pytest.raises(FitError, match=r"known are|at most 4 terms"):
         LawChoice.from_text(text)

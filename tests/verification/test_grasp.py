@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 import softmodels as sm
 from geometries import HollowDisk, PneuNet
 from softmodels.case.load import steps_of
+from softmodels.cli.analyses import told
 from softmodels.runs.grasp import GraspError, Held, check_grasp, grasp
 from tests.support import runs
 
@@ -58,6 +61,12 @@ def test_friction_closes_the_grasp_and_bounds_the_load(smooth, rough):
     assert not smooth[1][0].closed(0.0) and rough[1][0].closed(0.5)
     assert smooth[1][-1].bears(0.0) == smooth[1][-1].load
     assert all(held.bears(0.5) >= held.load for held in rough[1]) and rough[1][0].bears(0.5) > 0.0
+
+
+def test_warnings_about_the_mesh_come_with_the_grasp(rough, monkeypatch):
+    made, found = rough
+    monkeypatch.setattr(made.system, "body", dataclasses.replace(made.system.body, straight=12))
+    assert told(made, found)[0].startswith("note: 12 edges of the mesh on curved faces are straight")
 
 
 def two(angle):

@@ -519,7 +519,8 @@ class _Task:
             kind = type(source.model.system.body.actuator).__name__
             told = source.model.told(source.own(first.fit.values))
             devices.append(f"{source.device or self.devices[0].name}: {kind}, {source.in_words}")
-            notes += [f"{source.device}: {told}" if source.device else told] if told else []
+            of_device = [*source.model.system.mesh_notes, *([told] if told else [])]
+            notes += [f"{source.device}: {note}" if source.device else note for note in of_device]
             notes += [exact] if (exact := exact_lengths(source, first.fit)) else []
         said = tuple(map(spoken, notes))
         return FitReport(tuple(laws), comparison, self.curves, how, devices=tuple(devices), notes=said)
