@@ -17,7 +17,7 @@ import functools
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import binary_dilation, binary_propagation, median_filter
+from scipy.ndimage import binary_propagation, median_filter
 from scipy.optimize import least_squares
 from scipy.signal import savgol_filter
 from skimage.measure import find_contours
@@ -288,8 +288,9 @@ TURNS = 0.5
 REPEATED = 1.5
 """Neighbouring stations share noise (JPEG's blocks, dust), so a smoothed point is this much worse than if they did not."""
 
-SHARPEST, BENT_ERROR = 0.08, 0.3
-"""Curvature times width from which an edge has a corner and not a circle's penumbra; error of the shift as a share of it."""
+LEAST_CHORD, BENT_ERROR = 5.0, 0.3
+"""Half of the shortest chord that shows the edge's curvature, in usual distances of points; error of the shift by it as a share
+of that."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -364,17 +365,20 @@ def _bent(px: Array, normal: Array, width: Array) -> Array:
 
     A photograph is the silhouette under a blur, by the lamp's own shape and by the lens. On an edge of the curvature k a blur
     of the standard deviation s shifts half of the light by k s^2 / 2 towards the centre of curvature: more than half of the
-    surroundings of a convex shadow are lit.
+    surroundings of a convex shadow are lit. With the curvature of chords that reach sqrt(3) s to both sides this is the mean
+    of any edge up to the fifth degree under a Gaussian blur (Gauss-Hermite quadrature), and none beyond the blur's reach.
     """
-    reach = SPAN // 2
-    if len(px) < 4 * reach:
+    arc = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(px, axis=0), axis=1))]
+    reach = np.maximum(np.sqrt(3.0) * width, LEAST_CHORD * float(np.median(np.diff(arc))))
+    inside = (arc >= reach) & (arc <= arc[-1] - reach)
+    if not inside.any():
         return np.zeros(len(px))
-    near, here, far = px[: -2 * reach], px[reach:-reach], px[2 * reach :]
-    sagitta = np.einsum("ni,ni->n", here - 0.5 * (near + far), normal[reach:-reach])
-    bend = np.pad(8.0 * sagitta / np.maximum(np.sum((far - near) ** 2, axis=1), 1e-9), reach, mode="edge")
-    # Chords that reach over a corner do not show the curvature beside it.
-    corner = binary_dilation(np.abs(bend) * width > SHARPEST, np.ones(2 * reach + 1))
-    return np.where(corner, 0.0, 0.5 * bend * width**2)
+    near, far = (
+        np.column_stack([np.interp(arc + side * reach, arc, px[:, axis]) for axis in (0, 1)]) for side in (-1.0, 1.0)
+    )
+    sagitta = np.einsum("ni,ni->n", px - 0.5 * (near + far), normal)
+    bend = 8.0 * sagitta / np.maximum(np.sum((far - near) ** 2, axis=1), 1e-9)
+    return np.asarray(0.5 * np.interp(arc, arc[inside], bend[inside]) * width**2)
 
 
 def _curvature(lines: list[BridgedLine]) -> float:

@@ -615,7 +615,7 @@ NARROWEST = 0.08
 def membrane(e: Evidence) -> Iterator[Doubt]:
     """Is the outline that of one membrane, and no second thing (hair, tube, drop, fibre, dust) on it or before it?
 
-    Such a thing may show as a corner, as a bump, and by a small width: what it shows first is said.
+    Such a thing may show as a corner, by a small width, and as a bump: what it shows first is said.
     """
     place, turn = sharpest_turn(e.raw)
     high = f"{turn:.0f} degrees {e.raw[place, 1] * 1e3:.1f} mm above the surface"
@@ -623,6 +623,14 @@ def membrane(e: Evidence) -> Iterator[Doubt]:
         yield Doubt(
             f"the edge has a corner of {high}: a second thing (hair, tube, drop, finger) merges with the shadow, or hides "
             "part of it", f"take it away and photograph it again, {OR_MASK}", rejects=True)  # fmt: skip
+    x, z = e.placed.T
+    top = int(np.argmax(z))
+    if z[top] >= max(10.0 * e.error[top], ON_SURFACE):
+        width = float(np.ptp(x[z > 0.5 * z[top]]))
+        if width < NARROWEST * min(e.zero.extent[1] - e.zero.extent[0], float(np.ptp(x))):
+            yield Doubt(
+                f"the object on the surface is only {width * 1e3:.1f} mm wide at half its height: dust, a drop or another "
+                "object", f"take it away, {OR_MASK}")  # fmt: skip
     at, bump, scatter = e.ripple
     if abs(bump) > max(RIPPLE, RIPPLE_NOISES * scatter):
         yield Doubt(
@@ -633,15 +641,6 @@ def membrane(e: Evidence) -> Iterator[Doubt]:
         yield Doubt(
             f"the edge bends sharply by {high}: something lies on it or hides part of it, or it is creased",
             f"take it away, {OR_MASK}",
-        )
-    x, z = e.placed.T
-    top = int(np.argmax(z))
-    if z[top] < max(10.0 * e.error[top], ON_SURFACE):
-        return
-    width = float(np.ptp(x[z > 0.5 * z[top]]))
-    if width < NARROWEST * min(e.zero.extent[1] - e.zero.extent[0], float(np.ptp(x))):
-        yield Doubt(
-            f"the object on the surface is only {width * 1e3:.1f} mm wide at half its height: dust, a drop or another object"
         )
 
 
