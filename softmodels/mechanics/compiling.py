@@ -319,7 +319,7 @@ def compiling() -> Iterator[None]:
         _check_stop()
         reason = (str(error).strip() or type(error).__name__).splitlines()[0]
         raise CompilingError(
-            f"the kernels cannot be compiled ({reason}); a C compiler is needed (uv sync --extra compiler brings one), and "
+            f"the kernels cannot be compiled ({reason}); a C compiler is needed (uv sync --inexact --extra compiler brings one), and "
             "softmodels doctor lists what is missing"
         ) from error
     finally:

@@ -58,7 +58,7 @@ def test_every_command_on_pages_parses_and_finds_its_files(written, monkeypatch)
         made: set[str] = set()  # each page stands by itself
         for words in commands_of(page):
             assert words[:2] == ["uv", "run"], words
-            rest = words[2:]
+            rest = words[4:] if words[2] in ("--extra", "--group") else words[2:]
             if rest[0] == "mpirun":
                 rest = rest[3:]
             if rest == ["softmodels", "examples"] or rest[0] in ("pytest", "--with"):
