@@ -93,6 +93,7 @@ def test_what_is_no_photograph_is_told(page, tmp_path):
     assert page.locator('button:has-text("empty.jpg")').count() == 0
 
 
+@pytest.mark.campaign
 def test_a_killed_server_resumes_its_job(browser, tmp_path):
     """Its results are those of a run that was left alone."""
     import signal
@@ -162,6 +163,7 @@ def test_a_foreign_project_is_shown_and_neither_runs_nor_reaches_anything(browse
     assert not hit.exists()
 
 
+@pytest.mark.campaign
 def test_an_own_report_works_within_the_page(browser, tmp_path):
     """Its program runs, its pictures load, its tables can be saved."""
     project = tmp_path / "project"

@@ -84,6 +84,7 @@ def test_the_path_is_as_without(run):
 HEAVY = (Gravity("-z"), Mass("top", 0.030, name="brass"))
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("column", ["apex_mm", "ceiling_mm", "added_volume_ml"])
 def test_under_a_weight(heavy_run, column):
     """A weight keeps its newtons: where the device hangs is as uncertain as its material, and so is every state from there."""
@@ -94,6 +95,7 @@ def test_under_a_weight(heavy_run, column):
     assert heavy_run.rows[0]["pressure_cm"] == 0.0 and heavy_run.rows[0]["apex_ci95_mm"] > 0.02
 
 
+@pytest.mark.campaign
 def test_the_limit_under_a_weight(heavy_run):
     row = next(row for row in heavy_run.rows if row["limit"])
     limit = sm.limit(DISK, law(), components=HEAVY)
@@ -188,6 +190,7 @@ def test_of_a_force_on_an_inflated_device():
         dataclasses.replace(case, driven=LoadRequest("travel_mm", (1.0,)))
 
 
+@pytest.mark.campaign
 def test_at_the_same_rise(heavy_run):
     """Sideways in the picture; under a weight far from the band at the same volume: the same height is another shape then."""
     row = next(row for row in heavy_run.rows if row["requested"] and row["pressure_cm"] == 20.0)
@@ -230,6 +233,7 @@ def test_a_silicones_band_has_a_path_for_each_source(spanned):
     assert [row.cells for row in plain.rows] == [row.cells for row in spanned.rows] and not plain.sources
 
 
+@pytest.mark.campaign
 def test_what_the_sources_span_is_told_and_drawn(spanned):
     """At the last pressure that all of them reach; the softest ends at its limit point before the others."""
     (note,) = [note for note in spanned.notes if note.startswith(f"over the 4 sources of {ECOFLEX}")]
@@ -246,6 +250,7 @@ def test_what_the_sources_span_is_told_and_drawn(spanned):
     assert len(axes.patches) == 3
 
 
+@pytest.mark.campaign
 def test_sources_are_kept_in_a_folder(spanned, tmp_path):
     spanned.save(tmp_path / "run")
     again = sm.load(tmp_path / "run")
