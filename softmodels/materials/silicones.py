@@ -424,21 +424,14 @@ def _bulletin(series: str) -> str:
 MAKERS_ELONGATION: dict[str, tuple[float, str]] = {
     "ecoflex-00-10": (8.0, _bulletin("Ecoflex Series")),
     "ecoflex-00-30": (9.0, _bulletin("Ecoflex Series")),
-    "ecoflex-00-35-fast": (9.0, _bulletin("Ecoflex Series")),
     "ecoflex-00-50": (9.8, _bulletin("Ecoflex Series")),
     "dragon-skin-10-medium": (10.0, _bulletin("Dragon Skin Series")),
     "dragon-skin-20": (6.2, _bulletin("Dragon Skin Series")),
     "dragon-skin-30": (3.64, _bulletin("Dragon Skin Series")),
-    "dragon-skin-fx-pro": (7.63, _bulletin("Dragon Skin FX-Pro")),
-    "mold-star-16-fast": (4.0, _bulletin("Mold Star Series")),
-    "mold-star-20t": (4.7, _bulletin("Mold Star 20T")),
-    "rebound-25": (6.9, _bulletin("Rebound Series")),
-    "sortaclear-40": (4.0, _bulletin("SORTA-Clear Series")),
-    "rtv615": (1.2, "Momentive data sheet, RTV615"),
     "elastosil-m4601": (7.0, "Wacker data sheet, ELASTOSIL M 4601 A/B (ISO 37)"),
-    "sylgard-184": (1.0, "Dow data sheet, SYLGARD 184 Silicone Elastomer"),
 }
-"""Engineering strain and source by product: a typical value of several specimens, for a margin against tearing."""
+"""Engineering strain and source by product, of those whose sheet was read: a typical value of several specimens, for a margin
+against tearing."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------
