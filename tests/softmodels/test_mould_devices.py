@@ -246,7 +246,7 @@ SLOTS = [(1.0, 8.0, 0.0), (1.6, 8.0, 0.0), (1.0, 4.95, 0.0), (0.8, 8.0, 0.6), (0
 """Width and depth in mm of a slot at its middle, and draft of its flanks in degrees; the first and the last are slender."""
 
 
-@pytest.mark.parametrize("slot", sampled(SLOTS), ids=str)
+@pytest.mark.parametrize("slot", sampled(SLOTS, whole=True), ids=str)
 def test_slender_fins_of_a_part_are_cured_by_width_depth_or_draft(slot, tmp_path):
     import gmsh
 
