@@ -95,6 +95,7 @@ def test_tolerances_scatter_the_limit(tmp_path):
     assert (tmp_path / "scatter.png").stat().st_size > 10000
 
 
+@pytest.mark.campaign
 def test_tolerances_scatter_the_limit_under_a_weight(tmp_path, comm):
     """Each sampled device bears its own weight and the mass on it, as a single one of its thickness does."""
     heavy = (Gravity("-z"), Mass("top", 0.020))
@@ -125,6 +126,7 @@ def test_a_device_that_cannot_carry_its_preload_ends_as_a_run_of_it(tmp_path):
     assert all("no equilibrium under its dead loads (the preload): at 0.2" in one.err for one in done)
 
 
+@pytest.mark.campaign
 def test_a_limit_is_found_with_the_solver_of_its_case(comm, monkeypatch):
     """By iterations it is the same one."""
     case = case_of(dataclasses.replace(THIN, cell_size=0.004))
