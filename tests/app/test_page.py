@@ -12,6 +12,7 @@ import softmodels as sm
 from softmodels.app import answers
 from softmodels.case.case import Case
 from tests.app.conftest import served, tab, value
+from tests.support.campaigns import sampled
 
 NUMBER = re.compile(r"-?[0-9][0-9.]*(?:e-?[0-9]+)?")
 DEVICE = sm.HollowDisk(section="axisymmetric", membrane=5e-3)
@@ -188,6 +189,7 @@ def test_an_own_report_works_within_the_page(browser, tmp_path):
         assert saved.value.suggested_filename == "path.csv"
 
 
+@pytest.mark.campaign
 def test_axe_finds_nothing_serious(browser, server):
     """In light colours everything, in dark ones the contrast."""
     axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
@@ -207,7 +209,7 @@ def test_axe_finds_nothing_serious(browser, server):
                 assert not found, (scheme, [(one["id"], [node["html"] for node in one["nodes"]]) for one in found])
 
 
-@pytest.mark.parametrize("width", [390, 1280])
+@pytest.mark.parametrize("width", sampled([390, 1280]))
 def test_nothing_sticks_out(browser, server, width):
     with tab(browser, server, viewport={"width": width, "height": 844}) as page:
         page.locator("svg.section").wait_for()

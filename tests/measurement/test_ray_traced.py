@@ -61,6 +61,7 @@ def test_large_lamps_and_a_depth_of_field_are_trusted_and_right(seed, lamp, shap
     assert np.median(stated) < 12e-6
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("seed", "lamp", "camera", "shape"),
     sampled(

@@ -166,6 +166,7 @@ def test_titles_tell_the_pressure_and_not_its_band(run):
     ).name.startswith("band")
 
 
+@pytest.mark.campaign
 def test_of_shares_of_a_weight_and_of_forces():
     """A beam has no pressure: the band of its rise is that at the same share, or at the same force beside its weight."""
     beam = sm.Beam(length=0.03, width=0.01, thickness=0.005, cell_size=0.005)
@@ -178,6 +179,7 @@ def test_of_shares_of_a_weight_and_of_forces():
         assert row["tip_ci95_mm"] == pytest.approx(expected, rel=2e-3) and "pressure_ci95_cm" not in row
 
 
+@pytest.mark.campaign
 def test_of_a_force_on_an_inflated_device():
     """Its pressure is kept beside the force."""
     membrane = sm.Membrane(cell_size=0.002, through=2)
@@ -221,6 +223,7 @@ def spanned():
     return sm.inflate(SHADOW, sm.silicone(ECOFLEX), "0,20,31 cm", band=ECOFLEX)
 
 
+@pytest.mark.campaign
 def test_a_silicones_band_has_a_path_for_each_source(spanned):
     names = [f"{ECOFLEX}/marechal-2021", f"{ECOFLEX}/sorotoki", ECOFLEX, f"{ECOFLEX}/smooth-on"]
     assert list(spanned.sources) == names

@@ -151,6 +151,7 @@ def test_every_silicone_has_its_own_weight(comm):
     assert both[1].pressure == pytest.approx(alone[0].pressure, rel=1e-7)
 
 
+@pytest.mark.campaign
 def test_offset_and_thickness_scatter_as_single_devices_differ(tmp_path):
     """The slopes told, against differences of devices drawn thinner, and with their cavities higher in the same height."""
     done = runs.run("-m", "softmodels", "limit", *OPTIONS, "--shear-modulus", "20kPa", "--cell-size", "4mm", "--vary",
