@@ -19,6 +19,9 @@ COPY measurement measurement
 COPY softmodels softmodels
 COPY docs docs
 COPY tests tests
-RUN uv sync && uv run softmodels doctor
+# The page and studies are there too. Bytecode is written once here: a container starts with it, also where nothing may be written.
+RUN uv sync --extra app --extra study --compile-bytecode \
+ && uv run python -m compileall -q softmodels geometries measurement tests \
+ && uv run softmodels doctor
 
 CMD ["uv", "run", "python", "-m", "softmodels.disk", "--pressure-cm", "0:177"]

@@ -1,7 +1,7 @@
 """Notebooks as pages of the site, with the outputs that are stored in them.
 
-``uv run --group docs python docs/notebook_pages.py`` executes all notebooks in ``docs/pages/notebooks`` and stores their
-outputs again.
+``uv run --group docs --group dev python docs/notebook_pages.py`` executes all notebooks in ``docs/pages/notebooks``
+and stores their outputs again.
 """
 
 from __future__ import annotations

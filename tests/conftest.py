@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import collections
+import csv
+import importlib.util
 import json
 import math
 import os
+import resource
 import shutil
 import sys
 from pathlib import Path
@@ -37,9 +40,10 @@ asserted ten times wider."""
 # Tests of several ranks run beside other tests, whatever the number of cores: who waits looks seldom.
 os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", "4")
 
-if sys.dont_write_bytecode:
-    # Many images set PYTHONDONTWRITEBYTECODE. Tests start hundreds of commands, and each would translate all it imports anew,
-    # which takes longer than importing it. What is translated goes beside pytest's own cache, and nothing into the source.
+if sys.dont_write_bytecode and not Path(importlib.util.cache_from_source(__file__)).exists():
+    # Many images set PYTHONDONTWRITEBYTECODE. Tests start hundreds of commands, and each would compile all it imports anew,
+    # which takes longer than importing it. Unless all was compiled before, as `.ci/run` and the Dockerfile do, bytecode goes
+    # beside pytest's own cache, and nothing into the source.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     os.environ.setdefault("PYTHONPYCACHEPREFIX", str(Path(__file__).parents[1] / ".pytest_cache" / "bytecode"))
     sys.dont_write_bytecode, sys.pycache_prefix = False, os.environ["PYTHONPYCACHEPREFIX"]
@@ -148,37 +152,83 @@ class FigureWriter:
                 terminalreporter.write_line(f"more than three times: {' | '.join(one.cells())}")
 
 
-LONG = {
-    "verification": (
-        "ranks suction_cup inertia sensitivity_in_time iterative_parts loop memory friction rigid communicators robustness"
-    ),
-    "docs": "pages notebooks memory_page",
-    "app": "page",
-    "softmodels": (
-        "pictures loaded_fit creeping_fit door drawing band door_folders resumed_numbers memory_fit mould time_runs colours "
-        "outline_fit limit_command design_command run added_device outline_command interruptions examples"
-    ),
-    "measurement": "damages refused ray_traced accuracy own_files soft_body grid setup_variants copies door",
-    "design": "parameters gradients inverse",
-}
-"""Files of tests that take longest, by folder: they begin first, so that no core waits for one of them at the end."""
+COSTS = Path(__file__).with_name("costs.csv")
+"""CPU seconds of each file's default items and campaigns, started processes included; ``--write-costs`` renews the rows of the
+files it runs to the end."""
+KINDS = "default_s", "campaign_s"
 
 
-def pytest_collection_modifyitems(items):
-    long = [f"{folder}/test_{name}.py" for folder, names in LONG.items() for name in names.split()]
-    order = {file: number for number, file in enumerate(long)}
-    items.sort(key=lambda item: order.get("/".join(item.path.parts[-2:]), len(order)))
+def read_costs():
+    """Return the table of costs: a row by file."""
+    with COSTS.open(newline="") as file:
+        return {row.pop("file"): row for row in csv.DictReader(file)}
+
+
+def pytest_collection_modifyitems(config, items):
+    """Begin with the files that take longest, so that no core waits for one of them at the end."""
+    costs, kind = read_costs(), KINDS[config.option.markexpr == "campaign"]
+    order = {file: -float(row[kind]) for file, row in costs.items()}
+    items.sort(key=lambda item: order.get("/".join(item.path.parts[-2:]), 0.0))
+
+
+def cpu_seconds():
+    """Return the CPU time of this process and of those that it started and has waited for, in s."""
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(one.ru_utime + one.ru_stime for one in used)
+
+
+SPENT = [0.0]
+"""CPU seconds of this process at the end of the last phase of a test."""
+
+
+def pytest_runtest_logstart():
+    SPENT[0] = cpu_seconds()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport():
+    report = yield
+    now = cpu_seconds()
+    report.cpu_seconds, SPENT[0] = now - SPENT[0], now
+    return report
+
+
+class CostWriter:
+    """Adds up the CPU seconds of each file in a run, those of its workers too, and renews the table at its end."""
+
+    def __init__(self):
+        self.seconds = {}
+
+    def pytest_runtest_logreport(self, report):
+        file = "/".join(Path(report.location[0]).parts[-2:])
+        kind = KINDS["campaign" in report.keywords]
+        row = self.seconds.setdefault(file, {})
+        row[kind] = row.get(kind, 0.0) + report.cpu_seconds
+
+    def pytest_terminal_summary(self, terminalreporter):
+        rows = read_costs()
+        for file, spent in self.seconds.items():
+            rows.setdefault(file, dict.fromkeys(KINDS, "0")).update((kind, f"{s:.0f}") for kind, s in spent.items())
+        with COSTS.open("w", newline="") as table:
+            csv.writer(table, lineterminator="\n").writerows(
+                [("file", *KINDS), *((file, *(row[kind] for kind in KINDS)) for file, row in sorted(rows.items()))]
+            )
+        totals = (sum(float(row[kind]) for row in rows.values()) for kind in KINDS)
+        terminalreporter.write_line(f"{COSTS}: {' and '.join(f'{total:.0f}' for total in totals)} CPU seconds")
 
 
 def pytest_addoption(parser):
     parser.addoption(
         "--write-figures", action="store_true", help="write the measured figures to tests/verification/README.md"
     )
+    parser.addoption("--write-costs", action="store_true", help="write CPU seconds by file to tests/costs.csv")
 
 
 def pytest_configure(config):
     if config.option.write_figures and not hasattr(config, "workerinput"):
         config.pluginmanager.register(FigureWriter(config))
+    if config.option.write_costs and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(CostWriter())
 
 
 def pytest_terminal_summary(terminalreporter):

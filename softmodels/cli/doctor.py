@@ -22,7 +22,7 @@ from softmodels.case.case import Case
 from softmodels.case.materials import DEFAULT
 from softmodels.cli.options import command, fail
 from softmodels.common.commands import status_of
-from softmodels.common.errors import reason
+from softmodels.common.errors import reason, required
 from softmodels.common.lazy import MPI, PETSc
 from softmodels.mechanics.compiling import compiler
 from softmodels.mechanics.mpi import mpich_file, start
@@ -129,7 +129,7 @@ def _compiler() -> str:
     except cffi.VerificationError as error:
         raise RuntimeError(
             f"no C compiler ({error}); the equations are compiled at run time, so install one (Debian: apt-get install gcc; "
-            "uv sync --extra compiler)"
+            "uv sync --inexact --extra compiler)"
         ) from None
     return shutil.which(words[0]) or words[0] if len(words) == 1 else shlex.join(words)
 
@@ -177,10 +177,10 @@ def app(project: Path, port: int | None, no_browser: bool, lan: bool) -> None:
     Everything lies in the folder PROJECT (./project if not given) as plain files, which all other commands read. The page is
     served on this machine only, to those who hold the key in its address; it needs no network.
     """
-    try:
-        from softmodels.app.server import serve
-    except ImportError:
-        fail("the page needs NiceGUI; install it by: pip install 'softmodels[app]'")
+    for package in ("nicegui", "segno"):
+        required(package, "app")
+    from softmodels.app.server import serve
+
     try:
         serve(project, port, browser=not no_browser, lan=lan)
     except OSError as error:

@@ -135,7 +135,8 @@ def required(package: str, extra: str) -> ModuleType:
         return importlib.import_module(package)
     except ImportError:
         raise MissingPackageError(
-            f"{package} is not installed; install it by: pip install 'softmodels[{extra}]'"
+            f"{package} is not installed; it comes with the extra {extra!r}: uv sync --inexact --extra {extra} in a clone, "
+            f"pip install 'softmodels[{extra}]' elsewhere"
         ) from None
 
 

@@ -437,7 +437,8 @@ class StudyFolder:
     there. Inputs are never written. StudyError if the folder cannot be used."""
 
     def __init__(self, plan: StudyPlan, output: OwnFolder | None, resume: bool, inputs: Sequence[Path] = ()):
-        _ = plan.cases  # raises before anything is written
+        required("xarray", EXTRA)  # this and the next raise before anything is written
+        _ = plan.cases
         self.own, self.answers = output, dict[int, dict[str, object]]()
         self._file: TextIO | None = None
         if output is None:
@@ -578,7 +579,6 @@ def solve_into(
     progress: Callable[[str], object] | None = None,
 ) -> Study:
     """Solve the samples that a folder does not have yet; see `study`."""
-    required("xarray", EXTRA)
     cases, failures = plan.cases
     for k, text in failures.items():
         if k not in kept.answers:

@@ -13,6 +13,7 @@ from softmodels.app import answers
 from softmodels.case.case import Case
 from softmodels.case.load import steps_of
 from tests.app.conftest import served, tab, value
+from tests.support.campaigns import sampled
 
 NUMBER = re.compile(r"-?[0-9][0-9.]*(?:e-?[0-9]+)?")
 DEVICE = sm.HollowDisk(section="axisymmetric", membrane=5e-3)
@@ -96,6 +97,7 @@ def test_what_is_no_photograph_is_told(page, tmp_path):
     assert page.locator('button:has-text("empty.jpg")').count() == 0
 
 
+@pytest.mark.campaign
 def test_a_killed_server_resumes_its_job(browser, tmp_path):
     """Its results are those of a run that was left alone."""
     import signal
@@ -165,6 +167,7 @@ def test_a_foreign_project_is_shown_and_neither_runs_nor_reaches_anything(browse
     assert not hit.exists()
 
 
+@pytest.mark.campaign
 def test_an_own_report_works_within_the_page(browser, tmp_path):
     """Its program runs, its pictures load, its tables can be saved."""
     project = tmp_path / "project"
@@ -189,6 +192,7 @@ def test_an_own_report_works_within_the_page(browser, tmp_path):
         assert saved.value.suggested_filename == "path.csv"
 
 
+@pytest.mark.campaign
 def test_axe_finds_nothing_serious(browser, server):
     """In light colours everything, in dark ones the contrast."""
     axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
@@ -208,7 +212,7 @@ def test_axe_finds_nothing_serious(browser, server):
                 assert not found, (scheme, [(one["id"], [node["html"] for node in one["nodes"]]) for one in found])
 
 
-@pytest.mark.parametrize("width", [390, 1280])
+@pytest.mark.parametrize("width", sampled([390, 1280]))
 def test_nothing_sticks_out(browser, server, width):
     with tab(browser, server, viewport={"width": width, "height": 844}) as page:
         page.locator("svg.section").wait_for()

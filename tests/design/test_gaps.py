@@ -106,6 +106,7 @@ def test_the_mean_of_the_largest_values(comm):
     assert volume_peak(comm, np.ones(10), np.ones(10), rest=1.0) == (1.0, 1.0)
 
 
+@pytest.mark.campaign
 def test_coarse_and_fine_meshes_agree(comm, figure):
     """The largest value at a point does not: it grows with the mesh's fineness at the clamped ring."""
     tube = wound(inner_radius=0.0064, wall=0.001)
@@ -135,6 +136,7 @@ def test_the_path_has_the_same_peak(comm):
     assert any(f"largest point value is {run.path['max_stretch'][-1]:.4g} on this mesh" in note for note in here.notes)
 
 
+@pytest.mark.campaign
 def test_a_limit_is_kept_on_the_fresh_mesh_too():
     """Limits on the largest value at a point were kept in the search and passed on the fresh mesh, in turn and for ever."""
     problem = DesignProblem(

@@ -63,6 +63,7 @@ def problem_of(shadow, seed, **more):
     return DesignProblem(case_of(DISK), BOUNDS, follow=Outline(points=tuple(map(tuple, points)), at=AT, **more))
 
 
+@pytest.mark.campaign
 def test_a_disk_from_its_outline_with_noise(shadow, figure):
     """Over seeds the truth lies in the stated 95 % intervals, and its distances are as large as the stated errors."""
     inside, apart = [], []
@@ -89,6 +90,7 @@ def test_a_disk_from_the_outline_of_another_mesh(comm, figure):
         figure(RECOVERED, f"{name} of a disk from the outline of a mesh with smaller cells, share", apart, 1e-2)
 
 
+@pytest.mark.campaign
 def test_from_several_starts(shadow):
     result = optimise(problem_of(shadow, 1, sigma=NOISE), confirm=False, starts=3)
     assert result.agreement == "the 3 starts agree"
@@ -101,6 +103,7 @@ SLAB = SeminarActuator(channels=1, spread=20.0, around=4.0, cell_size=0.006)
 KNOWN = {"thickness": 1.08 * SLAB.thickness, "end_bore": 1.12 * SLAB.end_bore, "offset": 0.9 * SLAB.offset}
 
 
+@pytest.mark.campaign
 def test_a_slab_from_its_tip_path_alone(comm, figure):
     """Two coordinates of the tip at three pressures give three lengths."""
     pressures, names = (2e3, 5e3, 8e3), tuple(KNOWN)
@@ -126,6 +129,7 @@ def test_a_slab_from_its_tip_path_alone(comm, figure):
         assert result.parameters[name] == pytest.approx(truth, rel=1e-2)
 
 
+@pytest.mark.campaign
 def test_a_finger_from_the_pose_of_its_tip(comm, figure):
     """Two coordinates and an angle at one pressure give three lengths, in a few steps of Gauss and Newton's method."""
     finger, known = PneuNet(chambers=2, chamber_length=0.004, cell_size=0.008), {"base": 3.4, "root": 4.5, "wall": 1.1}

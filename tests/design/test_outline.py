@@ -13,6 +13,7 @@ from measurement.outline.outline import Outline as Measured
 from softmodels.design.problem import DesignProblem
 from softmodels.design.targets import Outline, TipPath, _middle
 from softmodels.design.trials import DesignError, JudgedLoad
+from tests.support.campaigns import sampled
 
 TAYLOR = "Taylor's remainder of the distance from an outline, by every length"
 AT = 2000.0
@@ -20,7 +21,7 @@ DOME = tuple((x, 6e-3 - 12.0 * x * x) for x in np.linspace(-0.02, 0.02, 41))
 NAMES = ("membrane", "cavity_radius", "wall", "base", "profile[1]", "profile[2]", "profile[3]")
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", sampled(NAMES, 2))
 def test_of_a_section(designed, thin_disk, second_order, comm, name):
     second_order(designed(thin_disk, NAMES, (Outline(points=DOME, at=AT),), comm), name, TAYLOR, "section")
 

@@ -87,6 +87,7 @@ def test_a_tube_with_all_that_is_no_contact(comm, exact):
     exact(DesignModel(case, names, quantities, comm), "tube with parts and loads", SHARE / 2)
 
 
+@pytest.mark.campaign
 def test_a_finger_whose_chambers_press_on_each_other(comm, exact):
     """The interface between base and chambers moves with the gap, and contact is of the moved walls."""
     device = PneuNet(
@@ -118,6 +119,7 @@ def test_a_disk_under_a_ball_that_gives_way(comm, exact):
     assert work == pytest.approx(np.trapezoid(run.pressure, run.added_volume), rel=2e-3)
 
 
+@pytest.mark.campaign
 def test_a_disk_that_slides_on_a_ball(comm, exact):
     """Friction: exact through the steps that lead to the state, most of whose points slide; values nearly as of a run."""
     ball = dataclasses.replace(BALL, friction=0.1)
@@ -136,6 +138,7 @@ def test_a_disk_that_slides_on_a_ball(comm, exact):
     exact(model, "disk that slides on a ball", SHARE / 20, **{"contact.ball.z": 2e-4})  # a gap of 0.02 mm at rest
 
 
+@pytest.mark.campaign
 def test_a_finger_with_everything(comm, exact):
     """Every kind of quantity by every kind of parameter: a length, an angle, stiffnesses of a sheet and of a region, the ratio
     of two pressures (also under a volume) and the place of a shape that the tip presses on."""
@@ -174,6 +177,7 @@ def test_a_vacuum(comm, exact):
     assert here["added volume at -0.08 kPa"] == pytest.approx(run.added_volume[-1], rel=1e-6)
 
 
+@pytest.mark.campaign
 def test_limit_pressures_by_numbers_of_parts(comm, exact):
     disk = HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.005)
     case = Case(
@@ -183,6 +187,7 @@ def test_limit_pressures_by_numbers_of_parts(comm, exact):
     exact(DesignModel(case, names, (LimitPressure(), Rise(at=1000.0)), comm, highest=6000.0), "limit point")
 
 
+@pytest.mark.campaign
 def test_the_search_finds_the_angle_of_a_scan(comm, tmp_path):
     """Elongation of a wound tube at a pressure; the design is a case that can be run."""
     case = Case(

@@ -83,6 +83,7 @@ def test_failures_keep_their_sentences(limits):
     assert np.isnan(limits.values("limit_Pa")[2:]).all()
 
 
+@pytest.mark.campaign
 def test_killed_study_resumes_to_the_same_dataset(files, limits):
     xarray = pytest.importorskip("xarray")
     file = files / "results" / SAMPLES
@@ -107,6 +108,7 @@ def test_killed_study_resumes_to_the_same_dataset(files, limits):
         study(files / "other.toml", files / "results", resume=True)
 
 
+@pytest.mark.campaign
 def test_two_dask_workers_give_the_same_dataset(files, limits):
     distributed, xarray = pytest.importorskip("distributed"), pytest.importorskip("xarray")
     with distributed.LocalCluster(

@@ -15,6 +15,8 @@ from softmodels.case.materials import material_from
 from softmodels.cli import examples
 from tests.support.forks import forks
 
+pytestmark = pytest.mark.campaign
+
 PAGE = Path(__file__).parents[2] / "docs" / "pages" / "howto" / "fit-memory.md"
 
 

@@ -79,6 +79,7 @@ def test_the_first_hour(tmp_path):
     assert printed(book)[1:] == printed(stored)[1:]  # but for the object that draws the bar
 
 
+@pytest.mark.campaign
 def test_a_study(tmp_path):
     book, found = executed(
         "study", tmp_path, "rises=study['apex rise in mm'].tolist(), limits=study['limit in kPa'].tolist()"
@@ -90,6 +91,7 @@ def test_a_study(tmp_path):
     assert printed(book) == printed(nbformat.read(FOLDER / "study.ipynb", 4))
 
 
+@pytest.mark.campaign
 def test_photographs_to_material(tmp_path):
     """The notebook itself asserts that the interval holds the truth and that the disk rises as far as the photographed one."""
     book, found = executed(

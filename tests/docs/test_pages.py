@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.campaigns import sampled
 from tests.support.forks import forks
 
 TOP = Path(__file__).parents[2]
@@ -46,11 +47,14 @@ def test_there_are_examples_and_pages():
     assert len(EXAMPLES) >= 8 and {page.name for page in PAGES} >= {"README.md", "python.md", "notebook.md"}
 
 
+EXAMPLES_BY_DEFAULT = [path for path in EXAMPLES if path.stem in ("balloon", "disk", "mould")]
+PAGES_BY_DEFAULT = [path for path in PAGES if path.stem in ("README", "extending", "python")]
+"""The others run in campaigns."""
 COARSER = {"pneunet": ("cell_size=0.004", "cell_size=0.006")}
 """A mesh with which an example's assertion holds too, in half the time."""
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("example", sampled(EXAMPLES, EXAMPLES_BY_DEFAULT), ids=lambda path: path.stem)
 def test_examples_assert_a_number_and_draw_a_picture(example, run, tmp_path):
     text = example.read_text()
     assert re.search(r"^assert ", text, re.MULTILINE)
@@ -68,7 +72,7 @@ photographer.HEIGHTS, photographer.SCENE = photographer.HEIGHTS[[0, 4, 9]], COAR
 """Three of the demonstration's thirteen photographs, with a quarter of their pixels."""
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("page", sampled(PAGES, PAGES_BY_DEFAULT), ids=lambda path: path.stem)
 def test_python_on_pages_runs(page, run, tmp_path):
     text = "\n".join(blocks(page))
     (tmp_path / "page.py").write_text(FEW * ("make_photographs" in text) + text)
@@ -133,6 +137,7 @@ def test_outputs_are_documented():
     assert {page.name for page in DOCUMENTED} >= {"first-hour.md", "disk.md", "reports.md"}
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("page", DOCUMENTED, ids=lambda path: path.stem)
 def test_commands_print_what_the_page_shows(page, tmp_path):
     """In an empty folder, from the page's first command to the last one whose output is shown."""
@@ -141,7 +146,7 @@ def test_commands_print_what_the_page_shows(page, tmp_path):
         printed = []
         for command in commands:
             if " open " not in command:  # a browser
-                words = command.replace("uv run softmodels", "uv run python -m softmodels")
+                words = re.sub(r"--extra \w+ ", "", command).replace("uv run softmodels", "uv run python -m softmodels")
                 done = subprocess.run(
                     words.replace("uv run python", sys.executable), shell=True, executable="/bin/bash", cwd=tmp_path,
                     stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False,
@@ -197,6 +202,13 @@ def test_a_question_about_the_code_is_answered_by_few_files_that_are_there():
     lists = [re.findall(r"`([\w/]+\.py)`", line) for line in text.splitlines() if line.startswith("Files: ")]
     assert len(lists) > 12 and all(0 < len(files) == len(set(files)) <= MOST_FILES for files in lists)
     assert [file for files in lists for file in files if not (TOP / file).is_file()] == []
+
+
+def test_the_readmes_test_command_is_that_of_every_change():
+    """And what it leaves out by default comes after it."""
+    (command,) = re.findall(r"^(uv run .*\bpytest\b.*?)(?:  +#.*)?$", (TOP / "README.md").read_text(), re.MULTILINE)
+    lines = (TOP / ".ci" / "run").read_text().splitlines()
+    assert [line for line in lines if " pytest " in line] == [command, f"{command} -m campaign"]
 
 
 def test_links_and_pictures_lead_somewhere():

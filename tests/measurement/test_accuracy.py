@@ -75,6 +75,7 @@ def across(outline, truth, slope):
     return (outline.z - truth) / np.sqrt(1.0 + slope**2)
 
 
+@pytest.mark.campaign
 def test_outlines_are_trusted_and_right(benches, figure):
     for outline, _, truth, slope in benches:
         assert outline.trusted, outline.reasons
@@ -82,11 +83,13 @@ def test_outlines_are_trusted_and_right(benches, figure):
         figure(TRUTH, "outlines, rms", rms * 1e6, 4.0, unit="um")
 
 
+@pytest.mark.campaign
 def test_apexes_are_right(benches, figure):
     for outline, height, _, _ in benches:
         figure(TRUTH, "apexes", (outline.height - height) * 1e6, 3.5, unit="um")
 
 
+@pytest.mark.campaign
 def test_stated_errors_are_true(benches, figure):
     standardised = [across(outline, truth, slope) / outline.error for outline, _, truth, slope in benches]
     variance = np.mean([np.mean(values**2) for values in standardised])

@@ -17,6 +17,7 @@ from measurement.__main__ import main
 from measurement.outline.outline import Outline
 from measurement.photographer import dome, dome_height, photograph, save
 from measurement.series.photo_list import COPIED, copies, cut_out, likeness, prepared
+from tests.support.campaigns import sampled
 
 SCENE = dataclasses.replace(photographer.SCENE, width=1000, height=640, focal_px=1750.0, pixel_size=48e-6, dust=3)
 HEIGHTS = (0.0, 3.0, 4.0, 5.0, 6.0)
@@ -79,7 +80,7 @@ def judged(pictures, heights, pressures):
     return copies(dict(enumerate(outlines)), {k: cut_out(picture) for k, picture in enumerate(pictures)})
 
 
-@pytest.mark.parametrize("bench", BENCHES)
+@pytest.mark.parametrize("bench", sampled(BENCHES))
 def test_changed_copies_at_another_pressure_are_found(bench):
     """Only copies byte for byte were found."""
     pictures = [shown(height, k, **BENCHES[bench]) for k, height in enumerate(HEIGHTS)]
@@ -91,7 +92,7 @@ def test_changed_copies_at_another_pressure_are_found(bench):
         assert likeness(samples[3], copy, others[:2]) > COPIED, name
 
 
-@pytest.mark.parametrize("nudged", [0.0, 0.15])
+@pytest.mark.parametrize("nudged", sampled([0.0, 0.15]))
 @pytest.mark.parametrize("bench", BENCHES)
 def test_honest_repeats_are_no_copies(bench, nudged):
     """Three exposures of one state at nearly equal pressures, between others; the camera may have moved a little."""

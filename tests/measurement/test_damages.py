@@ -9,6 +9,7 @@ import pytest
 
 from measurement.screen.grid import GridError
 from tests.benchmarks import damaged_photographs
+from tests.support.campaigns import sampled
 from tests.support.photographs import damaged_run
 from tests.support.photographs.bench import Bench
 from tests.support.photographs.damaged_run import Run
@@ -38,14 +39,17 @@ def test_good_photographs_of_the_benches_are_right_and_trusted(runs):
 
 @pytest.mark.parametrize(
     ("kind", "outcomes"),
-    [
-        ("glint", ["refused", "refused"]),
-        ("water drop on the lens", ["untrusted", "untrusted"]),
-        ("fibre along", ["untrusted", "untrusted"]),
-        ("dent", ["refused", "refused"]),
-        ("screen bulging", ["refused", "untrusted"]),
-        ("heat shimmer", ["refused", "untrusted"]),
-    ],
+    sampled(
+        [
+            ("glint", ["refused", "refused"]),
+            ("water drop on the lens", ["untrusted", "untrusted"]),
+            ("fibre along", ["untrusted", "untrusted"]),
+            ("dent", ["refused", "refused"]),
+            ("screen bulging", ["refused", "untrusted"]),
+            ("heat shimmer", ["refused", "untrusted"]),
+        ],
+        2,
+    ),
 )
 def test_what_is_wrong_is_not_trusted(runs, kind, outcomes):
     verdicts = [one for run in runs for one in run.damaged(kind, 0)]
@@ -53,7 +57,8 @@ def test_what_is_wrong_is_not_trusted(runs, kind, outcomes):
 
 
 @pytest.mark.parametrize(
-    ("kind", "first"), [("body moved after the zero", "refused"), ("body along the light after the zero", "untrusted")]
+    ("kind", "first"),
+    sampled([("body moved after the zero", "refused"), ("body along the light after the zero", "untrusted")]),
 )
 def test_a_body_that_was_moved_is_noticed_in_every_photograph(runs, kind, first):
     verdicts = list(runs[1].damaged(kind, 0))
@@ -71,11 +76,13 @@ def drawn_in():
     return Run(Bench.random(37))
 
 
+@pytest.mark.campaign
 def test_a_drop_that_moves_the_flank_smoothly_is_seen_by_its_blur(drawn_in):
     (one,) = drawn_in.damaged("water drop on the lens", 0)
     assert one.outcome == "untrusted" and "more blurred than the rest" in one.why, one
 
 
+@pytest.mark.campaign
 def test_a_lifted_body_is_noticed_where_its_own_sinking_has_made_up_for_it(drawn_in):
     verdicts = list(drawn_in.damaged("body moved after the zero", 0))
     assert [one.outcome for one in verdicts] == ["untrusted"] * 4, verdicts

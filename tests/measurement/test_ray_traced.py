@@ -12,6 +12,7 @@ import pytest
 
 from measurement.outline.outline import Outline
 from measurement.series.measuring import trace_image, zero_of
+from tests.support.campaigns import sampled
 from tests.support.photographs import traced_runs as runs
 
 
@@ -29,7 +30,7 @@ def small(seed, lamp, camera, **body):
 @pytest.mark.quick
 @pytest.mark.parametrize(
     ("seed", "lamp", "camera"),
-    [(0, "disc", "srgb"), (4, "square", "s curve"), (6, "disc", "phone"), (9, "disc", "linear")],
+    sampled([(0, "disc", "srgb"), (4, "square", "s curve"), (6, "disc", "phone"), (9, "disc", "linear")]),
 )
 def test_lamps_and_cameras_of_other_kinds_are_trusted_and_right(seed, lamp, camera, monkeypatch):
     monkeypatch.setattr(runs, "SHARES", (0.0, 1.0))
@@ -44,6 +45,7 @@ def test_lamps_and_cameras_of_other_kinds_are_trusted_and_right(seed, lamp, came
     assert np.mean(np.abs(off) < 3.0 * outline.error) > 0.95
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("seed", "lamp", "shape"), [(6, "ring", "sheet"), (0, "disc", "sheet"), (5, "disc", "round")])
 def test_large_lamps_and_a_depth_of_field_are_trusted_and_right(seed, lamp, shape, monkeypatch):
     """Before: the light falls in steps; the grid is off in the penumbra; the lamp is off level."""
@@ -59,13 +61,16 @@ def test_large_lamps_and_a_depth_of_field_are_trusted_and_right(seed, lamp, shap
     assert np.median(stated) < 12e-6
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("seed", "lamp", "camera", "shape"),
-    [
-        (0, "disc", "srgb", "round"),
-        (1, "square", "srgb", "block"),
-        (6, "disc", "phone", "block"),
-    ],
+    sampled(
+        [
+            (0, "disc", "srgb", "round"),
+            (1, "square", "srgb", "block"),
+            (6, "disc", "phone", "block"),
+        ]
+    ),
 )
 def test_the_depth_of_a_level_body_is_corrected_or_stated(seed, lamp, camera, shape):
     """Its penumbra is wider above its plane than below, so that blur draws the half light up and heights seem too low."""
@@ -82,6 +87,7 @@ def test_the_depth_of_a_level_body_is_corrected_or_stated(seed, lamp, camera, sh
     assert trusted >= 2
 
 
+@pytest.mark.campaign
 def test_a_round_body_that_leans_is_not_trusted():
     lamp = runs.rays.Lamp("disc", 6e-3, points=80)
     case = small(0, "disc", "srgb", width=9.5e-3, depth=9.5e-3, lean=0.6)

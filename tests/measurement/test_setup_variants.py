@@ -13,6 +13,7 @@ from measurement.__main__ import main
 from measurement.camera import Exif, frame_points, lens_profile
 from measurement.photographer import Scene, chessboard, dome, photograph, save, truth_of
 from measurement.screen.setup import Setup
+from tests.support.campaigns import sampled
 from tests.support.photographs.boards import charuco
 
 DOME = dome(0.005, floor=-0.003)
@@ -54,7 +55,7 @@ VIEWS = {
 }
 
 
-@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("view", sampled(VIEWS, 2))
 def test_grid(view, tmp_path):
     options, mean = VIEWS[view]
     # In a small frame a shadow would leave too few lines.
@@ -65,6 +66,7 @@ def test_grid(view, tmp_path):
     assert np.sqrt(np.mean(standardised**2)) < 2.0
 
 
+@pytest.mark.campaign
 def test_grid_in_a_whole_frame_of_18_megapixels(tmp_path):
     scene = Scene(width=5184, height=3456, pixel_size=10e-6, focal_px=12000.0, blur=3.0, tilt=15.0, jpeg_quality=None)
     image, truth = photograph(scene, DOME)
@@ -73,7 +75,7 @@ def test_grid_in_a_whole_frame_of_18_megapixels(tmp_path):
     assert np.sqrt(np.mean(standardised**2)) < 2.0
 
 
-@pytest.mark.parametrize("target", ["chessboard", "charuco"])
+@pytest.mark.parametrize("target", sampled(["chessboard", "charuco"]))
 @pytest.mark.parametrize("tilt", [0.0, 30.0])
 def test_boards(target, tilt, tmp_path):
     scene = Scene(pixel_size=80e-6, tilt=tilt, pan=10.0, focal_px=2000.0)
@@ -116,7 +118,7 @@ def test_scale_and_lamp(tmp_path):
     assert error == pytest.approx(0.01 / 1.02 * np.hypot(0.05 / 25, setup.magnification_error / 1.02), rel=1e-6)
 
 
-@pytest.mark.parametrize("focal", [18.0, 35.0])
+@pytest.mark.parametrize("focal", sampled([18.0, 35.0]))
 def test_lens_from_exif_through_the_command(focal, tmp_path):
     """A photograph bent by lensfun's own map for what its EXIF names, against its truth with and without the lens."""
     scene = Scene(width=1500, height=1000, focal_px=4000.0, pixel_size=40e-6, tilt=10.0)

@@ -75,12 +75,14 @@ def test_a_soft_body_that_slips_for_one_photograph_is_not_trusted_there(setup, t
     assert "moved for this one" in outlines[3].reasons[-1]
 
 
+@pytest.mark.campaign
 def test_a_soft_body_that_slips_after_the_zero_is_not_trusted(setup, tmp_path):
     outlines = measured(setup, tmp_path, (0.0, -0.2e-3, -0.2e-3, -0.2e-3, -0.2e-3))
     for outline in outlines[1:]:
         assert not getattr(outline, "trusted", False)
 
 
+@pytest.mark.campaign
 def test_the_command_takes_the_body_s_width(setup, tmp_path):
     for number, height in enumerate((0.0, 3.5e-3)):
         save(tmp_path / f"IMG_{number:04d}.JPG", photograph(SCENE, 1.02 * body(height), 10 + number)[0])

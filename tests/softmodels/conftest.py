@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from types import SimpleNamespace
 
 import pytest
 
@@ -26,10 +27,20 @@ def ended():
 
 
 @pytest.fixture(scope="session")
-def whole(tmp_path_factory):
+def made_run(made_once):
+    """Return a function that gives the folder of a run of the disk with these words, and what it said."""
+
+    def run(name, *words):
+        folder, said = made_once(name, lambda folder: vars(disk(folder / "disk", *words)))
+        return folder / "disk", SimpleNamespace(**said)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def whole(made_run):
     """A run to 177 cm in 36 steps that nothing disturbed: its folder, and what it said."""
-    folder = tmp_path_factory.mktemp("whole") / "disk"
-    return folder, disk(folder, "--pressure-cm", "0:177:5")
+    return made_run("whole", "--pressure-cm", "0:177:5")
 
 
 @pytest.fixture
@@ -39,10 +50,9 @@ def whole_copy(whole, tmp_path):
 
 
 @pytest.fixture(scope="session")
-def limited(tmp_path_factory):
+def limited(made_run):
     """A run past a limit point, which it cannot but meet: its folder, and what it said."""
-    folder = tmp_path_factory.mktemp("limited") / "disk"
-    return folder, disk(folder, *SOFT)
+    return made_run("limited", *SOFT)
 
 
 WEDGE = HollowDisk(cell_size=0.006, refinement=1.0)

@@ -84,6 +84,7 @@ def test_the_path_is_as_without(run):
 HEAVY = (Gravity("-z"), Mass("top", 0.030, name="brass"))
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("column", ["apex_mm", "ceiling_mm", "added_volume_ml"])
 def test_under_a_weight(heavy_run, column):
     """A weight keeps its newtons: where the device hangs is as uncertain as its material, and so is every state from there."""
@@ -94,6 +95,7 @@ def test_under_a_weight(heavy_run, column):
     assert heavy_run.rows[0]["pressure_cm"] == 0.0 and heavy_run.rows[0]["apex_ci95_mm"] > 0.02
 
 
+@pytest.mark.campaign
 def test_the_limit_under_a_weight(heavy_run):
     row = next(row for row in heavy_run.rows if row["limit"])
     limit = sm.limit(DISK, law(), components=HEAVY)
@@ -164,6 +166,7 @@ def test_titles_tell_the_pressure_and_not_its_band(run):
     ).name.startswith("band")
 
 
+@pytest.mark.campaign
 def test_of_shares_of_a_weight_and_of_forces():
     """A beam has no pressure: the band of its rise is that at the same share, or at the same force beside its weight."""
     beam = sm.Beam(length=0.03, width=0.01, thickness=0.005, cell_size=0.005)
@@ -176,6 +179,7 @@ def test_of_shares_of_a_weight_and_of_forces():
         assert row["tip_ci95_mm"] == pytest.approx(expected, rel=2e-3) and "pressure_ci95_cm" not in row
 
 
+@pytest.mark.campaign
 def test_of_a_force_on_an_inflated_device():
     """Its pressure is kept beside the force."""
     membrane = sm.Membrane(cell_size=0.002, through=2)
@@ -188,6 +192,7 @@ def test_of_a_force_on_an_inflated_device():
         dataclasses.replace(case, steps=steps_of(travel_mm=(1.0,)))
 
 
+@pytest.mark.campaign
 def test_at_the_same_rise(heavy_run):
     """Sideways in the picture; under a weight far from the band at the same volume: the same height is another shape then."""
     row = next(row for row in heavy_run.rows if row["requested"] and row["pressure_cm"] == 20.0)
@@ -218,6 +223,7 @@ def spanned():
     return sm.inflate(SHADOW, sm.silicone(ECOFLEX), "0,20,31 cm", band=ECOFLEX)
 
 
+@pytest.mark.campaign
 def test_a_silicones_band_has_a_path_for_each_source(spanned):
     names = [f"{ECOFLEX}/marechal-2021", f"{ECOFLEX}/sorotoki", ECOFLEX, f"{ECOFLEX}/smooth-on"]
     assert list(spanned.sources) == names
@@ -230,6 +236,7 @@ def test_a_silicones_band_has_a_path_for_each_source(spanned):
     assert plain.rows == spanned.rows and not plain.sources
 
 
+@pytest.mark.campaign
 def test_what_the_sources_span_is_told_and_drawn(spanned):
     """At the last pressure that all of them reach; the softest ends at its limit point before the others."""
     (note,) = [note for note in spanned.notes if note.startswith(f"over the 4 sources of {ECOFLEX}")]
@@ -246,6 +253,7 @@ def test_what_the_sources_span_is_told_and_drawn(spanned):
     assert len(axes.patches) == 3
 
 
+@pytest.mark.campaign
 def test_sources_are_kept_in_a_folder(spanned, tmp_path):
     spanned.save(tmp_path / "run")
     again = sm.load(tmp_path / "run")

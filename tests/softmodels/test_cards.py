@@ -191,7 +191,6 @@ def test_a_dataset_has_fields_on_request(run, loaded):
 @pytest.mark.parametrize(("package", "call"), [("pandas", "to_dataframe"), ("xarray", "to_xarray")])
 def test_a_missing_package_is_named(run, package, call, monkeypatch):
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(
-        ImportError, match=rf"{package} is not installed; install it by: pip install 'softmodels\[notebook\]'"
-    ):
+    words = rf"{package} is not installed; it comes with the extra 'notebook': uv sync --inexact --extra notebook in a clone"
+    with pytest.raises(ImportError, match=words):
         getattr(run, call)()

@@ -59,6 +59,7 @@ def source_of(model, outlines):
     return CreepingResiduals(model, shapes)
 
 
+@pytest.mark.campaign
 def test_derivatives_are_exact(creeping, comm):
     """Through preload, levels and holds, by everything that is fitted: a random direction against central differences."""
     device = MeasuredDevice.of(MeasuredDevice(DISK, components=LOADS))
@@ -96,6 +97,7 @@ def test_outlines_without_noise_give_the_memory_back(model, creeping, figure):
     figure(AGAINST, "c1, no noise", found.values["c1"] / TRUTH["c1"] - 1, 0.02)
 
 
+@pytest.mark.campaign
 def test_error_bars_are_honest(model, creeping):
     """Repeats with noise, readings and bench drawn from what the fit takes them to be; seeded.
 
@@ -113,6 +115,7 @@ def test_error_bars_are_honest(model, creeping):
     assert np.sqrt(np.mean(np.square(misses))) > 0.3
 
 
+@pytest.mark.campaign
 def test_a_device_that_hangs_under_its_weight(comm, tmp_path, figure):
     """It has relaxed under its weight and a brass plate before the test; heights count from where its apex is then."""
     body = Body.from_file(FINER, FINER.write(tmp_path / "disk.msh"), comm)
@@ -133,6 +136,7 @@ def test_a_device_that_hangs_under_its_weight(comm, tmp_path, figure):
             assert abs(found.values["c1"] / TRUTH["c1"] - 1) > 0.03  # without its weight it seems stiffer
 
 
+@pytest.mark.campaign
 def test_a_curve_joins_in(model, creeping):
     """A strip of the same cast, pulled and held: both together know more than the photographs."""
     rng = np.random.default_rng(6)
@@ -214,6 +218,7 @@ def command(*words):
     return CliRunner().invoke(fit_material, [str(word) for word in words])
 
 
+@pytest.mark.campaign
 def test_the_command_writes_the_memory(creeping, tmp_path):
     case = tmp_path / "case.toml"
     case.write_text(Case("disk", DISK, Yeoh(14e3, 600.0), steps=steps_of(pressure_cm=(0.0, 100.0))).to_toml())

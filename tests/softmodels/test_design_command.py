@@ -68,6 +68,7 @@ def test_ctrl_c_leaves_the_best_design_so_far(place):
     assert Case.from_file(place / "out" / "design.toml") != Case.from_file(place / "out" / "start.toml")
 
 
+@pytest.mark.campaign
 def test_a_killed_run_leaves_its_best_design_and_goes_on_to_the_same_end(place, reference):
     process = begun(place, 3)
     process.kill()
@@ -88,6 +89,7 @@ def test_another_program_is_kept_out(place):
     assert other.status == 2 and "out" in other.err and other.err.count("\n") == 1
 
 
+@pytest.mark.campaign
 def test_two_ranks_find_the_same_design_and_one_speaks(place, reference):
     folder, alone = reference
     both = design(place, "--no-pictures", "--starts", "2", launcher=("mpirun", "-n", "2"))
@@ -109,6 +111,7 @@ def test_what_cannot_be_met_ends_with_status_3(ended, place, monkeypatch):
     assert not Path("thin/design.toml").exists()
 
 
+@pytest.mark.campaign
 def test_pictures_and_page(place):
     done = design(place)
     assert done.status == 0, done.err

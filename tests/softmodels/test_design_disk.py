@@ -28,6 +28,7 @@ def problem_(**changes):
     return DesignProblem(case, **{**given, **changes})
 
 
+@pytest.mark.campaign
 def test_a_disk_rises_higher_within_its_limits_on_a_fresh_mesh_too(tmp_path):
     found = sm.optimise(problem_(), tmp_path / "out")
     assert found.feasible and not found.trouble and len(found.trials) <= 40
@@ -40,6 +41,7 @@ def test_a_disk_rises_higher_within_its_limits_on_a_fresh_mesh_too(tmp_path):
     assert run.pressure[-1] == pytest.approx(100 * run.case.cm) and run.apex[-1] == pytest.approx(rise, rel=5e-3)
 
 
+@pytest.mark.campaign
 def test_the_example_ends_higher_than_it_began(tmp_path):
     """As the page on designs says. On the mesh of one step the carried state is unstable, and is found again."""
     lines: list[str] = []

@@ -399,6 +399,7 @@ assert all(np.array_equal(one.apex, other.apex) for one, other in zip(runs, alon
     assert not script(text)
 
 
+@pytest.mark.campaign
 def test_thirty_devices_leave_memory_and_communicators_as_they_were():
     text = """
 import ctypes

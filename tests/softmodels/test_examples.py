@@ -58,7 +58,7 @@ def test_every_command_on_pages_parses_and_finds_its_files(written, monkeypatch)
         made: set[str] = set()  # each page stands by itself
         for words in commands_of(page):
             assert words[:2] == ["uv", "run"], words
-            rest = words[2:]
+            rest = words[4:] if words[2] in ("--extra", "--group") else words[2:]
             if rest[0] == "mpirun":
                 rest = rest[3:]
             if rest == ["softmodels", "examples"] or rest[0] in ("pytest", "--with"):
@@ -144,6 +144,7 @@ def test_the_cases_are_cases_and_the_part_has_its_cavities(written):
     assert not finger.cavities and finger.cavity_volume == pytest.approx(72e-3 * 9e-3 * 6e-3, rel=0.1)  # rounded
 
 
+@pytest.mark.campaign
 def test_the_imported_part_bends(written):
     """Its gauge is where it moves: on a coarse mesh its tip rises by a tenth of its length."""
     case = Case.from_file(written.path / "mypart.toml")
@@ -212,6 +213,7 @@ def test_what_comes_with_the_package_is_small_and_whole(written):
     }  # fmt: skip
 
 
+@pytest.mark.campaign
 def test_the_photographs_are_those_that_the_code_renders(tmp_path):
     """One of the board and the one of the grid, the bytes of which depend on the version of the JPEG library only."""
     scene = list(examples.board_scenes())[2]
@@ -225,6 +227,7 @@ def test_the_photographs_are_those_that_the_code_renders(tmp_path):
         assert again.shape == kept.shape and np.abs(again - kept).mean() < 0.05
 
 
+@pytest.mark.campaign
 def test_the_tables_are_those_that_the_code_computes():
     made = {
         "pull.csv": examples.tensile_curve(),

@@ -221,6 +221,7 @@ def test_a_region_may_be_called_silicone():
     assert main.name != own.name and main.regions == ("solid",)
 
 
+@pytest.mark.campaign
 def test_two_ranks_write_dead_loads_as_one_does(loaded, tmp_path):
     """They start MPI, which waits for both."""
     (tmp_path / "case.toml").write_text(LOADED.to_toml())

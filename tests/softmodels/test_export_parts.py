@@ -14,6 +14,7 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.load import steps_of
 from softmodels.components.contact import ONSET, distances
+from tests.support.campaigns import sampled
 
 LAW = sm.Yeoh(14e3, 60.0, 0.0, 0.49)
 FINGER = Case("finger", sm.PneuNet(chambers=2, cell_size=0.008), LAW, steps=steps_of(pressure_cm=(4.0, 8.0)))
@@ -141,11 +142,13 @@ def test_contact_with_a_plane_is_springs_of_the_same_force(tmp_path):
 
 @pytest.mark.parametrize(
     "shape",
-    [
-        sm.RigidShape("sphere", "bottom", (0.012, 0.0, -0.007), 0.005, name="ball"),
-        sm.RigidShape("sphere", "bottom", (0.012, 0.0, 0.004), 0.040, hollow=True, name="bowl"),
-        sm.RigidShape("cylinder", "bottom", (0.012, 0.0, -0.007), 0.005, along=(0.0, 1.0, 0.0), name="rod"),
-    ],
+    sampled(
+        [
+            sm.RigidShape("sphere", "bottom", (0.012, 0.0, -0.007), 0.005, name="ball"),
+            sm.RigidShape("sphere", "bottom", (0.012, 0.0, 0.004), 0.040, hollow=True, name="bowl"),
+            sm.RigidShape("cylinder", "bottom", (0.012, 0.0, -0.007), 0.005, along=(0.0, 1.0, 0.0), name="rod"),
+        ]
+    ),
     ids=lambda shape: shape.name,
 )
 def test_springs_are_as_long_as_shapes_are_away(tmp_path, shape):
@@ -198,21 +201,23 @@ def test_a_shape_that_gives_way_begins_on_its_line(tmp_path):
 
 @pytest.mark.parametrize(
     "part",
-    [
-        sm.Fibres("outer", angle=35.0, helices=2, stiffness=300.0, name="thread"),
-        sm.Fibres(
-            "outer, strip",
-            angle=80.0,
-            helices=2,
-            stiffness=300.0,
-            law="exponential",
-            exponent=2.0,
-            slack=True,
-            name="thread",
-        ),
-        sm.Fibres("base", angle=60.0, helices=2, modulus=20e3, name="thread"),
-        sm.Fabric("outer", 400.0, 150.0, angle=0.0, name="thread"),
-    ],
+    sampled(
+        [
+            sm.Fibres("outer", angle=35.0, helices=2, stiffness=300.0, name="thread"),
+            sm.Fibres(
+                "outer, strip",
+                angle=80.0,
+                helices=2,
+                stiffness=300.0,
+                law="exponential",
+                exponent=2.0,
+                slack=True,
+                name="thread",
+            ),
+            sm.Fibres("base", angle=60.0, helices=2, modulus=20e3, name="thread"),
+            sm.Fabric("outer", 400.0, 150.0, angle=0.0, name="thread"),
+        ]
+    ),
     ids=["winding", "slack", "region", "fabric"],
 )
 def test_threads_are_springs_of_the_same_work(tmp_path, comm, part):

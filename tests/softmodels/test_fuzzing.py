@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from tests.benchmarks import fuzz
+from tests.support.campaigns import sampled
 
 COUNT, SEED = 100, 7
 
 
-def test_random_inputs_end_in_a_result_or_in_a_sentence(tmp_path):
-    found = fuzz.campaign(fuzz.Bench(tmp_path, measure=False), COUNT, SEED)
-    assert len(found) == COUNT
+@pytest.mark.parametrize("count", sampled([20, COUNT]))
+def test_random_inputs_end_in_a_result_or_in_a_sentence(count, tmp_path):
+    found = fuzz.campaign(fuzz.Bench(tmp_path, measure=False), count, SEED)
+    assert len(found) == count
     assert [(one.kind, one.attempt, one.fault) for one in found if one.fault] == []
     assert {one.status for one in found} >= {0, 2}
 

@@ -19,6 +19,7 @@ from softmodels.runs.store import Results, ResultsError
 from softmodels.runs.table import Row
 from tests.benchmarks import kills
 from tests.support import runs
+from tests.support.campaigns import sampled
 
 STEPS = ("--pressure-cm", "0:177:5", "--quiet")
 LIMITED = """
@@ -58,7 +59,7 @@ def wait_for_states(process, folder, count):
 
 
 @pytest.mark.parametrize(
-    ("number", "states"), [(signal.SIGINT, 2), (signal.SIGTERM, 6)], ids=["interrupt", "terminate"]
+    ("number", "states"), sampled([(signal.SIGINT, 2), (signal.SIGTERM, 6)]), ids=["interrupt", "terminate"]
 )
 def test_a_stopped_run_says_so_and_goes_on_to_the_same_numbers(number, states, whole, tmp_path):
     process = runs.start(*runs.DISK, "--output", tmp_path / "disk", *STEPS)
@@ -76,6 +77,7 @@ def test_a_stopped_run_says_so_and_goes_on_to_the_same_numbers(number, states, w
     runs.same(runs.rows(tmp_path / "disk"), runs.rows(whole[0]), 1e-9)
 
 
+@pytest.mark.campaign
 def test_a_killed_run_is_readable_every_time_and_goes_on_to_the_same_numbers(whole, tmp_path):
     delay = random.Random(7)
     folder, reached = tmp_path / "disk", 0
@@ -97,6 +99,7 @@ def test_a_killed_run_is_readable_every_time_and_goes_on_to_the_same_numbers(who
     assert runs.readable(folder) == 37 and not (folder / "disk.steps").exists()
 
 
+@pytest.mark.campaign
 def test_a_file_that_cannot_grow_ends_the_run_and_loses_nothing(tmp_path):
     """The list of states outgrows the 75 kB that a file may have here; a state of its own takes 66 kB."""
     folder, many = tmp_path / "disk", ("--pressure-cm", "0:177:2", "--quiet")
@@ -111,14 +114,14 @@ def test_a_file_that_cannot_grow_ends_the_run_and_loses_nothing(tmp_path):
     runs.same(runs.rows(folder), runs.rows(tmp_path / "whole"), 1e-9)
 
 
-@pytest.mark.parametrize("size", [500, 20000])
+@pytest.mark.parametrize("size", sampled([500, 20000]))
 def test_a_disk_that_is_full_from_the_start_ends_the_run(size, tmp_path):
     done = runs.run("-c", LIMITED, str(size), *runs.DISK[2:], "--output", tmp_path / "disk", *STEPS)
     assert done.status == 1 and done.out == "" and done.err.count("\n") == 1 and "cannot be written" in done.err
     assert not list(tmp_path.rglob("*.part")) and not list(tmp_path.rglob("*.msh"))
 
 
-@pytest.mark.parametrize("place", ["requested", "limit"])
+@pytest.mark.parametrize("place", sampled(["requested", "limit"]))
 def test_a_run_killed_between_two_steps_goes_on_to_the_same_limit(place, limited, tmp_path):
     rows = runs.rows(limited[0])
     # The last requested pressure is solved for between two steps, and so is the limit point.
@@ -190,7 +193,7 @@ def test_damaged_results_are_not_gone_on_from(few):
         again(few)
 
 
-@pytest.mark.parametrize("broken", [lambda mesh, script: script, lambda mesh, script: mesh[: len(mesh) // 2]])
+@pytest.mark.parametrize("broken", sampled([lambda mesh, script: script, lambda mesh, script: mesh[: len(mesh) // 2]]))
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_a_foreign_or_broken_mesh_is_made_anew_and_not_run(broken, ranks, whole, whole_copy, tmp_path):
     mesh, hit = whole_copy / "disk.msh", tmp_path / "hit"
@@ -205,6 +208,7 @@ def test_a_foreign_or_broken_mesh_is_made_anew_and_not_run(broken, ranks, whole,
 # -- A few of the random kills of ``tests/benchmarks/kills.py`` ------------------------------------------------------
 
 
+@pytest.mark.campaign
 def test_runs_killed_at_random_end_in_the_numbers_of_those_left_alone(tmp_path):
     count, faults = kills.campaign(["section", "limit", "cycle"], 3, 11, tmp_path)
     assert count == 3 and faults == []

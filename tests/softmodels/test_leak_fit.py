@@ -99,6 +99,7 @@ def test_where_the_kinds_are_not_told_apart_the_flow_s_interval_contains_both():
     assert kinds == {"orifice", "laminar"}
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("error", [5.0, None])
 def test_intervals_hold_the_truth(error):
     pressures, rng = falling(2e-13), np.random.default_rng(4)

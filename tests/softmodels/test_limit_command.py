@@ -100,6 +100,7 @@ def test_tolerances_scatter_the_limit(tmp_path):
     assert (tmp_path / "scatter.png").stat().st_size > 10000
 
 
+@pytest.mark.campaign
 def test_tolerances_scatter_the_limit_under_a_weight(tmp_path, comm):
     """Each sampled device bears its own weight and the mass on it, as a single one of its thickness does."""
     heavy = (Gravity("-z"), Mass("top", 0.020))
@@ -130,6 +131,7 @@ def test_a_device_that_cannot_carry_its_preload_ends_as_a_run_of_it(tmp_path):
     assert all("no equilibrium under its dead loads (the preload): at 0.2" in one.err for one in done)
 
 
+@pytest.mark.campaign
 def test_a_limit_is_found_with_the_solver_of_its_case(comm, monkeypatch):
     """By iterations it is the same one."""
     case = case_of(dataclasses.replace(THIN, cell_size=0.004))
@@ -154,6 +156,7 @@ def test_every_silicone_has_its_own_weight(comm):
     assert both[1].pressure == pytest.approx(alone[0].pressure, rel=1e-7)
 
 
+@pytest.mark.campaign
 def test_offset_and_thickness_scatter_as_single_devices_differ(tmp_path):
     """The slopes told, against differences of devices drawn thinner, and with their cavities higher in the same height."""
     done = runs.run("-m", "softmodels", "limit", *OPTIONS, "--shear-modulus", "20kPa", "--cell-size", "4mm", "--vary",

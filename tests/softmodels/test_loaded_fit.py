@@ -24,6 +24,7 @@ from softmodels.fitting.outlines.shapes import half_outline, shadow_of
 from softmodels.materials.specimens import respond
 from softmodels.pictures.curves import profile
 from softmodels.runs.grid import QuadraticCurve
+from tests.support.campaigns import sampled
 from tests.support.simulated import correlated
 
 DOWN = Gravity("-z")
@@ -89,7 +90,7 @@ def run_of():
     return make
 
 
-@pytest.mark.parametrize("name", DEVICES)
+@pytest.mark.parametrize("name", sampled(DEVICES))
 def test_outlines_of_a_run_give_its_material_back(name, run_of, figure):
     device, components, cms = DEVICES[name]
     outlines = photographed(run_of(name), cms)
@@ -103,6 +104,7 @@ def test_outlines_of_a_run_give_its_material_back(name, run_of, figure):
                found.fit.values[number] / getattr(TRUE, number) - 1, 5e-8)  # fmt: skip
 
 
+@pytest.mark.campaign
 def test_a_fit_takes_the_solver_of_its_case(run_of, figure):
     """By iterations it comes to the same numbers with the same error bars."""
     device, components, cms = DEVICES["disk, its own weight"]
@@ -117,6 +119,7 @@ def test_a_fit_takes_the_solver_of_its_case(run_of, figure):
         assert iterative.error(name) == pytest.approx(direct.error(name), rel=1e-5)
 
 
+@pytest.mark.campaign
 def test_error_bars_are_honest_under_a_weight(run_of):
     device, components, cms = DEVICES["membrane with a plate of 20 g"]
     rng, away = np.random.default_rng(7), []
@@ -129,6 +132,7 @@ def test_error_bars_are_honest_under_a_weight(run_of):
     assert (spread > 0.2).all() and (spread < 1.7).all() and np.mean(np.abs(away) < 1.96) >= 0.8
 
 
+@pytest.mark.campaign
 def test_a_fit_that_ignores_the_weight(run_of):
     """A plate's weight is refused as pressures that contradict each other; a disk's own is taken for a stiffer silicone."""
     device, components, cms = DEVICES["disk, its own weight"]
@@ -146,6 +150,7 @@ def test_a_fit_that_ignores_the_weight(run_of):
     assert not sm.fit(case_of(device, light), outlines, "yeoh", QUICK).chosen.sound
 
 
+@pytest.mark.campaign
 def test_a_wrong_row_is_named_under_a_weight(run_of):
     device, components, cms = DEVICES["disk, with a mass and a thread"]
     outlines = photographed(run_of("disk, with a mass and a thread"), cms)
@@ -154,6 +159,7 @@ def test_a_wrong_row_is_named_under_a_weight(run_of):
     assert not found.sound and "80 cm contradicts the others" in found.objections[0]
 
 
+@pytest.mark.campaign
 def test_laws_profiles_and_a_tensile_curve(run_of):
     """Two laws compared, with profiles, jointly with a curve; the report tells the loads and where heights count from."""
     device, components, cms = DEVICES["disk, with a mass and a thread"]
@@ -174,7 +180,7 @@ def test_laws_profiles_and_a_tensile_curve(run_of):
     assert report.chosen.fit.error("c1") < alone.fit.error("c1")
 
 
-@pytest.mark.parametrize("height_datum", ["shadow", "apex", "undeformed"])
+@pytest.mark.parametrize("height_datum", sampled(["shadow", "apex", "undeformed"]))
 def test_heights_from_where_they_count(height_datum, run_of):
     """A displacement sensor on the plate that was set to zero as it hung, a photograph, and a height above the clamp."""
     device, components, cms = DEVICES["membrane with a plate of 20 g"]
@@ -227,6 +233,7 @@ def test_heights_from_is_one_of_three():
         sm.FitOptions(height_datum="floor")
 
 
+@pytest.mark.campaign
 def test_the_commands(run_of, tmp_path):
     """``fit`` and ``score`` on a case file with gravity."""
     device, components, cms = DEVICES["disk, its own weight"]

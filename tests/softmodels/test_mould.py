@@ -44,6 +44,7 @@ def _stl(file):
     return table["corners"].astype(float)
 
 
+@pytest.mark.campaign
 def test_files_of_a_slab_leave_the_device(slab):
     """The files' cups and lids, subtracted from their box, against the device's own solid of another model."""
     import gmsh
@@ -66,6 +67,7 @@ def test_files_of_a_slab_leave_the_device(slab):
     assert found.differs < 1e-6 and found.volume * 1e9 == pytest.approx(whole, rel=2e-4)
 
 
+@pytest.mark.campaign
 def test_stl_is_watertight_and_agrees_with_step(slab):
     folder, _, _ = slab
     report = json.loads((folder / "checks.json").read_text())
@@ -107,6 +109,7 @@ def test_stl_is_watertight_and_agrees_with_step(slab):
     assert report["smallest_silicone_wall_mm"] == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.campaign
 def test_the_bonded_casts_are_the_device_in_its_own_place(slab, tmp_path):
     """The mirror: what the bodies leave, bonded and shrunk, has volume and moments of the device's own mesh."""
     assert mirror_gap(SLAB, slab[2].device, tmp_path) < 2e-3
@@ -315,6 +318,7 @@ def _same_path(part, device, gauge):
     assert one["added_volume_ml"] == pytest.approx(other["added_volume_ml"], rel=5e-3)
 
 
+@pytest.mark.campaign
 def test_a_cast_imported_as_a_part_goes_the_device_path(tmp_path):
     """The mirror: what the mould leaves, read as a STEP part and inflated, against the device drawn."""
     disk = sm.HollowDisk(section="axisymmetric", support="base")

@@ -32,6 +32,7 @@ from softmodels.casting.files import _pour_steps, _steps
 from softmodels.casting.make import _difference, _made, common_thickness, manifold_of
 from softmodels.casting.settings import Asked, MouldError, Workshop, asked_of
 from softmodels.components.fibres import helix_at
+from tests.support.campaigns import sampled
 from tests.support.moments import mirror_gap
 
 COARSE = Workshop(chord=2e-4, least_gap=8e-4, pour=0.002, vents=1, bolt=0.0, shrinkage=0.01)
@@ -58,7 +59,7 @@ def test_every_device_is_here():
     assert own == {device.__name__ for device in DEVICES} | ELSEWHERE
 
 
-@pytest.mark.parametrize("kind", DEVICES, ids=lambda kind: kind.__name__)
+@pytest.mark.parametrize("kind", sampled(DEVICES, 2), ids=lambda kind: kind.__name__)
 def test_a_device_is_cast_to_its_closed_form(kind, tmp_path):
     """What the bodies leave, bonded and shrunk, has volume and moments of the device's own mesh; no body meets another or the
     cast as it leaves, by the CAD kernel and by the triangles."""
@@ -245,7 +246,7 @@ SLOTS = [(1.0, 8.0, 0.0), (1.6, 8.0, 0.0), (1.0, 4.95, 0.0), (0.8, 8.0, 0.6), (0
 """Width and depth in mm of a slot at its middle, and draft of its flanks in degrees; the first and the last are slender."""
 
 
-@pytest.mark.parametrize("slot", SLOTS, ids=str)
+@pytest.mark.parametrize("slot", sampled(SLOTS, whole=True), ids=str)
 def test_slender_fins_of_a_part_are_cured_by_width_depth_or_draft(slot, tmp_path):
     import gmsh
 
@@ -280,7 +281,7 @@ def test_slender_fins_of_a_part_are_cured_by_width_depth_or_draft(slot, tmp_path
     assert len(found.notes) == (slot in (SLOTS[0], SLOTS[-1]))
 
 
-@pytest.mark.parametrize("kind", [PneuNet, SuctionCup, Membrane, Bellows])
+@pytest.mark.parametrize("kind", sampled([PneuNet, SuctionCup, Membrane, Bellows]))
 def test_the_pictures_of_the_steps_show_the_sheet(kind, monkeypatch):
     """A cup that the sheet fills before the lid comes on is filled in the pictures, and the silicone there is up to the rim; a
     mould that is closed first is drawn so."""

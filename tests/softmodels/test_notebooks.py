@@ -81,6 +81,7 @@ def overlay():
     return launcher
 
 
+@pytest.mark.campaign
 def test_a_notebook_in_an_environment_laid_over(tmp_path):
     check(executed(overlay(), tmp_path))
 

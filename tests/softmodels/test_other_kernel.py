@@ -1,6 +1,6 @@
 """Parts drawn in CadQuery, run from case files alone.
 
-Skipped where CadQuery is not installed: ``uv run --with cadquery pytest tests/softmodels/test_other_kernel.py``.
+Skipped where CadQuery is not installed: ``uv run --group dev --with cadquery pytest tests/softmodels/test_other_kernel.py``.
 """
 
 from __future__ import annotations
@@ -16,7 +16,9 @@ import pytest
 from softmodels.case.case import Case
 from tests.support import runs
 
-cadquery = pytest.importorskip("cadquery", reason="CadQuery is not installed (uv run --with cadquery pytest ...)")
+cadquery = pytest.importorskip(
+    "cadquery", reason="CadQuery is not installed (uv run --group dev --with cadquery pytest ...)"
+)
 
 ROUND, FLAT = math.pi * 2.5**2 * 12e-9, 12 * 8 * 2e-9
 """Volumes of the two cavities in m3: a round hole under the middle and a flat one over it."""

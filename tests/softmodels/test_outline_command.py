@@ -163,6 +163,7 @@ def told(outlines):
     )
 
 
+@pytest.mark.campaign
 def test_outlines_of_another_device_end_badly(measured, outlines, tmp_path):
     """The fit that gave a chi squared of millions and a material file; an earlier fit's file is put away too."""
     file, output = tmp_path / "other.toml", tmp_path / "fit"
@@ -195,6 +196,7 @@ def test_a_wrong_row_is_named_and_can_be_left_out(measured, case, outlines, tmp_
     assert fit(case, folder, "--exclude", "40.jpg").exit_code == 2
 
 
+@pytest.mark.campaign
 def test_a_slightly_wrong_row_is_named_by_the_fit(measured, case, outlines, tmp_path):
     done = fit(case, outlines(*pressed(measured, 3, lambda p: 1.03 * p)), *WORDS, "-o", tmp_path / "fit")
     assert done.exit_code == 1 and "3.jpg" in done.stderr and "--exclude 3.jpg" in done.stderr, done.output

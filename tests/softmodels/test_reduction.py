@@ -30,6 +30,7 @@ from softmodels.decks.reduction import (
     usable,
 )
 from softmodels.runs.table import PathTable, Row
+from tests.support.campaigns import sampled
 
 FINGER = sm.BendingBellows(folds=1, cell_size=0.006)
 MU, DEVIATION = 30e3, 600.0
@@ -142,6 +143,7 @@ def test_blocked_wrench_holds_the_tip(model):
     assert 2 / curvature * math.sin(curvature * arc / 2) == pytest.approx(chord)
 
 
+@pytest.mark.campaign
 def test_round_bellows():
     """A section knows the axial compliance; the effective area is between those of the inner and the outer radius."""
     bellows = sm.Bellows()
@@ -195,7 +197,7 @@ WRIST = """
 
 
 @pytest.mark.filterwarnings("ignore:Attach conflict")
-@pytest.mark.parametrize("whole", [True, False])
+@pytest.mark.parametrize("whole", sampled([True, False]))
 def test_chain_on_a_wrist(model, tmp_path, monkeypatch, whole):
     """Attached as a model or by its base, it weighs what the finger weighs; the moving wrist leaves its pressure alone."""
     mujoco = pytest.importorskip("mujoco")

@@ -17,6 +17,7 @@ from softmodels.case.case import Case
 from softmodels.runs.store import Results
 from softmodels.runs.table import Row
 from tests.support import runs
+from tests.support.campaigns import sampled
 
 SHADOW = '[geometry]\ndevice = "HollowDisk"\ncavity_radius = "20 mm"\nmembrane = "2 mm"\n'
 COARSE = 'wall = "5 mm"\ncavity_height = "5 mm"\ncell_size = "10 mm"\nrefinement = 1.0\nfillet = "0 mm"\nbase_fillet = "0 mm"\n'
@@ -83,9 +84,20 @@ def worst(found, wanted):
     return most
 
 
+@pytest.mark.parametrize("name", ["past a limit point by volume", "a syringe", "friction, there and back"])
+def test_resumed_from_the_middle_equals_uninterrupted(name, tmp_path, figure):
+    _resumed(name, tmp_path, figure, lambda counts: counts[len(counts) // 2 :][:1])
+
+
+@pytest.mark.campaign
 @pytest.mark.parametrize("name", CASES)
 def test_resumed_equals_uninterrupted(name, tmp_path, figure):
     """To rounding in most, and as far as Newton's tolerance leaves it with friction."""
+    _resumed(name, tmp_path, figure, lambda counts: counts[:: EVERY.get(name, 4)])
+
+
+def _resumed(name, tmp_path, figure, chosen):
+    """Solve a case, cut its results off after numbers of states chosen among all that can be resumed, and compare."""
     from softmodels.cli.run import run
     from softmodels.common.commands import RunOptions
 
@@ -97,7 +109,7 @@ def test_resumed_equals_uninterrupted(name, tmp_path, figure):
     wanted = table(whole.folder)
     # A program is resumed from the last of its steps that is complete.
     first = next(i for i, row in enumerate(wanted) if float(row["load_step"]) == 1.0) + 1 if case.program else 2
-    for count in range(first, len(wanted), EVERY.get(name, 4)):
+    for count in chosen(range(first, len(wanted))):
         folder = cut_off(whole, tmp_path / str(count), count)
         assert run(case, folder, dataclasses.replace(how, resume=True)) == status
         found = table(folder)
@@ -153,7 +165,7 @@ def states_in(folder):
     return len(table(folder)), len(results.stored)
 
 
-@pytest.mark.parametrize("name", IN_TIME)
+@pytest.mark.parametrize("name", sampled(IN_TIME, ("a hold", "inertia")))
 def test_no_stored_state_is_lost_however_often_a_run_in_time_is_cut_off(name, killed_after, tmp_path):
     file, folder = tmp_path / "case.toml", tmp_path / "cut"
     file.write_text(IN_TIME[name])

@@ -119,6 +119,7 @@ def test_bulge_grows_at_a_falling_pressure(tube, bulged, figure):
     figure("the bulge's branch turned round", "pressure", curves[0](V) / curves[1](V) - 1, 1e-5)
 
 
+@pytest.mark.campaign
 def test_ring_under_pressure_from_outside(equilibrium, solved, figure):
     """Two waves around a ring in three dimensions; the error falls with the cells."""
     shape = bodies.Tube(section="quarter", outer=0.012, through=1.5, height=0.001, pressed="outside")

@@ -51,6 +51,7 @@ def probes_off(row, found, device=FINGER):
     return [found[probe] @ lift / row[f"{probe}_mm"] - 1 for probe in device.probes]
 
 
+@pytest.mark.campaign
 def test_a_plate_that_turns_under_its_weight(tmp_path, figure):
     """A rigid tip of its own mass, free in the half: it sags, and the air bends it further."""
     plate, weight = sm.Rigid("tip", name="plate", mass=5e-3), sm.Gravity("0.6, 0, -0.8")
@@ -62,6 +63,7 @@ def test_a_plate_that_turns_under_its_weight(tmp_path, figure):
     figure(CALCULIX, "turn of a free rigid plate", turned / row["plate_turn_y_deg"] - 1, 8e-6)
 
 
+@pytest.mark.campaign
 def test_a_guided_plate_and_a_rod(tmp_path, figure):
     """A tip guided askew to the axes, and a rigid cylinder under the bottom."""
     plate = sm.Rigid("tip", kind="guided", direction=(0.28, 0.0, -0.96), name="plate")
@@ -71,6 +73,7 @@ def test_a_guided_plate_and_a_rod(tmp_path, figure):
     figure(CALCULIX, "way of a guided rigid plate, beside a rigid cylinder", moved[[0, 2]] - 1, 1e-4)
 
 
+@pytest.mark.campaign
 def test_a_plane_that_does_not_lie_along_an_axis(tmp_path, figure):
     plane = sm.RigidShape("plane", "bottom, tip", (0.012, 0.0, -0.0022), along=(-0.05, 0.0, 1.0), name="table")
     row, found = solved(tmp_path, "table", 12.0, components=(plane,))
@@ -85,6 +88,7 @@ def test_a_clamp_that_slips_and_a_ball(tmp_path, figure):
     figure(CALCULIX, "rise of a clamped tip, beside a rigid sphere on a spring", probes_off(row, found), 8e-5)
 
 
+@pytest.mark.campaign
 def test_a_membrane_with_a_plate_that_meets_a_plane(tmp_path, figure):
     """A wedge: the plate rises to a bench above it, and the ring around bulges on; a rigid collar rises with it."""
     device = sm.Membrane(
@@ -101,6 +105,7 @@ def test_a_membrane_with_a_plate_that_meets_a_plane(tmp_path, figure):
     figure(CALCULIX, "rise of a membrane with rigid parts, against a plane", probes_off(row, found, device), 1e-5)
 
 
+@pytest.mark.campaign
 def test_fibres_and_a_fabric(tmp_path, figure):
     """Threads along a finger's bottom that bend it, and a fabric on its top."""
     components = (
@@ -115,6 +120,7 @@ def test_fibres_and_a_fabric(tmp_path, figure):
     figure(CALCULIX, "rise of a finger with fibres and a fabric", probes_off(row, found), 1e-4)
 
 
+@pytest.mark.campaign
 def test_two_cavities(tmp_path, figure):
     device = sm.PneuNet(chambers=2, cell_size=0.008, sides=2, opposite=0.25)
     row, found = solved(tmp_path, "two", 12.0, device)

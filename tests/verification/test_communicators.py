@@ -14,6 +14,7 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
 from softmodels.runs.fields import Fields
+from tests.support.campaigns import sampled
 
 DEVICES = 3
 
@@ -40,7 +41,7 @@ def _inflate(file, k, section):
 
 
 @pytest.mark.skipif("MPICH" not in MPI.Get_library_version(), reason="other MPI libraries have no such limit")
-@pytest.mark.parametrize("section", ["axisymmetric", "wedge"])
+@pytest.mark.parametrize("section", sampled(["axisymmetric", "wedge"]))
 def test_devices_that_are_merely_dropped_give_back_their_communicators(section, tmp_path):
     _inflate(tmp_path / "disk.msh", 0, section)  # what the first one keeps is kept once
     gc.collect()

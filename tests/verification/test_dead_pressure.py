@@ -104,6 +104,7 @@ def lose_curves(monkeypatch, again):
     return found
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("again", [0, 2], ids=["once", "and where it rests too"])
 def test_a_cycle_whose_curve_is_lost_is_the_same(balloon, ridden, monkeypatch, again):
     """With all behind the first limit point cut off, the device is let go there, and its curve followed from where it rests.

@@ -98,6 +98,7 @@ def displacement(W):
     return W.sub(0).collapse().x.array.reshape(-1, 3)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("method", ["direct", "iterative"])
 @pytest.mark.parametrize("cells", [3, 5])
 def test_both_solvers_give_the_examples_deformation(cells, method, body_of, figure):

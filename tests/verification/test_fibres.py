@@ -217,6 +217,7 @@ def test_the_matrix_is_the_derivative_of_the_forces(wound, figure):
     )
 
 
+@pytest.mark.campaign
 def test_one_helix_twists_the_tube(body_of, figure):
     helix = Fibres(on="wall", angle=40.0, helices=1, modulus=200e3, name="braid")
     solver = Solver(System(body_of(THICK), LAW, components=(helix,)))

@@ -21,6 +21,7 @@ from softmodels.materials.memory import InNumpy, Memory
 from softmodels.materials.specimens import MODES, branch_stress, respond, stress_in_time
 from softmodels.path.steps import TOLERANCE
 from tests.support import bodies
+from tests.support.campaigns import sampled
 from tests.verification.test_memory import MU, REST, SPHERE, entries, followed, strain, tensor, unimodular, wall_volume
 
 ODE = "ordinary differential equation of Kumar and Lopez-Pamies' branch"
@@ -176,7 +177,7 @@ def test_the_stiffness_of_a_spring_is_the_derivative_of_its_stress(x, figure):
 SOFT = NeoHookean(MU, 0.5).with_memory(branches=[dataclasses.replace(VHB, time=20.0), (0.2, 3.0)])
 
 
-@pytest.mark.parametrize(("tolerance", "bound"), [(5e-5, 2.5e-4), (1e-6, 8e-5)], ids=["default", "fine"])
+@pytest.mark.parametrize(("tolerance", "bound"), sampled([(5e-5, 2.5e-4), (1e-6, 8e-5)]), ids=["default", "fine"])
 def test_a_thick_sphere_filled_held_and_emptied(tolerance, bound, body_of, figure):
     """Filled in 3 s to 1.8 times its inner radius, held for 7 s and let out in 1 s to 1.3 times."""
     flow, linear = SOFT.memory.branches
@@ -246,6 +247,7 @@ def diagonal(branch, sides, corners):
     return lambda t: next(p for p in pieces if t <= p.t[-1] + 1e-9).sol(t)
 
 
+@pytest.mark.campaign
 def test_the_area_of_the_loop_is_what_the_branches_dissipate(body_of, figure):
     """Work of the air on a sphere, up and down twice: stored and dissipated energy, at every state."""
     corners = np.linspace(0.0, 8.0, 25)[1:]  # so many that the trapezoids of the work are fine enough

@@ -29,6 +29,7 @@ from softmodels.path.stability import Mode, PathEnd, Stability
 from softmodels.path.steps import time_at
 from softmodels.path.supply import Gas, Reservoir
 from tests.support import bodies
+from tests.support.campaigns import sampled
 
 SPHERE = "ordinary differential equation of a sphere with mass"
 MODE = "natural frequency"
@@ -122,7 +123,7 @@ def at_once(cm, seconds):
 # -- the scheme -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("radius", [1.0, 0.9, 0.5, 0.0])
+@pytest.mark.parametrize("radius", sampled([1.0, 0.9, 0.5, 0.0], (0.9,)))
 def test_the_order_is_two(radius, body_of, figure):
     """Volume after 0.3 periods in 12, 24 and 48 steps, elastic and with a branch."""
     for law, name in ((LAW, "elastic"), (LAW.with_memory(branches=BRANCHES), "with a branch")):
@@ -134,7 +135,7 @@ def test_the_order_is_two(radius, body_of, figure):
         figure("order 2 of the step", f"{name}, spectral radius {radius:g}", math.log2(first / second) - 2, 0.5)
 
 
-@pytest.mark.parametrize("branches", [(), BRANCHES], ids=["elastic", "with a branch"])
+@pytest.mark.parametrize("branches", sampled([(), BRANCHES]), ids=["elastic", "with a branch"])
 def test_a_sphere_to_which_a_pressure_is_applied_at_once(branches, body_of, figure):
     law = LAW.with_memory(branches=branches) if branches else LAW
     times, _, volumes, stored, lost, kinetic = followed(body_of(THICK), law, at_once(40.0, 3 * PERIOD))
@@ -147,6 +148,7 @@ def test_a_sphere_to_which_a_pressure_is_applied_at_once(branches, body_of, figu
     assert (lost[-1] > 0.1 * work.max()) == bool(branches)
 
 
+@pytest.mark.campaign
 def test_energy_stays_over_a_hundred_periods(body_of, figure):
     """With the default spectral radius and tolerance, a swing of 11 % of the radius."""
     _, _, volumes, stored, _, kinetic = followed(body_of(COARSE), LAW, at_once(40.0, 100 * PERIOD))
@@ -184,7 +186,7 @@ def swing(model, inertia, components=(), steps=120, count=3):
 BEAM = Beam(length=0.05, width=0.005, thickness=0.005, clamp="slip", cell_size=0.005)
 
 
-@pytest.mark.parametrize("what", ["alone", "mass", "rigid plate"])
+@pytest.mark.parametrize("what", sampled(["alone", "mass", "rigid plate"]))
 def test_a_beam_swings_at_its_natural_frequency(what, figure):
     own = 0.5 * DENSITY * BEAM.solid_volume
     parts = {"alone": (), "mass": (sm.Mass("tip", own),), "rigid plate": (sm.Rigid("tip", mass=own),)}[what]
@@ -208,6 +210,7 @@ def test_a_sphere_swings_at_its_natural_frequency(body_of, figure):
     figure(MODE, "of a sphere that breathes", found / wanted - 1, 1e-3)
 
 
+@pytest.mark.campaign
 def test_a_plate_that_turns_keeps_the_energy(figure):
     """A beam with a heavy rigid plate is pushed into its first mode."""
     own = 0.5 * DENSITY * BEAM.solid_volume
@@ -262,6 +265,7 @@ def filled(body, law, tables, moves=True):
     return np.array(rows).T, end
 
 
+@pytest.mark.campaign
 def test_a_balloon_jumps_on_its_air_supply_and_comes_to_rest(body_of, equilibrium, solved, figure):
     """The gas of a large dead volume expands faster than any flow: without mass the path ends there. With it the balloon comes
     to rest where the quasi-static jump leads, at the source's pressure on the stiff side."""

@@ -19,6 +19,7 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.schedule import hang
 from softmodels.path.stability import Stability
+from tests.support.campaigns import sampled
 
 DIRECT = "the direct solver"
 WITHOUT = "the same device without its parts"
@@ -62,7 +63,7 @@ def iterations(solver, state):
     return solver.bordered.iterate(b, b.duplicate(), 1e-7)
 
 
-@pytest.mark.parametrize("case", RIGID)
+@pytest.mark.parametrize("case", sampled(RIGID))
 def test_rigid_parts(case, body_of, figure):
     device, components, formulation, pressures = RIGID[case]
     systems = [System(body_of(device), LAW, formulation, components=own) for own in (components, components, ())]
@@ -207,7 +208,7 @@ volume_ml = "0,10,30"
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", sampled(CASES))
 def test_other_parts(name, figure):
     """Whole paths from a case file, requested states compared column by column with what each column has at most."""
     case = Case.from_toml(CASES[name])

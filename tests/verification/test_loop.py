@@ -6,6 +6,7 @@ import dataclasses
 import tomllib
 
 import numpy as np
+import pytest
 from click.testing import CliRunner
 
 import softmodels as sm
@@ -49,6 +50,7 @@ def test_intervals_hold_the_truth(comm, tmp_path, figure):
     figure(against, "axis", (values["centre"] - examples.CENTRE) * 1e6, 50.0, unit="um")
 
 
+@pytest.mark.campaign
 def test_photographs_of_a_silicone_that_sags(comm, tmp_path, figure):
     """A disk on a table, photographed at zero pressure as it hangs under its weight, and inflated: a fit that knows the weight
     finds the silicone and its zero plane; one that does not is beside its own interval."""

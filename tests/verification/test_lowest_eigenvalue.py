@@ -98,6 +98,7 @@ def test_where_the_tangent_is_not_factorised(equilibrium, solved, monkeypatch, f
     figure(DENSE, "where the tangent is not factorised", found / wanted - 1, 1e-5)
 
 
+@pytest.mark.campaign
 def test_thin_walls_whose_tangent_is_not_factorised(equilibrium, solved, monkeypatch, figure):
     """A correction that is short may work much there."""
     monkeypatch.setattr(stability, "ALWAYS", 0)
@@ -138,6 +139,7 @@ def test_it_does_not_depend_on_the_way_there(ballooned):
         assert watched.lowest() == pytest.approx(point.signature.lowest, rel=1e-12)
 
 
+@pytest.mark.campaign
 def test_a_section_and_a_wedge_agree_far_past_the_limit_point(equilibrium, solved, figure):
     """On coarse cells; 2.5 times in between, before the residual was looked at."""
     values = []

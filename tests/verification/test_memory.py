@@ -27,6 +27,7 @@ from softmodels.mechanics.system import System
 from softmodels.path.schedule import LostInTime, Settings, follow
 from softmodels.path.steps import TOLERANCE, time_at
 from tests.support import bodies
+from tests.support.campaigns import sampled
 
 ODE = "ordinary differential equation of a Maxwell branch"
 WALL = "closed integral through the wall of a sphere, with the equation of its branches in time"
@@ -269,7 +270,7 @@ def wall_pressure(volume, times, corners):
     return np.array([pressure(t) for t in times])
 
 
-@pytest.mark.parametrize(("tolerance", "bound"), [(5e-5, 1.5e-3), (1e-6, 1e-4)], ids=["default", "fine"])
+@pytest.mark.parametrize(("tolerance", "bound"), sampled([(5e-5, 1.5e-3), (1e-6, 1e-4)]), ids=["default", "fine"])
 def test_a_thick_sphere_filled_held_and_emptied(tolerance, bound, body_of, figure):
     """Filled in 3 s to 1.8 times its inner radius, held for 7 s and let out in 1 s to 1.3 times.
 
@@ -368,6 +369,7 @@ LOST = {1.01: 25.74, 1.05: 8.856, 1.1: 4.900, 1.2: 2.162, 1.3: 1.006, 1.4: 0.370
 limit: from the equation of the closed form, integrated elsewhere."""
 
 
+@pytest.mark.campaign
 def test_a_thin_sphere_snaps_after_a_while(body_of, figure):
     thin = bodies.Sphere(inner=0.010, outer=0.0102, through=1, along=24)
     law = NeoHookean(MU, 0.5)
@@ -386,11 +388,13 @@ def test_a_thin_sphere_snaps_after_a_while(body_of, figure):
 
 @pytest.mark.parametrize(
     "law",
-    [
-        NeoHookean(MU, 0.5).with_memory(branches=BRANCHES),
-        Yeoh(MU / 2, 1e3, 0.0, 0.49).with_memory(softening=(1.6, "2 kPa", 0.1)),
-        NeoHookean(MU, 0.49).with_memory(branches=[(0.3, 2.0)], softening=(2.0, 5e3, 0.0)),
-    ],
+    sampled(
+        [
+            NeoHookean(MU, 0.5).with_memory(branches=BRANCHES),
+            Yeoh(MU / 2, 1e3, 0.0, 0.49).with_memory(softening=(1.6, "2 kPa", 0.1)),
+            NeoHookean(MU, 0.49).with_memory(branches=[(0.3, 2.0)], softening=(2.0, 5e3, 0.0)),
+        ]
+    ),
     ids=["branches", "softening", "both"],
 )
 def test_the_area_of_the_loop_is_what_the_law_dissipates(law, body_of, figure):
@@ -407,6 +411,7 @@ def test_the_area_of_the_loop_is_what_the_law_dissipates(law, body_of, figure):
     assert (np.diff(lost) > -1e-12 * lost[-1]).all()
 
 
+@pytest.mark.campaign
 def test_the_loops_of_a_disk_enclose_what_the_law_dissipates(body_of, figure):
     """Raised to 25 cm, held and let down, twice: the area of pressure over volume, less what the branches still store."""
     disk = HollowDisk(section="axisymmetric")

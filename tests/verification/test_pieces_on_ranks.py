@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.support import on_ranks
+from tests.support.campaigns import sampled
 from tests.support.on_ranks.pieces import CASES
 from tests.support.ranks import figures_on
 
@@ -26,7 +27,7 @@ def alone(comm, tmp_path_factory):
     return on_ranks.found_by("pieces", comm, tmp_path_factory.mktemp("one"))
 
 
-@pytest.fixture(scope="module", params=[2, 3])
+@pytest.fixture(scope="module", params=sampled([2, 3]))
 def several(request, alone, tmp_path_factory):
     return figures_on(request.param, tmp_path_factory.mktemp("several"), "pieces", timeout=LONGEST)["pieces"]
 

@@ -23,6 +23,7 @@ from softmodels.path.continuation import Concentration, Continuation, crease, tr
 from softmodels.path.schedule import Stage, hang, inflate_from, stopped
 from softmodels.path.stability import DIRECT
 from tests.support import bodies, membrane_shooting as shooting
+from tests.support.campaigns import sampled
 
 RADIUS, PLATE, MU, G = 0.020, 0.008, 30e3, 9.80665
 AT = (0, 4, 8, 14, 20)
@@ -84,7 +85,7 @@ class Plated:
         return here
 
 
-@pytest.fixture(scope="module", params=CASES.values(), ids=CASES)
+@pytest.fixture(scope="module", params=sampled(CASES.values(), whole=True), ids=CASES)
 def plated(request, body_of):
     made = Plated(request.param, body_of)
     return made, *made.inflated()

@@ -46,12 +46,14 @@ def test_off_the_middle_it_lifts_away_from_the_channels(inflated):
     assert np.all(lifts(inflated()) > 0) and SeminarActuator().offset < 0
 
 
+@pytest.mark.campaign
 def test_channels_in_the_middle_lift_nothing(inflated, figure):
     """Its mesh is mirrored too, so that nothing tells top from bottom."""
     against = "lift of the eccentric slab"
     figure(against, "lift, channels in the middle", lifts(inflated(offset=0.0)) / lifts(inflated()), 1e-8)
 
 
+@pytest.mark.campaign
 def test_mirrored_channels_lift_the_other_way(inflated, comm, solved, tmp_path, figure):
     """The mirrored slab on the mirror image of the mesh, node by node: what is left is the solver's tolerance."""
     from softmodels.mechanics.body import Body
@@ -101,6 +103,7 @@ def test_figures_tell_of_one_tip(inflated):
         assert 0 < at[0] < slab.length and abs(at[2] - slab.offset) < 2 * slab.end_bore
 
 
+@pytest.mark.campaign
 def test_sheet_on_the_thin_side_lessens_the_stretch(body_of, solved, inflated):
     from softmodels.components.fibres import Sheet
     from softmodels.mechanics.solver import Solver

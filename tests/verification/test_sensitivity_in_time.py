@@ -14,6 +14,7 @@ from softmodels.mechanics.sensitivity import InTime, Sensitivity, known_paramete
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from tests.support import bodies
+from tests.support.campaigns import sampled
 
 TAYLOR = "Taylor's remainder of displacement, pressure and volume through a hundred steps in time"
 DISK = HollowDisk(section="axisymmetric", cell_size=0.006, fillet=0.0, base_fillet=0.0)
@@ -100,11 +101,13 @@ def orders(solver, law, names, states, kind, figure):
 
 @pytest.mark.parametrize(
     ("law", "kind"),
-    [
-        ("viscosity by stress", "pressure"),
-        ("softening", "pressure"),
-        ("both", "volume"),
-    ],
+    sampled(
+        [
+            ("viscosity by stress", "pressure"),
+            ("softening", "pressure"),
+            ("both", "volume"),
+        ]
+    ),
 )
 def test_rates_through_a_hundred_steps(law, kind, body_of, figure):
     law = LAWS[law]
@@ -119,6 +122,7 @@ def test_rates_through_a_hundred_steps(law, kind, body_of, figure):
         orders(solver, law, [name for name in some if name in (*names, "level")], states, kind, figure)
 
 
+@pytest.mark.campaign
 def test_two_silicones(body_of, figure):
     """Each region's own branches, by the region's name: central differences after twelve steps of a rise and a hold."""
     laws = {

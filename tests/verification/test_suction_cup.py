@@ -72,6 +72,7 @@ def test_the_seal_moves_outwards_and_opens(run, figure):
     )
 
 
+@pytest.mark.campaign
 def test_a_stiff_cup_holds_vacuum_times_area(figure):
     """Its lip seals on its outer edge at last."""
     row = pulled(SuctionCup(through=16), 5e6, values=(0.0, 0.5), vacuum=10.0).rows[-1]
@@ -79,6 +80,7 @@ def test_a_stiff_cup_holds_vacuum_times_area(figure):
     figure("vacuum times undeformed area", "force held by a stiff cup", found, 1e-2)
 
 
+@pytest.mark.campaign
 def test_the_force_held_converges_with_the_cells_of_the_lip(run, fine, figure):
     middle = pulled(SuctionCup(through=6), 200e3).rows[-1]["force_pull_N"]
     coarse, finest = run.rows[-1]["force_pull_N"], fine.rows[-1]["force_pull_N"]
@@ -86,6 +88,7 @@ def test_the_force_held_converges_with_the_cells_of_the_lip(run, fine, figure):
     figure("four times as many facets across the lip", "force held by a suction cup", coarse / finest - 1, 2e-2)
 
 
+@pytest.mark.campaign
 def test_friction_bounds_the_shear_and_not_the_pull(run, figure):
     rubbed = pulled(SuctionCup(), 200e3, friction=0.5)
     found = rubbed.rows[-1]["force_pull_N"] / run.rows[-1]["force_pull_N"] - 1
@@ -94,6 +97,7 @@ def test_friction_bounds_the_shear_and_not_the_pull(run, figure):
         assert row["plane_shear_N"] == pytest.approx(-0.5 * row["plane_force_z_N"], rel=1e-9, abs=1e-12)
 
 
+@pytest.mark.campaign
 def test_a_cup_pushed_aside_slides_at_friction_times_contact_force(figure):
     half = SuctionCup(section="wedge", angle=180.0, cell_size=0.004, through=1)
     rows = pulled(half, 80e3, values=(0.0, 3.0), way="x", vacuum=10.0, friction=0.25).rows

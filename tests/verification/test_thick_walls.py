@@ -18,6 +18,7 @@ from softmodels.materials.laws import NeoHookean, Ogden, Yeoh
 from softmodels.materials.specimens import sphere_pressure
 from softmodels.runs.fields import Fields
 from tests.support import bodies
+from tests.support.campaigns import sampled
 from tests.support.cavities import TubeBody
 from tests.support.closed_forms import tube_pressure
 
@@ -33,6 +34,7 @@ LAWS = {
 }
 
 laws = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
+a_law = pytest.mark.parametrize("law", sampled(LAWS.values()), ids=LAWS.keys())
 
 
 def pressures_at(solved, equations, ratios):
@@ -57,13 +59,13 @@ def test_sphere_axisymmetric(law, equilibrium, solved, figure):
     figure(SPHERE, f"{law.name}, pressure on the section", errors(solved, equations, sphere_pressure, 3), 7e-5)
 
 
-@laws
+@a_law
 def test_sphere_octant(law, equilibrium, solved, figure):
     equations = equilibrium(bodies.Octant(cell_size=0.0025), law)
     figure(SPHERE, "all three laws, pressure on a 3-D octant", errors(solved, equations, sphere_pressure, 3), 8e-4)
 
 
-@laws
+@a_law
 def test_tube_axisymmetric(law, equilibrium, solved, figure):
     equations = equilibrium(bodies.Tube(through=4), law, kind=TubeBody)
     figure(TUBE, "all three laws, pressure on the section", errors(solved, equations, tube_pressure, 2), 5e-6)
@@ -74,7 +76,7 @@ def test_tube_quarter(equilibrium, solved, figure):
     figure(TUBE, "neo-Hookean, pressure on a 3-D quarter", errors(solved, equations, tube_pressure, 2), 1.4e-4)
 
 
-@laws
+@a_law
 def test_sphere_converges(law, equilibrium, solved, figure):
     """Errors measured on 1, 2 and 4 cells through the wall, largest of the three stretches; see the rates above."""
     meshes = [bodies.Sphere(through=n, along=3 * n) for n in (1, 2, 4)]
@@ -83,6 +85,7 @@ def test_sphere_converges(law, equilibrium, solved, figure):
     figure(SPHERE, "power of the cell size at which the section's error falls", rates, at_least=3.0)
 
 
+@pytest.mark.campaign
 def test_octant_converges(equilibrium, solved, figure):
     sizes = (0.005, 0.0025, 0.00167)
     equations = [equilibrium(bodies.Octant(cell_size=size), LAWS["neo-hookean"]) for size in sizes]

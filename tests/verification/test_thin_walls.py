@@ -8,9 +8,10 @@ import pytest
 
 import softmodels as sm
 from tests.benchmarks.thin_walls import RADIUS, RUBBER, devices, sphere_limit
+from tests.support.campaigns import sampled
 
 
-@pytest.mark.parametrize(("wall", "cell"), [(0.05, 1.0), (0.1, 1.0), (0.2, 2.0), (0.5, 4.0)])
+@pytest.mark.parametrize(("wall", "cell"), sampled([(0.05, 1.0), (0.1, 1.0), (0.2, 2.0), (0.5, 4.0)], 2))
 def test_the_limit_pressure_of_a_thin_balloon(wall, cell):
     ((_, _, balloon),) = devices(sm.Balloon, wall, [cell], radius=RADIUS, neck_radius=0.0)
     assert sm.limit(balloon, RUBBER).pressure == pytest.approx(sphere_limit(wall), rel=2e-4)
@@ -22,6 +23,7 @@ def test_a_thin_balloon_on_a_neck():
     assert sm.limit(coarse, RUBBER).pressure == pytest.approx(sm.limit(fine, RUBBER).pressure, rel=2e-4)
 
 
+@pytest.mark.campaign
 def test_a_thin_bellows():
     (_, _, fine), (_, _, coarse) = devices(sm.Bellows, 0.2, [0.4, 2.0])
     pressures = [sm.Model(device, RUBBER).solve(volume="1 ml").pressure for device in (fine, coarse)]

@@ -29,6 +29,7 @@ from softmodels.path import schedule
 from softmodels.path.continuation import follow
 from softmodels.runs.fields import Fields
 from tests.support import bodies, runs
+from tests.support.campaigns import sampled
 from tests.support.cavities import TubeBody
 from tests.support.closed_forms import tube_pressure
 from tests.support.ranks import mpirun
@@ -49,10 +50,13 @@ def to_vacuum(equations):
 
 @pytest.mark.parametrize(
     "body, kind, exact, power, most",
-    [
-        (bodies.Sphere(through=4, along=12), None, sphere_pressure, 3, 1e-4),
-        (bodies.Tube(through=4), TubeBody, tube_pressure, 2, 1.5e-5),
-    ],
+    sampled(
+        [
+            (bodies.Sphere(through=4, along=12), None, sphere_pressure, 3, 1e-4),
+            (bodies.Tube(through=4), TubeBody, tube_pressure, 2, 1.5e-5),
+        ],
+        2,
+    ),
     ids=["sphere", "tube"],
 )
 @pytest.mark.parametrize("law", [SOFT, Yeoh(50e3, 1e3, 50.0, 0.5)], ids=["neo-hookean", "yeoh"])
@@ -121,6 +125,7 @@ def test_tube_buckles_as_a_ring(ring, collapse, figure):
     assert first.stable_under_pressure and (ring.system.volumes() > 0).all()
 
 
+@pytest.mark.campaign
 def test_buckled_tube_flattens_as_the_elastica(ring, collapse, figure):
     """Both ways along the mode are one, turned by a right angle."""
     _, branch, unit = collapse
@@ -138,6 +143,7 @@ def test_buckled_tube_flattens_as_the_elastica(ring, collapse, figure):
     figure(RING, "pressure at a flattened height", found, 2e-2)
 
 
+@pytest.mark.campaign
 def test_flattened_tube_touches_itself(ring, collapse, figure):
     """Opposite walls meet where the elastica's half axis is half of the thickness; from there on they press on each other."""
     _, branch, unit = collapse
@@ -177,6 +183,7 @@ def test_work_is_stored_through_zero(equilibrium, figure):
     )
 
 
+@pytest.mark.campaign
 def test_two_ranks_collapse_a_cavity_alike(tmp_path):
     """Walls of the cavity meet at -60 cm by default, without a word in the case."""
     words = ("-m", "softmodels.disk", "--section", "axisymmetric", "--pressure-cm", "0:-70", "--no-pictures", "--quiet")
@@ -249,6 +256,7 @@ def test_a_step_beyond_a_limit_point_does_not_leap_to_where_the_walls_have_met(f
     figure("work of the pressure", "stored energy beside a cusp of the path", (energy[1:] - work) / energy[-1], 1e-2)
 
 
+@pytest.mark.campaign
 def test_a_cap_is_sucked_along_a_stiff_tube(figure):
     """It lies against the wall from the corner on, in which it does not run into it."""
     tube = Cylinder(
