@@ -24,7 +24,7 @@ from softmodels.common import schema
 from softmodels.common.arrays import Array
 from softmodels.common.errors import FieldError, GeometryError, Spoken, at_command_line, known_are, meant
 from softmodels.common.names import checked
-from softmodels.common.schema import About, Choice, Flag, Kind, Text, about
+from softmodels.common.schema import About, Choice, Flag, Text, about
 from softmodels.common.units import FACTORS, Amount, UnitError, brief, number, numbers, pascal_per_cm, quantity, written
 from softmodels.materials.laws import MaterialError
 from softmodels.mechanics.component import ComponentError
@@ -511,22 +511,11 @@ class Entry[V](abc.ABC):
         return MISSING
 
 
-class SeriesKind(Kind):
-    """Requested values."""
-
-    def settled(self, name: str, value: object) -> tuple[float, ...]:
-        return () if isinstance(value, tuple) and not value else series(value, name)
-
-    def read(self, name: str, value: object) -> tuple[float, ...]:
-        return series(value, name)
-
-
 @dataclasses.dataclass(frozen=True)
 class Value(Entry[object]):
     """A single value of a table, with an option of the same name unless ``option`` is given.
 
     Attributes:
-        what: What messages call it; the key if empty.
         hidden: Whether it is left out of a written file where it has its default.
     """
 
@@ -534,7 +523,6 @@ class Value(Entry[object]):
     key: str
     about: About
     default: object
-    what: str = ""
     hidden: bool = False
     metavar: str | None = None
     option: str = ""
@@ -556,11 +544,11 @@ class Value(Entry[object]):
 
     def read(self, tables: Tables) -> object:
         value = table_of(tables, self.table).get(self.key, MISSING)
-        return value if value is MISSING else self.about.kind.read(self.what or self.key, value)
+        return value if value is MISSING else self.about.kind.read(self.key, value)
 
     def settled(self, value: object) -> object:
         """Return a value given by code in plain form; raise an error of `errors.PART_ERRORS` if it is invalid."""
-        return self.about.kind.settled(self.what or self.key, value)
+        return self.about.kind.settled(self.key, value)
 
     def write(self, value: object, text: Text) -> Written:
         if self.hidden and value == self.default:
@@ -572,15 +560,11 @@ class Value(Entry[object]):
         yield Option(self._option, self.about, default, self.metavar)
 
     def arguments(self, field: str) -> dict[str, str]:
-        if isinstance(self.about.kind, SeriesKind):
-            return {self._option: f"{self.what}s"}  # a text with a unit, as in calls
         return {self._option: f"{field}=True"} if isinstance(self.about.kind, Flag) else {}
 
     def take(self, options: MutableMapping[str, object]) -> object:
         value = options.pop(self._option, None)
-        if value is None:
-            return MISSING
-        return self.about.kind.read(self.what, value) if isinstance(self.about.kind, SeriesKind) else value
+        return MISSING if value is None else value
 
 
 class SupplyEntry(Entry[AirSupply | None]):

@@ -23,7 +23,6 @@ from softmodels.case.entries import (
     Missing,
     Option,
     SeriesError,
-    SeriesKind,
     Tables,
     Value,
     Written,
@@ -494,15 +493,15 @@ class StepsEntry(Entry[Steps]):
         return {"load": load_table(value)} if value else {}
 
     def options(self) -> Iterator[Option]:
-        yield Option("pressure_cm", About(SeriesKind(), PRESSURE_TEXT), metavar="SERIES")
+        yield Option("pressure_cm", About(Words(), PRESSURE_TEXT), metavar="SERIES")
         text = "pressures with a unit, instead of heights of a column: 0:4kPa or 0,1,2kPa"
         yield Option(PRESSURE, About(Words(), text), metavar="SERIES")
         text = "added volumes of the cavity in ml, instead of pressures"
-        yield Option("volume_ml", About(SeriesKind(), text), metavar="SERIES")
+        yield Option("volume_ml", About(Words(), text), metavar="SERIES")
         text = "strokes of the supply, such as a syringe's piston, in ml, instead of pressures, such as 0:20"
-        yield Option(STROKE_KEY, About(SeriesKind(), text), metavar="SERIES")
+        yield Option(STROKE_KEY, About(Words(), text), metavar="SERIES")
         for key, (_, asked) in load_keys().items():
-            yield Option(OPTIONS.get(key, key), About(SeriesKind(), asked.help), metavar="SERIES")
+            yield Option(OPTIONS.get(key, key), About(Words(), asked.help), metavar="SERIES")
         yield Option("on", About(Words(), "name of the load they refer to, if a case has several"), metavar="NAME")
         text = "pressure in cm of the column, applied first and then constant, for forces on an inflated device"
         yield Option(f"{PRELOAD}_{CM}", About(Quantity(), text))
