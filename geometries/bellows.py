@@ -45,7 +45,7 @@ NEAR = 1e-9
 """Share of the pitch up to which a line has no length."""
 
 
-BENDING = 0.6
+BENDING = 0.55
 """Length of the wall's longest cells over the root of its thickness times its radius, within which a thin wall bends."""
 
 
