@@ -186,7 +186,6 @@ CONTROLS = ("auto", "pressure", "volume", "arc-length")
 class _Shown(TypedDict, total=False):
     """Further attributes of a `Value`."""
 
-    what: str
     hidden: bool
     metavar: str
     option: str

@@ -24,8 +24,19 @@ from softmodels.common import schema
 from softmodels.common.arrays import Array
 from softmodels.common.errors import FieldError, GeometryError, Spoken, at_command_line, known_are, meant
 from softmodels.common.names import checked
-from softmodels.common.schema import About, Choice, Flag, Kind, Text, about
-from softmodels.common.units import FACTORS, Amount, UnitError, brief, number, numbers, pascal_per_cm, quantity, written
+from softmodels.common.schema import About, Choice, Flag, Text, about
+from softmodels.common.units import (
+    FACTORS,
+    Amount,
+    UnitError,
+    as_amount,
+    brief,
+    number,
+    numbers,
+    pascal_per_cm,
+    quantity,
+    written,
+)
 from softmodels.materials.laws import MaterialError
 from softmodels.mechanics.component import ComponentError
 from softmodels.path.steps import StepError
@@ -289,16 +300,17 @@ def series(text: object, what: str) -> Typed:
     except UnitError as error:
         cure = _unit_at_the_end(separator, parts) or "write 0:177, 0:177:10 or 0,70,130,177"
         raise SeriesError(f"{what} {brief(text)} is not a list of numbers ({error}); {cure}") from None
-    way = _way(values[:2] if separator == ":" else values, what)
     if separator == ":":
+        way = _way(values[:2], what)
         values = [way * value for value in _range([way * value for value in values[:2]] + values[2:], str(text), what)]
     more = ", and decimals with a point" if isinstance(text, str) and "," in text else ""
-    check_order(values, what, way, more)
+    check_order(values, what, more)
     return _typed(values, _decimal_comma(text, what) if isinstance(text, str) else getattr(text, "doubt", ""))
 
 
-def check_order(values: Sequence[float], what: str, way: int, more: str = "") -> None:
-    """Raise `SeriesError`, with ``more`` at its end, for values that do not rise (way 1), or fall (-1)."""
+def check_order(values: Sequence[float], what: str, more: str = "") -> None:
+    """Raise `SeriesError`, with ``more`` at its end, for values that neither rise from 0 or above nor fall from 0 or below."""
+    way = _way(values, what)
     for before, after in itertools.pairwise(values):
         if after == before:
             raise SeriesError(f"{what} {written(after)} is requested twice")
@@ -315,11 +327,12 @@ def _way(values: Sequence[float], what: str) -> int:
     if not below:
         return 1
     if what not in WITH_VACUUM:
-        raise SeriesError(f"{what} {below[0]:g} is negative; give values of 0 or more, such as 0,5,10")
+        raise SeriesError(f"{what} {written(below[0])} is negative; give values of 0 or more, such as 0,5,10")
     if above := [value for value in values if value > 0]:
+        low, high = (f"{as_amount(value).number:g}" for value in (min(below), max(above)))
         raise SeriesError(
-            f"{what} is both {below[0]:g} and {above[0]:g}; write what goes through 0 as a series in a case file, such as "
-            f"{WITH_VACUUM[what]} = [0, {min(below):g}, {max(above):g}] under [load]"
+            f"{what} is both {written(below[0])} and {written(above[0])}; write what goes through 0 as a series in a case "
+            f"file, such as {WITH_VACUUM[what]} = [0, {low}, {high}] under [load]"
         )
     return -1
 
@@ -511,22 +524,11 @@ class Entry[V](abc.ABC):
         return MISSING
 
 
-class SeriesKind(Kind):
-    """Requested values."""
-
-    def settled(self, name: str, value: object) -> tuple[float, ...]:
-        return () if isinstance(value, tuple) and not value else series(value, name)
-
-    def read(self, name: str, value: object) -> tuple[float, ...]:
-        return series(value, name)
-
-
 @dataclasses.dataclass(frozen=True)
 class Value(Entry[object]):
     """A single value of a table, with an option of the same name unless ``option`` is given.
 
     Attributes:
-        what: What messages call it; the key if empty.
         hidden: Whether it is left out of a written file where it has its default.
     """
 
@@ -534,7 +536,6 @@ class Value(Entry[object]):
     key: str
     about: About
     default: object
-    what: str = ""
     hidden: bool = False
     metavar: str | None = None
     option: str = ""
@@ -556,11 +557,11 @@ class Value(Entry[object]):
 
     def read(self, tables: Tables) -> object:
         value = table_of(tables, self.table).get(self.key, MISSING)
-        return value if value is MISSING else self.about.kind.read(self.what or self.key, value)
+        return value if value is MISSING else self.about.kind.read(self.key, value)
 
     def settled(self, value: object) -> object:
         """Return a value given by code in plain form; raise an error of `errors.PART_ERRORS` if it is invalid."""
-        return self.about.kind.settled(self.what or self.key, value)
+        return self.about.kind.settled(self.key, value)
 
     def write(self, value: object, text: Text) -> Written:
         if self.hidden and value == self.default:
@@ -572,15 +573,11 @@ class Value(Entry[object]):
         yield Option(self._option, self.about, default, self.metavar)
 
     def arguments(self, field: str) -> dict[str, str]:
-        if isinstance(self.about.kind, SeriesKind):
-            return {self._option: f"{self.what}s"}  # a text with a unit, as in calls
         return {self._option: f"{field}=True"} if isinstance(self.about.kind, Flag) else {}
 
     def take(self, options: MutableMapping[str, object]) -> object:
         value = options.pop(self._option, None)
-        if value is None:
-            return MISSING
-        return self.about.kind.read(self.what, value) if isinstance(self.about.kind, SeriesKind) else value
+        return MISSING if value is None else value
 
 
 class SupplyEntry(Entry[AirSupply | None]):

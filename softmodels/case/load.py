@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Iterator, Mapping, MutableMapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, MutableMapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,7 +23,6 @@ from softmodels.case.entries import (
     Missing,
     Option,
     SeriesError,
-    SeriesKind,
     Tables,
     Value,
     Written,
@@ -102,9 +101,15 @@ ONE_REQUEST = (
 )
 
 
-def load_keys() -> dict[str, tuple[str, RequestedValue]]:
-    """Return the quantities of dead loads, and their descriptions, by key, such as ``"force_N"``."""
-    return {key: (name, asked) for name, (_, key, asked) in load_quantities().items()}
+def load_keys() -> dict[str, RequestedValue]:
+    """Return the descriptions of what may be requested of dead loads by key, such as ``"force_N"``."""
+    return {key: asked for _, key, asked in load_quantities().values()}
+
+
+def quantities() -> dict[str, str]:
+    """Return the quantity of each key."""
+    dead = {key: quantity for quantity, (_, key, _) in load_quantities().items()}
+    return {**SUPPLY_KEYS, **CAVITY_KEYS, STROKE_KEY: STROKE, **dead}
 
 
 def _amount(number: float, quantity: str, cm: float) -> Amount:
@@ -138,7 +143,7 @@ def steps_of(*, water_density: float | str = WATER_DENSITY, **load: object) -> S
     given = {key: value for key, value in load.items() if value is not None and not _empty(value)}
     in_time = {key: given.pop(key) for key in ("rate", "hold", "cycles") if key in given}
     own = [key for key in ("pressure_cm", PRESSURE, "volume_ml", STROKE_KEY, *load_keys()) if key in given]
-    if own[:2] == ["pressure_cm", PRESSURE]:
+    if {"pressure_cm", PRESSURE} <= set(own):
         raise FieldError("pressures are requested twice, as pressure and as pressure_cm; leave one of them out")
     dead = [key for key in load_keys() if key in own]
     if len(dead) > 1:
@@ -165,23 +170,15 @@ def _empty(value: object) -> bool:
 
 def _series(key: str, value: object, cm: float) -> Prescribed:
     """Return the values of a key that rise, or all fall from 0."""
-    if key == PRESSURE:
-        return _with_units(value, cm)
-    name = {**CAVITY_KEYS, STROKE_KEY: STROKE, **{key: one[0] for key, one in load_keys().items()}}[key]
-    read = series(value, key if key in load_keys() else name)
-    return Prescribed(name, tuple(_amount(one, name, cm) for one in read), doubt=read.doubt)
-
-
-def _with_units(value: object, cm: float) -> Prescribed:
-    """Return pressures that carry their unit."""
-    if isinstance(value, str):
-        read = of_text(CM, value, PRESSURE, cm)
-        return Prescribed(PRESSURE, tuple(read), doubt=read.doubt)
-    if isinstance(value, list | tuple) and all(isinstance(one, str) for one in value):
-        return prescribed(PRESSURE, value, cm)
-    raise SeriesError(
-        f'{PRESSURE} {brief(value)} has no unit; write it like "0:4 kPa" or ["1 kPa", "2 kPa"], or give pressure_cm'
-    )
+    if key != PRESSURE:
+        name = quantities()[key]
+        read = series(value, key if key in load_keys() else name)
+        return Prescribed(name, tuple(_amount(one, name, cm) for one in read), doubt=read.doubt)
+    if not _have_units(value):
+        raise SeriesError(
+            f'{PRESSURE} {brief(value)} has no unit; write it like "0:4 kPa" or ["1 kPa", "2 kPa"], or give pressure_cm'
+        )
+    return prescribed(PRESSURE, value, cm)  # type: ignore[arg-type]
 
 
 def _of_load(key: str, value: object, cm: float, on: object = "", **kept: object) -> Steps:
@@ -211,51 +208,43 @@ def _program(tables: Mapping[str, object], cm: float) -> Steps:
     times = tables.pop(TIME_KEY, None)
     if times is not None and not tables:
         raise StepError(f"{TIME_KEY} needs a series that changes in time, such as cavity1.pressure_cm = [0, 40, 0]")
-    given = _of_supply({key: tables.pop(key) for key in SUPPLY_KEYS if key in tables}, tables, times is not None, cm)
+    supplied = _of_supply({key: tables.pop(key) for key in SUPPLY_KEYS if key in tables}, tables, times is not None, cm)
     cavities = [name for name in tables if name not in keys]
     names = [f"cavity{i + 1}" for i in range(len(cavities))]
     if sorted(cavities) != sorted(names):
         raise StepError(f"[load] has {', '.join(cavities)}; name the cavities {', '.join(names)}, each once")
     loads = {target: table for kind in keys if kind in tables for target, table in _of_loads(kind, tables[kind])}
-    of_cavities = {name: _one_series(name, tables[name], CAVITY_KEYS, cm) for name in names}
-    of_loads = {
-        target: _one_series(target, table, {key: load_keys()[key][0] for key in keys[target.partition(".")[0]]}, cm)
-        for target, table in loads.items()
-    }
-    given = {**of_cavities, **of_loads, **given}
-    ends = None if times is None else _numbers("time", times, TIME_KEY)
-    count = max(len(values) for values in [*(one.values for one in given.values()), ends or ()])
-    for name, values in {
-        **{name: one.values for name, one in given.items()},
-        **({"time": ends} if ends else {}),
-    }.items():
-        if len(values) not in (count, *([] if name == "time" else [1])):
-            raise StepError(
-                f"{name} has {len(values)} values but another series has {count}; give one for each "
-                f"step, or a single constant one"
-            )
+    series = [_one_series(name, tables[name], CAVITY_KEYS, cm) for name in names]
+    series += [_one_series(target, table, keys[target.partition(".")[0]], cm) for target, table in loads.items()]
+    return _in_steps([*series, *supplied], None if times is None else _numbers(f"time.{TIME_KEY}", times))
+
+
+def _in_steps(series: Sequence[Prescribed], ends: Sequence[float] | None) -> Steps:
+    """Return the steps of series with a value for each, or a constant one; they end at times in s, if these are given."""
+    lengths = {one.name: len(one.values) for one in series}
+    count = max([*lengths.values(), 0 if ends is None else len(ends)])
+    wrong = {name: length for name, length in lengths.items() if length not in (1, count)}
+    wrong |= {} if ends is None or len(ends) == count else {"time": len(ends)}
+    for name, length in wrong.items():
+        raise StepError(
+            f"{name} has {length} values but another series has {count}; give one for each step, or a single constant one"
+        )
     if ends is not None and (ends[0] < 0.0 or (np.diff(ends) < 0.0).any()):
         raise StepError(
             f"{TIME_KEY} {brief(list(ends))} runs backwards; give times from 0 on, none before the last one"
         )
-    # A single value is constant over all steps.
-    rows = zip(*(one.values * (count if len(one.values) == 1 else 1) for one in given.values()), strict=True)
-    made = [
-        tuple(Prescribed(one.quantity, (value,), one.of) for one, value in zip(given.values(), row, strict=True))
-        for row in rows
-    ]
-    lengths = [None] * count if ends is None else durations_of(ends)
-    steps = tuple(Step(row, length) for row, length in zip(made, lengths, strict=True))
+    rows = zip(*(one.values * (count if len(one.values) == 1 else 1) for one in series), strict=True)
+    made = [tuple(Prescribed(one.quantity, (v,), one.of) for one, v in zip(series, row, strict=True)) for row in rows]
+    durations = [None] * count if ends is None else durations_of(ends)
+    steps = tuple(Step(row, duration) for row, duration in zip(made, durations, strict=True))
     check_steps(steps)
     return steps
 
 
-def _of_supply(
-    given: Mapping[str, object], others: Mapping[str, object], timed: bool, cm: float
-) -> dict[str, Prescribed]:
+def _of_supply(given: Mapping[str, object], others: Mapping[str, object], timed: bool, cm: float) -> list[Prescribed]:
     """Return the series of an air supply in time, none unless there are any."""
     if not given:
-        return {}
+        return []
     sources = [key for key in SOURCE_KEYS if key in given]
     if len(sources) != 1:
         raise StepError(
@@ -267,10 +256,8 @@ def _of_supply(
         raise StepError(f"{sources[0]} needs the times of its values, such as {TIME_KEY} = [0, 0.5, 20]")
     if VALVE in given and SOURCE_KEYS[sources[0]] != SOURCE_PRESSURE:
         raise StepError(f"a valve belongs to a source of pressure (source_pressure_cm); leave it out with {sources[0]}")
-    found = {key: _one_series(key, {key: given[key]}, SUPPLY_KEYS, cm) for key in (*sources, VALVE) if key in given}
-    if VALVE in found and not all(0.0 <= value <= 1.0 for value in found[VALVE].values):
-        raise StepError(f"valve {brief(given[VALVE])} must be between 0 (closed) and 1 (open)")
-    return {key: dataclasses.replace(one, of="") for key, one in found.items()}
+    found = [_one_series(key, {key: given[key]}, SUPPLY_KEYS, cm) for key in (*sources, VALVE) if key in given]
+    return [dataclasses.replace(one, of="") for one in found]
 
 
 def _of_loads(kind: str, table: object) -> list[tuple[str, object]]:
@@ -286,26 +273,27 @@ def _of_loads(kind: str, table: object) -> list[tuple[str, object]]:
     return [(f"{kind}.{name}", entries) for name, entries in table.items()]
 
 
-def _one_series(name: str, table: object, keys: Mapping[str, str], cm: float) -> Prescribed:
+def _one_series(name: str, table: object, keys: Collection[str], cm: float) -> Prescribed:
     """Return the values, one for each step, of what a name of a program drives."""
     if not isinstance(table, Mapping) or len(table) != 1 or (key := next(iter(table))) not in keys:
-        known = [
-            key for key, quantity in keys.items() if key != quantity or quantity not in (PRESSURE, SOURCE_PRESSURE)
-        ]
+        known = [key for key in keys if key != PRESSURE]
         raise StepError(f"{name} needs one of {' or '.join(known)}, such as {name}.{known[0]} = [20, 40]")
-    where, text = name if name == key else f"{name}.{key}", table[key]
-    if key in (PRESSURE, SOURCE_PRESSURE):
-        texts = text if isinstance(text, list | tuple) else [text]
-        if not texts or not all(isinstance(one, str) for one in texts):
-            raise StepError(f'{where} {brief(text)} has no unit; write one for each step, such as ["0 kPa", "4 kPa"]')
-        values = tuple(one_of_text(CM, one, where, cm) for one in texts)
-    else:
-        values = tuple(_amount(one, keys[key], cm) for one in _numbers(where, text, ""))
-    return Prescribed(keys[key], values, name)
+    where, text, quantity = name if name == key else f"{name}.{key}", table[key], quantities()[key]
+    if key not in (PRESSURE, SOURCE_PRESSURE):
+        return Prescribed(quantity, tuple(_amount(one, quantity, cm) for one in _numbers(where, text)), name)
+    if not _have_units(text):
+        raise StepError(f'{where} {brief(text)} has no unit; write one for each step, such as ["0 kPa", "4 kPa"]')
+    texts = [text] if isinstance(text, str) else text
+    return Prescribed(quantity, tuple(one_of_text(CM, one, where, cm) for one in texts), name)
 
 
-def _numbers(where: str, text: object, key: str) -> tuple[float, ...]:
-    where = f"{where}.{key}" if key else where
+def _have_units(value: object) -> bool:
+    """Return whether values are texts, of which each may have its unit."""
+    several = isinstance(value, list | tuple) and bool(value) and all(isinstance(one, str) for one in value)
+    return isinstance(value, str) or several
+
+
+def _numbers(where: str, text: object) -> tuple[float, ...]:
     values = text.split(",") if isinstance(text, str) else text if isinstance(text, list | tuple) else [text]
     try:
         found = tuple(numbers(values))
@@ -397,16 +385,10 @@ def prescribed(quantity: str, values: Values, cm: float, falls: bool = False) ->
         if not found:
             raise CaseError(f"the list of {quantity}s is empty; give at least one value, such as {EXAMPLES[quantity]}")
         if not falls:
-            check_rising(found, quantity)
+            check_order(found, quantity)
         return Prescribed(quantity, tuple(found))
     except (SeriesError, UnitError) as error:
         raise CaseError(str(error)) from None
-
-
-def check_rising(values: Sequence[float], what: str) -> None:
-    """Raise `SeriesError` for values that neither rise from 0 or above nor all fall from 0 or below."""
-    series([value.number if isinstance(value, Amount) else value for value in values], what)
-    check_order(values, what, -1 if min(values) < 0.0 else 1)
 
 
 def as_written(value: float, quantity: str, cm: float) -> Amount:
@@ -436,24 +418,15 @@ def at_times(asked: Sequence[Prescribed], times: Values, supply: AirSupply | Non
     """Return the steps to requested pressures or volumes at their times, with the opening of a supply's valve."""
     if len(asked) != 1:
         raise CaseError("times belong to requested pressures or to added volumes; give one of these")
-    (one,), at = asked, [SECONDS.settled("times", time) for time in listed(times, "times")]
-    if len(at) != len(one.values):
-        raise CaseError(f"there are {len(one.values)} values but {len(at)} times; give one for each")
-    if at and (at[0] < 0.0 or (np.diff(at) < 0.0).any()):
-        raise CaseError(f"times {brief(at)} run backwards; give times from 0 on, none before the last one")
-    rows = [[Prescribed(one.quantity, (value,))] for value in one.values]
-    if valve is not None:
-        if supply is None or not supply.in_time:
-            raise CaseError("a valve belongs to a supply in time; add supply=Reservoir()")
-        opening = _numbers(VALVE, listed(valve, VALVE), "")
-        if len(opening) != len(rows) or not all(0.0 <= value <= 1.0 for value in opening):
-            raise CaseError(
-                f"valve {brief(valve)} needs a value from 0 (closed) to 1 (open) for each of the {len(rows)} times"
-            )
-        rows = [
-            [*row, Prescribed(VALVE, (_amount(value, VALVE, 1.0),))] for row, value in zip(rows, opening, strict=True)
-        ]
-    return tuple(Step(tuple(row), length) for row, length in zip(rows, durations_of(at), strict=True))
+    ends = [SECONDS.settled("times", time) for time in listed(times, "times")]
+    if len(ends) != len(asked[0].values):
+        raise CaseError(f"there are {len(asked[0].values)} values but {len(ends)} times; give one for each")
+    if valve is None:
+        return _in_steps(asked, ends)
+    if supply is None or not supply.in_time:
+        raise CaseError("a valve belongs to a supply in time; add supply=Reservoir()")
+    opening = tuple(_amount(one, VALVE, 1.0) for one in _numbers(VALVE, listed(valve, VALVE)))
+    return _in_steps([*asked, Prescribed(VALVE, opening)], ends)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -494,15 +467,15 @@ class StepsEntry(Entry[Steps]):
         return {"load": load_table(value)} if value else {}
 
     def options(self) -> Iterator[Option]:
-        yield Option("pressure_cm", About(SeriesKind(), PRESSURE_TEXT), metavar="SERIES")
+        yield Option("pressure_cm", About(Words(), PRESSURE_TEXT), metavar="SERIES")
         text = "pressures with a unit, instead of heights of a column: 0:4kPa or 0,1,2kPa"
         yield Option(PRESSURE, About(Words(), text), metavar="SERIES")
         text = "added volumes of the cavity in ml, instead of pressures"
-        yield Option("volume_ml", About(SeriesKind(), text), metavar="SERIES")
+        yield Option("volume_ml", About(Words(), text), metavar="SERIES")
         text = "strokes of the supply, such as a syringe's piston, in ml, instead of pressures, such as 0:20"
-        yield Option(STROKE_KEY, About(SeriesKind(), text), metavar="SERIES")
-        for key, (_, asked) in load_keys().items():
-            yield Option(OPTIONS.get(key, key), About(SeriesKind(), asked.help), metavar="SERIES")
+        yield Option(STROKE_KEY, About(Words(), text), metavar="SERIES")
+        for key, asked in load_keys().items():
+            yield Option(OPTIONS.get(key, key), About(Words(), asked.help), metavar="SERIES")
         yield Option("on", About(Words(), "name of the load they refer to, if a case has several"), metavar="NAME")
         text = "pressure in cm of the column, applied first and then constant, for forces on an inflated device"
         yield Option(f"{PRELOAD}_{CM}", About(Quantity(), text))
@@ -554,10 +527,7 @@ def _entry(one: Prescribed) -> dict[str, list[float | str]]:
     values = [as_amount(value) for value in one.values]
     if one.quantity in (PRESSURE, SOURCE_PRESSURE) and any(value.unit != CM for value in values):
         return {one.quantity: [value.text for value in values]}
-    keys = {
-        quantity: key for key, quantity in {**SUPPLY_KEYS, **CAVITY_KEYS, STROKE_KEY: STROKE}.items() if key != quantity
-    }
-    key = load_quantities()[one.quantity][1] if one.of_load else keys.get(one.quantity, one.quantity)
+    key = next(key for key, quantity in quantities().items() if quantity == one.quantity)
     return {key: [value.number for value in values]}
 
 
@@ -758,7 +728,7 @@ class Load:
             key = load_quantities()[asked.quantity][1] if asked.of_load else asked.quantity
             if not any(asked.values):
                 raise CaseError(f"the only {key} requested is 0; add a value above 0")
-            check_rising(asked.values, key)
+            check_order(asked.values, key)
         if not actuator.ratios and asked is not None and not asked.of_load:
             raise CaseError(
                 f"{type(actuator).__name__} has no cavity for a pressure or a volume; load it by a force (--force with "

@@ -380,6 +380,7 @@ class Corrector:
             margin = 1e-6 * (high - low)
             if not low - margin <= state.V <= high + margin:
                 raise NoConvergence("another branch")
+            state = quantity.exactly(state, value)
         except NoConvergence:
             state = self.root(before, after, lambda p: quantity.value(p.state.V, p.state.P) - value)
         return self.point(state, requested=True)

@@ -155,6 +155,9 @@ def check_steps(steps: Steps) -> None:
     changes = np.diff(np.array([one.values for one in drivers]).T, axis=0, prepend=0.0)
     if not changes[:, [one.quantity != VALVE for one in drivers]].any():
         raise StepError("the program contains only zeros; add a value above 0")
+    for opening in (value for one in drivers if one.quantity == VALVE for value in one.values):
+        if not 0.0 <= opening <= 1.0:
+            raise StepError(f"valve {opening:g} must be between 0 (closed) and 1 (open)")
     durations = [step.duration for step in steps]
     if None in durations and any(duration is not None for duration in durations):
         raise StepError(

@@ -46,7 +46,7 @@ def test_it_lies_below_the_least_gap_by_little(designed, comm):
             "folds",
             FOLDS,
             model.case.material,
-            steps=steps_of(pressure_cm=(0.0, 200.0 / 95.12405)),
+            steps=steps_of(pressure_cm=(0.0, 200.0 / 95.12405), water_density=970.0),
             water_density=970.0,
         )
     )

@@ -10,6 +10,7 @@ import pytest
 from geometries import HollowDisk
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError, series
+from softmodels.case.load import steps_of
 from softmodels.case.materials import material_from
 from softmodels.materials.laws import Gent, MaterialError, MooneyRivlin, NeoHookean, Ogden, Yeoh
 from softmodels.materials.silicones import SILICONES
@@ -38,10 +39,18 @@ SMALL = f'{GEOMETRY}[load]\npressure_cm = "0:30"\n'
 @pytest.mark.parametrize("actuator", DISKS, ids=["default", "shadow", "axisymmetric", "slice"])
 def test_case_survives_its_file_to_the_last_bit(material, actuator):
     by_pressure = Case(
-        "a-b.1", actuator, material, (0.0, THIRD, 30.0), water_density=1000 * THIRD, control="arc-length"
+        "a-b.1",
+        actuator,
+        material,
+        steps_of(pressure_cm=(0.0, THIRD, 30.0), water_density=1000 * THIRD),
+        water_density=1000 * THIRD,
+        control="arc-length",
     )
-    by_volume = Case("disk", actuator, material, (), (0.1, THIRD), control="volume")
-    for case in (by_pressure, by_volume):
+    by_volume = Case("disk", actuator, material, steps_of(volume_ml=(0.1, THIRD)), control="volume")
+    in_pascals = Case("disk", actuator, material, steps_of(pressure="0.1,0.7 kPa"), water_density=1000 * THIRD)
+    of_another_column = dataclasses.replace(by_pressure, water_density=970.0)
+    assert of_another_column.goals == by_pressure.goals
+    for case in (by_pressure, by_volume, in_pascals, of_another_column):
         assert Case.from_toml(case.to_toml()) == case
         assert Case.from_toml(case.to_toml()).to_toml() == case.to_toml()
 
@@ -75,9 +84,11 @@ def test_a_silicone_beside_a_law_is_no_mixture_of_both(beside, named):
 
 def test_what_a_case_file_leaves_out_has_its_default():
     case = Case.from_toml(SMALL)
-    assert case == Case("disk", HollowDisk(), NeoHookean(30e3, 0.5), (0.0, 30.0), (), 970.0, "auto", "mixed")
+    assert case == Case(
+        "disk", HollowDisk(), NeoHookean(30e3, 0.5), steps_of(pressure_cm=(0.0, 30.0)), 970.0, "auto", "mixed"
+    )
     assert case.goals == pytest.approx((0.0, 30 * 95.124505), rel=1e-12)
-    assert Case("disk", HollowDisk(), NeoHookean(30e3), (), (2.5,)).goals == pytest.approx((2.5e-6,))
+    assert Case("disk", HollowDisk(), NeoHookean(30e3), steps_of(volume_ml=(2.5,))).goals == pytest.approx((2.5e-6,))
 
 
 @pytest.mark.parametrize(

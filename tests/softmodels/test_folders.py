@@ -83,7 +83,9 @@ def test_a_users_folder_is_not_taken(name, words, says, tmp_path):
 
 
 def test_the_folder_of_the_case_that_is_run_is_not_taken(says, tmp_path):
-    text = Case("disk", HollowDisk(section="axisymmetric"), DEFAULT, (10.0,)).to_toml() + "# mine\n"
+    text = (
+        Case("disk", HollowDisk(section="axisymmetric"), DEFAULT, steps_of(pressure_cm=(10.0,))).to_toml() + "# mine\n"
+    )
     (tmp_path / "case.toml").write_text(text)
     for folder in (".", tmp_path):
         status, _, err = says(softmodels, "run", "case.toml", "--no-pictures", "--output", folder)
@@ -194,7 +196,7 @@ def test_no_run_goes_on_with_another_contact(says, tmp_path):
 
 def test_every_field_of_a_case_counts():
     """Also of what is inside it, and nothing by the place where it happens to be in memory."""
-    plain = Case("disk", HollowDisk(), DEFAULT, (10.0,))
+    plain = Case("disk", HollowDisk(), DEFAULT, steps_of(pressure_cm=(10.0,)))
     texts = identity(dataclasses.replace(plain, components=[Obstacle("top", "z = 20 mm")]))
     counting = {field.name for field in dataclasses.fields(Case)} - {"solver"}  # either one finds the same states
     assert counting <= {name.split(".")[0] for name in texts}
@@ -213,7 +215,7 @@ def test_a_part_whose_file_was_changed_is_another_part(wedge_part, tmp_path):
     part = wedge_part("can", 90)
     copied = tmp_path / "part.step"
     shutil.copy(part.file, copied)
-    case = Case("part", dataclasses.replace(part, file=str(copied)), DEFAULT, (10.0,))
+    case = Case("part", dataclasses.replace(part, file=str(copied)), DEFAULT, steps_of(pressure_cm=(10.0,)))
     known = identity(case)
     assert difference(known, identity(dataclasses.replace(case, actuator=part))) is None  # the same content elsewhere
     copied.write_text(copied.read_text().replace("FILE_NAME('", "FILE_NAME('other ", 1))

@@ -275,6 +275,6 @@ def test_a_named_silicone_weighs_what_its_sheet_says():
 def test_faces_that_no_mesh_will_have_are_refused_before_one_is_made(part, monkeypatch):
     monkeypatch.setattr(HollowDisk, "build", None)
     with pytest.raises(CaseError, match=r"HollowDisk has no face 'lid'; it has top, cavity, .*outer"):
-        Case("disk", DISK, LAW, (10.0,), components=(part, Gravity(direction="-z")))
+        Case("disk", DISK, LAW, steps_of(pressure_cm=(10.0,)), components=(part, Gravity(direction="-z")))
     with pytest.raises(CaseError, match="HollowDisk has no face 'lid'"):
-        Case("disk", DISK, LAW, (10.0,), components=[Obstacle("lid", "z = 30 mm")])
+        Case("disk", DISK, LAW, steps_of(pressure_cm=(10.0,)), components=[Obstacle("lid", "z = 30 mm")])

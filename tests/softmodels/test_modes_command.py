@@ -75,7 +75,7 @@ def test_a_solid_is_drawn_and_a_case_file_read(tmp_path):
 
 def test_a_case_at_rest(ended, tmp_path):
     """A file without a load, with a pressure of 0, or with another load and --pressure-cm 0: the same frequencies."""
-    case = sm.Case("disk", DISK, LAW, (10.0,)).to_toml()
+    case = sm.Case("disk", DISK, LAW, steps_of(pressure_cm=(10.0,))).to_toml()
     rest = sm.modes(DISK, LAW, 0.0, count=1).frequency[0, 0]
     assert sm.modes(DISK, LAW, "0 cm", count=1).frequency[0, 0] == rest
     start, end = case.index("[load]"), case.index("[solver]")

@@ -10,6 +10,7 @@ import pytest
 
 from geometries import HollowDisk, registry as geometry_table
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.case.materials import DEFAULT
 from softmodels.cli import run
 from softmodels.common.units import exact_text, quantity, readable
@@ -119,7 +120,7 @@ def test_columns_are_described_by_their_own_names():
         "disk",
         HollowDisk(),
         DEFAULT,
-        (1.0,),
+        steps_of(pressure_cm=(1.0,)),
         components=(Rigid("top", name="force_lid"), Force("top", "-z", 2.0, name="tip")),
     )
     row = Row({"force_lid_force_N": 3.0, "force_tip_N": 2.0, "pressure_cm": 1.0})

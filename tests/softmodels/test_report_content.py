@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from geometries import HollowDisk, SeminarActuator
+from softmodels.case.load import steps_of
 from softmodels.pictures import report
 from softmodels.pictures.offscreen import look
 from softmodels.runs.columns import term
@@ -149,7 +150,7 @@ def test_a_curled_edge_is_not_called_a_soft_contact():
     from softmodels.runs.notes import depth_notes
     from softmodels.runs.table import PathTable
 
-    case = Case("disk", HollowDisk(), DEFAULT, (10.0,), components=[Obstacle("top", "z = 20 mm")])
+    case = Case("disk", HollowDisk(), DEFAULT, steps_of(pressure_cm=(10.0,)), components=[Obstacle("top", "z = 20 mm")])
     row = {"contact_depth_mm": 0.3}
     (edge,) = depth_notes(case, PathTable.read([{**row, "contact_force_N": 0.05}]))
     (face,) = depth_notes(case, PathTable.read([{**row, "contact_force_N": 12.0}]))

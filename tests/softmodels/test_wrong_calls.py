@@ -34,7 +34,8 @@ LAW = sm.Yeoh(14e3, 60.0)
 STRETCH = np.linspace(1.05, 2.5, 12)
 CURVE = sm.TensileCurve("pull", "uniaxial", STRETCH, 14e3 * (STRETCH - STRETCH**-2))
 PROBLEM = sm.DesignProblem(
-    sm.Case("disk", DISK, LAW, (0.0, 100.0)), {"membrane": ("4 mm", "8 mm")}, maximise={"quantity": "rise", "at": "100 cm"}
+    sm.Case("disk", DISK, LAW, steps_of(pressure_cm=(0.0, 100.0))), {"membrane": ("4 mm", "8 mm")},
+    maximise={"quantity": "rise", "at": "100 cm"},
 )  # fmt: skip
 STUDY = StudyPlan("disk", PROBLEM.case, (Input.parse("geometry.membrane", ["4 mm", "8 mm"]),), "grid")
 
@@ -113,7 +114,7 @@ def fields_of(thing):
 
 CASE = {
     "control": "choice", "formulation": "choice", "solver": "choice", "components": "components",
-    "gauges": "thing", "band": "thing", "load_unload": "flag", "program": "thing", "water_density": "quantity",
+    "gauges": "thing", "band": "thing", "load_unload": "flag", "steps": "thing", "water_density": "quantity",
     "supply": "thing",
 }  # fmt: skip
 RUN = {"progress": "function", "folder": "path", "resume": "flag", "branch": "flag"}
@@ -224,7 +225,7 @@ def calls(loaded):
     yield Call(
         sm.Case,
         right,
-        {"actuator": "device", "material": "material", "steps": "thing", **CASE},
+        {"actuator": "device", "material": "material", **CASE},
     )
     yield Call(sm.run, {"case": case}, {"case": "path", **RUN})
     yield Call(sm.load, {"folder": "no-such-folder"}, {"folder": "path"})
@@ -343,7 +344,7 @@ def test_texts_names_and_single_values_are_taken(nothing_starts):
         "a",
         disk,
         "ecoflex-00-30",
-        steps_of(pressure_cm=["10", 20]),
+        steps_of(pressure_cm=["10", 20], water_density="0.97 g/ml"),
         components=sm.Gravity("-z"),
         water_density="0.97 g/ml",
     )

@@ -10,6 +10,7 @@ import numpy as np
 
 from geometries.meshing import private_model
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.case.materials import DEFAULT
 from softmodels.runs.store import Results
 from softmodels.runs.table import Row
@@ -54,7 +55,7 @@ def made_up(folder, device, name="disk"):
     results.clear()
     points, cells, kind = grid_of(device, folder)
     results.begin(points, cells, kind)
-    (folder / "case.toml").write_text(Case(name, device, DEFAULT, (50.0, 100.0, 150.0)).to_toml())
+    (folder / "case.toml").write_text(Case(name, device, DEFAULT, steps_of(pressure_cm=(50.0, 100.0, 150.0))).to_toml())
     for k, pressure in enumerate((0.0, 25.0, 50.0, 100.0, 120.0, 110.0)):
         share = k / (STEPS - 1)
         stress = share * 1e4 * (1 + np.hypot(points[:, 0], points[:, 1]) / 0.02)

@@ -12,6 +12,7 @@ import softmodels as sm
 from geometries import Actuator, CutPlane, Hold
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.case.load import steps_of
 from softmodels.case.materials import Region
 from softmodels.common.schema import choice_field, length_field
 from softmodels.components.loads import Force
@@ -145,7 +146,13 @@ def test_a_held_end_has_no_end_of_stiffness():
 def test_what_cannot_be(body_of):
     def refused(**changes):
         with pytest.raises((CaseError, ComponentError)) as error:
-            Case("disk", DISK, LAW, (10.0,), components=(Rigid(**{"face": "top", "name": "plate", **changes}),))
+            Case(
+                "disk",
+                DISK,
+                LAW,
+                steps_of(pressure_cm=(10.0,)),
+                components=(Rigid(**{"face": "top", "name": "plate", **changes}),),
+            )
         return str(error.value)
 
     assert "no face 'lid'" in refused(face="lid") and "top" in refused(face="lid")
