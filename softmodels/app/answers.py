@@ -26,7 +26,7 @@ from softmodels.materials.silicones import break_words, named, product_of, spann
 from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.mpi import start
 from softmodels.mechanics.system import State, System
-from softmodels.runs.columns import span_sentence
+from softmodels.runs.notes import span_sentence
 from softmodels.runs.simulation import Model, Simulation
 from softmodels.runs.states import StoredStates
 

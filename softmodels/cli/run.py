@@ -26,8 +26,9 @@ from softmodels.common.lazy import MPI, PETSc, consoles, progress
 from softmodels.common.processes import COLUMNS, columns, cores, python, say
 from softmodels.materials.silicones import break_words
 from softmodels.mechanics.mpi import is_root, on_root, petsc_reason, start
-from softmodels.runs.columns import StateLabels, overlap_text, state_labels, term
+from softmodels.runs.columns import term
 from softmodels.runs.fields import OUTPUTS
+from softmodels.runs.notes import StateLabels, overlap_text, state_labels
 from softmodels.runs.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM, Ended, Progress
 from softmodels.runs.recording import Observer, ResultsPlace, Summary, solved_into, unstopped
 from softmodels.runs.store import Results

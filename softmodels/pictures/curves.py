@@ -36,9 +36,9 @@ from softmodels.pictures.style import (
     chart,
     number,
 )
-from softmodels.runs.columns import SourceTables, StateLabels, key_of, state_labels, term
+from softmodels.runs.columns import SourceTables, key_of, term
 from softmodels.runs.grid import parabolas
-from softmodels.runs.notes import cycles, jumped_over
+from softmodels.runs.notes import StateLabels, cycles, jumped_over, state_labels
 from softmodels.runs.states import Line, States, round_steps, row_at, told
 from softmodels.runs.table import PathTable, Row, at_rise, band_of, parsed
 

@@ -52,9 +52,9 @@ from softmodels.pictures import curves
 from softmodels.pictures.curves import drawing
 from softmodels.pictures.offscreen import Look, ViewCamera
 from softmodels.pictures.style import DPI, STYLE, encoded, headline, load, subject
-from softmodels.runs.columns import StateLabels, overlap_text, term
+from softmodels.runs.columns import term
 from softmodels.runs.grid import CUT, OUTSIDE, QUARTERS, SECTOR, Cells, turn
-from softmodels.runs.notes import gained, left_out, notes_of, risen, stability_text
+from softmodels.runs.notes import StateLabels, gained, left_out, notes_of, overlap_text, risen, stability_text
 from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM
 from softmodels.runs.states import States
 from softmodels.runs.table import Cell as Value, PathTable, Row

@@ -34,8 +34,8 @@ from softmodels.common.arrays import Array
 from softmodels.common.commands import COLORMAP
 from softmodels.common.files import write_bytes
 from softmodels.materials.silicones import named
-from softmodels.runs.columns import INVALID, StateLabels, overlap_text
 from softmodels.runs.fields import coloured
+from softmodels.runs.notes import INVALID, StateLabels, overlap_text
 from softmodels.runs.table import Row
 
 if TYPE_CHECKING:

@@ -12,8 +12,7 @@ from geometries import HollowDisk, SeminarActuator
 from softmodels.case.case import Case
 from softmodels.materials.laws import NeoHookean
 from softmodels.path.supply import Syringe
-from softmodels.runs.columns import StateLabels
-from softmodels.runs.notes import jumped_over, stability_text, unlocated, unseen
+from softmodels.runs.notes import StateLabels, jumped_over, stability_text, unlocated, unseen
 from softmodels.runs.store import Results
 from softmodels.runs.table import PathTable
 from tests.support import runs

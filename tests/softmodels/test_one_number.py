@@ -18,8 +18,8 @@ from softmodels.components.rigid import Rigid
 from softmodels.pictures import curves, offscreen, report, solid
 from softmodels.pictures.offscreen import look
 from softmodels.pictures.style import Pixels, headline
-from softmodels.runs.columns import StateLabels, Variable, every_variable, overlap_of, state_labels, term
-from softmodels.runs.notes import events, gained, jumps_text, risen, unlocated
+from softmodels.runs.columns import Variable, every_variable, term
+from softmodels.runs.notes import StateLabels, events, gained, jumps_text, overlap_of, risen, state_labels, unlocated
 from softmodels.runs.states import StoredStates
 from softmodels.runs.table import PathTable, Row
 from tests.support import runs
