@@ -56,9 +56,7 @@ def state(case: str, pressure: str) -> StateAnswer:
 
 
 def _state(one: SolvedState) -> StateAnswer:
-    return StateAnswer(
-        dict[str, object](one.row), Section.of(one.points, one.displacement, one.cells, one.von_mises / 1e3)
-    )
+    return StateAnswer(one.variables, Section.of(one.points, one.displacement, one.cells, one.von_mises / 1e3))
 
 
 def limit(case: str) -> str:

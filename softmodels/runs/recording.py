@@ -70,7 +70,7 @@ def set_back(case: Case, results: Results) -> None:
     while len(results.stored) > 1:
         row = results.rows[-1]
         between = any(row.get(name) for name in ("limit", "bifurcation", "stroke_limit", "jump")) or (
-            row["requested"] and row["step"] and row["control"] != case.quantity
+            row["requested"] and row["step"] and row.cells["control"] != case.quantity
         )
         if not (not row["requested"] if case.program else between):
             return
