@@ -44,10 +44,10 @@ from softmodels.path.program import VALVE, drivers, step_text, time_at, value_at
 from softmodels.path.schedule import LostInTime, SnapInTime
 from softmodels.path.stability import PathEnd
 from softmodels.path.supply import TURBULENT_FROM, Reservoir
-from softmodels.runs.columns import SourceTables, key_of, of_cavities, stands_at
+from softmodels.runs.columns import SourceTables, key_of, of_cavities, stands_at, term
 from softmodels.runs.fields import Fields
-from softmodels.runs.outcomes import RunError, UnwrittenError, no_memory
-from softmodels.runs.table import PathTable, Row, parsed
+from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM, RunError, UnwrittenError, no_memory
+from softmodels.runs.table import PathTable, Row, at_rise, band_of, parsed
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Labels of a run's states: which figures to show, and the load in words, for messages, pictures and reports.
@@ -155,6 +155,32 @@ def state_labels(case: Case) -> StateLabels:
         return words
     load = case.driven.of(case.components)
     return dataclasses.replace(words, along=(parsed(load.column)[0], parsed(load.moved_column)[0]))
+
+
+def number(value: float) -> str:
+    """Return a value for a label: at most one decimal, none if it is round."""
+    return f"{round(value, 1) + 0.0:.1f}".removesuffix(".0")  # + 0.0: no minus before a zero
+
+
+def load(row: Row, words: StateLabels, kilopascals: bool = True) -> str:
+    """Return the load of a state in words and units: its pressure, or its program step and every cavity's pressure.
+
+    Args:
+        row: The state.
+        words: What its run shows.
+        kilopascals: Whether a pressure is shown in kPa too.
+    """
+    step = f"step {row['load_step']:.3g}: " if "load_step" in row else ""
+    pressure = f"{' and '.join(number(row.shown(name)) for name in words.pressures(row))} {words.unit}"
+    if kilopascals and words.pressure and not step:
+        pressure += f" ({row['pressure'] / 1e3:.3g} kPa)"
+    overlap = overlap_text(row)
+    return f"{step}{words.under(row, pressure)}{f' - {overlap}' if overlap else ''}"
+
+
+def headline(row: Row, words: StateLabels) -> str:
+    """Return the title of a state."""
+    return f"{load(row, words)}, {words.gauge} rise {row.told(words.gauge, '.2f')}"
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -742,6 +768,90 @@ def stability_text(rows: PathTable, actuator: Actuator, words: StateLabels, bran
         )
     hidden = unseen(actuator)
     return f"{text} ({hidden})" if hidden else text
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The last state of a run, and how the run has ended.
+
+
+def closing(case: Case, row: Row) -> list[str]:
+    """Return the last state of a run that has reached all its values, for its closing message."""
+    words, gauge = state_labels(case), case.actuator.gauge
+    volume = f", added volume {row.shown('added_volume'):.5g}{_band(row, 'added_volume')} ml" if words.volume else ""
+    breaks, overlap = break_words(case.material), overlap_text(row)
+    state = (
+        f"{_loaded(row, words)}: {gauge} rise {row.shown(gauge):+.5g}{_band(row, gauge)} mm{volume}{pressed(row)}, "
+        f"largest stretch {row['max_stretch']:.4g}{f' [{breaks}]' if breaks else ''} and von Mises stress "
+        f"{row.told('max_von_mises')} (at integration points), J {row['J_min']:.4f} to {row['J_max']:.4f} (at vertices)"
+        f"{f'; {overlap}' if overlap else ''}"
+    )
+    gauges = ", ".join(_gauge(parsed(column)[0], row) for column in case.gauges.columns())
+    return [text for text in (state, _sideways(row, gauge), gauges) if text]
+
+
+def _gauge(name: str, row: Row) -> str:
+    """Return a named point or angle with its value and unit."""
+    unit = row.unit(name)
+    return f"{name.replace('_', ' ')} {row.shown(name):.5g}{unit if unit == '°' else f' {unit}'}"
+
+
+def _band(row: Row, name: str) -> str:
+    """Return half the 95 % interval due to the material's errors, to print after a variable; empty if unknown."""
+    width = row.shown(band_of(name)) if band_of(name) in row else math.nan
+    return "" if math.isnan(width) or not width else f" +- {width:.3g} (95 %)"
+
+
+def _sideways(row: Row, gauge: str) -> str:
+    """Return what the intervals mean, and the pressure's own, which differs at equal rise and at equal volume."""
+    bands = band_of("pressure"), at_rise(gauge)
+    at_volume, rising = (row.shown(name) if name in row else math.nan for name in bands)
+    if math.isnan(at_volume) or not at_volume:
+        return ""
+    same = "" if math.isnan(rising) else f"+- {rising:.3g} cm at equal rise of the {gauge}, "
+    return (
+        f"95 % intervals from the material's errors: rise and volume at the requested value; pressure {same}+- "
+        f"{at_volume:.3g} cm at equal added volume"
+    )
+
+
+def _loaded(row: Row, words: StateLabels) -> str:
+    cavities, pressure = (
+        words.pressures(row),
+        f"{row.shown('pressure'):.6g} {words.unit} ({row['pressure'] / 1e3:.5g} kPa)",
+    )
+    if "load_step" in row and len(cavities) > 1:
+        pressure = ", ".join(f"cavity{i} {row.shown(name):.6g} {words.unit}" for i, name in enumerate(cavities, 1))
+    return words.under(row, pressure)
+
+
+def pressed(row: Row) -> str:
+    """Return the contact forces of the device, for the closing line."""
+    forces = ("blocked_force", "contact_force")
+    return "".join(f", {term(row.column(name)).name} {row.told(name)}" for name in forces if name in row)
+
+
+def ending(rows: PathTable, row: Row, words: StateLabels, told: Mapping[str, object]) -> str:
+    """Return how a run ended and what one of its states has reached, in a sentence or two; ``told`` is ``summary.json``, empty
+    if it was interrupted."""
+    stroke = f"{row.told('stroke')} of stroke and " if "stroke" in row else ""
+    reached = f"At {stroke}{load(row, words)} the {words.gauge} has {risen(row[words.gauge])}{_taken(row, words)}"
+    if "max_stretch" in row:
+        reached += f"; the largest stretch is {row['max_stretch']:.4g}"
+    for name in ("blocked_force", "contact_force"):
+        if name in row:
+            reached += f"; the {term(row.column(name)).name} is {row.told(name)}"
+    if not told:
+        return f"The run was interrupted; {len(rows)} states are stored. {reached}."
+    if told.get("status") == DONE:
+        return f"All requested values were reached in {len(rows)} states. {reached}."
+    start = "The run stopped at a limit point" if told.get("status") == NO_EQUILIBRIUM else "The run failed"
+    return f"{start}: {told.get('message', '')}. {reached}."
+
+
+def _taken(row: Row, words: StateLabels) -> str:
+    count = len(words.volumes(row))
+    taker = "the cavities have together" if count > 1 else "the cavity has"
+    return f" and {taker} {gained(row['added_volume'])}" if count else ""
 
 
 # ----------------------------------------------------------------------------------------------------------------------

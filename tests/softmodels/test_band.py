@@ -14,9 +14,8 @@ from softmodels.case.entries import CaseError
 from softmodels.case.load import LoadRequest
 from softmodels.case.materials import MaterialErrors, SourceBand, band_of
 from softmodels.components.loads import Gravity, Mass
-from softmodels.pictures.style import headline
 from softmodels.runs.columns import term
-from softmodels.runs.notes import band_notes, state_labels
+from softmodels.runs.notes import band_notes, headline, state_labels
 
 DISK = sm.HollowDisk(section="axisymmetric", membrane=0.003)
 C1, C2 = 14e3, 60.0

@@ -15,9 +15,9 @@ from geometries import SeminarActuator
 from softmodels.pictures import offscreen, solid
 from softmodels.pictures.offscreen import look
 from softmodels.pictures.solid import cut_open
-from softmodels.pictures.style import DPI, FOOT, STYLE, Caption, Pixels, Scale, drawn, load, page
+from softmodels.pictures.style import DPI, FOOT, STYLE, Caption, Pixels, Scale, drawn, page
 from softmodels.runs.grid import fine_triangles, outline
-from softmodels.runs.notes import StateLabels
+from softmodels.runs.notes import StateLabels, load
 from softmodels.runs.states import StoredStates
 from softmodels.runs.table import PathTable, Row
 
