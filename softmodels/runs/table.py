@@ -227,7 +227,7 @@ class PathTable(Sequence[Row]):
         return iter(self._rows)
 
     def __contains__(self, key: object) -> bool:
-        return key in self._rows[:1][0] if isinstance(key, str) and self._rows else key in self._rows
+        return key in (self._rows[0] if isinstance(key, str) and self._rows else self._rows)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, PathTable) and self._rows == other._rows
