@@ -37,10 +37,10 @@ from softmodels.mechanics.newton import NoConvergence
 from softmodels.path.continuation import Continuation
 from softmodels.path.steps import STROKE, one_step
 from softmodels.runs.analyses import KINDS, Limit
-from softmodels.runs.columns import StateLabels, overlap_text, state_labels, term
+from softmodels.runs.columns import term
 from softmodels.runs.fields import OUTPUTS, OutputField, requestable
 from softmodels.runs.formats import CELL_TYPES, TENSOR
-from softmodels.runs.notes import notes_of, sentences
+from softmodels.runs.notes import StateLabels, notes_of, overlap_text, sentences, state_labels
 from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM, STOPPED, Ended, RunError
 from softmodels.runs.recording import ResultsPlace, begin, begin_branch, gather, recall, stored_point
 from softmodels.runs.simulation import InMemory, Simulation, Step

@@ -26,7 +26,7 @@ from softmodels.materials.silicones import break_words, named, product_of, spann
 from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.mpi import start
 from softmodels.mechanics.system import State, System
-from softmodels.runs.columns import span_sentence
+from softmodels.runs.notes import span_sentence
 from softmodels.runs.simulation import Model, Simulation
 from softmodels.runs.states import StoredStates
 
@@ -56,9 +56,7 @@ def state(case: str, pressure: str) -> StateAnswer:
 
 
 def _state(one: SolvedState) -> StateAnswer:
-    return StateAnswer(
-        dict[str, object](one.row), Section.of(one.points, one.displacement, one.cells, one.von_mises / 1e3)
-    )
+    return StateAnswer(one.variables, Section.of(one.points, one.displacement, one.cells, one.von_mises / 1e3))
 
 
 def limit(case: str) -> str:

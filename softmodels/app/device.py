@@ -8,7 +8,7 @@ import csv
 import dataclasses
 import io
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,6 +40,7 @@ from softmodels.common.files import read_text
 from softmodels.common.units import LIGHTER, column_unit, exact_text
 from softmodels.materials.silicones import PRODUCTS, named, silicone
 from softmodels.path.steps import PRESSURE
+from softmodels.runs.table import PathTable, Row, band_of
 
 if TYPE_CHECKING:
     from softmodels.app.replies import LinearAnswer, PathAnswer, Section, StateAnswer
@@ -180,13 +181,13 @@ class DevicePage(TabPage):
         both = [curve for state in answer.states for curve in (state.section.edges, state.section.rest)]
         places = np.concatenate([curve.reshape(-1, 2) for curve in both])
         self.box = np.array([places.min(axis=0), places.max(axis=0)])
-        self.pressures = [float(state.row["pressure_cm"]) for state in answer.states]  # type: ignore[arg-type]
+        self.pressures = [state.row.shown("pressure") for state in answer.states]
         self.scale.set_content(colour_bar(self.tops, answer.colours, "kPa, von Mises stress"))
         top = max(self.pressures)
         self.slider.props(f"max={top} step={top / 500}")
         self.slider.set_value(top)
         self._show(answer.states[self.pressures.index(top)])
-        self._plot([one.row for one in answer.states])
+        self._plot(PathTable(one.row for one in answer.states))
         self._report(answer)
         for label in (self.limit, self.spread):
             label.set_text("")
@@ -216,7 +217,7 @@ class DevicePage(TabPage):
             self.linear = None
             return self.say("this device is a solid: start a run below, its path appears as it is solved")
         self._plot(rows)
-        top = max(float(row["pressure_cm"]) for row in rows)
+        top = float(rows.shown("pressure").max())
         whole = f"von Mises stress of the run's device at {top:.4g} cm"
         self.picture.set_content(stored_picture(self.project, f"{OUTPUT}/cut.png", f"{whole}, cut open"))
         if self.linear is None or self.linear.case != stored.to_toml():
@@ -267,17 +268,17 @@ class DevicePage(TabPage):
         if job is None or not job.active or is_section(self.project.case.actuator):
             return
         try:
-            self._plot(path_rows(self.project / OUTPUT))
+            self._plot(path_rows(self.project / OUTPUT, self.project.case.cm))
         except (OSError, ValueError, KeyError, TypeError):  # not there yet, or a row half written
             return
 
-    def _plot(self, rows: Sequence[Mapping[str, object]]) -> None:
+    def _plot(self, rows: PathTable) -> None:
         """Plot the rise of the device's main point over the pressure."""
-        main = f"{self.project.case.actuator.gauge}_mm"
-        if main not in rows[0]:
+        gauge = self.project.case.actuator.gauge
+        if gauge not in rows:
             return
-        points = [(float(str(row["pressure_cm"])), float(str(row[main]))) for row in rows]
-        self.chart.options.update(_chart(points, main.removesuffix("_mm"), column_unit(self.project.case.cm)))
+        points = [(row.shown("pressure"), row.shown(gauge)) for row in rows]
+        self.chart.options.update(_chart(points, gauge, column_unit(self.project.case.cm)))
         self.chart.update()
 
     def _report(self, answer: PathAnswer) -> None:
@@ -317,7 +318,7 @@ class DevicePage(TabPage):
 
     def _show(self, state: StateAnswer) -> None:
         row = state.row
-        self._draw(state.section, float(row["pressure_cm"]))  # type: ignore[arg-type]
+        self._draw(state.section, row.shown("pressure"))
         self._table(self._figures(row))
 
     def _table(self, figures: Sequence[tuple[str, str]]) -> None:
@@ -327,21 +328,21 @@ class DevicePage(TabPage):
                 ui.label(name).classes("quiet")
                 ui.label(text).props(f'data-name="{name}"')
 
-    def _figures(self, row: dict[str, object]) -> list[tuple[str, str]]:
-        bands = {name.replace("_ci95", ""): f" ± {row[name]:.2g}" for name in row if "_ci95_" in name}
-        probes = [(name.removesuffix("_mm"), f"{row[name]:.4g}{bands.get(name, '')} mm") for name in row
-                  if name.removesuffix("_mm") in self.project.case.actuator.probes and name.endswith("_mm")]  # fmt: skip
-        unit, pressure = column_unit(self.project.case.cm), float(row["pressure_Pa"])  # type: ignore[arg-type]
+    def _figures(self, row: Row) -> list[tuple[str, str]]:
+        bands = {name: f" ± {row.shown(band_of(name)):.2g}" for name in row if band_of(name) in row}
+        probes = [(name, f"{row.shown(name):.4g}{bands.get(name, '')} mm")
+                  for name in row if name in self.project.case.actuator.probes]  # fmt: skip
+        unit = column_unit(self.project.case.cm)
         found = [
-            ("pressure", f"{row['pressure_cm']:.4g} {unit} ({pressure / 1e3:.4g} kPa)"),
+            ("pressure", f"{row.shown('pressure'):.4g} {unit} ({row['pressure'] / 1e3:.4g} kPa)"),
             *((f"rise of the {name}", text) for name, text in probes),
-            ("added volume", f"{row['added_volume_ml']:.4g} ml"),
-            ("largest stretch", f"{row['max_stretch']:.4g}"),
-            ("largest von Mises stress", f"{row['max_von_mises_kPa']:.4g} kPa"),
+            ("added volume", row.told("added_volume")),
+            ("largest stretch", row.told("max_stretch")),
+            ("largest von Mises stress", row.told("max_von_mises")),
         ]
         assert self.answer is not None
         if self.answer.breaks_at:
-            share = (float(row["max_stretch"]) - 1.0) / (self.answer.breaks_at - 1.0)  # type: ignore[arg-type]
+            share = (row["max_stretch"] - 1.0) / (self.answer.breaks_at - 1.0)
             found.append(("of the least strain at break", f"{share:.0%}: {self.answer.breaks}"))
         return found
 
@@ -381,13 +382,13 @@ class DevicePage(TabPage):
             self.case_why.set_text(page_words(reason(error)))
 
 
-def stored_run(project: Project) -> tuple[Case | None, list[dict[str, float]]]:
+def stored_run(project: Project) -> tuple[Case | None, PathTable]:
     """Return the case of the stored run of a project's device and its path, if it differs from the present case in lengths and
     pressures at most."""
     case, folder = project.case, project / OUTPUT
     try:
         stored = Case.from_file(folder / CASE)
-        rows = path_rows(folder)
+        rows = path_rows(folder, stored.cm)
         same = {name: parameter(case.actuator, name) for name in stored.actuator.movable}
         like = dataclasses.replace(
             stored,
@@ -397,18 +398,19 @@ def stored_run(project: Project) -> tuple[Case | None, list[dict[str, float]]]:
             band=case.band,
         )
     except (*ERRORS, ValueError, TypeError, KeyError):
-        return None, []
-    return (stored, rows) if like == case else (None, [])
+        return None, PathTable()
+    return (stored, rows) if like == case else (None, PathTable())
 
 
-def path_rows(folder: Path) -> list[dict[str, float]]:
-    """Return the lengths and pressures of a path that is stored, row by row; OSError, ValueError or TypeError if there is
-    none yet, or a row is half written."""
+def path_rows(folder: Path, cm: float) -> PathTable:
+    """Return the lengths and pressures of a path that is stored, ``cm`` being Pa in one cm of the case's column; OSError,
+    ValueError or TypeError if there is none yet, or a row is half written."""
     rows = csv.DictReader(io.StringIO(read_text(folder / "path.csv")))
     # A cell is empty where its column has no value, and missing in a row that is half written.
-    return [
-        {name: float(row[name]) for name in row if name.endswith(("_mm", "_cm")) and row[name] != ""} for row in rows
-    ]
+    return PathTable.read(
+        ({name: float(row[name]) for name in row if name.endswith(("_mm", "_cm")) and row[name] != ""} for row in rows),
+        cm,
+    )
 
 
 def is_section(device: Actuator) -> bool:

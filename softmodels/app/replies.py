@@ -9,6 +9,7 @@ import numpy as np
 
 from softmodels.common.arrays import Array
 from softmodels.runs.grid import Cells, fine_triangles, outline
+from softmodels.runs.table import Row
 
 PREVIEW = 1600
 """Longest side of a photograph's preview in px."""
@@ -50,9 +51,9 @@ def _seen(curves: Array) -> Array:
 
 @dataclasses.dataclass(frozen=True)
 class StateAnswer:
-    """A state: its row of ``path.csv`` and its section, coloured by von Mises stress in kPa."""
+    """A state: its row of the table and its section, coloured by von Mises stress in kPa."""
 
-    row: dict[str, object]
+    row: Row
     section: Section
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 import os
 import shlex
 import subprocess
@@ -24,14 +23,12 @@ from softmodels.common.commands import ALL_PICTURES, USUAL, DrawingOptions, RunO
 from softmodels.common.errors import reason, spoken
 from softmodels.common.lazy import MPI, PETSc, consoles, progress
 from softmodels.common.processes import COLUMNS, columns, cores, python, say
-from softmodels.materials.silicones import break_words
 from softmodels.mechanics.mpi import is_root, on_root, petsc_reason, start
-from softmodels.runs.columns import StateLabels, overlap_text, state_labels, term
 from softmodels.runs.fields import OUTPUTS
+from softmodels.runs.notes import closing, state_labels
 from softmodels.runs.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM, Ended, Progress
 from softmodels.runs.recording import Observer, ResultsPlace, Summary, solved_into, unstopped
 from softmodels.runs.store import Results
-from softmodels.runs.table import Row, at_rise, band_of, parsed
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The process that draws the pictures of a run; it starts with the run to hide its start-up time.
@@ -272,22 +269,9 @@ class Teller(Observer):
 
 def _summarise(case: Case, results: Results, drawn: str, stability: str) -> None:
     """Print the last state of a run that has reached all its values, its stability, and what there is in its folder."""
-    row, words = results.rows[-1], state_labels(case)
-    gauge = words.gauge
-    volume = f"added volume {row.shown('added_volume'):.5g}{_band(row, 'added_volume')} ml" if words.volume else ""
-    say(
-        f"{_loaded(row, words)}: {gauge} rise {row.shown(gauge):+.5g}{_band(row, gauge)} mm"
-        f"{f', {volume}' if volume else ''}{pressed(row)}, "
-        f"largest stretch {row['max_stretch']:.4g}{_bears(case)} and von Mises stress {row.told('max_von_mises')} "
-        f"(at integration points), J {row['J_min']:.4f} to {row['J_max']:.4f} (at vertices)"
-        f"{f'; {overlap}' if (overlap := overlap_text(row)) else ''}"
-    )
-    if text := _sideways(row, gauge):
-        print(text)
-    if case.gauges.columns():
-        say(", ".join(_gauge(parsed(column)[0], row) for column in case.gauges.columns()))
-    if stability:
-        say(stability)
+    for text in (*closing(case, results.rows[-1]), stability):
+        if text:
+            say(text)
     drawn = f"; {drawn}" if drawn else ""
     say(
         f"{len(results.stored)} states in {results.folder}: path.csv, {results.name}.vtkhdf for ParaView{drawn}{_solved_on()}"
@@ -298,49 +282,3 @@ def _solved_on() -> str:
     """Return the number of ranks in words, if there are several."""
     ranks = MPI.COMM_WORLD.size
     return f"; solved on {ranks} ranks" if ranks > 1 else ""
-
-
-def _gauge(name: str, row: Row) -> str:
-    """Return a named point or angle with its value and unit."""
-    unit = row.unit(name)
-    return f"{name.replace('_', ' ')} {row.shown(name):.5g}{unit if unit == '°' else f' {unit}'}"
-
-
-def _band(row: Row, name: str) -> str:
-    """Return half the 95 % interval due to the material's errors, to print after a variable; empty if unknown."""
-    width = row.shown(band_of(name)) if band_of(name) in row else math.nan
-    return "" if math.isnan(width) or not width else f" +- {width:.3g} (95 %)"
-
-
-def _sideways(row: Row, gauge: str) -> str:
-    """Return what the intervals mean, and the pressure's own, which differs at equal rise and at equal volume."""
-    bands = band_of("pressure"), at_rise(gauge)
-    at_volume, rising = (row.shown(name) if name in row else math.nan for name in bands)
-    if math.isnan(at_volume) or not at_volume:
-        return ""
-    same = "" if math.isnan(rising) else f"+- {rising:.3g} cm at equal rise of the {gauge}, "
-    return (
-        f"95 % intervals from the material's errors: rise and volume at the requested value; pressure {same}+- "
-        f"{at_volume:.3g} cm at equal added volume"
-    )
-
-
-def _loaded(row: Row, words: StateLabels) -> str:
-    cavities, pressure = (
-        words.pressures(row),
-        f"{row.shown('pressure'):.6g} {words.unit} ({row['pressure'] / 1e3:.5g} kPa)",
-    )
-    if "load_step" in row and len(cavities) > 1:
-        pressure = ", ".join(f"cavity{i} {row.shown(name):.6g} {words.unit}" for i, name in enumerate(cavities, 1))
-    return words.under(row, pressure)
-
-
-def pressed(row: Row) -> str:
-    """Return the contact forces of the device, for the closing line."""
-    forces = ("blocked_force", "contact_force")
-    return "".join(f", {term(row.column(name)).name} {row.told(name)}" for name in forces if name in row)
-
-
-def _bears(case: Case) -> str:
-    words = break_words(case.material)
-    return f" [{words}]" if words else ""

@@ -21,24 +21,10 @@ from softmodels.common.arrays import Array
 from softmodels.common.pages import UNITS, inline_svg, pascal
 from softmodels.common.units import column_unit
 from softmodels.materials.silicones import product_of
-from softmodels.pictures.style import (
-    BRANCH,
-    CURVE,
-    DPI,
-    EDGE,
-    FAINT,
-    INK,
-    LINES,
-    SPAN,
-    STYLE,
-    WARNING,
-    WIDTH,
-    chart,
-    number,
-)
-from softmodels.runs.columns import SourceTables, StateLabels, key_of, state_labels, term
+from softmodels.pictures.style import BRANCH, CURVE, DPI, EDGE, FAINT, INK, LINES, SPAN, STYLE, WARNING, WIDTH, chart
+from softmodels.runs.columns import SourceTables, key_of, term
 from softmodels.runs.grid import parabolas
-from softmodels.runs.notes import cycles, jumped_over
+from softmodels.runs.notes import StateLabels, cycles, jumped_over, number, state_labels
 from softmodels.runs.states import Line, States, round_steps, row_at, told
 from softmodels.runs.table import PathTable, Row, at_rise, band_of, parsed
 

@@ -41,12 +41,11 @@ from softmodels.pictures.style import (
     WIDTH,
     DrawnFolder,
     chart,
-    headline,
-    load,
     rulers,
     wrapped,
 )
 from softmodels.runs.grid import outline
+from softmodels.runs.notes import headline, load
 from softmodels.runs.states import States, StoredStates
 from softmodels.runs.store import ResultsError
 from softmodels.runs.table import PathTable

@@ -19,9 +19,10 @@ from softmodels.common.arrays import Array
 from softmodels.common.commands import COLORMAP
 from softmodels.common.lazy import pyvista
 from softmodels.components.contact import RigidShape, obstacle_of, surface_of
-from softmodels.pictures.style import DPI, EDGE, INK, WARNING, WIDTH, Caption, Scale, headline, load, number, subject
+from softmodels.pictures.style import DPI, EDGE, INK, WARNING, WIDTH, Caption, Scale, subject
 from softmodels.runs.fields import coloured
 from softmodels.runs.grid import CUT, OUTSIDE, Cells, Surface
+from softmodels.runs.notes import headline, load, number
 from softmodels.runs.states import States
 
 if TYPE_CHECKING:

@@ -51,13 +51,13 @@ from softmodels.path.steps import VOLUME, courses, times_of
 from softmodels.pictures import curves
 from softmodels.pictures.curves import drawing
 from softmodels.pictures.offscreen import Look, ViewCamera
-from softmodels.pictures.style import DPI, STYLE, encoded, headline, load, subject
-from softmodels.runs.columns import StateLabels, overlap_text, term
+from softmodels.pictures.style import DPI, STYLE, encoded, subject
+from softmodels.runs.columns import term
 from softmodels.runs.grid import CUT, OUTSIDE, QUARTERS, SECTOR, Cells, turn
-from softmodels.runs.notes import gained, left_out, notes_of, risen, stability_text
-from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM
+from softmodels.runs.notes import ending, headline, left_out, load, notes_of, overlap_text, stability_text
+from softmodels.runs.outcomes import NO_EQUILIBRIUM
 from softmodels.runs.states import States
-from softmodels.runs.table import Cell as Value, PathTable, Row
+from softmodels.runs.table import Cell as Value, PathTable
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The case of a report: device, material, load and solver as tables with units.
@@ -277,7 +277,7 @@ class Report:
         if made.date and not made.command:  # run by a Python program
             made = dataclasses.replace(made, command=shlex.join(["softmodels", "run", f"{folder}/case.toml"]))
         self._page = Page(
-            name, ending(states, told), (), made,
+            name, ending(states.rows, states.rows[states.main], states.words, told), (), made,
             facts(states, told), warnings if isinstance(warnings, list) else [], publications(states.case.material),
             {"path.csv": read_text(folder / "path.csv")} if (folder / "path.csv").exists() else {}, states.case.cm,
         )  # fmt: skip
@@ -356,30 +356,6 @@ def summary(folder: Path) -> dict[str, object]:
     except (OSError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}
-
-
-def ending(states: States, told: dict[str, object]) -> str:
-    """Return how the run ended, in a sentence or two; ``told`` is its `summary`."""
-    row, words = states.rows[states.main], states.words
-    stroke = f"{row.told('stroke')} of stroke and " if "stroke" in row else ""
-    reached = f"At {stroke}{load(row, words)} the {words.gauge} has {risen(row[words.gauge])}{_taken(row, words)}"
-    if "max_stretch" in row:
-        reached += f"; the largest stretch is {row['max_stretch']:.4g}"
-    for name in ("blocked_force", "contact_force"):
-        if name in row:
-            reached += f"; the {term(row.column(name)).name} is {row.told(name)}"
-    if not told:
-        return f"The run was interrupted; {len(states.rows)} states are stored. {reached}."
-    if told.get("status") == DONE:
-        return f"All requested values were reached in {len(states.rows)} states. {reached}."
-    start = "The run stopped at a limit point" if told.get("status") == NO_EQUILIBRIUM else "The run failed"
-    return f"{start}: {told.get('message', '')}. {reached}."
-
-
-def _taken(row: Row, words: StateLabels) -> str:
-    count = len(words.volumes(row))
-    taker = "the cavities have together" if count > 1 else "the cavity has"
-    return f" and {taker} {gained(row['added_volume'])}" if count else ""
 
 
 def _curves(states: States) -> list[tuple[str, str]]:

@@ -57,9 +57,6 @@ from softmodels.pictures.style import (
     WIDTH,
     Pixels,
     Scale,
-    headline,
-    load,
-    number,
     page,
     png,
     rulers,
@@ -78,6 +75,7 @@ from softmodels.runs.grid import (
     outline,
     parabolas,
 )
+from softmodels.runs.notes import headline, load, number
 from softmodels.runs.states import States, StoredStates
 from softmodels.runs.store import ResultsError
 

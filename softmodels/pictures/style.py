@@ -34,8 +34,8 @@ from softmodels.common.arrays import Array
 from softmodels.common.commands import COLORMAP
 from softmodels.common.files import write_bytes
 from softmodels.materials.silicones import named
-from softmodels.runs.columns import INVALID, StateLabels, overlap_text
 from softmodels.runs.fields import coloured
+from softmodels.runs.notes import INVALID
 from softmodels.runs.table import Row
 
 if TYPE_CHECKING:
@@ -72,35 +72,9 @@ def chart(height: float, width: float = WIDTH) -> tuple[Figure, Axes]:
     return figure, figure.subplots()
 
 
-def number(value: float) -> str:
-    """Return a value for a label: at most one decimal, none if it is round."""
-    return f"{round(value, 1) + 0.0:.1f}".removesuffix(".0")  # + 0.0: no minus before a zero
-
-
-def load(row: Row, words: StateLabels, kilopascals: bool = True) -> str:
-    """Return the load of a state in words and units: its pressure, or its program step and every cavity's pressure.
-
-    Args:
-        row: The state.
-        words: What its run shows.
-        kilopascals: Whether a pressure is shown in kPa too.
-    """
-    step = f"step {row['load_step']:.3g}: " if "load_step" in row else ""
-    pressure = f"{' and '.join(number(row.shown(name)) for name in words.pressures(row))} {words.unit}"
-    if kilopascals and words.pressure and not step:
-        pressure += f" ({row['pressure'] / 1e3:.3g} kPa)"
-    overlap = overlap_text(row)
-    return f"{step}{words.under(row, pressure)}{f' - {overlap}' if overlap else ''}"
-
-
 def title_colour(title: str) -> str:
     """Return the colour of a state's title: the warning colour if walls overlap."""
     return WARNING if INVALID in title else "black"
-
-
-def headline(row: Row, words: StateLabels) -> str:
-    """Return the title of a state."""
-    return f"{load(row, words)}, {words.gauge} rise {row.told(words.gauge, '.2f')}"
 
 
 def wrapped(text: str, width: float, size: float) -> str:

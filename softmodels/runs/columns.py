@@ -21,13 +21,13 @@ import numpy.typing as npt
 from geometries import Actuator
 from softmodels.case.case import Case
 from softmodels.case.load import CM, in_unit
-from softmodels.case.materials import MaterialErrors, SourceBand
+from softmodels.case.materials import MaterialErrors
 from softmodels.common.arrays import Array
 from softmodels.common.files import csv_text, write_text
-from softmodels.common.units import Amount, column_unit
+from softmodels.common.units import Amount
 from softmodels.materials.silicones import named, silicone_called, source_names, stretch_at_break
 from softmodels.mechanics.component import COMPONENTS
-from softmodels.mechanics.controls import LoadPart, volume_control
+from softmodels.mechanics.controls import volume_control
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.path.schedule import source_at
 from softmodels.path.stability import AddedVolume, DeadForce, Point, Pressure, Supply
@@ -45,19 +45,7 @@ from softmodels.runs.fields import (
     register_output,
 )
 from softmodels.runs.state_values import OVERLAP, Gap
-from softmodels.runs.table import (
-    UNITS,
-    Cell,
-    ColumnText,
-    PathTable,
-    Row,
-    at_rise,
-    band_of,
-    column_of,
-    described,
-    parsed,
-    split,
-)
+from softmodels.runs.table import UNITS, Cell, ColumnText, PathTable, Row, at_rise, band_of, column_of, described, split
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Variables of the table: name, description, and how each is computed from a state.
@@ -438,114 +426,6 @@ for _variable in _VARIABLES:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Labels of a run's states: which figures to show, and the load in words, for messages, pictures and reports.
-#
-# A device without a cavity has neither a pressure nor a volume. If only weights and forces load a device with a
-# cavity, the zero pressure is hidden and the added volume shown.
-
-
-PRESSURE_AND_VOLUME = ("pressure", "added_volume")
-OF_PRESSURE = re.compile(r"pressure(_\d+|_ci95|_at_\w+_ci95)*_(cm|Pa)")
-OF_VOLUME = re.compile(r"added_volume(_\d+|_ci95)*_ml")
-
-
-INVALID = "invalid state"
-
-
-def overlap_text(row: Row) -> str:
-    """Return a warning that walls overlap in a state or its surface is folded, for its line, title and picture; else ""."""
-    if not row.get("walls_touch"):
-        return ""
-    overlap = 1e3 * overlap_of(row)
-    return f"{f'WALLS OVERLAP by {overlap:.3g} mm' if overlap > 0.0 else 'SURFACE FOLDED onto itself'}: {INVALID}"
-
-
-def overlap_of(row: Row) -> float:
-    """Return by how many m walls overlap in a state; 0 where none do."""
-    gap = row.get("least_gap")  # NaN where no walls are near
-    return -gap if gap < 0.0 else 0.0
-
-
-@dataclasses.dataclass(frozen=True)
-class StateLabels:
-    """Labels of a run's states.
-
-    Attributes:
-        gauge: The probe whose rise stands for the device's motion.
-        pressure, volume: Whether it is pressurised, and has a cavity.
-        driver: The air supply, in a word.
-        along: Variables of the load and its conjugate, which locate a state on the path.
-        loads, moved: Variables with weights, forces and moments, and of what each works on.
-        unit: Of the heights of the column, with the density of its liquid.
-    """
-
-    gauge: str
-    pressure: bool = True
-    volume: bool = True
-    driver: str = "supply"
-    along: tuple[str, str] = PRESSURE_AND_VOLUME
-    loads: tuple[str, ...] = ()
-    moved: tuple[str, ...] = ()
-    unit: str = column_unit()
-
-    def loads_in(self, row: Row) -> list[str]:
-        """Return the weights, forces and moments that a row has."""
-        return [name for name in self.loads if name in row]
-
-    def loads_words(self, row: Row) -> list[str]:
-        """Return the weights, forces and moments of a state in words, such as ``"force tip 2 N"``."""
-        return [f"{name.replace('_', ' ')} {row.told(name)}" for name in self.loads_in(row)]
-
-    def under(self, row: Row, pressure: str) -> str:
-        """Return the loads of a state: the given words for its pressure, then its weights, forces and moments."""
-        return ", ".join([*([pressure] if self.pressure else []), *self.loads_words(row)]) or "no load"
-
-    def place(self, row: Row) -> str:
-        """Return the loads of a state, short: ``"34.81 cm"``, ``"12 cm, force tip 2 N"``."""
-        return self.under(row, row.told("pressure") if self.pressure else "")
-
-    def loaded(self, row: Row) -> bool:
-        """Return whether anything acts on a state."""
-        return any(row.get(name) for name in (*self.along, *PRESSURE_AND_VOLUME, *self.loads))
-
-    def pressures(self, row: Row) -> list[str]:
-        """Return the pressures that are shown: one for each cavity, or none."""
-        return of_cavities(row, "pressure") if self.pressure else []
-
-    def volumes(self, row: Row) -> list[str]:
-        """Return the added volumes that are shown: one for each cavity, or none."""
-        return of_cavities(row, "added_volume") if self.volume else []
-
-    def hides(self, column: str) -> bool:
-        """Return whether to hide a column of ``path.csv``, because the device has no air in it."""
-        no_pressure, no_volume = (
-            not self.pressure and OF_PRESSURE.fullmatch(column),
-            not self.volume and OF_VOLUME.fullmatch(column),
-        )
-        return bool(no_pressure or no_volume)
-
-    @property
-    def kept(self) -> tuple[str, str]:
-        """The two controls for which stability is reported: the load, and its conjugate."""
-        raised = self.pressure and self.along == PRESSURE_AND_VOLUME
-        return ("pressure", "volume") if raised else ("load", "travel")
-
-
-def state_labels(case: Case) -> StateLabels:
-    """Return the labels of a case's states."""
-    loads = [part for part in case.components if isinstance(part, LoadPart) and not part.idle(case.components)]
-    words = StateLabels(
-        case.actuator.gauge, case.load.has_pressure, bool(case.actuator.ratios), case.load.driver,
-        loads=tuple(parsed(load.column)[0] for load in loads), moved=tuple(parsed(load.moved_column)[0] for load in loads),
-        unit=column_unit(case.cm),
-    )  # fmt: skip
-    if case.driven is None:
-        return words
-    load = case.load.driven_part
-    return dataclasses.replace(words, along=(parsed(load.column)[0], parsed(load.moved_column)[0]))
-
-
-# ----------------------------------------------------------------------------------------------------------------------
 # The first-order 95 % band of a path due to the errors of a fitted material.
 #
 # A state moves with the material's parameters by the derivatives of its equilibrium (`mechanics.sensitivity`). The width of a
@@ -709,51 +589,9 @@ def in_order(case: Case, rows: PathTable, others: SourceTables) -> dict[str, Pat
     return {name: every[name] for name in source_names(own) if name in every}
 
 
-def span_sentence(case: Case, sources: SourceTables) -> str:
-    """Return the range over the sources of a silicone at the last value that all reach, and at their limits."""
-    words, own = state_labels(case), named(case.material)
-    common = _common(case, sources)
-    parts = []
-    if common:
-        rows = {name: many[common[name]] for name, many in sources.items()}
-        here = rows[own or ""]
-        place = words.place(here) if case.column == "pressure_cm" else f"{here.cell(case.column):.4g} {case.unit}"
-        parts.append(f"at {place} the {words.gauge} rises {_ends(rows, words.gauge)}")
-        if words.volume and case.column != "added_volume_ml":
-            parts.append(f"the cavity takes {_ends(rows, 'added_volume')}")
-        if words.pressure and case.column != "pressure_cm":
-            parts.append(f"the pressure is {_ends(rows, 'pressure')}")
-    limits = {name: many.where("limit")[0] for name, many in sources.items() if many["limit"].any()}
-    if limits:
-        none = [key_of(name) for name in sources if name not in limits]
-        met = f" (none met with {', '.join(none)})" if none else ""
-        parts.append(f"the limit point lies at {_ends(limits, 'pressure')}{met}")
-    band = case.band.product if isinstance(case.band, SourceBand) else own
-    return f"over the {len(sources)} sources of {band}, {'; '.join(parts)}" if parts else ""
-
-
-def _common(case: Case, sources: SourceTables) -> dict[str, int]:
-    """Return the row of each source at the last requested value that all of them reach; empty if they share none under load."""
-    for value in sorted(case.values, key=abs, reverse=True):
-        found: dict[str, int] = {}
-        for name, rows in sources.items():
-            there = [k for k, row in enumerate(rows) if stands_at(row, case, value)]
-            if there:
-                found[name] = there[0]
-        if value and len(found) == len(sources):
-            return found
-    return {}
-
-
 def stands_at(row: Row, case: Case, value: float) -> bool:
     """Return whether a state is at a requested value of its case, in the unit of the request."""
     return math.isclose(row.cell(case.column), value, rel_tol=1e-6)
-
-
-def _ends(rows: Mapping[str, Row], variable: str) -> str:
-    ordered = sorted(rows, key=lambda name: rows[name][variable])
-    low, high = (f"{rows[name].told(variable)} ({key_of(name)})" for name in (ordered[0], ordered[-1]))
-    return low if len(rows) == 1 else f"{low} to {high}"
 
 
 def key_of(name: str) -> str:

@@ -6,8 +6,9 @@ import contextlib
 import dataclasses
 import itertools
 import math
+import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
 
@@ -16,7 +17,7 @@ import numpy as np
 from geometries import Actuator
 from softmodels.case.case import Case
 from softmodels.case.entries import followed_text
-from softmodels.case.materials import Region
+from softmodels.case.materials import Region, SourceBand
 from softmodels.common.commands import FULL
 from softmodels.common.units import column_unit
 from softmodels.components.contact import Walls, obstacle_of
@@ -43,10 +44,148 @@ from softmodels.path.schedule import LostInTime, SnapInTime
 from softmodels.path.stability import PathEnd
 from softmodels.path.steps import VALVE, prescribes, step_text, time_at, value_at
 from softmodels.path.supply import TURBULENT_FROM, Reservoir
-from softmodels.runs.columns import SourceTables, StateLabels, overlap_of, span_sentence, state_labels
+from softmodels.runs.columns import SourceTables, key_of, of_cavities, stands_at, term
 from softmodels.runs.fields import Fields
-from softmodels.runs.outcomes import RunError, UnwrittenError, no_memory
-from softmodels.runs.table import PathTable, Row, parsed
+from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM, RunError, UnwrittenError, no_memory
+from softmodels.runs.table import PathTable, Row, at_rise, band_of, parsed
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Labels of a run's states: which figures to show, and the load in words, for messages, pictures and reports.
+#
+# A device without a cavity has neither a pressure nor a volume. If only weights and forces load a device with a
+# cavity, the zero pressure is hidden and the added volume shown.
+
+
+PRESSURE_AND_VOLUME = ("pressure", "added_volume")
+OF_PRESSURE = re.compile(r"pressure(_\d+|_ci95|_at_\w+_ci95)*_(cm|Pa)")
+OF_VOLUME = re.compile(r"added_volume(_\d+|_ci95)*_ml")
+
+
+INVALID = "invalid state"
+
+
+def overlap_text(row: Row) -> str:
+    """Return a warning that walls overlap in a state or its surface is folded, for its line, title and picture; else ""."""
+    if not row.get("walls_touch"):
+        return ""
+    overlap = 1e3 * overlap_of(row)
+    return f"{f'WALLS OVERLAP by {overlap:.3g} mm' if overlap > 0.0 else 'SURFACE FOLDED onto itself'}: {INVALID}"
+
+
+def overlap_of(row: Row) -> float:
+    """Return by how many m walls overlap in a state; 0 where none do."""
+    gap = row.get("least_gap")  # NaN where no walls are near
+    return -gap if gap < 0.0 else 0.0
+
+
+@dataclasses.dataclass(frozen=True)
+class StateLabels:
+    """Labels of a run's states.
+
+    Attributes:
+        gauge: The probe whose rise stands for the device's motion.
+        pressure, volume: Whether it is pressurised, and has a cavity.
+        driver: The air supply, in a word.
+        along: Variables of the load and its conjugate, which locate a state on the path.
+        loads, moved: Variables with weights, forces and moments, and of what each works on.
+        unit: Of the heights of the column, with the density of its liquid.
+    """
+
+    gauge: str
+    pressure: bool = True
+    volume: bool = True
+    driver: str = "supply"
+    along: tuple[str, str] = PRESSURE_AND_VOLUME
+    loads: tuple[str, ...] = ()
+    moved: tuple[str, ...] = ()
+    unit: str = column_unit()
+
+    def loads_in(self, row: Row) -> list[str]:
+        """Return the weights, forces and moments that a row has."""
+        return [name for name in self.loads if name in row]
+
+    def loads_words(self, row: Row) -> list[str]:
+        """Return the weights, forces and moments of a state in words, such as ``"force tip 2 N"``."""
+        return [f"{name.replace('_', ' ')} {row.told(name)}" for name in self.loads_in(row)]
+
+    def under(self, row: Row, pressure: str) -> str:
+        """Return the loads of a state: the given words for its pressure, then its weights, forces and moments."""
+        return ", ".join([*([pressure] if self.pressure else []), *self.loads_words(row)]) or "no load"
+
+    def place(self, row: Row) -> str:
+        """Return the loads of a state, short: ``"34.81 cm"``, ``"12 cm, force tip 2 N"``."""
+        return self.under(row, row.told("pressure") if self.pressure else "")
+
+    def loaded(self, row: Row) -> bool:
+        """Return whether anything acts on a state."""
+        return any(row.get(name) for name in (*self.along, *PRESSURE_AND_VOLUME, *self.loads))
+
+    def pressures(self, row: Row) -> list[str]:
+        """Return the pressures that are shown: one for each cavity, or none."""
+        return of_cavities(row, "pressure") if self.pressure else []
+
+    def volumes(self, row: Row) -> list[str]:
+        """Return the added volumes that are shown: one for each cavity, or none."""
+        return of_cavities(row, "added_volume") if self.volume else []
+
+    def hides(self, column: str) -> bool:
+        """Return whether to hide a column of ``path.csv``, because the device has no air in it."""
+        no_pressure, no_volume = (
+            not self.pressure and OF_PRESSURE.fullmatch(column),
+            not self.volume and OF_VOLUME.fullmatch(column),
+        )
+        return bool(no_pressure or no_volume)
+
+    @property
+    def kept(self) -> tuple[str, str]:
+        """The two controls for which stability is reported: the load, and its conjugate."""
+        raised = self.pressure and self.along == PRESSURE_AND_VOLUME
+        return ("pressure", "volume") if raised else ("load", "travel")
+
+
+def state_labels(case: Case) -> StateLabels:
+    """Return the labels of a case's states."""
+    loads = [part for part in case.components if isinstance(part, LoadPart) and not part.idle(case.components)]
+    words = StateLabels(
+        case.actuator.gauge, case.load.has_pressure, bool(case.actuator.ratios), case.load.driver,
+        loads=tuple(parsed(load.column)[0] for load in loads), moved=tuple(parsed(load.moved_column)[0] for load in loads),
+        unit=column_unit(case.cm),
+    )  # fmt: skip
+    if case.driven is None:
+        return words
+    load = case.load.driven_part
+    return dataclasses.replace(words, along=(parsed(load.column)[0], parsed(load.moved_column)[0]))
+
+
+def number(value: float) -> str:
+    """Return a value for a label: at most one decimal, none if it is round."""
+    return f"{round(value, 1) + 0.0:.1f}".removesuffix(".0")  # + 0.0: no minus before a zero
+
+
+def load(row: Row, words: StateLabels, kilopascals: bool = True) -> str:
+    """Return the load of a state in words and units: its pressure, or its program step and every cavity's pressure.
+
+    Args:
+        row: The state.
+        words: What its run shows.
+        kilopascals: Whether a pressure is shown in kPa too.
+    """
+    step = f"step {row['load_step']:.3g}: " if "load_step" in row else ""
+    pressure = f"{' and '.join(number(row.shown(name)) for name in words.pressures(row))} {words.unit}"
+    if kilopascals and words.pressure and not step:
+        pressure += f" ({row['pressure'] / 1e3:.3g} kPa)"
+    overlap = overlap_text(row)
+    return f"{step}{words.under(row, pressure)}{f' - {overlap}' if overlap else ''}"
+
+
+def headline(row: Row, words: StateLabels) -> str:
+    """Return the title of a state."""
+    return f"{load(row, words)}, {words.gauge} rise {row.told(words.gauge, '.2f')}"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The warnings of a run.
+
 
 DEEPEST = 0.01
 """Penetration of a contact, relative to the device's size, above which the user is warned."""
@@ -356,6 +495,48 @@ def source_notes(case: Case, sources: SourceTables) -> Iterator[str]:
     yield from (text for text in texts if text)
 
 
+def span_sentence(case: Case, sources: SourceTables) -> str:
+    """Return the range over the sources of a silicone at the last value that all reach, and at their limits."""
+    words, own = state_labels(case), named(case.material)
+    common = _common(case, sources)
+    parts = []
+    if common:
+        rows = {name: many[common[name]] for name, many in sources.items()}
+        here = rows[own or ""]
+        place = words.place(here) if case.column == "pressure_cm" else f"{here.cell(case.column):.4g} {case.unit}"
+        parts.append(f"at {place} the {words.gauge} rises {_ends(rows, words.gauge)}")
+        if words.volume and case.column != "added_volume_ml":
+            parts.append(f"the cavity takes {_ends(rows, 'added_volume')}")
+        if words.pressure and case.column != "pressure_cm":
+            parts.append(f"the pressure is {_ends(rows, 'pressure')}")
+    limits = {name: many.where("limit")[0] for name, many in sources.items() if many["limit"].any()}
+    if limits:
+        none = [key_of(name) for name in sources if name not in limits]
+        met = f" (none met with {', '.join(none)})" if none else ""
+        parts.append(f"the limit point lies at {_ends(limits, 'pressure')}{met}")
+    band = case.band.product if isinstance(case.band, SourceBand) else own
+    return f"over the {len(sources)} sources of {band}, {'; '.join(parts)}" if parts else ""
+
+
+def _common(case: Case, sources: SourceTables) -> dict[str, int]:
+    """Return the row of each source at the last requested value that all of them reach; empty if they share none under load."""
+    for value in sorted(case.values, key=abs, reverse=True):
+        found: dict[str, int] = {}
+        for name, rows in sources.items():
+            there = [k for k, row in enumerate(rows) if stands_at(row, case, value)]
+            if there:
+                found[name] = there[0]
+        if value and len(found) == len(sources):
+            return found
+    return {}
+
+
+def _ends(rows: Mapping[str, Row], variable: str) -> str:
+    ordered = sorted(rows, key=lambda name: rows[name][variable])
+    low, high = (f"{rows[name].told(variable)} ({key_of(name)})" for name in (ordered[0], ordered[-1]))
+    return low if len(rows) == 1 else f"{low} to {high}"
+
+
 def weight_notes(case: Case) -> Iterator[str]:
     """Yield the assumed density if gravity acts and none was given, as a sentence."""
     if any(isinstance(part, Gravity) and part.density is None for part in case.components):
@@ -585,6 +766,90 @@ def stability_text(rows: PathTable, actuator: Actuator, words: StateLabels, bran
         )
     hidden = unseen(actuator)
     return f"{text} ({hidden})" if hidden else text
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The last state of a run, and how the run has ended.
+
+
+def closing(case: Case, row: Row) -> list[str]:
+    """Return the last state of a run that has reached all its values, for its closing message."""
+    words, gauge = state_labels(case), case.actuator.gauge
+    volume = f", added volume {row.shown('added_volume'):.5g}{_band(row, 'added_volume')} ml" if words.volume else ""
+    breaks, overlap = break_words(case.material), overlap_text(row)
+    state = (
+        f"{_loaded(row, words)}: {gauge} rise {row.shown(gauge):+.5g}{_band(row, gauge)} mm{volume}{pressed(row)}, "
+        f"largest stretch {row['max_stretch']:.4g}{f' [{breaks}]' if breaks else ''} and von Mises stress "
+        f"{row.told('max_von_mises')} (at integration points), J {row['J_min']:.4f} to {row['J_max']:.4f} (at vertices)"
+        f"{f'; {overlap}' if overlap else ''}"
+    )
+    gauges = ", ".join(_gauge(parsed(column)[0], row) for column in case.gauges.columns())
+    return [text for text in (state, _sideways(row, gauge), gauges) if text]
+
+
+def _gauge(name: str, row: Row) -> str:
+    """Return a named point or angle with its value and unit."""
+    unit = row.unit(name)
+    return f"{name.replace('_', ' ')} {row.shown(name):.5g}{unit if unit == '°' else f' {unit}'}"
+
+
+def _band(row: Row, name: str) -> str:
+    """Return half the 95 % interval due to the material's errors, to print after a variable; empty if unknown."""
+    width = row.shown(band_of(name)) if band_of(name) in row else math.nan
+    return "" if math.isnan(width) or not width else f" +- {width:.3g} (95 %)"
+
+
+def _sideways(row: Row, gauge: str) -> str:
+    """Return what the intervals mean, and the pressure's own, which differs at equal rise and at equal volume."""
+    bands = band_of("pressure"), at_rise(gauge)
+    at_volume, rising = (row.shown(name) if name in row else math.nan for name in bands)
+    if math.isnan(at_volume) or not at_volume:
+        return ""
+    same = "" if math.isnan(rising) else f"+- {rising:.3g} cm at equal rise of the {gauge}, "
+    return (
+        f"95 % intervals from the material's errors: rise and volume at the requested value; pressure {same}+- "
+        f"{at_volume:.3g} cm at equal added volume"
+    )
+
+
+def _loaded(row: Row, words: StateLabels) -> str:
+    cavities, pressure = (
+        words.pressures(row),
+        f"{row.shown('pressure'):.6g} {words.unit} ({row['pressure'] / 1e3:.5g} kPa)",
+    )
+    if "load_step" in row and len(cavities) > 1:
+        pressure = ", ".join(f"cavity{i} {row.shown(name):.6g} {words.unit}" for i, name in enumerate(cavities, 1))
+    return words.under(row, pressure)
+
+
+def pressed(row: Row) -> str:
+    """Return the contact forces of the device, for the closing line."""
+    forces = ("blocked_force", "contact_force")
+    return "".join(f", {term(row.column(name)).name} {row.told(name)}" for name in forces if name in row)
+
+
+def ending(rows: PathTable, row: Row, words: StateLabels, told: Mapping[str, object]) -> str:
+    """Return how a run ended and what one of its states has reached, in a sentence or two; ``told`` is ``summary.json``, empty
+    if it was interrupted."""
+    stroke = f"{row.told('stroke')} of stroke and " if "stroke" in row else ""
+    reached = f"At {stroke}{load(row, words)} the {words.gauge} has {risen(row[words.gauge])}{_taken(row, words)}"
+    if "max_stretch" in row:
+        reached += f"; the largest stretch is {row['max_stretch']:.4g}"
+    for name in ("blocked_force", "contact_force"):
+        if name in row:
+            reached += f"; the {term(row.column(name)).name} is {row.told(name)}"
+    if not told:
+        return f"The run was interrupted; {len(rows)} states are stored. {reached}."
+    if told.get("status") == DONE:
+        return f"All requested values were reached in {len(rows)} states. {reached}."
+    start = "The run stopped at a limit point" if told.get("status") == NO_EQUILIBRIUM else "The run failed"
+    return f"{start}: {told.get('message', '')}. {reached}."
+
+
+def _taken(row: Row, words: StateLabels) -> str:
+    count = len(words.volumes(row))
+    taker = "the cavities have together" if count > 1 else "the cavity has"
+    return f" and {taker} {gained(row['added_volume'])}" if count else ""
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -30,10 +30,10 @@ from softmodels.mechanics.system import State
 from softmodels.path.schedule import StageEnd
 from softmodels.path.stability import Point, Signature
 from softmodels.path.steps import goes_on
-from softmodels.runs.columns import of_cavities, stands_at, state_labels
+from softmodels.runs.columns import of_cavities, stands_at
 from softmodels.runs.fields import Fields
 from softmodels.runs.formats import Restart
-from softmodels.runs.notes import events, no_branch, notes_of, sentences, stability_text, unwritten
+from softmodels.runs.notes import events, no_branch, notes_of, sentences, stability_text, state_labels, unwritten
 from softmodels.runs.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM, Ended, RunError, UnwrittenError
 from softmodels.runs.simulation import FROM_REST, Begun, Listener, PathEnded, Simulation, Step, solve_sources
 from softmodels.runs.states import States
@@ -70,7 +70,7 @@ def set_back(case: Case, results: Results) -> None:
     while len(results.stored) > 1:
         row = results.rows[-1]
         between = any(row.get(name) for name in ("limit", "bifurcation", "stroke_limit", "jump")) or (
-            row["requested"] and row["step"] and row["control"] != case.quantity
+            row["requested"] and row["step"] and row.cells["control"] != case.quantity
         )
         if not (not row["requested"] if case.program else between):
             return

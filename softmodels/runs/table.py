@@ -11,7 +11,7 @@ import functools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import Literal, overload
+from typing import overload
 
 import numpy as np
 
@@ -20,8 +20,6 @@ from softmodels.common.units import pascal_per_cm
 
 Cell = float | str | None
 """Cell of ``path.csv``: a number in the unit of its column, a word, or None if unknown."""
-Words = Literal["control"]
-"""Variables that are a word."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -128,7 +126,7 @@ def _places(columns: tuple[str, ...], cm: float) -> tuple[Mapping[str, Place], M
 
 class Row(Mapping[str, float]):
     """A state: numbers in SI by the name of the variable, in the order of the file; ``row["apex"]`` in m. A number that is not
-    known is NaN. Use `get` or ``in`` for variables that only some runs have.
+    known is NaN, a word as it is. Use `get` or ``in`` for variables that only some runs have.
 
     Attributes:
         cells: The state as ``path.csv`` has it.
@@ -145,18 +143,9 @@ class Row(Mapping[str, float]):
     def __reduce__(self) -> tuple[type[Row], tuple[dict[str, Cell], float]]:
         return Row, (self.cells, self.cm)
 
-    @overload
-    def __getitem__(self, name: Words) -> str: ...  # type: ignore[overload-overlap]
-
-    @overload
-    def __getitem__(self, name: str) -> float: ...
-
-    def __getitem__(self, name: str) -> float | str:
+    def __getitem__(self, name: str) -> float:
         column, _, size = self._places[name]
-        value = self.cells[column]
-        if value is None:
-            return math.nan
-        return value * size if size and not isinstance(value, str) else value
+        return self.cell(column) * size if size else self.cell(column)
 
     def get(self, name: str, default: float = 0.0) -> float:  # type: ignore[override]
         """Return a variable, or another number where this run has none of this name."""
@@ -238,7 +227,7 @@ class PathTable(Sequence[Row]):
         return iter(self._rows)
 
     def __contains__(self, key: object) -> bool:
-        return key in self._rows[:1][0] if isinstance(key, str) and self._rows else key in self._rows
+        return key in (self._rows[0] if isinstance(key, str) and self._rows else self._rows)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, PathTable) and self._rows == other._rows

@@ -14,9 +14,8 @@ from softmodels.case.entries import CaseError
 from softmodels.case.load import steps_of
 from softmodels.case.materials import MaterialErrors, SourceBand, band_of
 from softmodels.components.loads import Gravity, Mass
-from softmodels.pictures.style import headline
-from softmodels.runs.columns import state_labels, term
-from softmodels.runs.notes import band_notes
+from softmodels.runs.columns import term
+from softmodels.runs.notes import band_notes, headline, state_labels
 
 DISK = sm.HollowDisk(section="axisymmetric", membrane=0.003)
 C1, C2 = 14e3, 60.0
@@ -258,9 +257,7 @@ def test_sources_are_kept_in_a_folder(spanned, tmp_path):
     spanned.save(tmp_path / "run")
     again = sm.load(tmp_path / "run")
     assert again.case == spanned.case and again.notes == spanned.notes
-    assert {name: [row.cells for row in rows] for name, rows in again.sources.items()} == {
-        name: [row.cells for row in rows] for name, rows in spanned.sources.items()
-    }
+    assert again.sources == spanned.sources
     solved = sm.inflate(SHADOW, sm.silicone(ECOFLEX), "0,20 cm", band=ECOFLEX, folder=tmp_path / "solved")
     assert list(solved.sources) == list(spanned.sources) and (tmp_path / "solved" / "sources.csv").is_file()
     sm.inflate(SHADOW, sm.silicone(ECOFLEX), "0,20 cm", folder=tmp_path / "solved")

@@ -15,9 +15,9 @@ from geometries import SeminarActuator
 from softmodels.pictures import offscreen, solid
 from softmodels.pictures.offscreen import look
 from softmodels.pictures.solid import cut_open
-from softmodels.pictures.style import DPI, FOOT, STYLE, Caption, Pixels, Scale, drawn, load, page
-from softmodels.runs.columns import StateLabels
+from softmodels.pictures.style import DPI, FOOT, STYLE, Caption, Pixels, Scale, drawn, page
 from softmodels.runs.grid import fine_triangles, outline
+from softmodels.runs.notes import StateLabels, load
 from softmodels.runs.states import StoredStates
 from softmodels.runs.table import PathTable, Row
 
@@ -189,7 +189,7 @@ def test_titles_of_three_cavities_stay_within_their_pictures():
         "pressure_3_cm": 117.3,
     }
     states = SimpleNamespace(words=StateLabels("apex"))
-    title = load(row, states.words)
+    title = load(Row(row), states.words)
     note = f"largest stretch 2.345 at {title}; at the ring, undeformed position x = -10.21, y = -10.21, z = -10.21 mm"
     image = np.zeros((400, 533, 3), dtype=np.uint8)
     caption = Caption(f"{title} at the bifurcation, the mode; {note}", "HollowDisk, neo-hookean", note)

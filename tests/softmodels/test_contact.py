@@ -17,9 +17,8 @@ from softmodels.components.contact import WallTerm
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.system import System
-from softmodels.pictures.style import WARNING, headline, title_colour
-from softmodels.runs.columns import overlap_text, state_labels
-from softmodels.runs.notes import contact_notes, left_out
+from softmodels.pictures.style import WARNING, title_colour
+from softmodels.runs.notes import contact_notes, headline, left_out, overlap_text, state_labels
 from softmodels.runs.state_values import FacingWalls, _near
 from softmodels.runs.table import PathTable, Row
 from tests.support import made_up as drawings, runs

@@ -22,6 +22,7 @@ from softmodels.fitting.least_squares import fit_parameters
 from softmodels.fitting.problem import FitOptions, Parameter
 from softmodels.materials.laws import NeoHookean
 from softmodels.runs.notes import law_notes
+from softmodels.runs.table import PathTable
 from tests.support.campaigns import sampled
 
 AREA, LENGTH = 18e-6, 33e-3
@@ -298,8 +299,8 @@ def test_a_hard_rubber_is_fitted_with_a_warning_and_simulated(tmp_path, monkeypa
 def test_a_case_of_hard_rubber_is_noted_and_one_of_steel_refused():
     law = 'law = "neo-hookean"\nshear_modulus = "{}"\n'
     text = f'[geometry]\ndevice = "HollowDisk"\n[material]\n{law}[load]\npressure_cm = "0:30"\n'
-    assert any("12 MPa" in note for note in law_notes(Case.from_toml(text.format("12 MPa")), []))
-    assert not [*law_notes(Case.from_toml(text.format("30 kPa")), [])]
+    assert any("12 MPa" in note for note in law_notes(Case.from_toml(text.format("12 MPa")), PathTable()))
+    assert not [*law_notes(Case.from_toml(text.format("30 kPa")), PathTable())]
     with pytest.raises(CaseError, match="check the units"):
         Case.from_toml(text.format("80 GPa"))
     assert NeoHookean(12e6, 0.5).shear_modulus_0 == 12e6

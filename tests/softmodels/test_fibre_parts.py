@@ -18,14 +18,18 @@ from softmodels.components.contact import Walls
 from softmodels.components.fibres import Fabric, Fibres, register_fibre_law
 from softmodels.mechanics.component import ComponentError
 from softmodels.pictures import curves, offscreen, report
-from softmodels.pictures.style import headline
+from softmodels.runs import notes
 from softmodels.runs.columns import term
-from softmodels.runs.notes import advice
+from softmodels.runs.notes import advice, headline
 from softmodels.runs.states import StoredStates
 from softmodels.runs.table import Row
 from tests.support import runs
 
 TUBE, HALF = sm.Cylinder(), sm.Cylinder(section="half", strip=90.0)
+
+
+def ended(states):
+    return notes.ending(states.rows, states.rows[states.main], states.words, {})
 
 
 READ = """
@@ -156,7 +160,7 @@ def drawn(states):
     labels = curves._labels(states.rows, words, range(len(states.rows)))
     return [
         headline(row, words), headline(states.row(0.5), words), offscreen.hot_spot(states, states.main).note, *labels.values(),
-        report.ending(states, {}), *report._notes(states),
+        ended(states), *report._notes(states),
         *(line[0].text for line in report._lines(states.rows, states).rows),
     ]  # fmt: skip
 
@@ -183,10 +187,12 @@ def test_a_membrane_under_its_weight_shows_its_volume_and_no_pressure(weighed):
     states = StoredStates(folder, "membrane")
     texts = [done.out, done.err, *drawn(states)]
     assert [text for text in texts if re.search(r"\d cm\b|under pressure|a pressure,", text)] == []
-    assert " ml" in done.out.splitlines()[0] and "the cavity has lost" in report.ending(states, {})
+    assert " ml" in done.out.splitlines()[0] and "the cavity has lost" in notes.ending(
+        states.rows, states.rows[states.main], states.words, {}
+    )
 
 
 def test_a_disk_that_is_inflated_shows_both_at_rest_too(half_section):
     states = StoredStates(half_section, "disk")
     assert headline(states.rows[0], states.words) == "0 cm, 0.97 g/ml (0 kPa), apex rise 0.00 mm"
-    assert "the cavity has gained" in report.ending(states, {})
+    assert "the cavity has gained" in ended(states)

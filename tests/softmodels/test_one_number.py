@@ -12,15 +12,25 @@ from geometries import HollowDisk, registry as geometry_table
 from softmodels.case.case import Case
 from softmodels.case.load import steps_of
 from softmodels.case.materials import DEFAULT
-from softmodels.cli import run
 from softmodels.common.units import exact_text, quantity, readable
 from softmodels.components.loads import Force
 from softmodels.components.rigid import Rigid
 from softmodels.pictures import curves, offscreen, report, solid
 from softmodels.pictures.offscreen import look
-from softmodels.pictures.style import Pixels, headline
-from softmodels.runs.columns import StateLabels, Variable, every_variable, overlap_of, state_labels, term
-from softmodels.runs.notes import events, gained, jumps_text, risen, unlocated
+from softmodels.pictures.style import Pixels
+from softmodels.runs.columns import Variable, every_variable, term
+from softmodels.runs.notes import (
+    StateLabels,
+    events,
+    gained,
+    headline,
+    jumps_text,
+    overlap_of,
+    pressed,
+    risen,
+    state_labels,
+    unlocated,
+)
 from softmodels.runs.states import StoredStates
 from softmodels.runs.table import PathTable, Row
 from tests.support import runs
@@ -201,9 +211,9 @@ def test_a_path_by_volume_is_past_the_limit_until_it_is_stable_again():
 
 
 def test_forces_are_in_the_closing_line():
-    assert run.pressed(Row({"blocked_force_N": 0.123456})) == ", blocked force 0.1235 N"
-    assert run.pressed(Row({"contact_force_N": 3.07765})) == ", contact force 3.078 N"
-    assert run.pressed(Row({"pressure_cm": 3.0})) == ""
+    assert pressed(Row({"blocked_force_N": 0.123456})) == ", blocked force 0.1235 N"
+    assert pressed(Row({"contact_force_N": 3.07765})) == ", contact force 3.078 N"
+    assert pressed(Row({"pressure_cm": 3.0})) == ""
 
 
 def test_lengths_are_written_as_people_write_them():

@@ -22,8 +22,8 @@ from softmodels.pictures.offscreen import look
 from softmodels.pictures.solid import cut_open
 from softmodels.pictures.style import Caption, Scale, png
 from softmodels.runs import grid
-from softmodels.runs.columns import StateLabels
 from softmodels.runs.grid import CUT
+from softmodels.runs.notes import StateLabels
 from softmodels.runs.states import States, StoredStates, round_steps
 from softmodels.runs.store import Results, ResultsError
 from softmodels.runs.table import PathTable
@@ -180,7 +180,7 @@ def test_curves_show_jumps_bifurcations_branches_and_what_a_syringe_skips():
     table = ((0, 0, 0, 0, 1), (20, 5, 0, 1, 1), (20, 30, 1, 0, 1), (15, 28, 0, 0, 0), (18, 32, 0, 0, 1))
     path = [dict(zip(keys, row, strict=True), pressure_Pa=95 * row[0], requested=0, limit=0) for row in table]
     branch = [{**path[0], "pressure_cm": 19, "apex_mm": 7}, {**path[0], "pressure_cm": 18, "apex_mm": 9}]
-    (axes,) = curves_module.rise(path, "apex", 95.0, branch).axes
+    (axes,) = curves_module.rise(PathTable.read(path), "apex", 95.0, PathTable.read(branch)).axes
     shown = {line.get_label(): np.array(line.get_xydata()) for line in axes.lines}
     assert shown["jump"] == pytest.approx(np.array([[20, 5], [20, 30]]))
     assert shown["steps skipped by snap-through"] == pytest.approx(np.array([[15, 28]]))
@@ -198,13 +198,14 @@ def test_a_syringe_has_its_pressure_over_the_stroke():
         dict(zip(keys, row, strict=True), limit=0)
         for row in ((0, 0, 0, 0, 1, 1), (5, 7, 6, 4, 0, 1), (20, 47, 15, 18, 1, 1))
     ]
-    first, *others = (figure.axes[0] for figure in curves_module.curves(path, StateLabels("apex", driver="bottle")))
+    figures = curves_module.curves(PathTable.read(path), StateLabels("apex", driver="bottle"))
+    first, *others = (figure.axes[0] for figure in figures)
     assert (first.get_xlabel(), first.get_ylabel()) == ("stroke of the bottle in ml", "pressure in cm, 0.97 g/ml")
     (asked,) = [line for line in first.lines if line.get_label() == "requested"]
     assert asked.get_xydata().tolist() == [[0, 0], [20, 47]]
     assert [axes.get_xlabel() for axes in others] == ["pressure in cm, 0.97 g/ml"] * 2
     direct = [{key: value for key, value in row.items() if key != "stroke_ml"} for row in path]
-    assert len(curves_module.curves(direct, StateLabels("apex"))) == 2
+    assert len(curves_module.curves(PathTable.read(direct), StateLabels("apex"))) == 2
 
 
 def test_every_entry_of_a_syringe_is_explained():

@@ -10,8 +10,9 @@ import time
 import pytest
 
 from softmodels.case.case import Case
-from softmodels.runs.columns import StateLabels
+from softmodels.runs.notes import StateLabels
 from softmodels.runs.outcomes import Progress
+from softmodels.runs.table import Row
 from tests.support import runs
 from tests.support.ranks import mpirun
 
@@ -191,7 +192,7 @@ def test_a_terminal_shows_a_bar(monkeypatch, capsys):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     row = {"step": 3, "pressure_cm": 88.5, "apex_mm": 2.0, "added_volume_ml": 1.0, "newton_iterations": 2}
     with Progress(177.0, "cm", StateLabels("apex"), quiet=False) as progress:
-        progress.step(row, 88.5)
+        progress.step(Row(row), 88.5)
         bar = progress._bar.tasks[0]
         assert bar.completed == 88.5 and bar.total == 177.0 and bar.description == "88.5 of 177 cm"
     assert "step   3" in capsys.readouterr().err.rstrip("\n")

@@ -14,6 +14,7 @@ from softmodels.pictures.offscreen import look, shape_layers, shape_surface, sha
 from softmodels.pictures.solid import best_plane
 from softmodels.runs.grid import CUT, OUTSIDE, surface_of
 from softmodels.runs.states import StoredStates
+from softmodels.runs.table import PathTable
 from tests.support import made_up as drawings
 
 SHARP_DISK = {"cell_size": 0.004, "refinement": 1.0}
@@ -123,7 +124,7 @@ ROD = RigidShape("cylinder", "top", (0.0, 0.0, 0.03), 0.01, name="rod")
 
 @pytest.fixture
 def states():
-    rows = [{"ball_travel_mm": 0.0}, {"ball_travel_mm": 2.0}, {"ball_travel_mm": 5.0}]
+    rows = PathTable.read({"ball_travel_mm": way} for way in (0.0, 2.0, 5.0))
     return types.SimpleNamespace(case=types.SimpleNamespace(components=(BALL, ROD)), rows=rows)
 
 

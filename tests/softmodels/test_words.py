@@ -147,7 +147,8 @@ def test_a_supply_is_called_by_its_name(flask):
 )
 def test_a_limit_of_the_stroke_is_told_in_the_supplys_words(supply, gas, ending):
     case = sm.Case("disk", BALLOONS, LAW, steps=steps_of(stroke_ml=(0.0, 20.0)), supply=supply)
-    figures = types.SimpleNamespace(rises={"apex": 0.01}, pressure=3e3, added_volume=1e-5, max_stretch=1.5, device={})
+    figures = types.SimpleNamespace(rises={"apex": 0.01}, pressure=3e3, added_volume=1e-5, max_stretch=1.5, device={},
+                                    extremes={"J": (1.0, 1.0)})  # fmt: skip
     fields = types.SimpleNamespace(figures=lambda state: figures, system=types.SimpleNamespace(volume_unit=1e-5))
     path = types.SimpleNamespace(last=types.SimpleNamespace(state=None), value=lambda state: 1.0)
     end = types.SimpleNamespace(limit=types.SimpleNamespace(state=None), cause=None)
