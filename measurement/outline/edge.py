@@ -11,6 +11,7 @@ Photographs are not warped or resampled for this; only the profiles' few samples
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 
@@ -288,6 +289,9 @@ TURNS = 0.5
 REPEATED = 1.5
 """Neighbouring stations share noise (JPEG's blocks, dust), so a smoothed point is this much worse than if they did not."""
 
+FEW, FEW_NOISES = 5, 3.0
+"""Points whose median is the edge where a local quadratic lies off it, and the median's standard errors from which it does."""
+
 LEAST_CHORD, BENT_ERROR = 5.0, 0.3
 """Half of the shortest chord that shows the edge's curvature, in usual distances of points; error of the shift by it as a share
 of that."""
@@ -345,15 +349,21 @@ def _stretch(edge: Edge, part: slice) -> BridgedLine:
     across = np.column_stack([turn[:, 1], -turn[:, 0]]) / np.maximum(np.linalg.norm(turn, axis=1), 1e-12)[:, None]
     offset = np.einsum("ni,ni->n", px - guide, across)
     smooth = robust_loess(arc, offset)
-    off = np.abs(offset - smooth.value)
+    rest = offset - smooth.value
+    off = np.abs(rest)
     window = min(61, len(off) // 2 * 2 - 1)
     # A local median of what the curve leaves is the scatter that is really there, whatever its cause.
     local = DEVIATION * median_filter(off, window, mode="mirror")
     gain = smooth.error / smooth.scatter
     gain = np.maximum(gain, float(np.median(gain)))  # the ends of a stretch have neighbours on one side only
     # What values between pixels lose of their scatter is in `REPEATED` already.
-    error = REPEATED * gain * np.maximum(edge.error[part] / np.sqrt(BETWEEN), local)
-    line, normal = guide + smooth.value[:, None] * across, edge.normal[part]
+    own = np.maximum(edge.error[part] / np.sqrt(BETWEEN), local)
+    # Where the edge turns within a span, as at a bulge's foot in a small picture, no quadratic follows it.
+    few, noise = median_filter(rest, FEW, mode="mirror"), 1.25 * own / np.sqrt(FEW)
+    turned = np.abs(few) > FEW_NOISES * noise
+    value = smooth.value + np.where(turned, few, 0.0)
+    error = REPEATED * np.where(turned, np.maximum(noise, gain * own), gain * own)
+    line, normal = guide + value[:, None] * across, edge.normal[part]
     bent = _bent(line, normal, edge.width[part])
     return BridgedLine(
         line + bent[:, None] * normal, normal, np.hypot(error, BENT_ERROR * bent), np.zeros(len(px), dtype=bool)
@@ -484,8 +494,8 @@ def widest_patch(edge: Edge, scale: float) -> tuple[float, float]:
 COARSE = 640
 """Longer side in px of the small version in which the shadow is found."""
 
-WIDEST_LINE = 0.1
-"""Greatest width of a grid line in pitches that is distinguished from a shadow."""
+WIDEST_LINES = (0.1, 0.2)
+"""Greatest width of a grid line in pitches that is distinguished from a shadow: as a rule, and where that shows no shadow."""
 
 RIM, PENUMBRA = 9, 3.0
 """Side in px of the square by which a part of the small version is made smaller, and reach of an edge's light in its widths."""
@@ -515,7 +525,7 @@ class Traced:
         """Return this photograph of a level surface, traced again with what a raised body's shows of the camera."""
         again = dataclasses.replace(self, tone=raised.tone, camera=raised.edge.shape)
         if self.tone == raised.tone:
-            kept = ("view", "small", "coarse", "look", "ink")
+            kept = ("view", "small", "_closed", "coarse", "look", "ink")
             vars(again).update({name: vars(self)[name] for name in kept if name in vars(self)})
         return again
 
@@ -545,9 +555,7 @@ class Traced:
     @functools.cached_property
     def line_px(self) -> float:
         """Greatest width of a grid line in px of the small version; 0 without a grid."""
-        if self.setup.grid_pitch is None:
-            return 0.0
-        return WIDEST_LINE * (self.setup.grid_pitch / self.setup.magnification / self.scale / self.factor)
+        return self._closed[0]
 
     @functools.cached_property
     def covered(self) -> npt.NDArray[np.bool_]:
@@ -564,9 +572,22 @@ class Traced:
     @functools.cached_property
     def coarse(self) -> CoarseShadow:
         """The shadow in the small version."""
-        colour = self.setup.shadow_colour
+        return self._closed[1]
+
+    @functools.cached_property
+    def _closed(self) -> tuple[float, CoarseShadow]:
+        """The greatest width of a grid line in px, and the shadow without them."""
+        colour, pitch = self.setup.shadow_colour, self.setup.grid_pitch
         known = None if colour is None else self.view.light[np.rint(np.array(colour)).astype(int)]
-        return find_shadow(self.small, self.line_px, known, self.covered)
+        if pitch is None:
+            return 0.0, find_shadow(self.small, 0.0, known, self.covered)
+        usual, wide = (share * pitch / self.setup.magnification / self.scale / self.factor for share in WIDEST_LINES)
+        try:
+            return usual, find_shadow(self.small, usual, known, self.covered)
+        except Unmeasurable as why:
+            with contextlib.suppress(Unmeasurable):
+                return wide, find_shadow(self.small, wide, known, self.covered)
+            raise why
 
     @functools.cached_property
     def look(self) -> GridLook | None:

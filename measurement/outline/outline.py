@@ -67,6 +67,8 @@ class Outline:
             level, as far as the photographs do not show it.
         history: Pressures up to the photograph; empty if the times are not known.
         anyway: Whether it shall be used in spite of what speaks against it.
+        edge_error: Standard error in m across the outline that all its points share, and no other outline of the run: where
+            in the penumbra half of the light is. A part of ``error``.
 
     Raises:
         OutlineError: Arrays that do not fit, values that are not finite, errors that are not positive, x not sorted, or times
@@ -88,6 +90,7 @@ class Outline:
     level_error: float = 0.0
     history: History = ()
     anyway: bool = False
+    edge_error: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("x", "z", "error"):
@@ -99,7 +102,7 @@ class Outline:
         object.__setattr__(self, "bridged", bridged)
         if self.x.ndim != 1 or len(self.x) == 0 or self.x.shape != self.z.shape or self.x.shape != self.error.shape:
             raise OutlineError(f"{self.source}: an outline needs as many x as z and errors, and at least one")
-        shared = (self.scale_error, self.level_error)
+        shared = (self.scale_error, self.level_error, self.edge_error)
         for wrong, why in (
             (self.bridged.shape != self.x.shape, "an outline needs to know of each point whether it was measured"),
             (not np.isfinite([self.x, self.z, self.error]).all(), "a point of the outline is not finite"),
@@ -111,7 +114,7 @@ class Outline:
             ),
             (
                 not all(0.0 <= value < math.inf for value in shared),
-                "an error of the scale or the level is not finite, or negative",
+                "an error of the scale, the level or the edge is not finite, or negative",
             ),
             (
                 not np.isfinite(self.history).all() or any(b[0] < a[0] for a, b in itertools.pairwise(self.history)),
@@ -179,6 +182,7 @@ class Outline:
             *([f"scale = {self.scale:.7g}"] if math.isfinite(self.scale) else []),
             f"scale_error = {self.scale_error:.4g}",
             f"level_error_m = {self.level_error:.4g}",
+            f"edge_error_m = {self.edge_error:.4g}",
             *([f"history_s_Pa = {'; '.join(f'{time!r} {p!r}' for time, p in self.history)}"] if self.history else []),
             f"trusted = {self.trust}",
             *(f"reason = {' '.join(reason.split())}" for reason in self.reasons),
@@ -217,7 +221,8 @@ class Outline:
             pressure, pressure_error = number(notes["pressure_Pa"]), number(notes["pressure_error_Pa"])
             sunk = number(notes.get("sunk_m", "0"))
             scale = number(notes["scale"]) if "scale" in notes else math.nan
-            scale_error, level_error = (number(notes.get(name, "0")) for name in ("scale_error", "level_error_m"))
+            shared = ("scale_error", "level_error_m", "edge_error_m")
+            scale_error, level_error, edge_error = (number(notes.get(name, "0")) for name in shared)
             history = [tuple(map(number, pair.split())) for pair in notes.get("history_s_Pa", "").split(";") if pair]
         except KeyError as error:
             raise OutlineError(f"{path} has no comment line '# {error.args[0]} = …'") from None
@@ -248,6 +253,7 @@ class Outline:
             level_error,
             tuple((time, pressure) for time, pressure in history),
             trust == "anyway",
+            edge_error,
         )
 
 

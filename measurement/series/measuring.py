@@ -153,6 +153,7 @@ def outline_of(traced: Traced, zero: ZeroLine, pressure: float, pressure_error: 
             traced.setup.scale_error,
             zero.level_error,
             anyway=traced.anyway,
+            edge_error=traced.shift_error,
         )
     except OutlineError as problem:
         raise Unmeasurable(str(problem)) from None

@@ -26,12 +26,13 @@ def made(**changes):
 
 @pytest.mark.parametrize("reasons", [(), ("the outline has a gap", "and = another\nreason, with a comma")])
 def test_csv_and_back(tmp_path, reasons):
-    outline = made(z=Z + 1e-9 / 3.0, trusted=not reasons, reasons=reasons, pressure=0.1 + 0.2)
+    outline = made(z=Z + 1e-9 / 3.0, trusted=not reasons, reasons=reasons, pressure=0.1 + 0.2, edge_error=1.5e-6)
     outline.to_csv(tmp_path / "a.csv")
     again = Outline.from_csv(tmp_path / "a.csv")
     for name in ("x", "z", "error"):
         assert getattr(again, name) == pytest.approx(getattr(outline, name), rel=1e-3 if name == "error" else 1e-8)
     assert (again.pressure, again.pressure_error, again.source) == (0.1 + 0.2, 6.7, "IMG_1.JPG")
+    assert again.edge_error == 1.5e-6
     assert again.trusted == (not reasons)
     assert again.reasons == tuple(" ".join(reason.split()) for reason in reasons)
     again.to_csv(tmp_path / "b.csv")

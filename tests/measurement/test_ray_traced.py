@@ -61,6 +61,19 @@ def test_large_lamps_and_a_depth_of_field_are_trusted_and_right(seed, lamp, shap
     assert np.median(stated) < 12e-6
 
 
+def test_wide_dark_grid_lines_are_no_shadow(monkeypatch):
+    """Before: "shadow and lit screen differ by no more than the shadow's own scatter"."""
+    monkeypatch.setattr(runs, "SHARES", (0.0, 1.0))
+    case = small(0, "disc", "srgb")
+    case = dataclasses.replace(case, bench=dataclasses.replace(case.bench, ink=0.6, line=0.6e-3))
+    setup, (outline,) = runs.measured(case, runs.pictures_of(case, 0))
+    assert isinstance(outline, Outline), outline.reason
+    assert outline.trusted, outline.reasons
+    off = runs.across(case, setup, outline, case.body.height)
+    assert np.sqrt(np.mean(off**2)) < 7e-6
+    assert abs(outline.height - case.body.height) < max(3.0 * outline.height_error, 3e-6)
+
+
 @pytest.mark.campaign
 @pytest.mark.parametrize(
     ("seed", "lamp", "camera", "shape"),

@@ -29,7 +29,7 @@ from softmodels.fitting.outlines.residuals import (
     nuisances,
     starts,
 )
-from softmodels.fitting.outlines.shapes import prepare
+from softmodels.fitting.outlines.shapes import Shape, prepare
 from softmodels.fitting.problem import BENCH, CannotEvaluate, Extra, LawChoice, Prior
 from softmodels.materials.specimens import respond
 from tests.support.campaigns import sampled
@@ -69,6 +69,20 @@ def source_of(device, outlines):
     shapes, notes = prepare(outlines, device.system.body.actuator, device.silhouette.width)
     assert not notes
     return OutlineResiduals(device, shapes)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.6, 0.9])
+def test_residuals_are_independent_whatever_the_points_of_a_photograph_share(share):
+    """Before: an error that all points share was averaged over the bins, as if it were each point's own."""
+    count, error = 8, np.linspace(1.5e-6, 2.5e-6, 80)
+    shape = Shape(
+        "", np.zeros((80, 2)), error, np.arange(80) // 10, np.full(count, np.sqrt(10.0)), 1e3, 5.0, 1e-3, 0.0,
+        edge_error=share * 1.5e-6,
+    )  # fmt: skip
+    rng = np.random.default_rng(3)
+    own = np.sqrt(error**2 - shape.edge_error**2)[:, None] * rng.standard_normal((80, 20_000))
+    residuals = shape.mean(own + shape.edge_error * rng.standard_normal(20_000))
+    assert np.cov(residuals) == pytest.approx(np.eye(count), abs=0.05)
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ three correlation lengths (integrated autocorrelation), each with the error of s
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import math
 from collections.abc import Sequence
@@ -419,6 +420,9 @@ BIN = 3.0
 KNOT = 60
 """Points per knot of the spline that represents the outline's shape when estimating its noise."""
 
+MOST_SHARED = 0.95
+"""Maximum share of a point's error that it shares with all points of its outline."""
+
 LONGEST = 60.0
 """Maximum autocorrelation length, in points."""
 
@@ -453,6 +457,7 @@ class Shape:
         scale_error: Standard error of all lengths together, as a share of them; 0 where none is stated.
         level_error: Standard error in m of all heights together.
         history: Pressures up to the photograph; empty if the times are not known.
+        edge_error: The part of ``error`` in m that all points share.
     """
 
     source: str
@@ -467,6 +472,7 @@ class Shape:
     scale_error: float = 0.0
     level_error: float = 0.0
     history: History = ()
+    edge_error: float = 0.0
 
     def __post_init__(self) -> None:
         keep_arrays(self)
@@ -483,13 +489,27 @@ class Shape:
         return f"{self.pressure / pascal_per_cm():.4g} {column_unit()}{held} ({self.source})"
 
     def mean(self, values: Array) -> Array:
-        """Return the means over the bins of values (k, ...) divided by the points' errors, as residuals of variance 1."""
+        """Return the means over the bins of values (k, ...) divided by the points' errors, as independent residuals of
+        variance 1."""
+        return np.tensordot(self._decorrelation, self._means(values), 1)
+
+    def _means(self, values: Array) -> Array:
         count = len(self.weight)
         standard = values / self.error.reshape(-1, *[1] * (values.ndim - 1))
         sums = np.zeros((count, *values.shape[1:]))
         np.add.at(sums, self.bins, standard)
         factor = self.weight / np.bincount(self.bins, minlength=count)
         return sums * factor.reshape(-1, *[1] * (values.ndim - 1))
+
+    @functools.cached_property
+    def _decorrelation(self) -> Array:
+        """The matrix (bins, bins) that makes the bins' means independent: more points in a bin do not reduce what of their
+        error all points share. It is the symmetric root, so that each residual stays that of its bin."""
+        shared = np.minimum(self.edge_error, MOST_SHARED * self.error)
+        common = self._means(shared)
+        own = 1.0 - (common / self.weight) ** 2
+        values, vectors = np.linalg.eigh(np.diag(own) + np.outer(common, common))
+        return np.asarray(vectors / np.sqrt(values) @ vectors.T)
 
 
 def prepare(outlines: Sequence[Outline], actuator: Actuator, width: float) -> tuple[list[Shape], list[str]]:
@@ -575,6 +595,7 @@ def _shape(outline: Outline, part: slice, run: float) -> Shape:
     return Shape(
         outline.source, np.column_stack([x, z])[pick], error[pick], bins, weight, outline.pressure,
         outline.pressure_error, outline.height, centre, outline.scale_error, outline.level_error, outline.history,
+        outline.edge_error,
     )  # fmt: skip
 
 
