@@ -134,6 +134,7 @@ def test_a_case_file_names_it(ran):
     assert case.actuator == BALL and case.material == LAW and Case.from_toml(case.to_toml()) == case
 
 
+@pytest.mark.campaign
 def test_commands_know_it_by_the_environment(ran, tmp_path):
     """Its limit is the maximum of the closed form; a process that is not told of this file knows no such device."""
     file, environment = ran / "case.toml", {**os.environ, VARIABLE: __file__}
