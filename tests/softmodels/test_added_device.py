@@ -151,6 +151,7 @@ def test_commands_know_it_by_the_environment(ran, tmp_path):
     assert done.status == 2 and "none.py" in done.err and VARIABLE in done.err and done.err.count("\n") == 1
 
 
+@pytest.mark.campaign
 def test_its_material_is_fitted_to_its_heights(comm):
     """Heights from the closed form give back the law that they were made with."""
     true = NeoHookean(18e3, 0.5)

@@ -342,6 +342,7 @@ def test_corners_turns_and_loops():
     assert loop(X, np.r_[Y[:21], 0.7 * Y[21:]]) == pytest.approx(0.3, abs=0.02)
 
 
+@pytest.mark.campaign
 def test_ten_thousand_readings_give_the_weights_of_a_hundred():
     dense = (
         np.linspace(0.0, 150.0, 12001),
