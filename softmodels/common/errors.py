@@ -128,6 +128,8 @@ class Spoken:
 class MissingPackageError(Spoken, ImportError):
     """A package that only some calls need is not installed; the message says how to install it."""
 
+    __str__ = ImportError.__str__  # uv's options stay as they are typed
+
 
 def required(package: str, extra: str) -> ModuleType:
     """Import a package that comes with an extra of this project; `MissingPackageError` if it is not installed."""

@@ -319,8 +319,8 @@ def compiling() -> Iterator[None]:
         _check_stop()
         reason = (str(error).strip() or type(error).__name__).splitlines()[0]
         raise CompilingError(
-            f"the kernels cannot be compiled ({reason}); a C compiler is needed (uv sync --inexact --extra compiler brings "
-            "one), and softmodels doctor lists what is missing"
+            f"the kernels cannot be compiled ({reason}); a C compiler is needed (the extra 'compiler' brings one), "
+            "and softmodels doctor lists what is missing"
         ) from error
     finally:
         for name in [*_running]:  # after an error

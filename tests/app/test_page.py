@@ -74,6 +74,7 @@ def test_the_python_lines_shown_do_the_same(page):
     assert namespace["run"].apex[-1] * 1e3 == pytest.approx(rise, rel=5e-4)
 
 
+@pytest.mark.campaign
 def test_what_is_no_photograph_is_told(page, tmp_path):
     page.get_by_role("tab", name="Photographs").click()
     bad = []

@@ -15,6 +15,7 @@ from softmodels.design.model import DesignModel
 from softmodels.design.problem import DesignProblem
 from softmodels.runs import state_values as surface
 from softmodels.runs.state_values import SHARE, volume_peak
+from tests.support.campaigns import sampled
 
 TAYLOR = "Taylor's remainder of every quantity by every length, before and past a limit point"
 # With the usual wall of 1.5 mm a step of the tests changes the number of cells around a fold.
@@ -30,7 +31,7 @@ maximise = {quantity = "figure", of = "bend_angle_deg", at = "12 kPa"}
 """
 
 
-@pytest.mark.parametrize("name", ["outer_radius", "wall"])
+@pytest.mark.parametrize("name", sampled(["outer_radius", "wall"]))
 def test_derivatives(designed, second_order, comm, name):
     """At two states of folds that open, and on a section's other half."""
     model = designed(FOLDS, ("outer_radius", "wall"), (LeastGap(at=60.0), LeastGap(at=200.0)), comm)

@@ -10,6 +10,7 @@ import pytest
 from geometries import BendingBellows, GeometryError
 from geometries.meshing import private_model, summarize
 from geometries.registry import from_table, to_table
+from tests.support.campaigns import sampled
 
 SHAPES = {
     "default": BendingBellows(folds=2),
@@ -18,7 +19,7 @@ SHAPES = {
 }
 
 
-@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("name", sampled(SHAPES, 3))
 def test_volumes_are_those_of_the_kernel(name):
     """The integral over the arcs against the CAD kernel's solid, to rounding; the cavity by summing circles along x."""
     import gmsh
@@ -35,7 +36,7 @@ def test_volumes_are_those_of_the_kernel(name):
     assert bellows.cavity_volume == pytest.approx(0.5 * math.pi * summed, rel=1e-5)
 
 
-@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("name", sampled(SHAPES, 3))
 def test_mesh_is_the_shape(meshed, name):
     bellows, mesh = SHAPES[name], meshed(SHAPES[name])
     volumes = {role: part.measure * bellows.copies for (dimension, role), part in mesh.groups.items() if dimension == 3}

@@ -10,6 +10,7 @@ import pytest
 
 from geometries import Beam, Cylinder, GeometryError, Membrane
 from geometries.registry import from_table, to_table
+from tests.support.campaigns import sampled
 
 COARSE = {"length": 0.02, "cell_size": 0.004}
 TUBES = {
@@ -147,7 +148,7 @@ OPEN = {"quarter": ("plane0", "plane1"), "half": ("plane0", "bottom"), "full": (
 """Faces by the part that is modelled, beyond those that all have."""
 
 
-@pytest.mark.parametrize("part", OPEN)
+@pytest.mark.parametrize("part", sampled(OPEN, 3))
 def test_it_has_its_roles_and_volumes(part, meshed):
     beam = Beam(part=part, **COARSE_BEAM)
     mesh = meshed(beam)
@@ -200,7 +201,7 @@ SECTIONS = {
 }
 
 
-@pytest.mark.parametrize("membrane", SECTIONS.values(), ids=SECTIONS)
+@pytest.mark.parametrize("membrane", sampled(SECTIONS.values(), 3, whole=True), ids=SECTIONS)
 def test_a_section_has_its_roles_and_volumes(membrane, meshed):
     mesh = meshed(membrane)
     parts = [name for name in ("plate", "ring1", "ring2") if name in membrane.faces]

@@ -58,6 +58,7 @@ def taken(tmp_path_factory):
     return folder / "photos.csv", measurement.setup_from_grid(folder / "IMG_0100.JPG", pitch=9e-3)
 
 
+@pytest.mark.campaign
 def test_a_killed_process_is_replaced_and_the_others_are_measured(taken, tmp_path, monkeypatch):
     monkeypatch.setenv("MARKER", str(tmp_path / "marker"))
     del CHECKS[OUTLINE]["low"], CHECKS[RUN]["alone"]

@@ -9,7 +9,6 @@ import pytest
 
 from measurement.screen.grid import GridError
 from tests.benchmarks import damaged_photographs
-from tests.support.campaigns import sampled
 from tests.support.photographs import damaged_run
 from tests.support.photographs.bench import Bench
 from tests.support.photographs.damaged_run import Run
@@ -31,40 +30,41 @@ def runs():
     return [Run(Bench.random(seed)) for seed in BENCHES]
 
 
+@pytest.mark.campaign
 def test_good_photographs_of_the_benches_are_right_and_trusted(runs):
     for run in runs:
         verdicts = list(run.good_ones())
         assert [one.outcome for one in verdicts] == ["right"] * len(verdicts), verdicts
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("kind", "outcomes"),
-    sampled(
-        [
-            ("glint", ["refused", "refused"]),
-            ("water drop on the lens", ["untrusted", "untrusted"]),
-            ("fibre along", ["untrusted", "untrusted"]),
-            ("dent", ["refused", "refused"]),
-            ("screen bulging", ["refused", "untrusted"]),
-            ("heat shimmer", ["refused", "untrusted"]),
-        ],
-        2,
-    ),
+    [
+        ("glint", ["refused", "refused"]),
+        ("water drop on the lens", ["untrusted", "untrusted"]),
+        ("fibre along", ["untrusted", "untrusted"]),
+        ("dent", ["refused", "refused"]),
+        ("screen bulging", ["refused", "untrusted"]),
+        ("heat shimmer", ["refused", "untrusted"]),
+    ],
 )
 def test_what_is_wrong_is_not_trusted(runs, kind, outcomes):
     verdicts = [one for run in runs for one in run.damaged(kind, 0)]
     assert [one.outcome for one in verdicts] == outcomes, verdicts
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("kind", "first"),
-    sampled([("body moved after the zero", "refused"), ("body along the light after the zero", "untrusted")]),
+    [("body moved after the zero", "refused"), ("body along the light after the zero", "untrusted")],
 )
 def test_a_body_that_was_moved_is_noticed_in_every_photograph(runs, kind, first):
     verdicts = list(runs[1].damaged(kind, 0))
     assert [one.outcome for one in verdicts] == [first, *["untrusted"] * 3], verdicts
 
 
+@pytest.mark.campaign
 def test_a_known_width_takes_a_wrong_magnification_out(runs):
     verdicts = list(runs[1].damaged("body along the light before the zero", 0))
     assert [one.outcome for one in verdicts] == ["right"] * 5, verdicts

@@ -135,6 +135,7 @@ def test_a_case_file_names_it(ran):
     assert case.actuator == BALL and case.material == LAW and Case.from_toml(case.to_toml()) == case
 
 
+@pytest.mark.campaign
 def test_commands_know_it_by_the_environment(ran, tmp_path):
     """Its limit is the maximum of the closed form; a process that is not told of this file knows no such device."""
     file, environment = ran / "case.toml", {**os.environ, VARIABLE: __file__}
@@ -151,6 +152,7 @@ def test_commands_know_it_by_the_environment(ran, tmp_path):
     assert done.status == 2 and "none.py" in done.err and VARIABLE in done.err and done.err.count("\n") == 1
 
 
+@pytest.mark.campaign
 def test_its_material_is_fitted_to_its_heights(comm):
     """Heights from the closed form give back the law that they were made with."""
     true = NeoHookean(18e3, 0.5)

@@ -216,6 +216,7 @@ def test_slopes_of_the_residuals_by_taylors_rule():
 THINNING = LAW.with_memory([{"share": s, "time": t, "onset": 0.5, "exponent": 0.7} for s, t in ((0.5, 10), (0.3, 100))])
 
 
+@pytest.mark.campaign
 def test_viscosity_by_stress_is_fitted_where_it_is_asked_for():
     """Onset and exponent of pulls and a hold at two rates within their intervals; without them the misfit is far larger."""
     time, stretch = (values[::3] for values in PULL)
@@ -341,6 +342,7 @@ def test_corners_turns_and_loops():
     assert loop(X, np.r_[Y[:21], 0.7 * Y[21:]]) == pytest.approx(0.3, abs=0.02)
 
 
+@pytest.mark.campaign
 def test_ten_thousand_readings_give_the_weights_of_a_hundred():
     dense = (
         np.linspace(0.0, 150.0, 12001),

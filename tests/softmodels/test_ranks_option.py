@@ -129,6 +129,7 @@ def test_ranks_end_with_a_command_that_is_killed(tmp_path):
     assert len(runs.rows(folder)) < 1770
 
 
+@pytest.mark.campaign
 @needs_mpirun
 def test_the_bar_is_drawn_on_the_terminal_of_the_command(tmp_path):
     master, slave = pty.openpty()

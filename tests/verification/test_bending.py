@@ -12,6 +12,7 @@ from softmodels.materials.laws import Yeoh
 from softmodels.materials.silicones import SILICONES
 from softmodels.runs.fields import Fields
 from tests.support import bent_tube
+from tests.support.campaigns import sampled
 
 TUBE = "cross-section of a long tube with an eccentric channel, bent by pressure"
 CLOSED = "Betti's theorem with Saint-Venant's bending, small pressures"
@@ -57,7 +58,7 @@ def inflated(equilibrium, solved):
     return inflate
 
 
-@pytest.mark.parametrize("poisson", [0.3, 0.45])
+@pytest.mark.parametrize("poisson", sampled([0.3, 0.45]))
 def test_section_bends_as_its_closed_form(figure, poisson):
     law = Yeoh(10e3, 0.0, 0.0, poisson)
     k = section_of(law).solve(1e-3)
@@ -78,7 +79,7 @@ def test_tube_bends_as_its_section(inflated, figure):
         figure(TUBE, f"angle per length, {pressure / 1e3:g} kPa", k / section.solve(pressure) - 1, most)
 
 
-@pytest.mark.parametrize("name", DEVICES)
+@pytest.mark.parametrize("name", sampled(DEVICES))
 def test_work_is_stored(name, inflated, figure):
     """And it bends towards its base, all along its path."""
     device, pressure = DEVICES[name]

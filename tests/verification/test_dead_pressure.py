@@ -16,6 +16,7 @@ from softmodels.path.continuation import AHEAD, Continuation, creep
 from softmodels.path.schedule import NUDGE, Cycle, CyclePart, _state, cycle
 from softmodels.path.stability import PathEnd
 from tests.support import bodies
+from tests.support.campaigns import sampled
 
 THIN = 0.01
 SHELL = "thin-shell theory of a Yeoh balloon under a dead pressure, up and down"
@@ -60,7 +61,7 @@ def stretch(balloon, point):
     return ((inner**3 - 1 + middle) / middle) ** (1 / 3)
 
 
-@pytest.mark.parametrize("way", ["up", "down"])
+@pytest.mark.parametrize("way", sampled(["up", "down"]))
 def test_limit_points_and_jumps(balloon, ridden, theory, way, figure):
     points, _ = ridden
     jumps = [k for k, point in enumerate(points) if point.jump]
@@ -75,7 +76,7 @@ def test_limit_points_and_jumps(balloon, ridden, theory, way, figure):
     figure(SHELL, "stretch where it lands", stretch(balloon, after) / landing - 1, 1e-4)
 
 
-@pytest.mark.parametrize("way", ["up", "down"])
+@pytest.mark.parametrize("way", sampled(["up", "down"]))
 def test_a_balloon_let_go_at_its_limit_point_rests_where_the_curve_leads(balloon, ridden, theory, way, figure):
     """A second route to the same state, for devices whose curve cannot be followed that far."""
     points, _ = ridden

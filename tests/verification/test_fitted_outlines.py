@@ -14,6 +14,7 @@ from softmodels.fitting.outlines.shapes import half_outline, shadow_of
 from softmodels.pictures.curves import profile
 from softmodels.runs.grid import QuadraticCurve
 from tests.support import membrane_shooting as shooting
+from tests.support.campaigns import sampled
 
 MODULUS = 20e3
 ERROR = 30e-6
@@ -91,11 +92,13 @@ fit = functools.partial(sm.fit, material="neo-hookean")
 
 @pytest.mark.parametrize(
     ("device", "measured", "how", "within"),
-    [
-        (MEMBRANE, of_the_membrane, {}, 0.004),
-        (BALLOON, of_the_balloon, {"height_datum": "apex"}, 2e-5),
-        (BELLOWS, of_the_bellows, {"height_datum": "apex"}, 0.02),
-    ],
+    sampled(
+        [
+            (MEMBRANE, of_the_membrane, {}, 0.004),
+            (BALLOON, of_the_balloon, {"height_datum": "apex"}, 2e-5),
+            (BELLOWS, of_the_bellows, {"height_datum": "apex"}, 0.02),
+        ]
+    ),
     ids=["membrane", "balloon", "bellows"],
 )
 def test_outlines_of_another_model_give_the_modulus_back(device, measured, how, within, figure):

@@ -79,6 +79,7 @@ def test_rigid_parts(case, body_of, figure):
     figure(WITHOUT, f"iterations of a solve, {case}", iterations(solver, other) / iterations(without, plain), 1.5)
 
 
+@pytest.mark.campaign
 def test_a_plate_that_turns(body_of, figure):
     """By more than 45 degrees: the unknowns of a state count from another rotation than those that the cycle was made for."""
     pushed = [Rigid("tip", name="plate"), Force("tip", "-z", 0.02, name="down"), Force("tip", "y", 0.01, name="aside")]

@@ -124,7 +124,7 @@ def energy(C, H, b):
     return 1.5 / b * np.linalg.det(tensor(H) + b * C) ** (1 / 3)
 
 
-@pytest.mark.parametrize("x", [0.0, 1e-12, 1e-3, 0.5, 50.0, 1e5])
+@pytest.mark.parametrize("x", sampled([0.0, 1e-12, 1e-3, 0.5, 50.0, 1e5]))
 def test_stress_and_stiffness_are_the_derivatives_of_one_potential(x, figure):
     """By a complex step along any change of Cbar, for steps that are short and long against tau."""
     H, b, C = _step(x)
@@ -430,7 +430,7 @@ def test_the_loops_of_a_disk_enclose_what_the_law_dissipates(body_of, figure):
     )
 
 
-@pytest.mark.parametrize("device", ["section", "solid"])
+@pytest.mark.parametrize("device", sampled(["section", "solid"]))
 def test_the_tangent_of_a_step_is_symmetric_and_that_of_its_forces(device, body_of, figure):
     """Within a step of silicone that creeps, at any displacement: products against differences of the forces, and K."""
     body = body_of(SPHERE if device == "section" else bodies.Octant())

@@ -32,7 +32,7 @@ def several(request, alone, tmp_path_factory):
     return figures_on(request.param, tmp_path_factory.mktemp("several"), "pieces", timeout=LONGEST)["pieces"]
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", sampled(CASES))
 def test_a_piece_may_be_missing_on_a_rank(name, alone, several):
     if name == "no such piece":
         assert alone[name] == several[name] and "selects nothing" in alone[name]

@@ -10,6 +10,7 @@ from geometries import HollowDisk, PneuNet
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.mechanics.assembly import assembled_matrix, sparse_matrix
 from softmodels.mechanics.system import System
+from tests.support.campaigns import sampled
 
 LAW, OTHER = Yeoh(50e3, 1e3, 50.0, 0.45), NeoHookean(400e3, 0.45)
 WEDGE = HollowDisk(cell_size=0.006, fillet=0.0, angle=30.0, azimuth=20.0)
@@ -43,7 +44,7 @@ def system_of(body_of):
     )
 
 
-@pytest.mark.parametrize("formulation", ["mixed", "displacement"])
+@pytest.mark.parametrize("formulation", sampled(["mixed", "displacement"]))
 def test_a_wedge_with_oblique_planes(formulation, system_of, figure):
     system = system_of(WEDGE, formulation)
     assert not system._products.by_forms
@@ -79,11 +80,11 @@ def test_a_section_has_forms(system_of):
 # -- The mass matrix without places for zeros, against the one with the pattern of its form --------------------------
 
 
-@pytest.mark.parametrize("formulation", ["mixed", "displacement"])
-@pytest.mark.parametrize("device", [
+@pytest.mark.parametrize("formulation", sampled(["mixed", "displacement"]))
+@pytest.mark.parametrize("device", sampled([
     sm.HollowDisk(section="axisymmetric", cell_size=0.004),
     sm.HollowDisk(angle=15.0, cell_size=0.008, fillet=0.0, base_fillet=0.0),
-], ids=["section", "wedge"])  # fmt: skip
+]), ids=["section", "wedge"])  # fmt: skip
 def test_it_is_the_same_matrix_with_fewer_entries(device, formulation, body_of):
     import ufl
     from dolfinx import fem

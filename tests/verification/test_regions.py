@@ -25,6 +25,7 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.runs.fields import Fields
 from tests.support import bodies
+from tests.support.campaigns import sampled
 from tests.support.cavities import PushedBody, TubeBody
 from tests.support.closed_forms import work_of_stress
 
@@ -67,7 +68,7 @@ def exact(device, laws, stretch, mode):
     )
 
 
-@pytest.mark.parametrize(("name", "mode", "against"), [("sphere", 3, SPHERE), ("tube", 2, TUBE)])
+@pytest.mark.parametrize(("name", "mode", "against"), sampled([("sphere", 3, SPHERE), ("tube", 2, TUBE)]))
 def test_two_layers(name, mode, against, layered, body_of, solved, figure):
     device = layered[name]
     body = body_of(device, TubeBody if name == "tube" else Body)
@@ -154,7 +155,7 @@ def test_bilayer_bends(body_of, figure):
     figure(BENT, "deflection up to half the length", (deflection - known) / np.abs(known).max(), 1e-3)
 
 
-@pytest.mark.parametrize("formulation", ["mixed", "displacement"])
+@pytest.mark.parametrize("formulation", sampled(["mixed", "displacement"]))
 def test_derivatives(formulation, layered, body_of, solved, figure):
     """By the main material's numbers, in whose moduli all is counted, and by a region's."""
     laws = {"": NeoHookean(30e3, 0.45), "shell": Yeoh(40e3, 2e3, 100.0, 0.45)}

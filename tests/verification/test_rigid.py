@@ -251,6 +251,7 @@ def bent(body_of):
     ).state
 
 
+@pytest.mark.campaign
 def test_a_turned_plate_is_in_balance(bent, figure):
     """Forces and moments on the plate cancel, its nodes keep their distances, and the rest is in equilibrium."""
     solver, state = bent
@@ -270,6 +271,7 @@ def test_a_turned_plate_is_in_balance(bent, figure):
     figure("the undeformed plate", "distances within a turned plate", np.abs(moved - rest).max(), 1e-13)
 
 
+@pytest.mark.campaign
 def test_tangent_of_a_turned_plate(bent, figure):
     """The tangent's product against differences of the residual, where the plate has turned on from the state as well."""
     solver, state = bent
@@ -308,6 +310,7 @@ def test_tangent_of_a_turned_plate(bent, figure):
     )
 
 
+@pytest.mark.campaign
 def test_a_half_beam_is_the_half_of_a_whole_one(body_of, figure):
     """Three motions in a half model against six in a whole one, under a force in the plane of symmetry."""
     found = {}

@@ -183,13 +183,15 @@ def test_a_motion_of_the_whole_is_no_fold_of_the_mesh(body_of):
 
 @pytest.mark.parametrize(
     "section, stretches, known",
-    [
-        ("cube", (0.6, 1.0, 1 / 0.6), (0.6, 0.647)),
-        ("cube", (0.7, 1.0, 1 / 0.7), None),
-        ("cube", (0.7, 0.8, 1 / 0.56), (0.7, 0.647 / math.sqrt(0.8))),
-        ("axisymmetric", (0.74, 0.74, 0.74**-2), (0.74, 0.647 / math.sqrt(0.74))),
-        ("axisymmetric", (0.76, 0.76, 0.76**-2), None),
-    ],
+    sampled(
+        [
+            ("cube", (0.6, 1.0, 1 / 0.6), (0.6, 0.647)),
+            ("cube", (0.7, 1.0, 1 / 0.7), None),
+            ("cube", (0.7, 0.8, 1 / 0.56), (0.7, 0.647 / math.sqrt(0.8))),
+            ("axisymmetric", (0.74, 0.74, 0.74**-2), (0.74, 0.647 / math.sqrt(0.74))),
+            ("axisymmetric", (0.76, 0.76, 0.76**-2), None),
+        ]
+    ),
 )
 def test_a_surface_creases_from_a_compression_of_a_third_on(section, stretches, known, body_of):
     """Of a quarter if it is compressed both ways; the face across it that is stretched does not. None of its facets is folded

@@ -147,7 +147,7 @@ def test_rates_on_both_sides_of_a_limit_point(law, equilibrium, solved, sensitiv
     check(figure, equations, sensitivity, law, past.state)
 
 
-@pytest.mark.parametrize("law", ["neo-hookean", "yeoh"])
+@pytest.mark.parametrize("law", sampled(["neo-hookean", "yeoh"]))
 def test_rates_without_a_pressure_field(law, equilibrium, solved, sensitivity, figure):
     equations = equilibrium(THIN, LAWS[law], "displacement")
     check(figure, equations, sensitivity, LAWS[law], at(solved, equations, PAST).state)

@@ -18,6 +18,7 @@ from softmodels.mechanics.body import Body
 from softmodels.runs.fields import Fields, requestable
 from softmodels.runs.states import Probe
 from tests.support import bodies
+from tests.support.campaigns import sampled
 from tests.support.cavities import TubeBody
 from tests.support.closed_forms import work_of_stress
 
@@ -51,7 +52,7 @@ WALLS = {
 }
 
 
-@pytest.mark.parametrize("wall", WALLS)
+@pytest.mark.parametrize("wall", sampled(WALLS))
 def test_stress_along_a_line_through_a_wall(wall, equilibrium, solved, figure):
     """The line lies where neither the section of the sphere nor the quarter of the tube is."""
     device, kind, power, out, against, bound = WALLS[wall]
@@ -91,7 +92,7 @@ def test_stress_along_a_line_through_a_wall(wall, equilibrium, solved, figure):
     assert np.allclose(turned, known, atol=1e-9 * pressure) and (np.diff(nodal["principal_stresses"]) <= 0).all()
 
 
-@pytest.mark.parametrize("formulation", ["mixed", "displacement"])
+@pytest.mark.parametrize("formulation", sampled(["mixed", "displacement"]))
 def test_stress_does_the_work_of_the_energy(formulation, equilibrium, solved, figure):
     law = sm.Yeoh(50e3, 1e3, 50.0, 0.45)
     equations = equilibrium(bodies.Sphere(through=2, along=6), law, formulation)

@@ -59,7 +59,7 @@ def to_vacuum(equations):
     ),
     ids=["sphere", "tube"],
 )
-@pytest.mark.parametrize("law", [SOFT, Yeoh(50e3, 1e3, 50.0, 0.5)], ids=["neo-hookean", "yeoh"])
+@pytest.mark.parametrize("law", sampled([SOFT, Yeoh(50e3, 1e3, 50.0, 0.5)]), ids=["neo-hookean", "yeoh"])
 def test_walls_close_as_the_integral_says(body, kind, exact, power, most, law, equilibrium, solved, figure):
     equations = to_vacuum(equilibrium(body, law, **({"kind": kind} if kind else {})))
     rest = -equations.system.rest().V
