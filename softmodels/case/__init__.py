@@ -4,6 +4,6 @@ Begin with `case`. A field of `Case` names its entry in `entries`, from which co
 
 - `case`: the case, from a file, from options, and from the arguments of a call; the numbers that designs vary.
 - `entries`: fields as text; named points and angles.
-- `load`: requested pressures, volumes, strokes, loads. `materials`: materials as text, their errors, regions; tables of what is
+- `load`: load steps from files, options and calls. `materials`: materials as text, their errors, regions; tables of what is
   added; the user's own Python files.
 """

@@ -575,9 +575,10 @@ def _found(tables: Tables, folder: Path | None) -> Tables:
 # cannot be forgotten. Files count by content, not by path.
 
 
-ALIKE = ("solver", "steps")
-"""Fields of a case that affect the solution method but not the results; and the load steps, whose values a resumed run may
-extend: they are checked separately."""
+ALIKE = ("solver",)
+"""Fields of a case that affect the solution method but not the results."""
+MAY_GROW = "steps"
+"""The field with the requested values, which a resumed run may extend; they are checked separately."""
 
 
 def identity(case: Case) -> dict[str, str]:
@@ -595,10 +596,10 @@ def identity(case: Case) -> dict[str, str]:
 
 
 def difference(old: Mapping[str, str], new: Mapping[str, str]) -> str | None:
-    """Return the first name under which two identities differ; None if there is none."""
+    """Return the first name under which two identities differ, requested values aside; None if there is none."""
     names = [*new, *(name for name in old if name not in new)]
     for name in sorted(names, key="components".__eq__):  # which one it is says more than that there are none
-        if old.get(name) != new.get(name):
+        if name != MAY_GROW and old.get(name) != new.get(name):
             return name
     return None
 

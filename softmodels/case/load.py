@@ -10,11 +10,12 @@ import dataclasses
 import functools
 import math
 from collections.abc import Collection, Iterator, Mapping, MutableMapping, Sequence
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from geometries import Actuator
 from softmodels.case.entries import (
     MISSING,
     ML,
@@ -73,9 +74,6 @@ from softmodels.path.steps import (
     times_of,
 )
 from softmodels.path.supply import AMBIENT, AirSupply, Reservoir
-
-if TYPE_CHECKING:
-    from softmodels.case.case import Case
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Load steps from the keys of ``[load]``.
@@ -573,7 +571,28 @@ def load_part(asked: Prescribed, components: Sequence[Component]) -> LoadPart:
     raise FieldError(f'{key} refers to one {table}, but the case has {names}; choose one (on = "{found[0].name}")')
 
 
-def settled(case: Case) -> Steps:
+class Loaded(Protocol):
+    """The fields of a case that its load steps depend on."""
+
+    @property
+    def actuator(self) -> Actuator: ...
+    @property
+    def steps(self) -> Steps: ...
+    @property
+    def components(self) -> tuple[Component, ...]: ...
+    @property
+    def supply(self) -> AirSupply | None: ...
+    @property
+    def control(self) -> str: ...
+    @property
+    def load_unload(self) -> bool: ...
+    @property
+    def water_density(self) -> float: ...
+    @property
+    def cm(self) -> float: ...
+
+
+def settled(case: Loaded) -> Steps:
     """Return the steps of a case, each of a program with what it drives, all values with their texts, and durations that the
     times of a case file give too."""
     steps = tuple(_driving(step, case) for step in case.steps) if is_program(case.steps) else case.steps
@@ -592,7 +611,7 @@ def settled(case: Case) -> Steps:
     )
 
 
-def _driving(step: Step, case: Case) -> Step:
+def _driving(step: Step, case: Loaded) -> Step:
     """Return a step of a program whose values are of all cavities, or of the source of a supply in time, as theirs."""
     found: list[Prescribed] = []
     for one in step.prescribed:
@@ -618,7 +637,7 @@ def _driving(step: Step, case: Case) -> Step:
 class Load:
     """What the steps of a case say."""
 
-    def __init__(self, case: Case):
+    def __init__(self, case: Loaded):
         self.case, self.steps = case, case.steps
 
     @functools.cached_property

@@ -5,6 +5,6 @@ the branch that leaves one.
 
 - `stability`: points, their eigenvalues and modes, ends, and the quantities a path is asked for.
 - `supply`: syringes and gas; tubes, valves and leaks in time.
-- `program`, `schedule`: load programs, preload, loading and unloading with snap-through; silicone that
+- `steps`, `schedule`: load steps, preload, loading and unloading with snap-through; silicone that
   creeps.
 """

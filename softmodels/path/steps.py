@@ -61,7 +61,7 @@ class Prescribed:
     quantity: str
     values: tuple[float, ...]
     of: str = ""
-    doubt: str = dataclasses.field(default="", compare=False)
+    doubt: str = dataclasses.field(default="", compare=False, repr=False)
 
     def __post_init__(self) -> None:
         known = (PRESSURE, VOLUME, STROKE, *OF_SUPPLY, *load_quantities())
