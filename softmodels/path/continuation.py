@@ -184,8 +184,13 @@ MOST_SECANTS = 25
 """Maximum secant iterations to locate a value between two points."""
 ALONG = 0.9
 """Cosine between a motion and a tangent from which the motion is along the path."""
-NULL_TOLERANCE = 1e-10
-"""Tolerance of the tangent at a limit point, which is K's null vector: the limit pressure's derivatives come from it."""
+
+
+def tight(solver: Solver) -> float:
+    """Return the tolerance of tangents that decide more than where to look for the next state: the first one, whose compliance
+    is the scale of all arc lengths (every step ends where that leads), those by which a limit point is located, and the one
+    there, which is K's null vector: the limit pressure's derivatives come from it. A multigrid cycle's residual says less."""
+    return 1e-10 if solver.bordered.inverse.exact else 1e-11
 
 
 def at_once(state: State) -> Tangent:
@@ -292,7 +297,7 @@ class Corrector:
         stale = (stale or self.stability.wants(state)) and not (limit and solver.bordered.factorisations)
         if stale:
             solver.factorise(state)
-        tangent, before = self.tangent(state, NULL_TOLERANCE if limit else TANGENT_TOLERANCE), last.tangent
+        tangent, before = self.tangent(state, tight(solver) if limit else TANGENT_TOLERANCE), last.tangent
         if limit:
             # The sign of the pressure's rate is rounding there; like the signature, take it from the state before.
             tangent = dataclasses.replace(tangent, P=math.copysign(tangent.P, before.P))
@@ -409,7 +414,7 @@ class Corrector:
         signature, tangent = self.stability.signature(exact=True), self.tangent(found.state)
         return dataclasses.replace(found, tangent=tangent, limit=False, signature=signature)
 
-    def root(self, low: Point, high: Point, f: Callable[[Point], float], tolerance: float = 1e-7) -> State:
+    def root(self, low: Point, high: Point, f: Callable[[Point], float], tolerance: float = 1e-9) -> State:
         """Return the root of f between two points by the Illinois variant of the secant, on lines of given volume.
 
         Each value is a solve, started from the bracket's own two points, which a root finder for plain numbers does not know;
@@ -421,7 +426,7 @@ class Corrector:
         for _ in range(MOST_SECANTS):
             V = (low.state.V * f_high - high.state.V * f_low) / (f_high - f_low)
             state = self.solve(volume_control(V), (low, high))
-            best = dataclasses.replace(high, state=state, tangent=self.tangent(state, 1e-9))
+            best = dataclasses.replace(high, state=state, tangent=self.tangent(state, tight(self.solver)))
             value = f(best)
             if abs(value) <= tolerance * scale or abs(high.state.V - low.state.V) <= 1e-9 * self.plane.V_scale:
                 break
@@ -981,7 +986,7 @@ class Continuation:
             tangent = at_once(start)
         else:
             solver.factorise(start)
-            tangent = solver.tangent(start, Control(1 / V_scale, 1.0, 0.0))
+            tangent = solver.tangent(start, Control(1 / V_scale, 1.0, 0.0), tight(solver))
         self.V0, self.plane = start.V, ArcLengthMetric.of(V_scale, tangent.compliance)
         self.requested = self.requested.counted(self.V0, rest.V)
         known = (Pressure(), AddedVolume(rest.V), ArcLength(self.plane), self.requested)

@@ -157,6 +157,23 @@ def test_a_curve_joins_in(model, creeping):
         assert both.error(name) < alone.error(name), name
 
 
+def test_a_loop_that_the_law_does_not_have_rejects_a_joint_fit(creeping):
+    """A strip that only softens on its way back, with a slack at its start: the loop counts from the fitted slack."""
+    slack, up = 0.1, np.linspace(1.0, 2.0, 25)
+    taut = np.r_[up, up[-2::-1]]
+    stress, _ = stress_in_time(LAW, np.r_[0.0, np.cumsum(np.abs(np.diff(taut)))], taut)
+    stress[len(up) :] *= 1 - 0.5 * (1 - (taut[len(up) :] - 1) ** 2)
+    stretch = np.r_[np.linspace(1.0, 1.0 + slack, 12, endpoint=False), taut + slack]
+    stress = np.r_[np.zeros(12), stress] + np.random.default_rng(0).normal(0.0, 20.0, len(stretch))
+    curve = TensileCurve("strip", "uniaxial", stretch, stress, time=np.r_[0.0, np.cumsum(np.abs(np.diff(stretch)))])
+    options = FitOptions(memory=True, profiles=False, changes=PLAIN)
+    report = fit(DISK, creeping.outlines(SimulatedCamera())[:3], "yeoh", options, curves=[curve])
+    law, (counted,) = report.laws[0], report.curves
+    assert not law.sound and any(text.startswith("strip: the fitted loop is") for text in law.objections)
+    assert any(note.startswith("strip: loop of the first unloading") for note in report.notes)
+    assert counted.origin.slack == law.fit.values["slack1"] == pytest.approx(slack, abs=0.02)
+
+
 def test_photographs_of_one_test_and_of_two():
     """A history that begins another is of the same test; a level is one hidden pressure, however many photographs it has."""
     up = ((0.0, 0.0), (2.0, 1e3), (12.0, 1e3))

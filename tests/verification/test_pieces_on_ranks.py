@@ -17,9 +17,6 @@ LONGEST = 1500.0
 FLOOR = 1e-3
 """Largest number of a column below which its differences are rounding."""
 LOOSER = {"lowest_eigenvalue_Pa_per_mm2": 1e-6}
-ITERATED = 1e-5
-"""Bound of all columns by the iterative solver: a step between requested values ends where a tangent leads, which is
-solved less closely than states are."""
 
 
 @pytest.fixture(scope="module")
@@ -41,5 +38,5 @@ def test_a_piece_may_be_missing_on_a_rank(name, alone, several):
     assert one.keys() == found.keys()
     for column, values in one.items():
         size = max(np.abs(np.nan_to_num(values)).max(), FLOOR)
-        bound = ITERATED if "iterative" in name else LOOSER.get(column, 1e-8)
+        bound = LOOSER.get(column, 1e-8)
         np.testing.assert_allclose(found[column], values, rtol=0.0, atol=bound * size, err_msg=column, equal_nan=True)

@@ -202,6 +202,30 @@ def spread(fit: LeastSquaresFit) -> float:
     return max(deviation(fit.residuals[: fit.count]), 1e-9)
 
 
+def loops(curves: Sequence[TensileCurve], material: Material) -> list[tuple[str, float, float]]:
+    """Return by curve its name, and the loop of its first unloading, measured and of the material, over the work."""
+    return [(one.name, loop(one.stretch, one.stress), loop(one.stretch, predicted(material, one))) for one in curves]
+
+
+def loop_objections(curves: Sequence[TensileCurve], material: Material) -> list[str]:
+    """Return the loops that the material does not have: it loses another work than the silicone."""
+    return [
+        f"{name}: the fitted loop is {100 * fitted:.3g} % of the work, the measured one {100 * measured:.3g} %; "
+        "compare laws (--material all), or add tests that show the softening"
+        for name, measured, fitted in loops(curves, material)
+        if abs(fitted - measured) > max(LOOP_TOLERANCE * measured, SMALLEST_LOOP)
+    ]
+
+
+def loop_notes(curves: Sequence[TensileCurve], material: Material) -> list[str]:
+    """Return the measured and the fitted loops."""
+    return [
+        f"{name}: loop of the first unloading {100 * measured:.3g} % of the work, fitted {100 * fitted:.3g} %"
+        for name, measured, fitted in loops(curves, material)
+        if measured >= SMALLEST_LOOP
+    ]
+
+
 type Curves = TensileCurve | Path | str | Sequence[TensileCurve | Path | str]
 """One or several measured curves, or files with uniaxial ones."""
 
@@ -345,7 +369,7 @@ class _Task:
                 p.name: profile(ranked.fit, p.name) for p in ranked.fit.free if self._profiled(ranked.fit, p.name)
             }
             material = self._material(choice, ranked.fit)
-            judgement = Judgement(tuple(self._objections(material)), tuple(self._cautions(ranked.fit)))
+            judgement = Judgement(tuple(self._objections(material, ranked.fit)), tuple(self._cautions(ranked.fit)))
             judgement = with_rubber(choice, ranked.fit, judgement)
             if self.options.silicone:
                 judgement = hold_against(material, stretch_of(strain), known, judgement)
@@ -358,7 +382,7 @@ class _Task:
     def _material(self, choice: LawChoice, fit: LeastSquaresFit) -> Material:
         return choice.material(fit.values, stretches_of(self.curves))
 
-    def _objections(self, material: Material) -> list[str]:
+    def _objections(self, material: Material, fit: LeastSquaresFit) -> list[str]:
         return []
 
     def _cautions(self, fit: LeastSquaresFit) -> list[str]:
@@ -455,17 +479,8 @@ class _MemoryTask(_Task):
         """A weight that ended at zero has no other interval."""
         return self.options.profiles or fit.at_bounds.get(name) == 0.0
 
-    def _objections(self, material: Material) -> list[str]:
-        """Return the loops that the material does not have: it loses another work than the silicone."""
-        return [
-            f"{curve.name}: the fitted loop is {100 * fitted:.3g} % of the work, the measured one {100 * measured:.3g} %; "
-            "compare laws (--material all), or add tests that show the softening"
-            for curve in self.curves
-            for measured, fitted in [
-                (loop(curve.stretch, curve.stress), loop(curve.stretch, predicted(material, curve)))
-            ]
-            if abs(fitted - measured) > max(LOOP_TOLERANCE * measured, SMALLEST_LOOP)
-        ]
+    def _objections(self, material: Material, fit: LeastSquaresFit) -> list[str]:
+        return loop_objections(counted_from(self.curves, fit.values), material)
 
     def _cautions(self, fit: LeastSquaresFit) -> list[str]:
         """Return warnings on factors of tests that their errors do not explain: they bend what other tests would show."""
@@ -497,13 +512,7 @@ class _MemoryTask(_Task):
             f"{name} softens (softening: Ogden & Roxburgh's 1/r, m, beta); without it the misfit is {times:.3g} times as large"
             for name, times in self.stiffer.items()
         ]
-        for curve in self.curves:
-            if (measured := loop(curve.stretch, curve.stress)) >= SMALLEST_LOOP:
-                fitted = loop(curve.stretch, predicted(laws[0].material, curve))
-                said.append(
-                    f"{curve.name}: loop of the first unloading {100 * measured:.3g} % of the work, fitted {100 * fitted:.3g} %"
-                )
-        return said
+        return said + loop_notes(counted_from(self.curves, laws[0].fit.values), laws[0].material)
 
 
 def _how(options: FitOptions) -> str:

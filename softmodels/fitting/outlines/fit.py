@@ -31,11 +31,12 @@ from softmodels.fitting.comparison import (
     with_rubber,
 )
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
-from softmodels.fitting.curves.fit import Curves, prepared
+from softmodels.fitting.curves.fit import Curves, loop_notes, loop_objections, prepared
 from softmodels.fitting.curves.residuals import (
     SEVERAL_HOLDS,
     Spectrum,
     StressError,
+    counted_from,
     remembering,
     residuals_of,
     spectrum,
@@ -522,8 +523,10 @@ class _Task:
             of_device = [*source.model.system.mesh_notes, *([told] if told else [])]
             notes += [f"{source.device}: {note}" if source.device else note for note in of_device]
             notes += [exact] if (exact := exact_lengths(source, first.fit)) else []
-        said = tuple(map(spoken, notes))
-        return FitReport(tuple(laws), comparison, self.curves, how, devices=tuple(devices), notes=said)
+        report = FitReport(tuple(laws), comparison, self.curves, how, devices=tuple(devices))
+        curves = counted_from(self.curves, report.chosen.fit.values)
+        notes += loop_notes(curves, report.chosen.material) if self.options.memory else []
+        return dataclasses.replace(report, curves=tuple(curves), notes=tuple(map(spoken, notes)))
 
     def _law[Source: (OutlineResiduals, HeightResiduals)](
         self, trial: LawTrial[Source], fit: LeastSquaresFit
@@ -535,9 +538,12 @@ class _Task:
         low, high = stretches_of(self.curves) or (1.0, stretch)
         over = (min(low, 1.0), max(high, stretch))
         material = dataclasses.replace(first.law(fit.values), fitted_stretch=over)
+        judgement = trial.judgement
         if first.spectrum is not None:
             material = remembering(material, first.spectrum, fit.values)
-        judgement = hold_against(material, stretch_of(strain), self.known, with_rubber(choice, fit, trial.judgement))
+            of_loops = loop_objections(counted_from(self.curves, fit.values), material)
+            judgement = dataclasses.replace(judgement, objections=(*judgement.objections, *of_loops))
+        judgement = hold_against(material, stretch_of(strain), self.known, with_rubber(choice, fit, judgement))
         law = FittedLaw(choice, fit, material, judge(material, strain), {}, judgement, self._misfits(trial, fit))
         wanted = [p.name for p in fit.free if p.name in first.common and self.options.profiles]
         if first.spectrum is not None:  # many states in time: only where the covariance's interval is not above 0

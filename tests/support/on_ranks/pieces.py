@@ -25,6 +25,24 @@ device = "Cylinder"
 length = "40 mm"
 cell_size = "4 mm"
 """
+CUP = """
+material = {law = "neo-hookean", shear_modulus = "200 kPa", poisson = 0.49}
+[geometry]
+device = "SuctionCup"
+"""
+BLOCK = """
+material = {law = "neo-hookean", shear_modulus = "30 kPa", poisson = 0.49}
+[geometry]
+device = "ImportedActuator"
+file = "block.step"
+cavities = ["at 10, 0, 0 mm", "at 50, 0, 0 mm"]
+support = "x = 0 mm"
+cell_size = "5 mm"
+"""
+DEVICES = {"cavity": TUBE, "seal": CUP, "two cavities": BLOCK}
+"""By the beginning of a case's name; all others are of a beam."""
+MISSING = {"seal": "lip", "two cavities": "cavity2"}
+"""Faces that some rank has nothing of, by the same; of a beam it is the end."""
 PUSH = """
 [force.push]
 face = "tip"
@@ -138,9 +156,29 @@ stiffness = "50 N/m"
 [walls]
 faces = "cavity within z > 35 mm, cavity within z < 5 mm"
 """ + INFLATED,
+    "seal": """
+[contact.plane]
+shape = "plane"
+faces = "lip"
+at = ["0 mm", "0 mm", "0 mm"]
+along = [0, 0, 1]
+friction = 0.5
+seal = true
+[force.pull]
+face = "top"
+direction = "z"
+[load]
+travel_mm = [0.0, 1.0]
+at_pressure_cm = -30
+""",
+    "two cavities": """
+[load]
+cavity1.pressure_cm = [0, 5, 5]
+cavity2.volume_ml = [0, 0, 0.05]
+""",
     "no such piece": PUSH.replace('"tip"', '"tip within x < 5 mm"'),
 }  # fmt: skip
-"""Tables beside those of the beam, or of the tube."""
+"""Tables beside those of the device."""
 UNLIKE = "control", "newton_iterations"
 """Columns of no numbers, or of such as depend on where K was factorised."""
 
@@ -148,13 +186,31 @@ UNLIKE = "control", "newton_iterations"
 def text_of(name: str, tables: str) -> str:
     """The text of a case; what stands above the first table goes before all tables."""
     above, bracket, rest = tables.lstrip().partition("[")
-    return f"{above}{TUBE if name.startswith('cavity') else BEAM}{bracket}{rest}"
+    device = next((DEVICES[key] for key in DEVICES if name.startswith(key)), BEAM)
+    return f"{above}{device}{bracket}{rest}"
 
 
-def is_missing(comm, mesh) -> bool:
-    """Whether some rank has no cell of the beam's end."""
+def write_block(file: Path) -> None:
+    """Write a block of 60 x 10 x 10 mm with a cavity at either end as a STEP file."""
+    import gmsh
+
+    from geometries.meshing import private_model
+
+    with private_model():
+        occ = gmsh.model.occ
+        block = occ.addBox(0, -5, -5, 60, 10, 10)
+        occ.cut([(3, block)], [(3, occ.addBox(x, -3, -3, 10, 6, 6)) for x in (5, 45)])
+        occ.synchronize()
+        gmsh.write(str(file))
+
+
+def is_missing(comm, body, name) -> bool:
+    """Whether some rank has nothing of a case's face, or no cell of the beam's end."""
     from softmodels.mechanics.mpi import any_rank, largest
 
+    if name in MISSING:
+        return any_rank(comm, not len(body.entities[MISSING[name]][1]))
+    mesh = body.mesh
     cells = mesh.geometry.dofmaps[0][: mesh.topology.index_map(3).size_local]
     along = mesh.geometry.x[cells, 0].mean(axis=1)
     return any_rank(comm, not (along > 5 / 6 * largest(comm, along.max())).any())
@@ -168,6 +224,7 @@ def figures(comm, folder: Path) -> dict[str, dict[str, list[float]] | str]:
     from softmodels.runs.simulation import Simulation
 
     on_root(comm, lambda: stl_files.write_stl(folder / "ball.stl", *stl_files.ball(0.005)))
+    on_root(comm, lambda: write_block(folder / "block.step"))
     found: dict[str, dict[str, list[float]] | str] = {}
     for name, tables in CASES.items():
         file = folder / f"{comm.size}.toml"
@@ -178,7 +235,7 @@ def figures(comm, folder: Path) -> dict[str, dict[str, list[float]] | str]:
         try:
             simulation.write_mesh(folder / f"{comm.size}.msh")
             simulation.prepare(folder / f"{comm.size}.msh")
-            assert comm.size == 1 or name.startswith("cavity") or is_missing(comm, simulation.body.mesh), name
+            assert comm.size == 1 or name.startswith("cavity") or is_missing(comm, simulation.body, name), name
             rows = [step.row for step in itertools.islice(simulation.steps(), STATES)]
         except ComponentError as error:
             found[name] = str(error)
