@@ -39,7 +39,8 @@ from softmodels.runs.analyses import (
     find_frequencies,
     find_limit,
 )
-from softmodels.runs.notes import no_branch, sentences, state_labels
+from softmodels.runs.labels import state_labels
+from softmodels.runs.notes import no_branch, sentences
 from softmodels.runs.outcomes import BAD_INPUT, Ended, Progress, RunError, UnwrittenError
 from softmodels.runs.recording import ResultsPlace, is_loaded, solved_into
 from softmodels.runs.simulation import (

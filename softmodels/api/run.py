@@ -40,7 +40,8 @@ from softmodels.runs.analyses import KINDS, Limit
 from softmodels.runs.columns import term
 from softmodels.runs.fields import OUTPUTS, OutputField, requestable
 from softmodels.runs.formats import CELL_TYPES, TENSOR
-from softmodels.runs.notes import StateLabels, notes_of, overlap_text, sentences, state_labels
+from softmodels.runs.labels import StateLabels, overlap_text, state_labels
+from softmodels.runs.notes import notes_of, sentences
 from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM, STOPPED, Ended, RunError
 from softmodels.runs.recording import ResultsPlace, begin, begin_branch, gather, recall, stored_point
 from softmodels.runs.simulation import InMemory, Simulation, Step

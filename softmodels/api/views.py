@@ -33,7 +33,7 @@ from softmodels.pictures import solid
 from softmodels.pictures.offscreen import WINDOW, Image, Look, add_lights, can_render, look
 from softmodels.pictures.style import CURVE, INK, STYLE, WARNING, drawn
 from softmodels.runs.fields import coloured
-from softmodels.runs.notes import headline
+from softmodels.runs.labels import headline
 from softmodels.runs.outcomes import RunError
 from softmodels.runs.states import States
 

@@ -19,7 +19,7 @@ from softmodels.common.arrays import Array
 from softmodels.pictures.offscreen import Image, Layer, ViewCamera, direction, lines, studio, surface
 from softmodels.pictures.style import DPI, EDGE, Caption, page
 from softmodels.runs.grid import Cells
-from softmodels.runs.notes import number
+from softmodels.runs.labels import number
 
 PRINTED, SILICONE, LOST = "#b4c3d4", "#e8b796", "#d8d2a8"
 SHARP = np.cos(np.radians(25.0))

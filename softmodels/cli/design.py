@@ -34,7 +34,7 @@ from softmodels.design.problem import DesignProblem, SearchOptions
 from softmodels.design.study import DATASET, PAGE, Study, StudyFolder, StudyPlan, open_folder, solve_into
 from softmodels.design.trials import DesignError
 from softmodels.mechanics.mpi import is_root, launched, on_root, petsc_reason, speaks, start
-from softmodels.runs.notes import StateLabels
+from softmodels.runs.labels import StateLabels
 from softmodels.runs.outcomes import DONE, FAILED, NO_EQUILIBRIUM, Progress, no_memory
 
 if TYPE_CHECKING:

@@ -83,7 +83,8 @@ from softmodels.materials.silicones import (
 )
 from softmodels.materials.specimens import FLOW, MODE_NAMES, SOFTENING, MaterialCurves, nominal_stress
 from softmodels.mechanics.mpi import kept_on_root, speaks, start
-from softmodels.runs.notes import StateLabels, sentences
+from softmodels.runs.labels import StateLabels
+from softmodels.runs.notes import sentences
 from softmodels.runs.outcomes import DONE, FAILED, Progress
 
 if TYPE_CHECKING:

@@ -25,7 +25,8 @@ from softmodels.common.lazy import MPI, PETSc, consoles, progress
 from softmodels.common.processes import COLUMNS, columns, cores, python, say
 from softmodels.mechanics.mpi import is_root, on_root, petsc_reason, start
 from softmodels.runs.fields import OUTPUTS
-from softmodels.runs.notes import closing, state_labels
+from softmodels.runs.labels import state_labels
+from softmodels.runs.notes import closing
 from softmodels.runs.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM, Ended, Progress
 from softmodels.runs.recording import Observer, ResultsPlace, Summary, solved_into, unstopped
 from softmodels.runs.store import Results

@@ -24,7 +24,8 @@ from softmodels.materials.silicones import product_of
 from softmodels.pictures.style import BRANCH, CURVE, DPI, EDGE, FAINT, INK, LINES, SPAN, STYLE, WARNING, WIDTH, chart
 from softmodels.runs.columns import SourceTables, key_of, term
 from softmodels.runs.grid import parabolas
-from softmodels.runs.notes import StateLabels, cycles, jumped_over, number, state_labels
+from softmodels.runs.labels import StateLabels, number, state_labels
+from softmodels.runs.notes import cycles, jumped_over
 from softmodels.runs.states import Line, States, round_steps, row_at, told
 from softmodels.runs.table import PathTable, Row, at_rise, band_of, parsed
 

@@ -45,7 +45,7 @@ from softmodels.pictures.style import (
     wrapped,
 )
 from softmodels.runs.grid import outline
-from softmodels.runs.notes import headline, load
+from softmodels.runs.labels import headline, load
 from softmodels.runs.states import States, StoredStates
 from softmodels.runs.store import ResultsError
 from softmodels.runs.table import PathTable

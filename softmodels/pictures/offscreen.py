@@ -22,7 +22,7 @@ from softmodels.components.contact import RigidShape, obstacle_of, surface_of
 from softmodels.pictures.style import DPI, EDGE, INK, WARNING, WIDTH, Caption, Scale, subject
 from softmodels.runs.fields import coloured
 from softmodels.runs.grid import CUT, OUTSIDE, Cells, Surface
-from softmodels.runs.notes import headline, load, number
+from softmodels.runs.labels import headline, load, number
 from softmodels.runs.states import States
 
 if TYPE_CHECKING:

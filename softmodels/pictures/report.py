@@ -54,7 +54,8 @@ from softmodels.pictures.offscreen import Look, ViewCamera
 from softmodels.pictures.style import DPI, STYLE, encoded, subject
 from softmodels.runs.columns import term
 from softmodels.runs.grid import CUT, OUTSIDE, QUARTERS, SECTOR, Cells, turn
-from softmodels.runs.notes import ending, headline, left_out, load, notes_of, overlap_text, stability_text
+from softmodels.runs.labels import headline, load, overlap_text
+from softmodels.runs.notes import ending, left_out, notes_of, stability_text
 from softmodels.runs.outcomes import NO_EQUILIBRIUM
 from softmodels.runs.states import States
 from softmodels.runs.table import Cell as Value, PathTable

@@ -75,7 +75,7 @@ from softmodels.runs.grid import (
     outline,
     parabolas,
 )
-from softmodels.runs.notes import headline, load, number
+from softmodels.runs.labels import headline, load, number
 from softmodels.runs.states import States, StoredStates
 from softmodels.runs.store import ResultsError
 

@@ -35,7 +35,7 @@ from softmodels.common.commands import COLORMAP
 from softmodels.common.files import write_bytes
 from softmodels.materials.silicones import named
 from softmodels.runs.fields import coloured
-from softmodels.runs.notes import INVALID
+from softmodels.runs.labels import INVALID
 from softmodels.runs.table import Row
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from softmodels.mechanics.mpi import TooLargeError
 if TYPE_CHECKING:
     from IPython.display import DisplayHandle
 
-    from softmodels.runs.notes import StateLabels
+    from softmodels.runs.labels import StateLabels
     from softmodels.runs.table import Row
 
 

@@ -33,7 +33,8 @@ from softmodels.path.steps import goes_on
 from softmodels.runs.columns import of_cavities, stands_at
 from softmodels.runs.fields import Fields
 from softmodels.runs.formats import Restart
-from softmodels.runs.notes import events, no_branch, notes_of, sentences, stability_text, state_labels, unwritten
+from softmodels.runs.labels import state_labels
+from softmodels.runs.notes import events, no_branch, notes_of, sentences, stability_text, unwritten
 from softmodels.runs.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM, Ended, RunError, UnwrittenError
 from softmodels.runs.simulation import FROM_REST, Begun, Listener, PathEnded, Simulation, Step, solve_sources
 from softmodels.runs.states import States

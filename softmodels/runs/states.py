@@ -29,7 +29,7 @@ from softmodels.runs.columns import SourceTables, in_order, read_sources
 from softmodels.runs.fields import OUTPUTS, OutputField
 from softmodels.runs.formats import CELL_TYPES, Restart, opened, read_values
 from softmodels.runs.grid import OUTSIDE, Surface, surface_of
-from softmodels.runs.notes import StateLabels, state_labels
+from softmodels.runs.labels import StateLabels, state_labels
 from softmodels.runs.state_values import FacingWalls, principal
 from softmodels.runs.store import FORMAT, OLDER, Results, ResultsError
 from softmodels.runs.table import PathTable, Row, parsed

@@ -15,7 +15,8 @@ from softmodels.case.load import steps_of
 from softmodels.case.materials import MaterialErrors, SourceBand, band_of
 from softmodels.components.loads import Gravity, Mass
 from softmodels.runs.columns import term
-from softmodels.runs.notes import band_notes, headline, state_labels
+from softmodels.runs.labels import headline, state_labels
+from softmodels.runs.notes import band_notes
 
 DISK = sm.HollowDisk(section="axisymmetric", membrane=0.003)
 C1, C2 = 14e3, 60.0

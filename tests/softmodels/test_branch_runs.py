@@ -13,7 +13,8 @@ from softmodels.case.case import Case
 from softmodels.case.load import steps_of
 from softmodels.materials.laws import NeoHookean
 from softmodels.path.supply import Syringe
-from softmodels.runs.notes import StateLabels, jumped_over, stability_text, unlocated, unseen
+from softmodels.runs.labels import StateLabels
+from softmodels.runs.notes import jumped_over, stability_text, unlocated, unseen
 from softmodels.runs.store import Results
 from softmodels.runs.table import PathTable
 from tests.support import runs

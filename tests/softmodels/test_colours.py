@@ -17,7 +17,7 @@ from softmodels.pictures.offscreen import look
 from softmodels.pictures.solid import cut_open
 from softmodels.pictures.style import DPI, FOOT, STYLE, Caption, Pixels, Scale, drawn, page
 from softmodels.runs.grid import fine_triangles, outline
-from softmodels.runs.notes import StateLabels, load
+from softmodels.runs.labels import StateLabels, load
 from softmodels.runs.states import StoredStates
 from softmodels.runs.table import PathTable, Row
 

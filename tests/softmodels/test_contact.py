@@ -18,7 +18,8 @@ from softmodels.mechanics.body import Body
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.system import System
 from softmodels.pictures.style import WARNING, title_colour
-from softmodels.runs.notes import contact_notes, headline, left_out, overlap_text, state_labels
+from softmodels.runs.labels import headline, overlap_text, state_labels
+from softmodels.runs.notes import contact_notes, left_out
 from softmodels.runs.state_values import FacingWalls, _near
 from softmodels.runs.table import PathTable, Row
 from tests.support import made_up as drawings, runs

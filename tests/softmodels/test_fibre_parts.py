@@ -20,7 +20,8 @@ from softmodels.mechanics.component import ComponentError
 from softmodels.pictures import curves, offscreen, report
 from softmodels.runs import notes
 from softmodels.runs.columns import term
-from softmodels.runs.notes import advice, headline
+from softmodels.runs.labels import headline
+from softmodels.runs.notes import advice
 from softmodels.runs.states import StoredStates
 from softmodels.runs.table import Row
 from tests.support import runs

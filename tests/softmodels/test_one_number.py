@@ -19,18 +19,8 @@ from softmodels.pictures import curves, offscreen, report, solid
 from softmodels.pictures.offscreen import look
 from softmodels.pictures.style import Pixels
 from softmodels.runs.columns import Variable, every_variable, term
-from softmodels.runs.notes import (
-    StateLabels,
-    events,
-    gained,
-    headline,
-    jumps_text,
-    overlap_of,
-    pressed,
-    risen,
-    state_labels,
-    unlocated,
-)
+from softmodels.runs.labels import StateLabels, headline, overlap_of, state_labels
+from softmodels.runs.notes import events, gained, jumps_text, pressed, risen, unlocated
 from softmodels.runs.states import StoredStates
 from softmodels.runs.table import PathTable, Row
 from tests.support import runs

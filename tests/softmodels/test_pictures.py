@@ -23,7 +23,7 @@ from softmodels.pictures.solid import cut_open
 from softmodels.pictures.style import Caption, Scale, png
 from softmodels.runs import grid
 from softmodels.runs.grid import CUT
-from softmodels.runs.notes import StateLabels
+from softmodels.runs.labels import StateLabels
 from softmodels.runs.states import States, StoredStates, round_steps
 from softmodels.runs.store import Results, ResultsError
 from softmodels.runs.table import PathTable

@@ -10,7 +10,7 @@ import time
 import pytest
 
 from softmodels.case.case import Case
-from softmodels.runs.notes import StateLabels
+from softmodels.runs.labels import StateLabels
 from softmodels.runs.outcomes import Progress
 from softmodels.runs.table import Row
 from tests.support import runs
