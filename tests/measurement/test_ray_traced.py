@@ -64,7 +64,7 @@ def test_large_lamps_and_a_depth_of_field_are_trusted_and_right(seed, lamp, shap
 def test_wide_dark_grid_lines_are_no_shadow(monkeypatch):
     """Before: "shadow and lit screen differ by no more than the shadow's own scatter"."""
     monkeypatch.setattr(runs, "SHARES", (0.0, 1.0))
-    case = small(0, "disc", "srgb")
+    case = runs.beside_case(0, (640, 420), 36e-6)
     case = dataclasses.replace(case, bench=dataclasses.replace(case.bench, ink=0.6, line=0.6e-3))
     setup, (outline,) = runs.measured(case, runs.pictures_of(case, 0))
     assert isinstance(outline, Outline), outline.reason
