@@ -216,12 +216,16 @@ def killed(
 
 
 def rows_in(kind: Kind, folder: Path) -> int:
-    """Count what is stored in a folder: lines of a table below its head, or files."""
+    """Count what is stored in a folder: lines, of a table below its head, or files."""
     files = sorted(folder.glob(kind.stored))
     try:
-        return len(files) if "*" in kind.stored else sum(len(file.read_text().splitlines()) - 1 for file in files)
+        return len(files) if "*" in kind.stored else sum(map(_lines_in, files))
     except OSError:  # replaced at this moment
         return 0
+
+
+def _lines_in(file: Path) -> int:
+    return max(len(file.read_text().splitlines()) - (file.suffix == ".csv"), 0)
 
 
 def whole(folder: Path) -> list[str]:
