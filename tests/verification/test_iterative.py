@@ -75,6 +75,7 @@ def test_section_past_its_limit(paths, figure):
     solvers, found = paths(SECTION, NeoHookean(20e3, 0.495), [0.1, 3.0])
     one, other = (next(point.state for point in points if point.limit) for points in found)
     figure(DIRECT, "pressure at a limit point by iterations", other.P / one.P - 1, 1e-8)
+    figure(DIRECT, "volume at a limit point by iterations", other.V / one.V - 1, 1e-8)
     one, other = (next(point for point in points if point.requested) for points in found)
     figure(DIRECT, "volume of a section by iterations", other.state.V / one.state.V - 1, 1e-8)
     apart = other.signature.lowest / one.signature.lowest - 1

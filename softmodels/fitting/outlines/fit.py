@@ -520,7 +520,7 @@ class _Task:
             kind = type(source.model.system.body.actuator).__name__
             told = source.model.told(source.own(first.fit.values))
             devices.append(f"{source.device or self.devices[0].name}: {kind}, {source.in_words}")
-            of_device = [*source.model.system.mesh_notes, *([told] if told else [])]
+            of_device = list(source.model.system.mesh_notes) + ([told] if told else [])
             notes += [f"{source.device}: {note}" if source.device else note for note in of_device]
             notes += [exact] if (exact := exact_lengths(source, first.fit)) else []
         report = FitReport(tuple(laws), comparison, self.curves, how, devices=tuple(devices))
@@ -542,7 +542,7 @@ class _Task:
         if first.spectrum is not None:
             material = remembering(material, first.spectrum, fit.values)
             of_loops = loop_objections(counted_from(self.curves, fit.values), material)
-            judgement = dataclasses.replace(judgement, objections=(*judgement.objections, *of_loops))
+            judgement = dataclasses.replace(judgement, objections=judgement.objections + tuple(of_loops))
         judgement = hold_against(material, stretch_of(strain), self.known, with_rubber(choice, fit, judgement))
         law = FittedLaw(choice, fit, material, judge(material, strain), {}, judgement, self._misfits(trial, fit))
         wanted = [p.name for p in fit.free if p.name in first.common and self.options.profiles]

@@ -162,7 +162,6 @@ shape = "plane"
 faces = "lip"
 at = ["0 mm", "0 mm", "0 mm"]
 along = [0, 0, 1]
-friction = 0.5
 seal = true
 [force.pull]
 face = "top"
