@@ -176,7 +176,7 @@ def test_bad_inputs_get_a_sentence_and_change_nothing(photographs):
             for text in ("nan cm", "5", "one cm", "\0", "5 mm kg")
         ),
         *(functools.partial(project.change_text, text) for text in CASES),
-        functools.partial(project.change, steps=steps_of(pressure_cm=(float("nan"),))),
+        lambda: project.change(steps=steps_of(pressure_cm=(float("nan"),))),
     ]
     for number, bad in enumerate(tries):
         with pytest.raises(ERRORS) as found:
