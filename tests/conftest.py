@@ -156,6 +156,8 @@ COSTS = Path(__file__).with_name("costs.csv")
 """CPU seconds of each file's default items and campaigns, started processes included; ``--write-costs`` renews the rows of the
 files it runs to the end."""
 KINDS = "default_s", "campaign_s"
+TYPICAL = 10.0
+"""CPU seconds that a file without a row is taken for."""
 
 
 def read_costs():
@@ -168,7 +170,7 @@ def pytest_collection_modifyitems(config, items):
     """Begin with the files that take longest, so that no core waits for one of them at the end."""
     costs, kind = read_costs(), KINDS[config.option.markexpr == "campaign"]
     order = {file: -float(row[kind]) for file, row in costs.items()}
-    items.sort(key=lambda item: order.get("/".join(item.path.parts[-2:]), 0.0))
+    items.sort(key=lambda item: order.get("/".join(item.path.parts[-2:]), -TYPICAL))
 
 
 def cpu_seconds():
