@@ -7,20 +7,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from softmodels.common.commands import bounded, stoppable
+from softmodels.common import commands
 
-with stoppable("geometries"):
+with commands.stoppable("geometries"):
     import click
 
-    from geometries import ACTUATORS
+    from geometries import ACTUATORS, meshing, registry
     from geometries.actuator import Actuator
-    from geometries.meshing import straight_text, summarize
-    from geometries.registry import device_options, device_told
-    from softmodels.common.commands import CommandGroup, run_command
+    from softmodels.common import commands
     from softmodels.common.errors import GeometryError, MeshingError
 
 
-class DeviceCommands(CommandGroup):
+class DeviceCommands(commands.CommandGroup):
     """A command for every registered device, made when it is asked for."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -59,7 +57,7 @@ def _command(name: str, device: type[Actuator]) -> click.Command:
 
     lines = [f"  python -m geometries {name} {options} -o {device.stem}.msh" for options in ("", *device.examples)]
     run.__doc__ = "\n".join([_summary(device), "", "\b", "Examples:", *(line.replace("  -o", " -o") for line in lines)])
-    made: Callable[..., Any] = device_options(device)(run)
+    made: Callable[..., Any] = registry.device_options(device)(run)
     made = click.option(
         "-o", "--output", type=click.Path(path_type=Path), help="Mesh file, ending in .msh.  [default: device and key]"
     )(made)
@@ -68,9 +66,9 @@ def _command(name: str, device: type[Actuator]) -> click.Command:
 
 def _make(device: type[Actuator], output: Path | None, values: dict[str, Any]) -> None:
     try:
-        actuator = device_told(device, values)
+        actuator = registry.device_told(device, values)
         path = actuator.write(output if output is not None else Path(f"{actuator.name}.msh"))
-        mesh = summarize(path)
+        mesh = meshing.summarize(path)
     except GeometryError as error:
         _stop(str(error), 2)
     except OSError as error:
@@ -83,7 +81,7 @@ def _make(device: type[Actuator], output: Path | None, values: dict[str, Any]) -
         f"smallest quality {mesh.quality:.2f}"
     )
     if mesh.straight:
-        click.echo(f"warning: {straight_text(mesh.straight)}")
+        click.echo(f"warning: {meshing.straight_text(mesh.straight)}")
     click.echo(
         f"Whole device: solid {actuator.solid_volume * 1e6:.4g} ml, cavity {actuator.cavity_volume * 1e6:.4g} ml; "
         f"the mesh models 1/{actuator.copies} of it; written to {path}"
@@ -91,9 +89,9 @@ def _make(device: type[Actuator], output: Path | None, values: dict[str, Any]) -
 
 
 def _stop(sentence: str, status: int) -> None:
-    click.echo(f"Error: {bounded(sentence)}", err=True)
+    click.echo(f"Error: {commands.bounded(sentence)}", err=True)
     sys.exit(status)
 
 
 if __name__ == "__main__":
-    run_command(main, "python -m geometries")
+    commands.run_command(main, "python -m geometries")

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from geometries.mesh_arrays import SIDES
+from geometries import mesh_arrays
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
 from softmodels.common.lazy import scipy
@@ -248,7 +248,13 @@ class Deck:
                         f"file {self.file}: the surface {scope.spelled[within[0][1]]} has the side {side!r} of tetrahedra; "
                         f"these have {', '.join(SIDE_NAMES)}"
                     )
-                sides = SIDES[[SIDE_NAMES.index(side)]] if solid and side else SIDES if solid else SIDES[:1]
+                sides = (
+                    mesh_arrays.SIDES[[SIDE_NAMES.index(side)]]
+                    if solid and side
+                    else mesh_arrays.SIDES
+                    if solid
+                    else mesh_arrays.SIDES[:1]
+                )
                 found += [[corners[i] for i in one] for one in sides if corners and not side.startswith("E")]
         return nodes, found
 

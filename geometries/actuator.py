@@ -20,11 +20,10 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike, NDArray
 
-from geometries.meshing import Mirror, named_groups
-from softmodels.common.errors import GeometryError, MeshingError, known_are
+from geometries import meshing
+from softmodels.common import errors, schema, units
+from softmodels.common.errors import GeometryError, MeshingError
 from softmodels.common.lazy import gmsh
-from softmodels.common.schema import LONGEST, ROUNDING, Length, Quantity, Several, about, choice_field, settle, shown
-from softmodels.common.units import brief
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Interface of a device for designs: parameters a mesh can follow, boundary motion, minimum dimensions.
@@ -300,7 +299,7 @@ class Actuator(Designable, Castable, Presented, ABC):
         return ()
 
     def __post_init__(self) -> None:
-        settle(self)
+        schema.settle(self)
         self.check()
 
     @classmethod
@@ -316,13 +315,15 @@ class Actuator(Designable, Castable, Presented, ABC):
             GeometryError: A name not in `variants`, or parameters that make no device.
         """
         if not isinstance(name, str) or name not in cls.variants:
-            raise GeometryError(f"{cls.__name__} has no variant {brief(name)}; {known_are(name, cls.variants)}")
+            raise GeometryError(
+                f"{cls.__name__} has no variant {units.brief(name)}; {errors.known_are(name, cls.variants)}"
+            )
         return cls(**{**cls.variants[name], **changes})
 
     def told(self, name: str) -> str:
         """Return a length with its value for a message, such as ``radius, 20 mm``; of one that is no field, with an article."""
-        what = name if name in about(self) else f"the {name.replace('_', ' ')}"
-        return f"{what}, {shown(getattr(self, name), 'm')}"
+        what = name if name in schema.about(self) else f"the {name.replace('_', ' ')}"
+        return f"{what}, {schema.shown(getattr(self, name), 'm')}"
 
     def given(self, *names: str) -> str:
         """Return parameters with their values for a message, such as ``radius 20 mm and wall 2 mm``."""
@@ -330,7 +331,7 @@ class Actuator(Designable, Castable, Presented, ABC):
 
     def reject(self, name: str, why: str) -> NoReturn:
         """Raise `GeometryError` on a parameter: its value, and why it makes no device."""
-        raise GeometryError(f"{name} is {shown(getattr(self, name), about(self)[name].kind.unit)}; {why}")
+        raise GeometryError(f"{name} is {schema.shown(getattr(self, name), schema.about(self)[name].kind.unit)}; {why}")
 
     def check_most(self, names: str, factor: float, of: str, why: str = "it must be at most {}") -> None:
         """Reject lengths above a factor times another one; the reason has ``{}`` for these."""
@@ -346,8 +347,8 @@ class Actuator(Designable, Castable, Presented, ABC):
 
     def check_size(self, name: str, *lengths: float, given: str = "") -> None:
         """Reject lengths of the whole device that suggest a wrong unit, such as of a parameter; ``given`` is said with it."""
-        if max(lengths) > LONGEST:
-            self.reject(name, f"{given}the device passes {LONGEST:g} m, which suggests a wrong unit")
+        if max(lengths) > schema.LONGEST:
+            self.reject(name, f"{given}the device passes {schema.LONGEST:g} m, which suggests a wrong unit")
 
     def check_least(self, names: str, share: float, of: str) -> None:
         """Reject lengths below a share of another one, but 0."""
@@ -363,7 +364,8 @@ class Actuator(Designable, Castable, Presented, ABC):
         """
         if (expected := self.expected_cells) > self.most_cells:
             raise GeometryError(
-                f"cell_size is {shown(getattr(self, 'cell_size', 0.0), 'm')}{more}; about {expected:.2g} cells are expected, "
+                f"cell_size is {schema.shown(getattr(self, 'cell_size', 0.0), 'm')}{more}; about {expected:.2g} "
+                "cells are expected, "
                 f"but at most {self.most_cells:,} are allowed; use larger cells"
             )
 
@@ -414,7 +416,7 @@ class Actuator(Designable, Castable, Presented, ABC):
         """Supports in addition to the symmetry on `cut_planes`, which prevent rigid motions."""
 
     @property
-    def mirrors(self) -> tuple[Mirror, ...]:
+    def mirrors(self) -> tuple[meshing.Mirror, ...]:
         """Planes on which the mesh of what `build` makes is mirrored, one after the other; none by default."""
         return ()
 
@@ -553,9 +555,8 @@ class Actuator(Designable, Castable, Presented, ABC):
             MeshingStopped: ``stopped`` was true.
             OSError: The folder is missing or cannot be written.
         """
-        from geometries.meshing import write_mesh
 
-        return write_mesh(self, Path(path), stopped)
+        return meshing.write_mesh(self, Path(path), stopped)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -646,12 +647,12 @@ def changed[Device: Actuator](device: Device, values: Mapping[str, float]) -> De
 
 def _places(device: Actuator) -> Iterator[tuple[str, str, int | None]]:
     """Name, field and place in the field's list of every continuous parameter."""
-    for field, known in about(device).items():
+    for field, known in schema.about(device).items():
         if not known.shape or known.idle(device):
             continue
-        if isinstance(known.kind, Quantity):
+        if isinstance(known.kind, schema.Quantity):
             yield field, field, None
-        elif isinstance(known.kind, Several) and isinstance(known.kind.of, Quantity):
+        elif isinstance(known.kind, schema.Several) and isinstance(known.kind.of, schema.Quantity):
             for place in range(len(getattr(device, field))):
                 yield f"{field}[{place + 1}]", field, place
 
@@ -672,8 +673,8 @@ def is_length(device: Actuator, name: str) -> bool:
     """Return whether a continuous parameter is a length in m, and not an angle or a pure number; GeometryError as
     `parameter`."""
     field, place = _place(device, name)
-    kind = about(device)[field].kind
-    return isinstance(kind if place is None or not isinstance(kind, Several) else kind.of, Length)
+    kind = schema.about(device)[field].kind
+    return isinstance(kind if place is None or not isinstance(kind, schema.Several) else kind.of, schema.Length)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -734,7 +735,7 @@ class Wedged(Sectioned):
 
 def part_field(device: str) -> Any:
     """Return a dataclass field: how much of a device is modelled; the text is the device in a word."""
-    return choice_field("half", ("half", "full"), f"half up to the mirror plane, or the full {device}")
+    return schema.choice_field("half", ("half", "full"), f"half up to the mirror plane, or the full {device}")
 
 
 class Halved(Actuator):
@@ -778,8 +779,8 @@ class MirroredHalf(Halved):
         return "--part full"
 
     @property
-    def mirrors(self) -> tuple[Mirror, ...]:
-        return (Mirror("plane0", 1, {}),) if self.part == "full" else ()
+    def mirrors(self) -> tuple[meshing.Mirror, ...]:
+        return (meshing.Mirror("plane0", 1, {}),) if self.part == "full" else ()
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -788,7 +789,7 @@ class MirroredHalf(Halved):
 
 def tip_field(free: str = "tip", held: str = "its face") -> Any:
     """Return a dataclass field for the tip; the texts say what is free to move and the support."""
-    return choice_field("free", ("free", "held"), f"{free} free to move, or {held} held along z (blocked force)")
+    return schema.choice_field("free", ("free", "held"), f"{free} free to move, or {held} held along z (blocked force)")
 
 
 class HeldTip(Actuator):
@@ -842,14 +843,14 @@ class Finger(MirroredHalf, HeldTip):
     def check_walls(self, names: Iterable[str], one: str, count: str) -> None:
         """Reject dimensions below `least_wall`, and a finger of impossible length: of one part's, times a number of parts."""
         for name in names:
-            if getattr(self, name) < self.least_wall * (1 - ROUNDING):
-                length, least = (shown(value, "m") for value in (getattr(self, name), self.least_wall))
+            if getattr(self, name) < self.least_wall * (1 - schema.ROUNDING):
+                length, least = (schema.shown(value, "m") for value in (getattr(self, name), self.least_wall))
                 raise GeometryError(f"{name} is {length}, but least_wall requires {least}")
-        if self.length > 0.1 * LONGEST:
+        if self.length > 0.1 * schema.LONGEST:
             self.reject(
                 one,
-                f"with {getattr(self, count)} {count} the device is {shown(self.length, 'm')} long, and above "
-                f"{0.1 * LONGEST:g} m this suggests a wrong unit",
+                f"with {getattr(self, count)} {count} the device is {schema.shown(self.length, 'm')} long, and above "
+                f"{0.1 * schema.LONGEST:g} m this suggests a wrong unit",
             )
 
     def check_cells(self, solid: Iterable[str]) -> None:
@@ -857,7 +858,7 @@ class Finger(MirroredHalf, HeldTip):
         thinnest = min(solid, key=lambda name: float(getattr(self, name)))
         limit = COARSEST * getattr(self, thinnest)
         if self.cell_size > limit:
-            self.reject("cell_size", f"with {self.given(thinnest)} it must be at most {shown(limit, 'm')}")
+            self.reject("cell_size", f"with {self.given(thinnest)} it must be at most {schema.shown(limit, 'm')}")
         self.check_count()
 
 
@@ -976,7 +977,7 @@ def check_closed(actuator: Actuator, openings: Iterable[Opening], holds: Iterabl
 def find_openings(actuator: Actuator) -> tuple[Opening, ...]:
     """Return where the cavities of the mesh in the current Gmsh model end, but on cut planes and on the axis of a section."""
     d = actuator.dimension
-    groups = named_groups()
+    groups = meshing.named_groups()
     walls = {name: (dimension, tag) for dimension, tag, name in groups if dimension == d - 1}
     members: dict[str, Ints] = {}
 

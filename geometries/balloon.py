@@ -28,12 +28,12 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar, NamedTuple
 
-from geometries.actuator import Hold, Pour, Recipe, Vector, in_halves
-from geometries.registry import register_device
-from geometries.revolved import Panel, Place, Revolved, Side, section_field, through_field, wedge_field
+from geometries import actuator, registry, revolved
+from geometries.actuator import Hold, Vector
+from geometries.revolved import Revolved
+from softmodels.common import schema
 from softmodels.common.errors import GeometryError
 from softmodels.common.lazy import scipy
-from softmodels.common.schema import choice_field, length_field, shown
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The half section of a balloon: corners where neck, rounding, shell and rod meet, and the panels between them.
@@ -43,10 +43,10 @@ class Rounding(NamedTuple):
     """The arc that rounds the corner between neck and balloon: its centre, where it leaves the neck, its middle, where it
     meets the balloon, and the angle of the outer spheroid there, from the equator upwards in rad."""
 
-    centre: Place
-    foot: Place
-    middle: Place
-    head: Place
+    centre: revolved.Place
+    foot: revolved.Place
+    middle: revolved.Place
+    head: revolved.Place
     angle: float
 
 
@@ -61,10 +61,10 @@ class Meridian:
     """Dimensions of a balloon that follow from its parameters, in m: half axes of the spheroids along radius and height, the
     height of their centre above z = 0, and inner and outer radius of the neck, zeros without one."""
 
-    inner: Place
-    outer: Place
+    inner: revolved.Place
+    outer: revolved.Place
     height: float
-    neck: Place
+    neck: revolved.Place
 
     @classmethod
     def of(cls, balloon: Balloon) -> Meridian:
@@ -76,14 +76,14 @@ class Meridian:
         below = (c + t) * math.sqrt(1.0 - (neck[1] / (a + t)) ** 2)
         return cls((a, c), (a + t, c + t), balloon.neck_length + below, neck)
 
-    def at(self, axes: Place, angle: float) -> Place:
+    def at(self, axes: revolved.Place, angle: float) -> revolved.Place:
         """Return the place on a spheroid at an angle from the equator upwards; exactly on the axis at the poles."""
         if abs(abs(angle) - 0.5 * math.pi) < 1e-12:
             return (0.0, self.height + math.copysign(axes[1], angle))
         return (axes[0] * math.cos(angle), self.height + axes[1] * math.sin(angle))
 
     @property
-    def joint(self) -> Place:
+    def joint(self) -> revolved.Place:
         """Point at which the neck's inside meets the inner spheroid."""
         return (self.neck[0], self.at(self.inner, self.joint_angle)[1])
 
@@ -96,7 +96,7 @@ class Meridian:
         """Return the arc of a radius that touches the neck's outside and the outer spheroid."""
         A, C = self.outer
 
-        def centre(angle: float) -> Place:
+        def centre(angle: float) -> revolved.Place:
             r, z = self.at(self.outer, angle)
             across = math.hypot(math.cos(angle) / A, math.sin(angle) / C)
             return (r + fillet * math.cos(angle) / A / across, z + fillet * math.sin(angle) / C / across)
@@ -119,16 +119,16 @@ class _Maker:
         self.balloon, self.meridian = balloon, balloon.meridian
         self.through = balloon.rows
         self.inner_angle = self.outer_angle = -0.5 * math.pi
-        self.begin: tuple[Place, Place] = (self.meridian.at(self.meridian.inner, self.inner_angle),
+        self.begin: tuple[revolved.Place, revolved.Place] = (self.meridian.at(self.meridian.inner, self.inner_angle),
                                            self.meridian.at(self.meridian.outer, self.outer_angle))  # fmt: skip
 
-    def _panel(self, left: Side, right: Side, ends: tuple[str, str] = ("", "")) -> Panel:
+    def _panel(self, left: revolved.Side, right: revolved.Side, ends: tuple[str, str] = ("", "")) -> revolved.Panel:
         """Between a side on the air's side and one outside, both upwards; roles of the sides across it, lower and upper."""
-        low = Side(left.start, right.start, self.through, ends[0])
-        high = Side(right.end, left.end, self.through, ends[1])
-        return Panel("solid", (low, right, high, left.reversed))
+        low = revolved.Side(left.start, right.start, self.through, ends[0])
+        high = revolved.Side(right.end, left.end, self.through, ends[1])
+        return revolved.Panel("solid", (low, right, high, left.reversed))
 
-    def neck(self) -> list[Panel]:
+    def neck(self) -> list[revolved.Panel]:
         """From z = 0 to the shell; nothing without a neck."""
         balloon, meridian = self.balloon, self.meridian
         if not balloon.neck_radius:
@@ -139,7 +139,8 @@ class _Maker:
             corner = (outside, balloon.neck_length)
             cells = self.balloon.along(balloon.neck_length)
             self.begin = (joint, corner)
-            return [self._panel(Side((inside, 0.0), joint, cells, "cavity"), Side((outside, 0.0), corner, cells, "neck"),
+            return [self._panel(revolved.Side((inside, 0.0), joint, cells, "cavity"), revolved.Side((outside, 0.0),
+            corner, cells, "neck"),
                                 ("support", ""))]  # fmt: skip
         arc = meridian.rounding(balloon.fillet)
         cells, level = self.balloon.along(arc.foot[1]), (inside, arc.foot[1])
@@ -148,18 +149,22 @@ class _Maker:
         self.begin = (meridian.at(meridian.inner, self.inner_angle), arc.head)
         axes, few = (balloon.fillet, balloon.fillet), max(2, self.balloon.along(balloon.fillet))
         return [
-            self._panel(Side((inside, 0.0), level, cells, "cavity"), Side((outside, 0.0), arc.foot, cells, "neck"),
+            self._panel(revolved.Side((inside, 0.0), level, cells, "cavity"), revolved.Side((outside, 0.0), arc.foot,
+            cells, "neck"),
                         ("support", "")),
-            self._panel(Side(level, joint, few, "cavity"), Side(arc.foot, arc.middle, few, "outer", arc.centre, axes)),
+            self._panel(revolved.Side(level, joint, few, "cavity"), revolved.Side(arc.foot, arc.middle, few, "outer",
+            arc.centre, axes)),
             self._panel(self._arc(joint, self.begin[0], few, "cavity"),
-                        Side(arc.middle, arc.head, few, "outer", arc.centre, axes)),
+                        revolved.Side(arc.middle, arc.head, few, "outer", arc.centre, axes)),
         ]  # fmt: skip
 
-    def _arc(self, start: Place, end: Place, cells: int, role: str, outer: bool = False) -> Side:
+    def _arc(
+        self, start: revolved.Place, end: revolved.Place, cells: int, role: str, outer: bool = False
+    ) -> revolved.Side:
         axes = self.meridian.outer if outer else self.meridian.inner
-        return Side(start, end, cells, role, (0.0, self.meridian.height), axes)
+        return revolved.Side(start, end, cells, role, (0.0, self.meridian.height), axes)
 
-    def shell(self) -> list[Panel]:
+    def shell(self) -> list[revolved.Panel]:
         """From the neck, or the lower pole, to the far pole."""
         meridian, found = self.meridian, []
         stops = [0.0, *([self.rod_angle] if self.balloon.rod_radius else []), 0.5 * math.pi]
@@ -184,7 +189,7 @@ class _Maker:
         return math.acos(self.balloon.rod_radius / self.meridian.inner[0])
 
     @property
-    def rod_top(self) -> Place:
+    def rod_top(self) -> revolved.Place:
         """Point at which the rod's side meets the shell."""
         return (self.balloon.rod_radius, self.meridian.at(self.meridian.inner, self.rod_angle)[1])
 
@@ -193,20 +198,21 @@ class _Maker:
         """Cells from the axis to the rod's side."""
         return max(2, self.balloon.along(self.balloon.rod_radius))
 
-    def rod(self) -> list[Panel]:
+    def rod(self) -> list[revolved.Panel]:
         """Along the axis, from z = 0 to the shell; nothing without one."""
         if not self.balloon.rod_radius:
             return []
         radius, top = self.balloon.rod_radius, self.rod_top
         pole = self.meridian.at(self.meridian.inner, 0.5 * math.pi)
         along = self.balloon.along(top[1])
-        return [Panel("rod", (
-            Side((0.0, 0.0), (radius, 0.0), self.rod_cells, "rod_end"), Side((radius, 0.0), top, along, "cavity"),
-            self._arc(top, pole, self.rod_cells, ""), Side(pole, (0.0, 0.0), along, "axis"),
+        return [revolved.Panel("rod", (
+            revolved.Side((0.0, 0.0), (radius, 0.0), self.rod_cells, "rod_end"), revolved.Side((radius, 0.0), top,
+            along, "cavity"),
+            self._arc(top, pole, self.rod_cells, ""), revolved.Side(pole, (0.0, 0.0), along, "axis"),
         ))]  # fmt: skip
 
 
-@register_device
+@registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Balloon(Revolved):
     """A hollow sphere or spheroid with or without a neck, as an axisymmetric profile or a wedge.
@@ -216,31 +222,33 @@ class Balloon(Revolved):
     "support" (the neck's end, z = 0) and "rod_end". Without a neck the point "support" is its lower pole, held along z.
     """
 
-    radius: float = length_field(0.015, "inner radius at the equator")
-    polar_radius: float = length_field(0.0, "inner radius along the axis; 0 makes a sphere", zero=True)
-    wall: float = length_field(0.001, "thickness of the wall")
-    neck_radius: float = length_field(0.004, "inner radius of the neck; 0 for a closed balloon without one", zero=True)
-    neck_length: float = length_field(0.005, "length of the neck below the balloon", unless=("neck_radius", 0.0))
-    neck_wall: float = length_field(
+    radius: float = schema.length_field(0.015, "inner radius at the equator")
+    polar_radius: float = schema.length_field(0.0, "inner radius along the axis; 0 makes a sphere", zero=True)
+    wall: float = schema.length_field(0.001, "thickness of the wall")
+    neck_radius: float = schema.length_field(
+        0.004, "inner radius of the neck; 0 for a closed balloon without one", zero=True
+    )
+    neck_length: float = schema.length_field(0.005, "length of the neck below the balloon", unless=("neck_radius", 0.0))
+    neck_wall: float = schema.length_field(
         0.0, "thickness of the neck's wall; 0 for that of the balloon", zero=True, unless=("neck_radius", 0.0)
     )
-    fillet: float = length_field(
+    fillet: float = schema.length_field(
         0.001, "radius of the rounding outside between neck and balloon; 0 for none", zero=True,
         unless=("neck_radius", 0.0),
     )  # fmt: skip
-    held: str = choice_field(
+    held: str = schema.choice_field(
         "end", ("end", "outside"), "the neck's end is held, or also its outside, as tied to a tube"
     )
-    rod_radius: float = length_field(
+    rod_radius: float = schema.length_field(
         0.0,
         "radius of a rod along the axis, bonded to the far pole; 0 for none",
         zero=True,
         unless=("neck_radius", 0.0),
     )
-    cell_size: float = length_field(0.001, "edge length of the cells along the wall", shape=False)
-    through: float = through_field()
-    section: str = section_field()
-    angle: float = wedge_field()
+    cell_size: float = schema.length_field(0.001, "edge length of the cells along the wall", shape=False)
+    through: float = revolved.through_field()
+    section: str = revolved.section_field()
+    angle: float = revolved.wedge_field()
 
     stem: ClassVar = "balloon"
     variable: ClassVar = ("wall",)
@@ -274,12 +282,12 @@ class Balloon(Revolved):
         if self.neck_radius + (self.neck_wall or self.wall) > outside or self.neck_radius > inside:
             self.reject(
                 "neck_radius",
-                f"with its wall it must be at most {WIDEST:g} of the balloon's, {shown(inside, 'm')} inside and "
-                f"{shown(outside, 'm')} outside",
+                f"with its wall it must be at most {WIDEST:g} of the balloon's, {schema.shown(inside, 'm')} inside and "
+                f"{schema.shown(outside, 'm')} outside",
             )
         self.check_most("neck_length", 20.0, "radius", "more than {}, suggests a wrong unit")
         if self.meridian.joint[1] <= 0.1 * self.neck_length:
-            wall = shown(self.neck_wall or self.wall, "m")
+            wall = schema.shown(self.neck_wall or self.wall, "m")
             raise GeometryError(f"neck_wall is {wall}; so thick a wall leaves no {self.told('neck_length')}, inside")
         if self.fillet:
             self._check_fillet()
@@ -290,11 +298,12 @@ class Balloon(Revolved):
         level, joint = self.meridian.rounding(self.fillet).foot[1], self.meridian.joint[1]
         least = 0.1 * self.neck_length
         if level < least or level > joint - 1e-3 * self.wall:
-            begin = f"{shown(abs(level), 'm')}{' below the end' if level < 0 else ''}"
+            begin = f"{schema.shown(abs(level), 'm')}{' below the end' if level < 0 else ''}"
             self.reject(
                 "fillet",
-                f"with {self.given('neck_length')} it begins at the height {begin}: it must leave {shown(least, 'm')} of the "
-                f"neck and begin below where the neck opens inside, {shown(joint, 'm')}",
+                f"with {self.given('neck_length')} it begins at the height {begin}: it must leave "
+                f"{schema.shown(least, 'm')} of the "
+                f"neck and begin below where the neck opens inside, {schema.shown(joint, 'm')}",
             )
 
     def _check_closed(self) -> None:
@@ -311,7 +320,7 @@ class Balloon(Revolved):
         return Meridian.of(self)
 
     @property
-    def panels(self) -> tuple[Panel, ...]:
+    def panels(self) -> tuple[revolved.Panel, ...]:
         maker = _Maker(self)
         return (*maker.neck(), *maker.shell(), *maker.rod())
 
@@ -350,15 +359,15 @@ class Balloon(Revolved):
         return (Hold("support", None), *outside, *rod, *self.axis_holds)
 
     @property
-    def recipe(self) -> Recipe:
-        shells = in_halves(
+    def recipe(self) -> actuator.Recipe:
+        shells = actuator.in_halves(
             self.lift, self.meridian.height,
             "The halves meet at the equator, where each is as wide as it gets, so that neither holds its core.",
         )  # fmt: skip
         pours = tuple(dataclasses.replace(pour, squeezed=True) for pour in shells.pours)
         rod = "Bond the rod to the pole of the upper half before the halves are bonded."
-        whole = Recipe(
-            pours=(Pour(name="balloon", up=self.lift, level=0.0, sideways=(0.0, 1.0, 0.0), squeezed=True),),
+        whole = actuator.Recipe(
+            pours=(actuator.Pour(name="balloon", up=self.lift, level=0.0, sideways=(0.0, 1.0, 0.0), squeezed=True),),
             why="The outside opens in two halves; the core stands on the lid by the neck and leaves through it once molten or "
             "dissolved.",
         )  # fmt: skip
@@ -370,7 +379,7 @@ class Balloon(Revolved):
         )
 
     @property
-    def anchors(self) -> Mapping[str, Place]:
+    def anchors(self) -> Mapping[str, revolved.Place]:
         return {} if self.neck_radius else {"support": (0.0, 0.0)}
 
     @property

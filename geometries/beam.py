@@ -9,12 +9,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from geometries.actuator import CutPlane, Hold, MirroredHalf, Pour, Recipe, Vector
-from geometries.meshing import add_block
-from geometries.registry import register_device
+from geometries import actuator, meshing, registry
+from geometries.actuator import CutPlane, Hold, Vector
+from softmodels.common import schema
 from softmodels.common.errors import GeometryError
 from softmodels.common.lazy import gmsh
-from softmodels.common.schema import choice_field, length_field
 
 NEAR = 1e-9
 """Tolerance of equal positions, in lengths of the beam."""
@@ -22,9 +21,9 @@ GMSH_BOX = 1e-6
 """By how much Gmsh's boxes may be wider, in m."""
 
 
-@register_device
+@registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Beam(MirroredHalf):
+class Beam(actuator.MirroredHalf):
     """A beam of rectangular section with no cavity, along x, clamped at x = 0; z is up.
 
     Physical groups: volume "solid"; surfaces "support" (the clamped end), "tip" (the other end), "top", "bottom", "side", and
@@ -32,18 +31,18 @@ class Beam(MirroredHalf):
     loads only along x, a half those along x and z.
     """
 
-    length: float = length_field(0.060, "length, along x")
-    width: float = length_field(0.010, "width, along y")
-    thickness: float = length_field(0.005, "thickness, along z")
-    clamp: str = choice_field(
+    length: float = schema.length_field(0.060, "length, along x")
+    width: float = schema.length_field(0.010, "width, along y")
+    thickness: float = schema.length_field(0.005, "thickness, along z")
+    clamp: str = schema.choice_field(
         "held", ("held", "slip"), "clamped end held, or held only along x and at its lower edge, so that it may thin"
     )
-    part: str = choice_field(
+    part: str = schema.choice_field(
         "half",
         ("quarter", "half", "full"),
         "half up to the mirror plane y = 0, a quarter also up to z = 0, or all of it",
     )
-    cell_size: float = length_field(0.0025, "longest edge of the cells along the axes", shape=False)
+    cell_size: float = schema.length_field(0.0025, "longest edge of the cells along the axes", shape=False)
 
     stem: ClassVar = "beam"
     faces: ClassVar = ("tip", "top", "bottom", "side")
@@ -123,13 +122,13 @@ class Beam(MirroredHalf):
         return self.length * self.width * self.thickness
 
     @property
-    def recipe(self) -> Recipe:
-        beam = Pour(name="beam", up=(0.0, 0.0, -1.0), level=-0.5 * self.thickness, lid=False)
-        return Recipe(pours=(beam,), why="A solid bar is cast in an open tray and scraped flat.")
+    def recipe(self) -> actuator.Recipe:
+        beam = actuator.Pour(name="beam", up=(0.0, 0.0, -1.0), level=-0.5 * self.thickness, lid=False)
+        return actuator.Recipe(pours=(beam,), why="A solid bar is cast in an open tray and scraped flat.")
 
     def build_whole(self) -> None:
         half, width = 0.5 * self.thickness, 0.5 * self.width
-        add_block((0.0, -width, -half), (self.length, width, half))
+        meshing.add_block((0.0, -width, -half), (self.length, width, half))
         gmsh.model.occ.synchronize()
 
     def build(self) -> None:

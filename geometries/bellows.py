@@ -31,11 +31,11 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import ClassVar, NamedTuple
 
-from geometries.actuator import HeldTip, Hold, Pour, Recipe, Vector, tip_field
-from geometries.registry import register_device
-from geometries.revolved import Panel, Place, Revolved, Side, rectangle, section_field, through_field, wedge_field
+from geometries import actuator, registry, revolved
+from geometries.actuator import Hold, Vector
+from geometries.revolved import Revolved
+from softmodels.common import schema
 from softmodels.common.errors import GeometryError
-from softmodels.common.schema import ROUNDING, SHORTEST, choice_field, length_field, shown
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The half section of a bellows: cross-sections of the wall one after the other, and panels between neighbours.
@@ -53,36 +53,36 @@ class Cut(NamedTuple):
     """A cross-section of the wall, from the air to outside, and the centre of the arcs that lead to it from the one before;
     None where lines do."""
 
-    inside: Place
-    outside: Place
-    centre: Place | None
+    inside: revolved.Place
+    outside: revolved.Place
+    centre: revolved.Place | None
 
 
-@register_device
+@registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Bellows(HeldTip, Revolved):
+class Bellows(actuator.HeldTip, Revolved):
     """A round bellows between two plates, as an axisymmetric profile or a wedge.
 
     Lengths are in m, angles in degrees. Physical groups: solid "solid", faces "cavity", "outer" (the wall's outside),
     "support" (the lower plate's underside, z = 0, held) and "tip" (the upper plate's top).
     """
 
-    convolutions: int = choice_field(3, tuple(range(1, 31)), "number of convolutions")
-    inner_radius: float = length_field(0.008, "inner radius at the roots")
-    outer_radius: float = length_field(0.016, "outer radius at the crests")
-    wall: float = length_field(0.0015, "thickness of the wall")
-    pitch: float = length_field(0.008, "height of a convolution")
-    rounding: float = length_field(
+    convolutions: int = schema.choice_field(3, tuple(range(1, 31)), "number of convolutions")
+    inner_radius: float = schema.length_field(0.008, "inner radius at the roots")
+    outer_radius: float = schema.length_field(0.016, "outer radius at the crests")
+    wall: float = schema.length_field(0.0015, "thickness of the wall")
+    pitch: float = schema.length_field(0.008, "height of a convolution")
+    rounding: float = schema.length_field(
         0.002, "radius of the roots' and crests' rounding, in the middle of the wall; 0 for half circles", zero=True
     )
-    cap: float = length_field(0.004, "thickness of the plates at both ends")
-    tip: str = tip_field("upper plate", "its top")
-    cell_size: float = length_field(
+    cap: float = schema.length_field(0.004, "thickness of the plates at both ends")
+    tip: str = actuator.tip_field("upper plate", "its top")
+    cell_size: float = schema.length_field(
         0.0008, "edge length of the cells along the wall; smaller ones where it is thin", shape=False
     )
-    through: float = through_field()
-    section: str = section_field()
-    angle: float = wedge_field()
+    through: float = revolved.through_field()
+    section: str = revolved.section_field()
+    angle: float = revolved.wedge_field()
 
     stem: ClassVar = "bellows"
     variable: ClassVar = ("wall",)
@@ -113,19 +113,22 @@ class Bellows(HeldTip, Revolved):
 
     def _check_rounding(self) -> None:
         def reject(why: str) -> None:
-            raise GeometryError(f"rounding is {shown(self.bend, 'm')}; {why}")
+            raise GeometryError(f"rounding is {schema.shown(self.bend, 'm')}; {why}")
 
-        least, quarter = 0.5 * self.wall + SHORTEST, 0.25 * self.pitch
-        if self.bend < least * (1 - ROUNDING):
-            reject(f"in the middle of a wall of {shown(self.wall, 'm')} it must be at least {shown(least, 'm')}")
-        if self.bend > quarter * (1 + ROUNDING):
+        least, quarter = 0.5 * self.wall + schema.SHORTEST, 0.25 * self.pitch
+        if self.bend < least * (1 - schema.ROUNDING):
             reject(
-                f"it must be at most a quarter of pitch, {shown(quarter, 'm')}, with which its ends are half circles"
+                f"in the middle of a wall of {schema.shown(self.wall, 'm')} it must be at least {schema.shown(least, 'm')}"
             )
-        if 2.0 * self.bend > self.depth * (1 + ROUNDING):
+        if self.bend > quarter * (1 + schema.ROUNDING):
             reject(
-                f"root and crest together need {shown(2 * self.bend, 'm')} between inner_radius and outer_radius, less the "
-                f"wall, and {shown(max(self.depth, 0.0), 'm')} are there"
+                f"it must be at most a quarter of pitch, {schema.shown(quarter, 'm')}, with which its ends are half circles"
+            )
+        if 2.0 * self.bend > self.depth * (1 + schema.ROUNDING):
+            reject(
+                f"root and crest together need {schema.shown(2 * self.bend, 'm')} between inner_radius and "
+                "outer_radius, less the "
+                f"wall, and {schema.shown(max(self.depth, 0.0), 'm')} are there"
             )
 
     @property
@@ -141,7 +144,7 @@ class Bellows(HeldTip, Revolved):
         root, crest = self.inner_radius + half, self.outer_radius - half
         found: list[Cut] = []
 
-        def add(r: float, z: float, across: Place, centre: Place | None = None) -> None:
+        def add(r: float, z: float, across: revolved.Place, centre: revolved.Place | None = None) -> None:
             """A cross-section around (r, z); ``across`` is the unit vector from the air outwards."""
             (x, y) = across
             cut = Cut((r - half * x, z - half * y), (r + half * x, z + half * y), centre)
@@ -166,15 +169,15 @@ class Bellows(HeldTip, Revolved):
         return found
 
     @property
-    def panels(self) -> tuple[Panel, ...]:
+    def panels(self) -> tuple[revolved.Panel, ...]:
         through, wall, panels = self.rows, self.cuts, []
         longest = min(self.cell_size, BENDING * math.sqrt(self.bend * self.wall))
         for a, b in itertools.pairwise(wall):
             length = 0.5 * math.pi * self.bend if b.centre else math.dist(a.inside, b.inside)
-            count = max(3 if b.centre else 1, math.ceil(length / longest - ROUNDING))
-            low, high = Side(a.inside, a.outside, through), Side(b.outside, b.inside, through)
+            count = max(3 if b.centre else 1, math.ceil(length / longest - schema.ROUNDING))
+            low, high = revolved.Side(a.inside, a.outside, through), revolved.Side(b.outside, b.inside, through)
             right, left = (
-                Side(
+                revolved.Side(
                     start,
                     end,
                     count,
@@ -184,10 +187,10 @@ class Bellows(HeldTip, Revolved):
                 )
                 for start, end, role in ((a.outside, b.outside, "outer"), (b.inside, a.inside, "cavity"))
             )
-            panels.append(Panel("solid", (low, right, high, left)))
+            panels.append(revolved.Panel("solid", (low, right, high, left)))
         return (*self._plate(wall[0], 0.0), *panels, *self._plate(wall[-1], self.height))
 
-    def _plate(self, cut: Cut, level: float) -> Iterator[Panel]:
+    def _plate(self, cut: Cut, level: float) -> Iterator[revolved.Panel]:
         """Yield a plate between a height outside and the wall's end: within the wall, and below or above it."""
         (inner, floor), (outer, _) = cut.inside, cut.outside
         upper, low, high = level > floor, min(level, floor), max(level, floor)
@@ -197,7 +200,7 @@ class Bellows(HeldTip, Revolved):
             (0.0, inner, across, "cavity", ("axis", "")), (inner, outer, through, "", ("", "outer")),
         ):  # fmt: skip
             below, above = (inside, face) if upper else (face, inside)
-            yield rectangle((left, low), (right, high), (count, up), (below, ends[1], above, ends[0]))
+            yield revolved.rectangle((left, low), (right, high), (count, up), (below, ends[1], above, ends[0]))
 
     @property
     def thinnest(self) -> float:
@@ -218,10 +221,12 @@ class Bellows(HeldTip, Revolved):
         return self.rounding or 0.25 * self.pitch
 
     @property
-    def recipe(self) -> Recipe:
-        wall = Pour(name="wall", up=self.lift, level=self.cap, sideways=(0.0, 1.0, 0.0), lost=True, gate=self.height)
-        plate = Pour(name="plate", up=(0.0, 0.0, -1.0), level=-self.cap, lid=False)
-        return Recipe(
+    def recipe(self) -> actuator.Recipe:
+        wall = actuator.Pour(
+            name="wall", up=self.lift, level=self.cap, sideways=(0.0, 1.0, 0.0), lost=True, gate=self.height
+        )
+        plate = actuator.Pour(name="plate", up=(0.0, 0.0, -1.0), level=-self.cap, lid=False)
+        return actuator.Recipe(
             pours=(wall, plate),
             why="The outside opens in two halves. The core is wider than the end it would leave by, so that it is dissolved or "
             "melted out; then the lower plate is bonded on.",

@@ -23,11 +23,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from geometries.actuator import Finger, Pour, Recipe, Vector, part_field, tip_field
-from geometries.meshing import MM, Entity, add_block, bond, face_block, one_solid, set_sizes
-from geometries.registry import register_device
+from geometries import actuator, meshing, registry
+from geometries.actuator import Vector
+from softmodels.common import schema
 from softmodels.common.lazy import gmsh
-from softmodels.common.schema import ROUNDING, choice_field, length_field, shown
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The wavy wall of a bending bellows: arcs that join smoothly, of the same thickness everywhere, and its volumes.
@@ -70,14 +69,14 @@ class Arc:
 # A bending bellows in Gmsh: a quarter turn of its wall on half of its base, with a name for every face.
 
 
-def _base(bellows: BendingBellows, side: float) -> Entity:
+def _base(bellows: BendingBellows, side: float) -> meshing.Entity:
     half = 0.5 * bellows.base
-    return add_block((0.0, side, -half), (bellows.length, bellows.half_width, half))
+    return meshing.add_block((0.0, side, -half), (bellows.length, bellows.half_width, half))
 
 
-def _wall(bellows: BendingBellows, whole: bool = False) -> Entity:
+def _wall(bellows: BendingBellows, whole: bool = False) -> meshing.Entity:
     """Return the wall and the end plates: their section in the mirror plane, turned down to the base on one side or on both."""
-    occ, axis = gmsh.model.occ, 0.5 * MM * bellows.base
+    occ, axis = gmsh.model.occ, 0.5 * meshing.MM * bellows.base
     first, last, outside = bellows.root, bellows.length - bellows.cap, bellows.crest
     lines = _Outline(bellows)
     lines.to(0.0, 0.0)
@@ -113,7 +112,7 @@ class _Outline:
         self.curves: list[int] = []
 
     def _point(self, x: float, r: float) -> int:
-        return int(gmsh.model.occ.addPoint(MM * x, 0.0, MM * (self.axis + r)))
+        return int(gmsh.model.occ.addPoint(meshing.MM * x, 0.0, meshing.MM * (self.axis + r)))
 
     def to(self, x: float, r: float) -> None:
         """A straight piece to a point, unless the line is there already."""
@@ -142,7 +141,7 @@ class _Outline:
 
 def _role(bellows: BendingBellows, tag: int) -> str:
     """Return the role of a face: flat ones by the block around them, curved ones by how far from the axis they are."""
-    low, high = face_block(tag)
+    low, high = meshing.face_block(tag)
     near, half = 1e-6, 0.5 * bellows.base
     planes = (("support", 0, 0.0), ("tip", 0, bellows.length), ("plane0", 1, 0.0), ("bottom", 2, -half))
     for role, axis, place in planes:
@@ -158,15 +157,15 @@ def _role(bellows: BendingBellows, tag: int) -> str:
     if high[0] - low[0] < near:  # a flank across x, where two arcs of its own side of the wall end
         return "cavity" if min(abs(low[0] - x) for arc in inner for x in (arc.start, arc.end)) < near else "folds"
     middle = np.array(gmsh.model.getParametrizationBounds(2, tag)).mean(axis=0)
-    x, y, z = np.array(gmsh.model.getValue(2, tag, middle)) / MM
+    x, y, z = np.array(gmsh.model.getValue(2, tag, middle)) / meshing.MM
     r = math.hypot(y, z - half)
     on = any(arc.start - near <= x <= arc.end + near and abs(arc.height(x) - r) < near for arc in inner)
     return "cavity" if on else "folds"
 
 
-@register_device
+@registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class BendingBellows(Finger):
+class BendingBellows(actuator.Finger):
     """Half-round folds on a flat base that bend towards the base.
 
     Lengths are in m. The middle of the base is z = 0, the clamp x = 0. Physical groups: volumes "solid" and "base" (the base
@@ -174,19 +173,19 @@ class BendingBellows(Finger):
     wavy wall), "bottom" (the base's outside), "outer" (the rest of the outside) and, of a half, "plane0" (y = 0).
     """
 
-    folds: int = choice_field(4, tuple(range(1, 31)), "number of folds")
-    pitch: float = length_field(0.008, "length of a fold along the bellows")
-    radius: float = length_field(0.006, "radius of the air in the valleys")
-    depth: float = length_field(0.0035, "how far the crests stand above the valleys")
-    wall: float = length_field(0.0015, "thickness of the wavy wall")
-    base: float = length_field(0.003, "thickness of the base layer, a region of its own")
-    rim: float = length_field(0.0, "how far the base stands out beyond the crests on each side", zero=True)
-    root: float = length_field(0.004, "solid between the clamp and the air")
-    cap: float = length_field(0.003, "solid between the air and the tip")
-    least_wall: float = length_field(0.0003, "thinnest wall, and thinnest air inside a fold", shape=False)
-    cell_size: float = length_field(0.003, "edge length of the cells; smaller ones in narrow folds", shape=False)
-    part: str = part_field("bellows")
-    tip: str = tip_field()
+    folds: int = schema.choice_field(4, tuple(range(1, 31)), "number of folds")
+    pitch: float = schema.length_field(0.008, "length of a fold along the bellows")
+    radius: float = schema.length_field(0.006, "radius of the air in the valleys")
+    depth: float = schema.length_field(0.0035, "how far the crests stand above the valleys")
+    wall: float = schema.length_field(0.0015, "thickness of the wavy wall")
+    base: float = schema.length_field(0.003, "thickness of the base layer, a region of its own")
+    rim: float = schema.length_field(0.0, "how far the base stands out beyond the crests on each side", zero=True)
+    root: float = schema.length_field(0.004, "solid between the clamp and the air")
+    cap: float = schema.length_field(0.003, "solid between the air and the tip")
+    least_wall: float = schema.length_field(0.0003, "thinnest wall, and thinnest air inside a fold", shape=False)
+    cell_size: float = schema.length_field(0.003, "edge length of the cells; smaller ones in narrow folds", shape=False)
+    part: str = actuator.part_field("bellows")
+    tip: str = actuator.tip_field()
 
     stem: ClassVar = "bending-bellows"
     pressures: ClassVar = "0:25"
@@ -206,7 +205,7 @@ class BendingBellows(Finger):
                 f"with {self.given('depth', 'wall')} the crests are at {_mm(self.crest)}, more than twice "
                 f"{self.told('length')}",
             )
-        if self.fold_radius - 0.5 * self.wall < 0.5 * self.least_wall * (1 - ROUNDING):
+        if self.fold_radius - 0.5 * self.wall < 0.5 * self.least_wall * (1 - schema.ROUNDING):
             self.reject(
                 "wall",
                 f"with {self.given('pitch', 'depth')} the folds have a radius of {_mm(self.fold_radius)}, and "
@@ -303,27 +302,27 @@ class BendingBellows(Finger):
         return base + 0.5 * math.pi * (sum(arc.square for arc in self.arcs(True)) + ends) - self.cavity_volume
 
     @property
-    def recipe(self) -> Recipe:
+    def recipe(self) -> actuator.Recipe:
         half, middle = 0.5 * self.base, 0.5 * (self.base + self.radius)
-        folds = Pour(name="folds", up=(0.0, 0.0, 1.0), level=half)
-        base = Pour(name="base", up=(0.0, 0.0, -1.0), level=-half, end=half, lid=False)
-        return Recipe(
+        folds = actuator.Pour(name="folds", up=(0.0, 0.0, 1.0), level=half)
+        base = actuator.Pour(name="base", up=(0.0, 0.0, -1.0), level=-half, end=half, lid=False)
+        return actuator.Recipe(
             pours=(folds, base),
             why="Wall and air are half round and widest at the base, which is a flat layer bonded to them.",
             inlets=(((0.0, 0.0, middle), (self.root, 0.0, middle)),),
         )
 
     def build_whole(self) -> None:
-        one_solid(gmsh.model.occ.fuse([_wall(self, whole=True)], [_base(self, -self.half_width)])[0])
+        meshing.one_solid(gmsh.model.occ.fuse([_wall(self, whole=True)], [_base(self, -self.half_width)])[0])
         gmsh.model.occ.synchronize()
 
     def build(self) -> None:
         """Fill the current Gmsh model (mm) with half the bellows, its roles, its regions and its cell sizes."""
-        bond({"solid": [_wall(self)], "base": [_base(self, 0.0)]}, lambda tag: _role(self, tag))
+        meshing.bond({"solid": [_wall(self)], "base": [_base(self, 0.0)]}, lambda tag: _role(self, tag))
         fold = self.fold_size
         floor, first, last = 0.5 * self.base, self.root, self.length - self.cap
-        set_sizes(lambda x, y, z: fold if z > floor and first < x < last else self.cell_size)
+        meshing.set_sizes(lambda x, y, z: fold if z > floor and first < x < last else self.cell_size)
 
 
 def _mm(value: float) -> str:
-    return shown(value, "m")
+    return schema.shown(value, "m")

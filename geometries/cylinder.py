@@ -28,12 +28,10 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import COARSEST, Halved, Hold, Pour, Recipe, Sectioned, Vector
-from geometries.meshing import MM, corners_of, name_boundary, name_groups, place_of
-from geometries.registry import register_device
-from geometries.revolved import TETRAHEDRON, TRIANGLE, Side, carried_along, check_alike, rounded_off, turn_fully
+from geometries import actuator, meshing, registry, revolved
+from geometries.actuator import Hold, Vector
+from softmodels.common import schema
 from softmodels.common.lazy import gmsh
-from softmodels.common.schema import angle_field, choice_field, length_field
 
 # ----------------------------------------------------------------------------------------------------------------------
 # How large the cells of a cylinder are.
@@ -84,23 +82,23 @@ def cell_sizes(device: Cylinder) -> tuple[float, float, float]:
 # The closed tube's half profile as edges between corners, along which points are carried to another tube.
 
 
-def outline(tube: Cylinder) -> list[Side]:
+def outline(tube: Cylinder) -> list[revolved.Side]:
     """Return the half profile in m, against the clock from the foot of the cavity's wall; without the axis below the
     ceiling."""
     inner, outer, fillet = tube.inner_radius, tube.outer_radius, tube.fillet
     straight, length, height = tube.straight, tube.length, tube.height
     corner, root = (inner - fillet, length), (inner, straight)
-    arc = [Side(corner, root, 1, "cavity", (inner - fillet, straight), (fillet, fillet))] if fillet else []
+    arc = [revolved.Side(corner, root, 1, "cavity", (inner - fillet, straight), (fillet, fillet))] if fillet else []
     return [
-        Side((inner, 0.0), (outer, 0.0), 1, "support"),
-        Side((outer, 0.0), (outer, 0.5 * length), 1, "outer"),
-        Side((outer, 0.5 * length), (outer, straight), 1, "outer"),
-        Side((outer, straight), (outer, height), 1, "side"),
-        Side((outer, height), (0.0, height), 1, "end"),
-        Side((0.0, height), (0.0, length), 1, "axis"),
-        Side((0.0, length), corner, 1, "cavity"),
+        revolved.Side((inner, 0.0), (outer, 0.0), 1, "support"),
+        revolved.Side((outer, 0.0), (outer, 0.5 * length), 1, "outer"),
+        revolved.Side((outer, 0.5 * length), (outer, straight), 1, "outer"),
+        revolved.Side((outer, straight), (outer, height), 1, "side"),
+        revolved.Side((outer, height), (0.0, height), 1, "end"),
+        revolved.Side((0.0, height), (0.0, length), 1, "axis"),
+        revolved.Side((0.0, length), corner, 1, "cavity"),
         *arc,
-        Side(root, (inner, 0.0), 1, "cavity"),
+        revolved.Side(root, (inner, 0.0), 1, "cavity"),
     ]
 
 
@@ -121,8 +119,8 @@ def build_section(device: Cylinder) -> None:
     roles: dict[str, list[int]] = defaultdict(list)
     for tag, role in edges:
         roles[role].append(tag)
-    name_groups(2, {"wall": [wall], "cap": [cap]})
-    name_groups(1, roles)
+    meshing.name_groups(2, {"wall": [wall], "cap": [cap]})
+    meshing.name_groups(1, roles)
     size = _size(device)
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(x, y))
 
@@ -145,12 +143,12 @@ def build_solid(device: Cylinder) -> None:
     regions: dict[str, list[int]] = defaultdict(list)
     for _, tag in gmsh.model.getEntities(3):
         regions["cap" if occ.getCenterOfMass(3, tag)[2] > device.straight else "wall"].append(tag)
-    name_groups(3, regions)
-    name_boundary(lambda tag: _role(device, tag))
+    meshing.name_groups(3, regions)
+    meshing.name_boundary(lambda tag: _role(device, tag))
     for role, place in device.anchors.items():
         near = 1e-7 * device.outer_radius
-        found = [tag for _, tag in gmsh.model.getEntities(0) if np.abs(place_of(tag) - place).max() < near]
-        name_groups(0, {role: found})
+        found = [tag for _, tag in gmsh.model.getEntities(0) if np.abs(meshing.place_of(tag) - place).max() < near]
+        meshing.name_groups(0, {role: found})
     size = _size(device)
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(math.hypot(x, y), z))
 
@@ -214,7 +212,7 @@ def _size(device: Cylinder) -> Callable[[float, float], float]:
 def _role(device: Cylinder, tag: int) -> str:
     """Return the role of a face from where its corners and its centre of mass are."""
     near = 1e-7 * device.outer_radius
-    x, y, z = corners_of(tag).T
+    x, y, z = meshing.corners_of(tag).T
     centre = np.array(gmsh.model.occ.getCenterOfMass(2, tag))
     if device.section == "half" and max(np.abs(y).max(), abs(centre[1])) < near:
         return "plane0"
@@ -229,9 +227,9 @@ def _role(device: Cylinder, tag: int) -> str:
     return "strip" if device.stripped and abs(azimuth) < 0.5 * device.strip else "outer"
 
 
-@register_device
+@registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Cylinder(Sectioned, Halved):
+class Cylinder(actuator.Sectioned, actuator.Halved):
     """A tube closed by a cap: straight as an axisymmetric section, bending as half of it, twisting as the whole.
 
     Lengths are in m, angles in degrees. Physical groups: cells "wall" (the straight tube) and "cap"; facets "cavity",
@@ -240,27 +238,29 @@ class Cylinder(Sectioned, Halved):
     holds them, a half has the point "anchor0" (on y, at the bottom), the whole also "anchor1" (across) and "anchor2" (on x).
     """
 
-    inner_radius: float = length_field(0.006, "radius of the cavity")
-    wall: float = length_field(0.002, "thickness of the wall")
-    length: float = length_field(0.060, "length of the cavity, from the base to the cap")
-    cap: float = length_field(0.004, "thickness of the cap")
-    fillet: float = length_field(0.001, "radius of the rounding where the wall meets the cap; 0 for none", zero=True)
-    section: str = choice_field(
+    inner_radius: float = schema.length_field(0.006, "radius of the cavity")
+    wall: float = schema.length_field(0.002, "thickness of the wall")
+    length: float = schema.length_field(0.060, "length of the cavity, from the base to the cap")
+    cap: float = schema.length_field(0.004, "thickness of the cap")
+    fillet: float = schema.length_field(
+        0.001, "radius of the rounding where the wall meets the cap; 0 for none", zero=True
+    )
+    section: str = schema.choice_field(
         "axisymmetric",
         ("axisymmetric", "half", "whole"),
         "profile in radius and height, solid half (y > 0), or all of it",
     )
-    strip: float = angle_field(
+    strip: float = schema.angle_field(
         0.0,
         "angle around the axis of the strip along the wall, about the x axis, to which a sheet can be bonded; 0 for none",
         unless=("section", "axisymmetric"),
     )
-    base: str = choice_field(
+    base: str = schema.choice_field(
         "held", ("held", "sliding"), "bottom ring clamped, or held only along z: half of a tube with two caps"
     )
-    end: str = choice_field("free", ("free", "sliding", "held"), "cap's top free, held only along z, or clamped")
-    cell_size: float = length_field(0.002, "edge length of the cells", shape=False)
-    order: int = choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
+    end: str = schema.choice_field("free", ("free", "sliding", "held"), "cap's top free, held only along z, or clamped")
+    cell_size: float = schema.length_field(0.002, "edge length of the cells", shape=False)
+    order: int = schema.choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
 
     stem: ClassVar = "cylinder"
     variable: ClassVar = ("wall",)
@@ -293,8 +293,8 @@ class Cylinder(Sectioned, Halved):
             self.reject("strip", "an axisymmetric section cannot have a strip; use section half")
         if self.strip and not NARROWEST <= self.strip <= WIDEST:
             self.reject("strip", f"it must be 0 (none) or lie between {NARROWEST:g} and {WIDEST:g} deg")
-        self.check_most("cell_size", COARSEST, "wall")
-        self.check_most("cell_size", COARSEST, "cap")
+        self.check_most("cell_size", actuator.COARSEST, "wall")
+        self.check_most("cell_size", actuator.COARSEST, "cap")
         self.check_most("cell_size", 1.0, "length")
         self.check_count(f" with {self.given('wall', 'fillet')}")
 
@@ -313,11 +313,11 @@ class Cylinder(Sectioned, Halved):
         wall, cap, arc = cell_sizes(self)
         radius, outer = self.inner_radius, self.outer_radius
         if self.dimension == 2:
-            return (self.wall * self.length / wall**2 + outer * self.cap / cap**2 + 20.0) / TRIANGLE
+            return (self.wall * self.length / wall**2 + outer * self.cap / cap**2 + 20.0) / revolved.TRIANGLE
         share = math.pi if self.section == "whole" else 0.5 * math.pi
         ring = 2.0 * radius * self.fillet**2 / arc**3 if self.fillet else 0.0
         tube = (outer**2 - radius**2) * self.length / wall**3
-        return share * (tube + outer**2 * self.cap / cap**3 + ring) / TETRAHEDRON
+        return share * (tube + outer**2 * self.cap / cap**3 + ring) / revolved.TETRAHEDRON
 
     @property
     def halved(self) -> bool:
@@ -419,8 +419,8 @@ class Cylinder(Sectioned, Halved):
     def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the points of the boundary at the same share of the same edge of the other's outline; see
         `Actuator.carried`."""
-        check_alike(self, other, ("section", "strip", "base", "end"), ("fillet",))
-        return carried_along(outline(self), outline(other), points, self.outer_radius)
+        revolved.check_alike(self, other, ("section", "strip", "base", "end"), ("fillet",))
+        return revolved.carried_along(outline(self), outline(other), points, self.outer_radius)
 
     @property
     def clearances(self) -> dict[str, float]:
@@ -434,7 +434,7 @@ class Cylinder(Sectioned, Halved):
 
     @property
     def cavity_volume(self) -> float:
-        return math.pi * (self.inner_radius**2 * self.length - rounded_off(self.inner_radius, self.fillet))
+        return math.pi * (self.inner_radius**2 * self.length - revolved.rounded_off(self.inner_radius, self.fillet))
 
     @property
     def solid_volume(self) -> float:
@@ -452,9 +452,9 @@ class Cylinder(Sectioned, Halved):
         return np.asarray(np.hypot(points[:, 0], points[:, 1]) + self.height - points[:, 2])
 
     @property
-    def recipe(self) -> Recipe:
-        tube = Pour(name="tube", up=self.lift, level=0.0, sideways=(0.0, 1.0, 0.0), gate=self.height)
-        return Recipe(
+    def recipe(self) -> actuator.Recipe:
+        tube = actuator.Pour(name="tube", up=self.lift, level=0.0, sideways=(0.0, 1.0, 0.0), gate=self.height)
+        return actuator.Recipe(
             pours=(tube,),
             wound=(self.outer_radius, 0.0, self.straight),
             why="The outside opens in two halves; the cavity's rod stands on the lid and leaves through the open end.",
@@ -462,8 +462,8 @@ class Cylinder(Sectioned, Halved):
 
     def build_whole(self) -> None:
         occ = gmsh.model.occ
-        (wall, cap), _ = _profile(self, lambda r, z: (MM * r, 0.0, MM * z))
-        turn_fully(occ.fuse([(2, wall)], [(2, cap)])[0][0][1])
+        (wall, cap), _ = _profile(self, lambda r, z: (meshing.MM * r, 0.0, meshing.MM * z))
+        revolved.turn_fully(occ.fuse([(2, wall)], [(2, cap)])[0][0][1])
 
     def build(self) -> None:
         build_section(self) if self.dimension == 2 else build_solid(self)

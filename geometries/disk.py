@@ -28,34 +28,12 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from geometries.actuator import COARSEST, CutPlane, Hold, Recipe, Vector, Wedged, in_halves
-from geometries.meshing import MM, corners_of, name_boundary, name_group, name_groups, place_of
-from geometries.registry import register_device
-from geometries.revolved import (
-    TETRAHEDRON,
-    TRIANGLE,
-    WIDEST_PIECE,
-    Place,
-    Side,
-    carried_along,
-    check_alike,
-    rounded_off,
-    surface_role,
-    turn_fully,
-)
+from geometries import actuator, meshing, registry, revolved
+from geometries.actuator import CutPlane, Hold, Vector
+from softmodels.common import schema
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
 from softmodels.common.lazy import gmsh, scipy
-from softmodels.common.schema import (
-    ROUNDING,
-    SHORTEST,
-    angle_field,
-    choice_field,
-    length_field,
-    list_field,
-    number_field,
-    shown,
-)
 
 # ----------------------------------------------------------------------------------------------------------------------
 # How large the cells of a hollow disk are, and how many of them to expect.
@@ -233,29 +211,31 @@ PARTS = ("", "a quarter of the way", "half way", "three quarters of the way")
 """Of the way from an entry of a membrane's profile to the next, where its thickness is a clearance."""
 
 
-def outline(disk: HollowDisk) -> list[Side]:
+def outline(disk: HollowDisk) -> list[revolved.Side]:
     """Return the closed half profile in m, counted against the clock from the bottom centre."""
     inner, outer, fillet, lower = disk.cavity_radius, disk.outer_radius, disk.fillet, disk.base_fillet
     floor, ceiling, top, apex = disk.base, disk.ceiling, disk.height, disk.probes["apex"][2]
 
-    def rounded(start: Place, end: Place, centre: Place, radius: float) -> list[Side]:
-        return [Side(start, end, 1, "cavity", centre, (radius, radius))] if radius else []
+    def rounded(
+        start: revolved.Place, end: revolved.Place, centre: revolved.Place, radius: float
+    ) -> list[revolved.Side]:
+        return [revolved.Side(start, end, 1, "cavity", centre, (radius, radius))] if radius else []
 
-    arch = [Side((outer, top), (inner, top), 1, "top")]
+    arch = [revolved.Side((outer, top), (inner, top), 1, "top")]
     for points in disk.membrane_top.pieces() if disk.profile else ():
         start, first, second, end = ((float(r), float(z)) for r, z in points)
-        arch.append(Side(start, end, 1, "top", inner=(first, second)))
+        arch.append(revolved.Side(start, end, 1, "top", inner=(first, second)))
     return [
-        Side((0.0, 0.0), (outer, 0.0), 1, "support" if disk.support == "base" else "outer"),
-        Side((outer, 0.0), (outer, top), 1, "outer"),
-        *(arch if disk.profile else [Side((outer, top), (0.0, top), 1, "top")]),
-        Side((0.0, apex), (0.0, ceiling), 1, "axis"),
-        Side((0.0, ceiling), (inner - fillet, ceiling), 1, "cavity"),
+        revolved.Side((0.0, 0.0), (outer, 0.0), 1, "support" if disk.support == "base" else "outer"),
+        revolved.Side((outer, 0.0), (outer, top), 1, "outer"),
+        *(arch if disk.profile else [revolved.Side((outer, top), (0.0, top), 1, "top")]),
+        revolved.Side((0.0, apex), (0.0, ceiling), 1, "axis"),
+        revolved.Side((0.0, ceiling), (inner - fillet, ceiling), 1, "cavity"),
         *rounded((inner - fillet, ceiling), (inner, ceiling - fillet), (inner - fillet, ceiling - fillet), fillet),
-        Side((inner, ceiling - fillet), (inner, floor + lower), 1, "cavity"),
+        revolved.Side((inner, ceiling - fillet), (inner, floor + lower), 1, "cavity"),
         *rounded((inner, floor + lower), (inner - lower, floor), (inner - lower, floor + lower), lower),
-        Side((inner - lower, floor), (0.0, floor), 1, "cavity"),
-        Side((0.0, floor), (0.0, 0.0), 1, "axis"),
+        revolved.Side((inner - lower, floor), (0.0, floor), 1, "cavity"),
+        revolved.Side((0.0, floor), (0.0, 0.0), 1, "axis"),
     ]
 
 
@@ -267,10 +247,10 @@ def build_profile(disk: HollowDisk) -> None:
     """Fill the current Gmsh model with the axisymmetric profile: x is the radius, y the height (m)."""
     face, curves, points = _face(disk, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     gmsh.model.occ.synchronize()
-    name_group(2, [face], "solid")
-    name_groups(1, curves)
+    meshing.name_group(2, [face], "solid")
+    meshing.name_groups(1, curves)
     if disk.support == "rim":
-        name_group(0, [points[disk.outer_radius, 0.0]], "support")
+        meshing.name_group(0, [points[disk.outer_radius, 0.0]], "support")
     size = size_function(disk)
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(x, y))
 
@@ -279,7 +259,7 @@ def build_wedge(disk: HollowDisk) -> None:
     """Fill the current Gmsh model with the slice from the azimuth to azimuth + angle (m)."""
     occ = gmsh.model.occ
     face, _, _ = _face(disk, disk.radial, disk.lift)
-    pieces = math.ceil(disk.angle / WIDEST_PIECE - 1e-9)
+    pieces = math.ceil(disk.angle / revolved.WIDEST_PIECE - 1e-9)
     volumes = []
     for _ in range(pieces):
         turned = occ.revolve([(2, face)], 0, 0, 0, 0, 0, 1, math.radians(disk.angle / pieces))
@@ -288,9 +268,9 @@ def build_wedge(disk: HollowDisk) -> None:
     if pieces > 1:
         volumes = [entity for entity in occ.fragment(volumes[:1], volumes[1:])[0] if entity[0] == 3]
     occ.synchronize()
-    name_group(3, [tag for _, tag in volumes], "solid")
+    meshing.name_group(3, [tag for _, tag in volumes], "solid")
     edges = outline(disk)
-    name_boundary(lambda tag: surface_role(disk, tag, edges))
+    meshing.name_boundary(lambda tag: revolved.surface_role(disk, tag, edges))
     if disk.support == "rim":
         _name_rim(disk)
     size = size_function(disk)
@@ -299,17 +279,17 @@ def build_wedge(disk: HollowDisk) -> None:
 
 def _face(
     disk: HollowDisk, right: tuple[float, float, float], up: tuple[float, float, float]
-) -> tuple[int, dict[str, list[int]], dict[Place, int]]:
+) -> tuple[int, dict[str, list[int]], dict[revolved.Place, int]]:
     """Add the half profile in the plane of two vectors of a metre each; return its tag, curves by role and corners."""
     occ = gmsh.model.occ
-    points: dict[Place, int] = {}
+    points: dict[revolved.Place, int] = {}
 
-    def corner(place: Place) -> int:
+    def corner(place: revolved.Place) -> int:
         if place not in points:
             points[place] = occ.addPoint(*(place[0] * a + place[1] * b for a, b in zip(right, up, strict=True)))
         return points[place]
 
-    def curve(edge: Side) -> int:
+    def curve(edge: revolved.Side) -> int:
         if edge.inner is not None:
             helpers.extend(edge.inner)
             return int(occ.addBezier([corner(place) for place in (edge.start, *edge.inner, edge.end)]))
@@ -319,7 +299,7 @@ def _face(
         return int(occ.addLine(corner(edge.start), corner(edge.end)))
 
     curves: dict[str, list[int]] = defaultdict(list)
-    helpers: list[Place] = []
+    helpers: list[revolved.Place] = []
     loop = []
     for edge in outline(disk):
         loop.append(curve(edge))
@@ -335,20 +315,22 @@ def _name_rim(disk: HollowDisk) -> None:
     near = 1e-8 * disk.outer_radius
     rim = []
     for _, tag in gmsh.model.getEntities(1):
-        corners = corners_of(tag, 1)
+        corners = meshing.corners_of(tag, 1)
         radii = np.hypot(corners[:, 0], corners[:, 1])
         if np.abs(corners[:, 2]).max() < near and np.abs(radii - disk.outer_radius).max() < near:
             rim.append(tag)
-    name_group(1, rim, "support")
+    meshing.name_group(1, rim, "support")
     places = {"anchor0": np.zeros(3), "anchor1": disk.outer_radius * np.array(disk.radial)}
     for role in {hold.role for hold in disk.holds if hold.point}:
-        found = [tag for _, tag in gmsh.model.getEntities(0) if np.abs(place_of(tag) - places[role]).max() < near]
-        name_group(0, found, role)
+        found = [
+            tag for _, tag in gmsh.model.getEntities(0) if np.abs(meshing.place_of(tag) - places[role]).max() < near
+        ]
+        meshing.name_group(0, found, role)
 
 
-@register_device
+@registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class HollowDisk(Wedged):
+class HollowDisk(actuator.Wedged):
     """A hollow disk, as a wedge of any angle that divides the circle or as an axisymmetric profile.
 
     Lengths are in m, angles in degrees. Physical groups of a wedge: volume "solid"; surfaces "cavity", "top", "outer" and,
@@ -359,35 +341,39 @@ class HollowDisk(Wedged):
     (base) or point (rim) "support"; angle and azimuth have no effect on it.
     """
 
-    cavity_radius: float = length_field(0.010, "radius of the cavity")
-    membrane: float = length_field(0.006, "thickness of the membrane above the cavity")
-    base: float = length_field(0.006, "thickness of the solid below the cavity")
-    wall: float = length_field(0.010, "thickness of the solid around the cavity")
-    cavity_height: float = length_field(0.004, "height of the cavity")
-    fillet: float = length_field(0.001, "radius of the rounding at the membrane's root; 0 for none", zero=True)
-    base_fillet: float = length_field(
+    cavity_radius: float = schema.length_field(0.010, "radius of the cavity")
+    membrane: float = schema.length_field(0.006, "thickness of the membrane above the cavity")
+    base: float = schema.length_field(0.006, "thickness of the solid below the cavity")
+    wall: float = schema.length_field(0.010, "thickness of the solid around the cavity")
+    cavity_height: float = schema.length_field(0.004, "height of the cavity")
+    fillet: float = schema.length_field(0.001, "radius of the rounding at the membrane's root; 0 for none", zero=True)
+    base_fillet: float = schema.length_field(
         0.001, "radius of the rounding at the edge of the cavity's floor; 0 for none", zero=True
     )
-    profile: tuple[float, ...] = list_field(
+    profile: tuple[float, ...] = schema.list_field(
         (),
         "thickness of the membrane at equally spaced radii from the axis to the cavity's edge, in shares of membrane; a smooth "
         "top face passes through them, the ceiling stays flat; uniform if not given",
         numbers=True,
     )
-    cell_size: float = length_field(0.003, "edge length of the cells far from the membrane's root", shape=False)
-    refinement: float = number_field(2.0, "how many times smaller the cells at the membrane's root are", shape=False)
-    order: int = choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
-    section: str = choice_field("wedge", ("wedge", "axisymmetric"), "solid slice, or profile in radius and height")
-    angle: float = angle_field(
+    cell_size: float = schema.length_field(0.003, "edge length of the cells far from the membrane's root", shape=False)
+    refinement: float = schema.number_field(
+        2.0, "how many times smaller the cells at the membrane's root are", shape=False
+    )
+    order: int = schema.choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
+    section: str = schema.choice_field(
+        "wedge", ("wedge", "axisymmetric"), "solid slice, or profile in radius and height"
+    )
+    angle: float = schema.angle_field(
         45.0,
         "angle of the wedge; divides 360 deg evenly (180 half, 360 full disk)",
         unless=("section", "axisymmetric"),
         shape=False,
     )
-    azimuth: float = angle_field(
+    azimuth: float = schema.angle_field(
         0.0, "where the wedge begins, counted from the x axis", unless=("section", "axisymmetric"), shape=False
     )
-    support: str = choice_field("rim", ("rim", "base"), "bottom outer edge held along z, or whole bottom held")
+    support: str = schema.choice_field("rim", ("rim", "base"), "bottom outer edge held along z, or whole bottom held")
 
     stem: ClassVar = "disk"
     pressures: ClassVar = "0:177"
@@ -426,7 +412,8 @@ class HollowDisk(Wedged):
         for part, length in {"membrane": thickest, "base": self.base, "cavity_height": self.cavity_height}.items():
             if length > 5.0 * self.outer_radius:
                 raise GeometryError(
-                    f"{part} is {shown(length, 'm')}; more than 5 times the disk's radius, {shown(self.outer_radius, 'm')}, is "
+                    f"{part} is {schema.shown(length, 'm')}; more than 5 times the disk's radius, "
+                    f"{schema.shown(self.outer_radius, 'm')}, is "
                     "not a disk and suggests a wrong unit"
                 )
         self.check_size("wall", self.outer_radius, given=f"with {self.given('cavity_radius')} ")
@@ -437,8 +424,10 @@ class HollowDisk(Wedged):
             self.reject("refinement", "it must be 1 (none) or more")
         self.check_most("cell_size", 1.0, "cavity_radius")
         for part, length in {"membrane": thinnest, "base": self.base, "wall": self.wall}.items():
-            if self.cell_size > COARSEST * length:
-                self.reject("cell_size", f"it must be at most {COARSEST:g} times {part}, {shown(length, 'm')}")
+            if self.cell_size > actuator.COARSEST * length:
+                self.reject(
+                    "cell_size", f"it must be at most {actuator.COARSEST:g} times {part}, {schema.shown(length, 'm')}"
+                )
         self.check_count(f" with refinement {self.refinement:g} and {self.given('fillet')}")
 
     def _check_profile(self) -> None:
@@ -448,15 +437,16 @@ class HollowDisk(Wedged):
                 f"{MOST}, from the axis to the cavity's edge, or none for a uniform membrane"
             )
         for k, share in enumerate(self.profile, 1):
-            if not LEAST_SHARE * (1 - ROUNDING) <= share <= LARGEST_SHARE * (1 + ROUNDING):
+            if not LEAST_SHARE * (1 - schema.ROUNDING) <= share <= LARGEST_SHARE * (1 + schema.ROUNDING):
                 limits = f"it must be between {LEAST_SHARE:g} and {LARGEST_SHARE:g} times membrane"
                 raise GeometryError(f"profile[{k}] is {share:g}; {limits}")
         thinnest, _ = self.membrane_top.extremes
-        if thinnest < SHORTEST * (1 - ROUNDING):
+        if thinnest < schema.SHORTEST * (1 - schema.ROUNDING):
             listed = ", ".join(f"{share:g}" for share in self.profile)
             raise GeometryError(
-                f"profile is {listed}; the smooth line through them leaves a membrane of {shown(max(thinnest, 0.0), 'm')} at "
-                f"its thinnest; the minimum is {shown(SHORTEST, 'm')}, so let neighbours differ less"
+                f"profile is {listed}; the smooth line through them leaves a membrane of "
+                f"{schema.shown(max(thinnest, 0.0), 'm')} at "
+                f"its thinnest; the minimum is {schema.shown(schema.SHORTEST, 'm')}, so let neighbours differ less"
             )
 
     @property
@@ -478,9 +468,9 @@ class HollowDisk(Wedged):
             rings = (
                 0.5 * (core / cell) ** 2 + math.log(max(far / cell, 1.0)) / GROWTH**2 for _, cell, core in roots(self)
             )
-            return (1.5 * math.pi * sum(rings) + bulk) / TRIANGLE
+            return (1.5 * math.pi * sum(rings) + bulk) / revolved.TRIANGLE
         rings = (0.5 * core**2 / cell**3 + 0.5 / (GROWTH**2 * cell) for _, cell, core in roots(self))
-        return self.angle / 360.0 * (bulk + 2.0 * math.pi * radius * 1.5 * math.pi * sum(rings)) / TETRAHEDRON
+        return self.angle / 360.0 * (bulk + 2.0 * math.pi * radius * 1.5 * math.pi * sum(rings)) / revolved.TETRAHEDRON
 
     @property
     def size(self) -> float:
@@ -545,7 +535,7 @@ class HollowDisk(Wedged):
 
     @property
     def cavity_volume(self) -> float:
-        rounded = sum(rounded_off(self.cavity_radius, fillet) for fillet in (self.fillet, self.base_fillet))
+        rounded = sum(revolved.rounded_off(self.cavity_radius, fillet) for fillet in (self.fillet, self.base_fillet))
         return math.pi * (self.cavity_radius**2 * self.cavity_height - rounded)
 
     @property
@@ -586,7 +576,7 @@ class HollowDisk(Wedged):
         """Return the points of the boundary at the same share of the same edge of the other's outline; see
         `Actuator.carried`."""
         flat = self.dimension == 2
-        check_alike(
+        revolved.check_alike(
             self, other, ("section", *(() if flat else ("angle", "azimuth")), "support"), ("fillet", "base_fillet")
         )
         if len(self.profile) != len(other.profile):
@@ -594,7 +584,7 @@ class HollowDisk(Wedged):
                 f"profile has {len(self.profile)} and {len(other.profile)} entries; points can only be mapped between equal "
                 "numbers"
             )
-        return carried_along(outline(self), outline(other), points, self.outer_radius)
+        return revolved.carried_along(outline(self), outline(other), points, self.outer_radius)
 
     @property
     def clearances(self) -> dict[str, float]:
@@ -628,17 +618,17 @@ class HollowDisk(Wedged):
     variable: ClassVar[tuple[str, ...]] = ("membrane",)
 
     @property
-    def recipe(self) -> Recipe:
+    def recipe(self) -> actuator.Recipe:
         # As low as the cavity's wall is upright, so that neither half holds its core.
         level = self.base + self.base_fillet
-        return in_halves(
+        return actuator.in_halves(
             self.lift, level,
             "The bond is at the cavity's floor, far from the membrane's root, where the silicone is stretched most.",
             ((0.0, 0.0, 0.0), (0.0, 0.0, self.base)),
         )  # fmt: skip
 
     def build_whole(self) -> None:
-        turn_fully(_face(self, (MM, 0.0, 0.0), (0.0, 0.0, MM))[0])
+        revolved.turn_fully(_face(self, (meshing.MM, 0.0, 0.0), (0.0, 0.0, meshing.MM))[0])
 
     def build(self) -> None:
         build_profile(self) if self.dimension == 2 else build_wedge(self)

@@ -16,7 +16,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from geometries.actuator import AXES, Vector
+from geometries import actuator
+from geometries.actuator import Vector
 from softmodels.common import units
 from softmodels.common.errors import GeometryError
 
@@ -64,7 +65,7 @@ def faces(field: str, text: str) -> Faces:
     """Read a choice of faces; GeometryError if it has none of this module's forms."""
     _check_size(field, text)
     if found := re.fullmatch(r"\s*([xyz])\s*=\s*(.+)", text):
-        x, y, z = (float(axis == found[1]) for axis in AXES)
+        x, y, z = (float(axis == found[1]) for axis in actuator.AXES)
         return Faces(text, normal=(x, y, z), at=_number(field, found[2], "m"))
     if found := re.fullmatch(r"\s*normal" + ",".join([NUMBER] * 3) + r"(?:at\s*(.+))?", text):
         direction = np.array([_number(field, part) for part in found.groups()[:3]])

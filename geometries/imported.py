@@ -21,29 +21,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.abaqus import Deck
-from geometries.actuator import (
-    AXES,
-    Actuator,
-    CutPlane,
-    Hold,
-    Recipe,
-    Vector,
-    check_slice,
-    in_halves,
-    joined,
-    reflected,
-)
+from geometries import abaqus, actuator, mesh_arrays, meshing, registry, revolved
+from geometries.actuator import Actuator, CutPlane, Hold, Vector
 from geometries.faces import FORMATS, UNITS, Colour, Faces, faces, point
-from geometries.mesh_arrays import TO_GMSH, Ints, Tetrahedra
-from geometries.meshing import apart, disjoint, drawn_in, private_model
-from geometries.registry import register_device
-from geometries.revolved import TRIANGLE
+from softmodels.common import errors, files, schema
 from softmodels.common.arrays import Array
-from softmodels.common.errors import GeometryError, MeshingError, reason, whole_path
-from softmodels.common.files import GEOMETRY, check_file, file_digest, read_file
+from softmodels.common.errors import GeometryError, MeshingError
 from softmodels.common.lazy import gmsh, scipy
-from softmodels.common.schema import choice_field, length_field, list_field, number_field, shown, text_field
 
 MAIN = "solid"
 """Region of a file with one solid."""
@@ -86,27 +70,27 @@ class ImportedPart(Actuator):
     of its own needs no ratios.
     """
 
-    file: str = text_field("", "the part's file")
-    cavities: tuple[str, ...] = list_field(
+    file: str = schema.text_field("", "the part's file")
+    cavities: tuple[str, ...] = schema.list_field(
         (),
         "a point in the air of each cavity, such as 'at 10, 0, 4 mm', or faces of its wall, such as 'named chamber'; "
         "not needed where the part has exactly one closed inner shell; 'none' for a part without air",
     )
-    support: str = text_field("", "held faces, such as 'x = 0 mm' or 'named flange'; three planes need none")
-    surfaces: tuple[str, ...] = list_field(
+    support: str = schema.text_field("", "held faces, such as 'x = 0 mm' or 'named flange'; three planes need none")
+    surfaces: tuple[str, ...] = schema.list_field(
         (),
         "names for faces of the outside, which loads, clamps, sheets, contact and others may use, such as 'pad = coloured red'",
     )
-    planes: tuple[str, ...] = list_field(
+    planes: tuple[str, ...] = schema.list_field(
         (), "symmetry planes through the origin where the part is cut, such as 'y = 0 mm' or 'normal 1, -1, 0'"
     )
-    pressure_ratios: tuple[float, ...] = list_field(
+    pressure_ratios: tuple[float, ...] = schema.list_field(
         (), "pressure in each cavity over the requested one; all 1 if not given", numbers=True, shape=False
     )
-    gauge_point: str = text_field(
+    gauge_point: str = schema.text_field(
         "", "corner whose motion is reported, such as 'at 70, 0, 4 mm'; the farthest if not given"
     )
-    rise: str = choice_field("z", ("x", "y", "z"), "direction in which that motion is counted")
+    rise: str = schema.choice_field("z", ("x", "y", "z"), "direction in which that motion is counted")
 
     stem: ClassVar = "part"
     unbonded: ClassVar = (OUTER,)
@@ -117,7 +101,7 @@ class ImportedPart(Actuator):
     def check(self) -> None:
         if not self.file:
             raise GeometryError(f"file is empty; name the part's {self.kind}")
-        object.__setattr__(self, "file", whole_path(self.file))
+        object.__setattr__(self, "file", errors.whole_path(self.file))
         if not self.support and len(self.planes) < 3:
             raise GeometryError("support is empty; give the held faces, such as 'x = 0 mm'")
         if len(set(self.planes)) != len(self.planes) or len(self.planes) > 3:
@@ -143,9 +127,9 @@ class ImportedPart(Actuator):
     def digest(self) -> str:
         """Return SHA-256 of the file's content; GeometryError if it cannot be read."""
         try:
-            return file_digest(self.file)
+            return files.file_digest(self.file)
         except OSError as error:
-            raise GeometryError(f"file {self.file} cannot be read ({reason(error)})") from None
+            raise GeometryError(f"file {self.file} cannot be read ({errors.reason(error)})") from None
         except ValueError:  # a zero byte in its name
             raise GeometryError(f"file {self.file!r} is not a file name") from None
 
@@ -161,7 +145,7 @@ class ImportedPart(Actuator):
 
     @property
     def copies(self) -> int:
-        return len(reflected(self.reading.normals))
+        return len(actuator.reflected(self.reading.normals))
 
     @property
     def faces(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -322,7 +306,9 @@ def solid_names(path: str | Path) -> list[str]:
 
 
 def _read(path: str | Path) -> str:
-    return read_file(path, GEOMETRY).decode("latin-1")  # any byte is a letter, so that the copy holds the same bytes
+    return files.read_file(path, files.GEOMETRY).decode(
+        "latin-1"
+    )  # any byte is a letter, so that the copy holds the same bytes
 
 
 def _plain(text: str) -> str:
@@ -509,7 +495,7 @@ class Boundary(abc.ABC):
 
     @property
     @abc.abstractmethod
-    def every(self) -> Ints:
+    def every(self) -> mesh_arrays.Ints:
         """All faces."""
 
     @property
@@ -518,19 +504,19 @@ class Boundary(abc.ABC):
         """Places all over the part in m, shape (n, 3)."""
 
     @abc.abstractmethod
-    def pieces(self, among: Ints) -> list[Ints]:
+    def pieces(self, among: mesh_arrays.Ints) -> list[mesh_arrays.Ints]:
         """Return the faces that are connected by their edges."""
 
     @abc.abstractmethod
-    def chosen(self, field: str, text: str, among: Ints) -> Ints:
+    def chosen(self, field: str, text: str, among: mesh_arrays.Ints) -> mesh_arrays.Ints:
         """Return the faces that a text picks."""
 
     @abc.abstractmethod
-    def points(self, faces: Ints) -> Array:
+    def points(self, faces: mesh_arrays.Ints) -> Array:
         """Return places on faces in m, as many on each, shape (n, 3)."""
 
     @abc.abstractmethod
-    def box(self, faces: Ints) -> Array:
+    def box(self, faces: mesh_arrays.Ints) -> Array:
         """Return the lowest and highest corner of some faces' box in m, shape (2, 3)."""
 
     @abc.abstractmethod
@@ -538,25 +524,25 @@ class Boundary(abc.ABC):
         """Return whether a point (m) lies in the solid."""
 
     @abc.abstractmethod
-    def nearest(self, place: Vector, pieces: list[Ints]) -> Ints:
+    def nearest(self, place: Vector, pieces: list[mesh_arrays.Ints]) -> mesh_arrays.Ints:
         """Return the piece nearest to a point."""
 
     @abc.abstractmethod
-    def inwards(self, normal: Array, faces: Ints) -> bool:
+    def inwards(self, normal: Array, faces: mesh_arrays.Ints) -> bool:
         """Return whether a normal of flat faces points into the solid."""
 
-    def fitted(self, faces: Ints) -> Array:
+    def fitted(self, faces: mesh_arrays.Ints) -> Array:
         """Return the unit normal of the plane nearest to some faces."""
         points = self.points(faces)
         normal = np.round(np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][2], self.digits)
         return np.asarray(normal / np.linalg.norm(normal) + 0.0)  # no -0
 
-    def roles(self) -> dict[str, Ints]:
+    def roles(self) -> dict[str, mesh_arrays.Ints]:
         """Return the faces by role; every face has one, those of the outside perhaps several. GeometryError for a choice that
         picks nothing, or something that cannot have this role."""
-        part, left, roles = self.part, self.every, dict[str, Ints]()
+        part, left, roles = self.part, self.every, dict[str, mesh_arrays.Ints]()
 
-        def take(role: str, found: Ints) -> None:
+        def take(role: str, found: mesh_arrays.Ints) -> None:
             nonlocal left
             roles[role], left = found, left[~np.isin(left, found)]
 
@@ -584,7 +570,7 @@ class Boundary(abc.ABC):
                 take(role, self._some(f"{field} is {text!r}", field, text, uncut))
         return {name: faces for name, faces in {**roles, OUTER: left}.items() if len(faces)}
 
-    def outward(self, roles: Mapping[str, Ints]) -> tuple[Vector, ...]:
+    def outward(self, roles: Mapping[str, mesh_arrays.Ints]) -> tuple[Vector, ...]:
         """Return the unit normals of the cut planes, away from the solid. GeometryError for a plane that does not bound the
         part, or planes between which its images do not fill the whole."""
         normals = []
@@ -597,21 +583,21 @@ class Boundary(abc.ABC):
                 )
             x, y, z = (float(value) for value in normal)
             normals.append((x, y, z))
-        check_slice(normals, self.part.planes)
+        actuator.check_slice(normals, self.part.planes)
         return tuple(normals)
 
-    def _some(self, what: str, field: str, text: str, left: Ints) -> Ints:
+    def _some(self, what: str, field: str, text: str, left: mesh_arrays.Ints) -> mesh_arrays.Ints:
         """Return the faces among ``left`` that a text picks; there must be some."""
         found = self.chosen(field, text, left)
         if not len(found):
-            ends = zip(AXES, *(1e3 * self.box(self.every)), strict=True)
+            ends = zip(actuator.AXES, *(1e3 * self.box(self.every)), strict=True)
             spans = ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, low, high in ends)
             raise GeometryError(
                 f"{what}; the part has no such face, or it already belongs to a cut plane or a cavity (it spans {spans} mm)"
             )
         return found
 
-    def _in_cut_plane(self, text: str, left: Ints) -> Ints:
+    def _in_cut_plane(self, text: str, left: mesh_arrays.Ints) -> mesh_arrays.Ints:
         """Return all faces in the plane of those that a text picks, which must go through the origin."""
         what = f"planes has {text!r}"
         picked = self._some(what, "planes", text, left)
@@ -625,7 +611,7 @@ class Boundary(abc.ABC):
         off = np.abs(self.points(left) @ normal).reshape(len(left), -1).max(axis=1)
         return left[off < self.near]
 
-    def _only_inner(self, inner: list[Ints]) -> Ints:
+    def _only_inner(self, inner: list[mesh_arrays.Ints]) -> mesh_arrays.Ints:
         """Return the wall of the only cavity, of those that are neither the outside nor joined to it."""
         file = self.part.file
         if not inner:
@@ -643,7 +629,7 @@ class Boundary(abc.ABC):
             )
         return inner[0]
 
-    def _wall(self, text: str, pieces: list[Ints], left: Ints) -> Ints:
+    def _wall(self, text: str, pieces: list[mesh_arrays.Ints], left: mesh_arrays.Ints) -> mesh_arrays.Ints:
         """Return the piece of wall nearest to a point in the air, or that or those to which picked faces belong."""
         if re.match(r"\s*at\b", text):
             place = point("cavities", text)
@@ -664,7 +650,7 @@ SAMPLES = 5
 """Places in each direction of a face's parameters where its curvature is looked at."""
 
 
-def expected_triangles(faces: Ints, cell_size: float, curvature: float) -> float:
+def expected_triangles(faces: mesh_arrays.Ints, cell_size: float, curvature: float) -> float:
     """Return the number of triangles on faces of the current Gmsh model, of a longest edge in m and a number of cells around
     a full circle, or fewer: fine edges make the faces beside them finer."""
     total = 0.0
@@ -672,7 +658,7 @@ def expected_triangles(faces: Ints, cell_size: float, curvature: float) -> float
         around = 2.0 * np.pi / (curvature * np.maximum(_curvatures(face), 1e-30))
         sizes = np.minimum(cell_size, around)
         total += float(gmsh.model.occ.getMass(2, face)) * float(np.mean(sizes**-2.0))
-    return total / TRIANGLE
+    return total / revolved.TRIANGLE
 
 
 def _curvatures(face: int) -> np.ndarray:
@@ -712,7 +698,7 @@ class Solids(Boundary):
         return [tag for tags in self.regions.values() for tag in tags]
 
     @functools.cached_property
-    def every(self) -> Ints:
+    def every(self) -> mesh_arrays.Ints:
         """Surfaces that bound the union of the solids, without those between two of them."""
         volumes = [(3, tag) for tag in self.tags]
         found = gmsh.model.getBoundary(volumes, combined=len(volumes) > 1, oriented=False)
@@ -734,30 +720,30 @@ class Solids(Boundary):
         """Nodes of the surfaces, once they are meshed."""
         return np.asarray(gmsh.model.mesh.getNodes()[1].reshape(-1, 3))
 
-    def pieces(self, among: Ints) -> list[Ints]:
+    def pieces(self, among: mesh_arrays.Ints) -> list[mesh_arrays.Ints]:
         return [np.array(sorted(shell), dtype=np.int64) for shell in shells([int(tag) for tag in among])]
 
-    def chosen(self, field: str, text: str, among: Ints) -> Ints:
+    def chosen(self, field: str, text: str, among: mesh_arrays.Ints) -> mesh_arrays.Ints:
         found = chosen(field, faces(field, text), among.tolist(), self.near, self.part.file, self.made)
         return np.array(found, dtype=np.int64)
 
-    def points(self, faces: Ints) -> Array:
+    def points(self, faces: mesh_arrays.Ints) -> Array:
         return np.concatenate([np.zeros((0, 3)), *(surface_points(tag) for tag in faces)])
 
-    def box(self, faces: Ints) -> Array:
+    def box(self, faces: mesh_arrays.Ints) -> Array:
         boxes = np.array([gmsh.model.occ.getBoundingBox(2, tag) for tag in faces])
         return np.array([boxes[:, :3].min(axis=0), boxes[:, 3:].max(axis=0)])
 
     def holds(self, place: Vector) -> bool:
         return any(gmsh.model.isInside(3, tag, list(place)) for tag in self.tags)
 
-    def nearest(self, place: Vector, pieces: list[Ints]) -> Ints:
+    def nearest(self, place: Vector, pieces: list[mesh_arrays.Ints]) -> mesh_arrays.Ints:
         probe = gmsh.model.occ.addPoint(*place)
         found = min(pieces, key=lambda piece: min(gmsh.model.occ.getDistance(0, probe, 2, tag)[0] for tag in piece))
         gmsh.model.occ.remove([(0, probe)])
         return found
 
-    def inwards(self, normal: Array, faces: Ints) -> bool:
+    def inwards(self, normal: Array, faces: mesh_arrays.Ints) -> bool:
         return bool(normal @ self.centre > 0)
 
 
@@ -830,19 +816,20 @@ def read_part(part: ImportedActuator, digest: str) -> Reading:
     """Open the file, in a process of its own, and check every choice against it. Another digest, of another content, is
     another reading. GeometryError for a file or a choice that makes no device."""
     try:
-        return apart(_read_step, part)
+        return meshing.apart(_read_step, part)
     except MeshingError as error:
         raise GeometryError(f"file {part.file} cannot be read: {error}") from None
 
 
 def _read_step(part: ImportedActuator) -> Reading:
-    with private_model():
+    with meshing.private_model():
         solids = open_part(part)
         roles = solids.roles()
         expected = expected_triangles(solids.every, part.cell_size, max(part.curvature, FINE))
         if expected > MOST_TRIANGLES:
             raise GeometryError(
-                f"cell_size is {shown(part.cell_size, 'm')} with curvature {part.curvature:g}; about {expected:.2g} triangles "
+                f"cell_size is {schema.shown(part.cell_size, 'm')} with curvature {part.curvature:g}; about "
+                f"{expected:.2g} triangles "
                 f"are expected on the part's faces and {MOST_TRIANGLES:,} are allowed"
             )
         gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", FINE)
@@ -866,7 +853,7 @@ def build_part(part: ImportedActuator) -> None:
         gmsh.model.addPhysicalGroup(3, tags, name=name)
     every, roles = solids.every, solids.roles()
     places = {role: np.flatnonzero(np.isin(every, found)) for role, found in roles.items()}
-    for names, found in disjoint(places, len(every), OUTER).items():
+    for names, found in meshing.disjoint(places, len(every), OUTER).items():
         gmsh.model.addPhysicalGroup(2, every[found].tolist(), name=names)
     gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", part.curvature)
     gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 1)
@@ -877,7 +864,7 @@ def open_part(part: ImportedActuator, unit: str = "M") -> Solids:
     """Read the file in metres, or another of the CAD kernel's units, whatever its own; its solids are glued."""
     gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
     try:
-        with drawn_in(unit):
+        with meshing.drawn_in(unit):
             gmsh.model.occ.importShapes(part.file, format="step")
         gmsh.model.occ.synchronize()
     except Exception as error:  # Gmsh raises bare Exception
@@ -887,7 +874,7 @@ def open_part(part: ImportedActuator, unit: str = "M") -> Solids:
     return glued(part)
 
 
-def _enclosed(solids: Solids, tags: Ints) -> float:
+def _enclosed(solids: Solids, tags: mesh_arrays.Ints) -> float:
     """Volume within a wall by the divergence theorem on its mesh, -1/3 int x . n: cut planes through the origin add nothing."""
     total = 0.0
     for tag in tags:
@@ -912,7 +899,7 @@ def _corner(part: ImportedPart, corners: Array, held: Array) -> Vector:
     return float(at[0]), float(at[1]), float(at[2])
 
 
-def _gauge(part: ImportedActuator, support: Ints) -> Vector:
+def _gauge(part: ImportedActuator, support: mesh_arrays.Ints) -> Vector:
     """Return the corner nearest to the wanted point, or the one farthest from the held faces, or from the origin."""
     corners = np.array([gmsh.model.getValue(0, tag, []) for _, tag in gmsh.model.getEntities(0)])
     if not len(corners):
@@ -925,7 +912,7 @@ def _gauge(part: ImportedActuator, support: Ints) -> Vector:
     return found
 
 
-@register_device
+@registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ImportedActuator(ImportedPart):
     """A part from a STEP file, whose own unit counts; see `ImportedPart`.
@@ -933,9 +920,9 @@ class ImportedActuator(ImportedPart):
     Several solids that touch are glued, and each is a region of its own name.
     """
 
-    cell_size: float = length_field(0.003, "longest edge of the cells", shape=False)
-    curvature: float = number_field(10.0, "cells around a full circle", shape=False)
-    order: int = choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
+    cell_size: float = schema.length_field(0.003, "longest edge of the cells", shape=False)
+    curvature: float = schema.number_field(10.0, "cells around a full circle", shape=False)
+    order: int = schema.choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
 
     kind: ClassVar[str] = "STEP file (--file part.step)"
 
@@ -952,10 +939,10 @@ class ImportedActuator(ImportedPart):
         """Names of the file's solids, if there are several."""
         return self.reading.regions
 
-    def cast_along(self, pull: Vector | None, level: float | None) -> Recipe:
+    def cast_along(self, pull: Vector | None, level: float | None) -> actuator.Recipe:
         if pull is None:
             raise GeometryError("the mould of this part needs its opening direction, such as --pull '0, 0, 1'")
-        return in_halves(pull, level, f"The mould opens along {', '.join(f'{x:g}' for x in pull)}.")
+        return actuator.in_halves(pull, level, f"The mould opens along {', '.join(f'{x:g}' for x in pull)}.")
 
     def build_whole(self) -> None:
         if self.planes:
@@ -989,7 +976,7 @@ Sets = list[tuple[str, Sequence[Any]]]
 OTHER_CELLS = ("hexahedron", "wedge", "pyramid", "voxel")
 
 
-def read_mesh(file: str, unit: float, cell_size: float) -> Tetrahedra:
+def read_mesh(file: str, unit: float, cell_size: float) -> mesh_arrays.Tetrahedra:
     """Read a mesh, in m, of which ``unit`` is metres in one of its lengths; an STL file is filled with cells of a longest
     edge in m. GeometryError for no such file, not a mesh, or none of tetrahedra."""
     kind = Path(file).suffix.lower()
@@ -1003,7 +990,7 @@ def read_mesh(file: str, unit: float, cell_size: float) -> Tetrahedra:
     faces, regions = _face_names(found, sets), _region_names(found, sets, blocks)
     if kind == ".msh":
         cells, regions = _each_once(cells, regions)
-    mesh = Tetrahedra.made(unit * np.asarray(found.points, dtype=float)[:, :3], cells, faces, regions)
+    mesh = mesh_arrays.Tetrahedra.made(unit * np.asarray(found.points, dtype=float)[:, :3], cells, faces, regions)
     if len(bodies := mesh.bodies) > 1:
         places = "; ".join(
             ", ".join(f"{1e3 * x:.4g}" for x in mesh.points[mesh.cells[body]].mean(axis=(0, 1))) for body in bodies[:2]
@@ -1019,10 +1006,10 @@ def _by_meshio(file: str, format_name: str) -> Any:
     import meshio
 
     try:
-        check_file(file)
-        content = b"" if format_name == "stl" else read_file(file, GEOMETRY)
+        files.check_file(file)
+        content = b"" if format_name == "stl" else files.read_file(file, files.GEOMETRY)
     except OSError as error:
-        raise GeometryError(f"file {file} cannot be read ({reason(error)})") from None
+        raise GeometryError(f"file {file} cannot be read ({errors.reason(error)})") from None
     try:
         with (
             contextlib.redirect_stdout(io.StringIO()),
@@ -1035,11 +1022,11 @@ def _by_meshio(file: str, format_name: str) -> Any:
                     plain.flush()
                     found = meshio.read(plain.name, format_name)
             elif format_name == "abaqus":
-                found = Deck(file, content.decode("utf-8", errors="replace")).mesh()
+                found = abaqus.Deck(file, content.decode("utf-8", errors="replace")).mesh()
             else:
                 found = meshio.read(file, format_name)
     except OSError as error:
-        raise GeometryError(f"file {file} cannot be read ({reason(error)})") from None
+        raise GeometryError(f"file {file} cannot be read ({errors.reason(error)})") from None
     except GeometryError:
         raise
     except SystemExit:  # meshio's way with some files
@@ -1056,7 +1043,7 @@ def _by_meshio(file: str, format_name: str) -> Any:
     return found
 
 
-def _tetrahedra(file: str, found: Any) -> tuple[Ints, list[int]]:
+def _tetrahedra(file: str, found: Any) -> tuple[mesh_arrays.Ints, list[int]]:
     """Return all tetrahedra of one order, and the cell blocks that they come from."""
     kinds = [block.type for block in found.cells]
     if other := sorted({kind for kind in kinds if kind.startswith(OTHER_CELLS)}):
@@ -1072,10 +1059,10 @@ def _tetrahedra(file: str, found: Any) -> tuple[Ints, list[int]]:
     return cells, blocks
 
 
-def _face_names(found: Any, sets: Sets) -> dict[str, Ints]:
+def _face_names(found: Any, sets: Sets) -> dict[str, mesh_arrays.Ints]:
     """Return by name the nodes of node sets, and the corners of the triangles of surfaces, sets and physical surfaces."""
     names = {name: np.asarray(nodes, dtype=np.int64) for name, nodes in found.point_sets.items()}
-    chosen = defaultdict[str, list[Ints]](list)
+    chosen = defaultdict[str, list[mesh_arrays.Ints]](list)
     for name, parts in sets:
         chosen[name] += [
             np.asarray(block.data)[np.asarray(part, dtype=np.int64), :3]
@@ -1085,10 +1072,10 @@ def _face_names(found: Any, sets: Sets) -> dict[str, Ints]:
     return names | {name: np.concatenate(triangles) for name, triangles in chosen.items() if triangles}
 
 
-def _region_names(found: Any, sets: Sets, blocks: list[int]) -> dict[str, Ints]:
+def _region_names(found: Any, sets: Sets, blocks: list[int]) -> dict[str, mesh_arrays.Ints]:
     """Return the cells by name, counted among the tetrahedra."""
     starts = dict(zip(blocks, np.cumsum([0] + [len(found.cells[i].data) for i in blocks]).tolist(), strict=False))
-    chosen = defaultdict[str, list[Ints]](list)
+    chosen = defaultdict[str, list[mesh_arrays.Ints]](list)
     for name, parts in sets:
         chosen[name] += [np.asarray(parts[i], dtype=np.int64) + start for i, start in starts.items() if i < len(parts)
                          and parts[i] is not None and len(parts[i])]  # fmt: skip
@@ -1121,7 +1108,7 @@ def _without_groups(content: bytes) -> bytes:
 
 def _physical_groups(file: str, found: Any) -> Sets:
     """Return the physical groups with a name of a Gmsh file: of each block of cells those in it."""
-    content = read_file(file, GEOMETRY)
+    content = files.read_file(file, files.GEOMETRY)
     begin, end = _section(content, b"PhysicalNames")
     named = [
         (int(d), int(number), name.decode("utf-8", "replace")) for d, number, name in GROUP.findall(content[begin:end])
@@ -1176,7 +1163,9 @@ def _entities(content: bytes) -> dict[tuple[int, int], set[int]] | None:
     return found
 
 
-def _each_once(cells: Ints, regions: dict[str, Ints]) -> tuple[Ints, dict[str, Ints]]:
+def _each_once(
+    cells: mesh_arrays.Ints, regions: dict[str, mesh_arrays.Ints]
+) -> tuple[mesh_arrays.Ints, dict[str, mesh_arrays.Ints]]:
     """Return the cells of a Gmsh file and of its regions without those that MSH 2 repeats."""
     _, first, same = np.unique(np.sort(cells, axis=1), axis=0, return_index=True, return_inverse=True)
     if len(first) == len(cells):
@@ -1186,7 +1175,7 @@ def _each_once(cells: Ints, regions: dict[str, Ints]) -> tuple[Ints, dict[str, I
     return cells[kept], {name: np.unique(number[found]) for name, found in regions.items()}
 
 
-def read_surfaces(file: str, unit: float) -> tuple[NDArray[np.float64], Ints]:
+def read_surfaces(file: str, unit: float) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
     """Return the closed surfaces of an STL file: corners in m, shape (n, 3), and triangles, shape (t, 3). GeometryError for
     no such file, no STL, or a surface that is not closed."""
     if Path(file).suffix.lower() != ".stl":
@@ -1194,7 +1183,7 @@ def read_surfaces(file: str, unit: float) -> tuple[NDArray[np.float64], Ints]:
     return _closed(file, _by_meshio(file, "stl"), unit)
 
 
-def _closed(file: str, found: Any, unit: float) -> tuple[NDArray[np.float64], Ints]:
+def _closed(file: str, found: Any, unit: float) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
     triangles = [np.asarray(block.data, dtype=np.int64) for block in found.cells if block.type == "triangle"]
     if not triangles:
         raise GeometryError(f"file {file} has no triangles")
@@ -1216,31 +1205,31 @@ def _closed(file: str, found: Any, unit: float) -> tuple[NDArray[np.float64], In
     return points, triangles_of_all
 
 
-def _filled(file: str, found: Any, unit: float, cell_size: float) -> Tetrahedra:
+def _filled(file: str, found: Any, unit: float, cell_size: float) -> mesh_arrays.Tetrahedra:
     """Return the solid between the surfaces of an STL file, meshed."""
     points, triangles = _closed(file, found, unit)
     try:
-        nodes, cells = apart(_fill, points, triangles, cell_size)
+        nodes, cells = meshing.apart(_fill, points, triangles, cell_size)
     except MeshingError as error:
         raise GeometryError(
             f"the solid between the surfaces of {file} cannot be meshed ({error}); look for surfaces that touch or cross each "
             "other, or try another cell_size"
         ) from None
-    return Tetrahedra.made(nodes, cells, {}, {})
+    return mesh_arrays.Tetrahedra.made(nodes, cells, {}, {})
 
 
-def _joined(points: NDArray[np.float64], triangles: Ints) -> tuple[NDArray[np.float64], Ints]:
+def _joined(points: NDArray[np.float64], triangles: mesh_arrays.Ints) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
     """Return an STL file's triangles with common corners: it lists each corner with each triangle anew."""
     near = SAME * float(np.linalg.norm(np.ptp(points, axis=0)))
     pairs = scipy.spatial.cKDTree(points).query_pairs(near, output_type="ndarray")
-    group = joined(pairs, len(points))
+    group = actuator.joined(pairs, len(points))
     _, first = np.unique(group, return_index=True)
     triangles = group[triangles]
     ends = np.sort(triangles, axis=1)
     return points[first], triangles[(ends[:, 0] != ends[:, 1]) & (ends[:, 1] != ends[:, 2])]
 
 
-def _check_closed(file: str, points: NDArray[np.float64], triangles: Ints) -> None:
+def _check_closed(file: str, points: NDArray[np.float64], triangles: mesh_arrays.Ints) -> None:
     edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     known, count = np.unique(edges, axis=0, return_counts=True)
     open_edges = known[count != 2]
@@ -1252,7 +1241,9 @@ def _check_closed(file: str, points: NDArray[np.float64], triangles: Ints) -> No
         )
 
 
-def _fill(points: NDArray[np.float64], triangles: Ints, cell_size: float) -> tuple[NDArray[np.float64], Ints]:
+def _fill(
+    points: NDArray[np.float64], triangles: mesh_arrays.Ints, cell_size: float
+) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
     """Mesh the solid between closed surfaces: nodes in m, and tetrahedra. The largest surface is the outside."""
     try:
         return _meshed(points, triangles, cell_size, True)
@@ -1261,10 +1252,10 @@ def _fill(points: NDArray[np.float64], triangles: Ints, cell_size: float) -> tup
 
 
 def _meshed(
-    points: NDArray[np.float64], triangles: Ints, cell_size: float, anew: bool
-) -> tuple[NDArray[np.float64], Ints]:
+    points: NDArray[np.float64], triangles: mesh_arrays.Ints, cell_size: float, anew: bool
+) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
     """See `_fill`; ``anew`` meshes the surfaces anew with cells of their own, else the file's triangles stay."""
-    with private_model():
+    with meshing.private_model():
         tag = gmsh.model.addDiscreteEntity(2)
         gmsh.model.mesh.addNodes(2, tag, np.arange(1, len(points) + 1), points.ravel())
         gmsh.model.mesh.addElementsByType(tag, 2, [], (triangles + 1).ravel())
@@ -1292,7 +1283,7 @@ def _meshed(
         _, nodes = gmsh.model.mesh.getElementsByType(11, solid)
         if not len(nodes):
             raise MeshingError("Gmsh made no cells")
-        return at, nodes.astype(np.int64).reshape(-1, 10)[:, TO_GMSH]
+        return at, nodes.astype(np.int64).reshape(-1, 10)[:, mesh_arrays.TO_GMSH]
 
 
 def _extent(shell: list[int]) -> float:
@@ -1310,22 +1301,22 @@ class Triangles(Boundary):
     program = "where it is meshed"
     digits = 6  # files round to seven
 
-    def __init__(self, part: ImportedPart, mesh: Tetrahedra):
+    def __init__(self, part: ImportedPart, mesh: mesh_arrays.Tetrahedra):
         super().__init__(part, 1e-5 * mesh.extent)  # files round to seven digits
         self.mesh = mesh
 
     @property
-    def every(self) -> Ints:
+    def every(self) -> mesh_arrays.Ints:
         return np.arange(len(self.mesh.triangles))
 
     @property
     def nodes(self) -> Array:
         return self.mesh.points
 
-    def pieces(self, among: Ints) -> list[Ints]:
+    def pieces(self, among: mesh_arrays.Ints) -> list[mesh_arrays.Ints]:
         return self.mesh.pieces(among)
 
-    def chosen(self, field: str, text: str, among: Ints) -> Ints:
+    def chosen(self, field: str, text: str, among: mesh_arrays.Ints) -> mesh_arrays.Ints:
         choice, near, mesh = faces(field, text), self.near, self.mesh
         if choice.colour is not None:
             raise GeometryError(f"{field} is {text!r}; a mesh has no colours: name faces, or pick them by their place")
@@ -1341,25 +1332,27 @@ class Triangles(Boundary):
         typed = 0.0 if np.abs(normal).max() == 1.0 else TILT * float(np.linalg.norm(corners, axis=2).max(initial=0.0))
         return among[(np.abs(corners @ normal - choice.at) < near + typed).all(axis=1)]
 
-    def points(self, faces: Ints) -> Array:
+    def points(self, faces: mesh_arrays.Ints) -> Array:
         return self.mesh.corners[faces].reshape(-1, 3)
 
-    def box(self, faces: Ints) -> Array:
+    def box(self, faces: mesh_arrays.Ints) -> Array:
         places = self.points(faces)
         return np.array([places.min(axis=0), places.max(axis=0)])
 
     def holds(self, place: Vector) -> bool:
         return self.mesh.holds(place)
 
-    def nearest(self, place: Vector, pieces: list[Ints]) -> Ints:
+    def nearest(self, place: Vector, pieces: list[mesh_arrays.Ints]) -> mesh_arrays.Ints:
         away = self.mesh.distances(place)
         return min(pieces, key=lambda piece: float(away[piece].min()))
 
-    def inwards(self, normal: Array, faces: Ints) -> bool:
+    def inwards(self, normal: Array, faces: mesh_arrays.Ints) -> bool:
         return bool(self.mesh.normals[faces[0]] @ normal < 0)
 
 
-def put_on_planes(mesh: Tetrahedra, roles: Mapping[str, Ints], normals: Sequence[Vector]) -> Tetrahedra:
+def put_on_planes(
+    mesh: mesh_arrays.Tetrahedra, roles: Mapping[str, mesh_arrays.Ints], normals: Sequence[Vector]
+) -> mesh_arrays.Tetrahedra:
     """Return the mesh with the nodes on its cut planes exactly there: files round."""
     points = mesh.points.copy()
     for _ in range(3):  # a node on two planes comes nearer to both
@@ -1369,7 +1362,9 @@ def put_on_planes(mesh: Tetrahedra, roles: Mapping[str, Ints], normals: Sequence
     return dataclasses.replace(mesh, points=points)
 
 
-def cavity_volumes(part: ImportedMesh, mesh: Tetrahedra, roles: Mapping[str, Ints]) -> tuple[float, ...]:
+def cavity_volumes(
+    part: ImportedMesh, mesh: mesh_arrays.Tetrahedra, roles: Mapping[str, mesh_arrays.Ints]
+) -> tuple[float, ...]:
     """Return the volume in m3 of each cavity of the part as meshed; GeometryError for a wall that encloses nothing."""
     volumes = tuple(mesh.enclosed(roles[cavity_role(i)]) for i in range(part.cavity_count))
     for i, volume in enumerate(volumes):
@@ -1379,14 +1374,14 @@ def cavity_volumes(part: ImportedMesh, mesh: Tetrahedra, roles: Mapping[str, Int
     return volumes
 
 
-def gauge(part: ImportedMesh, mesh: Tetrahedra, roles: Mapping[str, Ints]) -> Vector:
+def gauge(part: ImportedMesh, mesh: mesh_arrays.Tetrahedra, roles: Mapping[str, mesh_arrays.Ints]) -> Vector:
     """Return the corner of the boundary nearest to the wanted point, or the one farthest from the held faces, or from the
     origin."""
     held = mesh.corners[roles["support"]].reshape(-1, 3).mean(axis=0) if "support" in roles else np.zeros(3)
     return _corner(part, mesh.points[np.unique(mesh.triangles[:, :3])], held)
 
 
-@register_device
+@registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ImportedMesh(ImportedPart):
     """A part from a mesh: ``.msh`` of Gmsh, ``.inp`` of Abaqus and CalculiX, or an ``.stl`` of its surfaces, air's included.
@@ -1396,8 +1391,8 @@ class ImportedMesh(ImportedPart):
     a region.
     """
 
-    unit: str = choice_field("mm", tuple(UNITS), "unit of the file's lengths, which such files do not store")
-    cell_size: float = length_field(0.003, "longest edge of the cells, only for an STL file", shape=False)
+    unit: str = schema.choice_field("mm", tuple(UNITS), "unit of the file's lengths, which such files do not store")
+    cell_size: float = schema.length_field(0.003, "longest edge of the cells, only for an STL file", shape=False)
 
     meshed: ClassVar[bool] = True
     kind: ClassVar[str] = "mesh (--file part.msh, part.inp or part.stl)"
@@ -1406,7 +1401,7 @@ class ImportedMesh(ImportedPart):
         """Nothing: a mesh is used as it is."""
 
     @property
-    def mesh(self) -> Tetrahedra:
+    def mesh(self) -> mesh_arrays.Tetrahedra:
         """The mesh in m; read once."""
         return _read_mesh(self, self.digest())[0]
 
@@ -1414,7 +1409,7 @@ class ImportedMesh(ImportedPart):
     def reading(self) -> Reading:
         return _read_mesh(self, self.digest())[1]
 
-    def cast_along(self, pull: Vector | None, level: float | None) -> Recipe:
+    def cast_along(self, pull: Vector | None, level: float | None) -> actuator.Recipe:
         raise GeometryError(
             f"file {self.file} holds a mesh, without the exact faces that a mould is cut along; use the part's STEP file"
         )
@@ -1444,25 +1439,25 @@ class ImportedMesh(ImportedPart):
         solid = gmsh.model.addDiscreteEntity(3)
         gmsh.model.mesh.addNodes(3, solid, np.arange(1, len(mesh.points) + 1), mesh.points.ravel())
         regions = {name: mesh.regions[given] for name, given in self._named.items()}
-        for name, cells in disjoint(regions, len(mesh.cells), MAIN).items():
+        for name, cells in meshing.disjoint(regions, len(mesh.cells), MAIN).items():
             tag = solid if name == MAIN else gmsh.model.addDiscreteEntity(3)
-            nodes = mesh.cells[cells][:, TO_GMSH] if second else mesh.cells[cells]
+            nodes = mesh.cells[cells][:, mesh_arrays.TO_GMSH] if second else mesh.cells[cells]
             gmsh.model.mesh.addElementsByType(tag, 11 if second else 4, [], (nodes + 1).ravel())
             gmsh.model.addPhysicalGroup(3, [tag], name=name)
         roles = Triangles(self, mesh).roles()
-        for role, triangles in disjoint(roles, len(mesh.triangles), OUTER).items():
+        for role, triangles in meshing.disjoint(roles, len(mesh.triangles), OUTER).items():
             tag = gmsh.model.addDiscreteEntity(2)
             gmsh.model.mesh.addElementsByType(tag, 9 if second else 2, [], (mesh.triangles[triangles] + 1).ravel())
             gmsh.model.addPhysicalGroup(2, [tag], name=role)
 
 
-def _parts_of(file: str, mesh: Tetrahedra) -> dict[str, str]:
+def _parts_of(file: str, mesh: mesh_arrays.Tetrahedra) -> dict[str, str]:
     """Return the file's names of some of the cells by those of their regions; `GeometryError` for two that become one."""
     return region_names(file, [name for name, cells in mesh.regions.items() if 0 < len(cells) < len(mesh.cells)])
 
 
 @functools.lru_cache(maxsize=8)
-def _read_mesh(part: ImportedMesh, digest: str) -> tuple[Tetrahedra, Reading]:
+def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra, Reading]:
     """Read the file and check every choice against it. Another digest, of another content, is another reading."""
     mesh = read_mesh(part.file, UNITS[part.unit], part.cell_size)
     if not 1e-5 < mesh.extent < 10.0:

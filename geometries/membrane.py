@@ -23,21 +23,11 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar, NamedTuple
 
-from geometries.actuator import Hold, Pour, Recipe, Vector
-from geometries.registry import register_device
-from geometries.revolved import (
-    NEEDLE,
-    ROUNDING,
-    Panel,
-    Revolved,
-    Side,
-    graded,
-    section_field,
-    through_field,
-    wedge_field,
-)
+from geometries import actuator, registry, revolved
+from geometries.actuator import Hold, Vector
+from geometries.revolved import Revolved
+from softmodels.common import schema
 from softmodels.common.errors import GeometryError
-from softmodels.common.schema import Length, Open, choice_field, field_of, length_field, lengths_field, shown
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The half section of a clamped membrane: rows of cells along the radius, small where a clamp, a plate or a ring ends.
@@ -63,14 +53,14 @@ def _reversed(pieces: list[tuple[float, int, float]]) -> list[tuple[float, int, 
 
 def _panel(
     region: str, strip: Strip, span: tuple[float, float], faces: tuple[str, str], ends: tuple[str, str], through: int
-) -> Panel:
+) -> revolved.Panel:
     """Return a rectangle: heights of its span, roles of its lower and upper face and of its ends, cells through it."""
     (low, high), (below, above), (inside, outside) = span, faces, ends
     corners = ((strip.inner, low), (strip.outer, low), (strip.outer, high - strip.slope), (strip.inner, high))
     a, b, c, d = corners
-    return Panel(region, (
-        Side(a, b, strip.cells, below, growth=strip.growth), Side(b, c, through, outside),
-        Side(c, d, strip.cells, above, growth=1.0 / strip.growth), Side(d, a, through, inside),
+    return revolved.Panel(region, (
+        revolved.Side(a, b, strip.cells, below, growth=strip.growth), revolved.Side(b, c, through, outside),
+        revolved.Side(c, d, strip.cells, above, growth=1.0 / strip.growth), revolved.Side(d, a, through, inside),
     ))  # fmt: skip
 
 
@@ -82,7 +72,7 @@ ROUNDED = 1 / 3
 """Width and depth of the slope at the held edge, in thicknesses, where a plate is bonded on."""
 
 
-@register_device
+@registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Membrane(Revolved):
     """A clamped disk membrane over an air chamber, as an axisymmetric profile or a wedge.
@@ -93,34 +83,35 @@ class Membrane(Revolved):
     clamp) and "rim"; without a width of the clamp "clamp" is the membrane's edge.
     """
 
-    radius: float = length_field(0.020, "radius of the membrane between the clamps")
-    thickness: float = length_field(0.001, "thickness of the membrane")
-    clamp_width: float = length_field(
+    radius: float = schema.length_field(0.020, "radius of the membrane between the clamps")
+    thickness: float = schema.length_field(0.001, "thickness of the membrane")
+    clamp_width: float = schema.length_field(
         0.0, "width of the ring that is clamped, outside the radius; 0 holds the membrane's edge", zero=True
     )
-    clamp: str = choice_field(
+    clamp: str = schema.choice_field(
         "both", ("both", "below", "slip"), "both faces held in the clamp, only the lower one (glued to the chamber), "
         "or both held across and free to slip inwards"
     )  # fmt: skip
-    clamp_rounding: float | None = field_of(
-        Open(Length(zero=True)), "width and depth of the slope at the upper edge of the clamp, where the edge is held; "
+    clamp_rounding: float | None = schema.field_of(
+        schema.Open(schema.Length(zero=True)),
+        "width and depth of the slope at the upper edge of the clamp, where the edge is held; "
         "0 for a sharp edge; a third of the thickness with a plate, else 0, if left out", None, shape=False,
     )  # fmt: skip
-    plate_radius: float = length_field(0.0, "radius of a plate bonded on the middle; 0 for none", zero=True)
-    plate_thickness: float = length_field(
+    plate_radius: float = schema.length_field(0.0, "radius of a plate bonded on the middle; 0 for none", zero=True)
+    plate_thickness: float = schema.length_field(
         0.0, "thickness of the plate where it is meshed; 0 makes it a face of the membrane", zero=True
     )
-    rings: tuple[float, ...] = lengths_field(
+    rings: tuple[float, ...] = schema.lengths_field(
         "inner and outer radius of each ring bonded on the membrane, from the inside out, such as 8mm,10mm,13mm,15mm"
     )
-    ring_thickness: float = length_field(
+    ring_thickness: float = schema.length_field(
         0.0, "thickness of the rings where they are meshed; 0 makes them faces of the membrane", zero=True
     )
-    chamber_depth: float = length_field(0.010, "depth of the rigid chamber below the membrane", shape=False)
-    cell_size: float = length_field(0.001, "edge length of the cells along the membrane", shape=False)
-    through: float = through_field(0.0, "; 0 for 3 in a section and 2 in a wedge")
-    section: str = section_field()
-    angle: float = wedge_field()
+    chamber_depth: float = schema.length_field(0.010, "depth of the rigid chamber below the membrane", shape=False)
+    cell_size: float = schema.length_field(0.001, "edge length of the cells along the membrane", shape=False)
+    through: float = revolved.through_field(0.0, "; 0 for 3 in a section and 2 in a wedge")
+    section: str = revolved.section_field()
+    angle: float = revolved.wedge_field()
 
     stem: ClassVar = "membrane"
     variable: ClassVar = ("thickness",)
@@ -153,7 +144,7 @@ class Membrane(Revolved):
         given = f"with {self.given('radius')} "
         self.check_size("clamp_width", self.radius + self.clamp_width, given=given)
         deepest, inside = ROUNDEST * self.thickness, self.radius - max(self.plate_radius, *self.rings, 0.0)
-        rounding = f"clamp_rounding is {shown(self.slope, 'm')}"
+        rounding = f"clamp_rounding is {schema.shown(self.slope, 'm')}"
         if self.clamp_rounding and self.clamp_width:
             raise GeometryError(
                 f"{rounding}; it is of a held edge, and with {self.given('clamp_width')} the faces of a ring are held: leave "
@@ -161,14 +152,16 @@ class Membrane(Revolved):
             )
         if self.slope > deepest or self.slope >= inside > 0.0:
             raise GeometryError(
-                f"{rounding}; it must be at most {ROUNDEST:g} of thickness, {shown(deepest, 'm')}, and less than what is bare "
-                f"inside the clamp, {shown(inside, 'm')}"
+                f"{rounding}; it must be at most {ROUNDEST:g} of thickness, {schema.shown(deepest, 'm')}, and less "
+                "than what is bare "
+                f"inside the clamp, {schema.shown(inside, 'm')}"
             )
         if self.clamp != "both" and not self.clamp_width:
             raise GeometryError(f"clamp is {self.clamp!r}; it needs a clamp_width, which is 0")
         if self.clamp == "slip" and self.dimension == 3 and self.angle > 120.0:
             raise GeometryError(
-                f"clamp is 'slip'; with angle {shown(self.angle, 'degree')} the membrane could slide away sideways: use 120 "
+                f"clamp is 'slip'; with angle {schema.shown(self.angle, 'degree')} the membrane could slide away "
+                "sideways: use 120 "
                 "deg or less"
             )
 
@@ -181,12 +174,13 @@ class Membrane(Revolved):
         for place, radius in enumerate(self.rings, 1):
             if radius <= before:
                 raise GeometryError(
-                    f"rings[{place}] is {shown(radius, 'm')}; it must be larger than {what}, {shown(before, 'm')}: radii rise "
+                    f"rings[{place}] is {schema.shown(radius, 'm')}; it must be larger than {what}, "
+                    f"{schema.shown(before, 'm')}: radii rise "
                     "from the inside out, and rings and plate do not touch"
                 )
             before, what = radius, f"rings[{place}]"
         if self.rings and before >= self.radius:
-            raise GeometryError(f"{what} is {shown(before, 'm')}; it must be smaller than {self.told('radius')}")
+            raise GeometryError(f"{what} is {schema.shown(before, 'm')}; it must be smaller than {self.told('radius')}")
 
     @property
     def parts(self) -> list[tuple[float, float, str, float]]:
@@ -207,16 +201,16 @@ class Membrane(Revolved):
     def strips(self) -> list[Strip]:
         """The membrane cut at all radii where something begins or its cells change, from the axis outwards."""
         across = self.thickness / self.rows
-        largest = min(self.cell_size, NEEDLE * across)
+        largest = min(self.cell_size, revolved.NEEDLE * across)
         first = min(largest, across)
         found: list[Strip] = []
         for inner, outer, part, height in self.parts:
             if inner == 0.0:
-                pieces = _reversed(graded(outer, first, largest))
+                pieces = _reversed(revolved.graded(outer, first, largest))
             elif part == "clamp_top":
-                pieces = graded(outer - inner, first, largest)
+                pieces = revolved.graded(outer - inner, first, largest)
             else:
-                half = graded(0.5 * (outer - inner), first, largest)
+                half = revolved.graded(0.5 * (outer - inner), first, largest)
                 pieces = [*half, *_reversed(half)]
             begin = inner
             for k, (length, cells, growth) in enumerate(pieces, 1):
@@ -224,12 +218,12 @@ class Membrane(Revolved):
                 found.append(Strip(begin, end, cells, growth, part, height))
                 begin = end
         if slope := self.slope:
-            cells = max(1, math.ceil(slope / across - ROUNDING))
+            cells = max(1, math.ceil(slope / across - revolved.ROUNDING))
             found.append(Strip(self.radius - slope, self.radius, cells, 1.0, "top", 0.0, slope))
         return found
 
     @property
-    def panels(self) -> tuple[Panel, ...]:
+    def panels(self) -> tuple[revolved.Panel, ...]:
         through, edge = self.rows, self.radius + self.clamp_width
         rim, along, found = "rim" if self.clamp_width else "clamp", self.strips, []
         for k, strip in enumerate(along):
@@ -326,13 +320,13 @@ class Membrane(Revolved):
         return {"apex": (0.0, 0.0, self.apex), "ceiling": (0.0, 0.0, 0.0), **edge}
 
     @property
-    def recipe(self) -> Recipe:
-        pour = Pour(name="membrane", up=self.lift, level=0.0, lid=False, floor=self.thickness - self.slope)
+    def recipe(self) -> actuator.Recipe:
+        pour = actuator.Pour(name="membrane", up=self.lift, level=0.0, lid=False, floor=self.thickness - self.slope)
         bonded = " and ".join(name for name, there in (("plate", self.plate_radius), ("rings", self.rings)) if there)
         meshed = self.plate_thickness or self.ring_thickness
         laid = f"Lay the {bonded} into the pockets of the floor before pouring, unless they are of the same silicone."
         glued = f"Glue the {bonded} on the cured membrane."
-        return Recipe(
+        return actuator.Recipe(
             pours=(pour,), steps=(laid if meshed else glued,) if bonded else (),
             why="It is cast face down in a frame on a flat floor and scraped flat; the floor comes off first.",
         )  # fmt: skip

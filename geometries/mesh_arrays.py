@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import joined_by
-from geometries.meshing import load_mesh, private_model
+from geometries import actuator, meshing
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshFileError
 from softmodels.common.lazy import gmsh
@@ -109,7 +108,7 @@ class Tetrahedra:
         """Return which boundary triangles among some are connected by their edges."""
         edges = np.sort(self.triangles[among][:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
         _, edge = np.unique(edges, axis=0, return_inverse=True)
-        group = joined_by(edge.reshape(-1, 3))
+        group = actuator.joined_by(edge.reshape(-1, 3))
         return [among[group == i] for i in range(group.max(initial=-1) + 1)]
 
     def named(self, name: str) -> Ints:
@@ -124,7 +123,7 @@ class Tetrahedra:
     def bodies(self) -> list[Ints]:
         """The cells of each body: cells that share a triangle are of one."""
         _, side = np.unique(np.sort(self.cells[:, SIDES].reshape(-1, 3), axis=1), axis=0, return_inverse=True)
-        group = joined_by(side.reshape(-1, 4))
+        group = actuator.joined_by(side.reshape(-1, 4))
         return [np.flatnonzero(group == i) for i in range(group.max(initial=-1) + 1)]
 
     def holds(self, place: Vector) -> bool:
@@ -225,8 +224,8 @@ class MeshArrays:
 
 def read_arrays(path: Path) -> MeshArrays:
     """Read the Gmsh file that `Actuator.write` made of a solid device; FileNotFoundError or MeshFileError if it is none."""
-    with private_model():
-        groups = load_mesh(path, 3)
+    with meshing.private_model():
+        groups = meshing.load_mesh(path, 3)
         tags, places, _ = gmsh.model.mesh.getNodes()
         number = np.full(int(tags.max()) + 1, -1)
         number[tags.astype(int)] = np.arange(len(tags))

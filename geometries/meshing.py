@@ -30,10 +30,10 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from softmodels.common import files, processes
 from softmodels.common.errors import GeometryError, MeshFileError, MeshingError, MeshingStopped
-from softmodels.common.files import GEOMETRY, read_file
 from softmodels.common.lazy import gmsh
-from softmodels.common.processes import LOCK, handlers_kept, one_at_a_time, pickled
+from softmodels.common.processes import one_at_a_time
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Run a Gmsh task in a separate process, so that it can be stopped and cannot crash the caller.
@@ -61,7 +61,7 @@ def apart[T](task: Callable[..., T], *arguments: Any, stopped: Callable[[], bool
     """Carry out a task, a function that is imported by name, in another process and return its result. Once ``stopped``,
     asked several times a second, is true the task is killed: MeshingStopped. MeshingError if the process died, else what the
     task raised."""
-    if (order := pickled((task, arguments))) is None:
+    if (order := processes.pickled((task, arguments))) is None:
         return task(*arguments)
     with tempfile.TemporaryFile() as words, tempfile.TemporaryFile() as answer, tempfile.TemporaryFile() as errors:
         pickle.dump(sys.path, words)
@@ -275,7 +275,7 @@ def load_mesh(path: str | Path, dimension: int | None = None) -> list[tuple[int,
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path} is not a file")
-    _check(path, read_file(path, GEOMETRY))
+    _check(path, files.read_file(path, files.GEOMETRY))
     with tempfile.TemporaryDirectory() as folder:
         alone = Path(folder) / "alone.msh"  # nothing of Gmsh's beside it
         alone.symlink_to(path.resolve())
@@ -494,7 +494,7 @@ class MeshSummary:
 def private_model() -> Iterator[None]:
     """Return a fresh, current Gmsh model; afterwards a caller's own Gmsh session is as it was."""
 
-    with LOCK:
+    with processes.LOCK:
         yield from _fresh_model()
 
 
@@ -503,7 +503,7 @@ def _fresh_model() -> Iterator[None]:
     ours = not gmsh.isInitialized()
     if ours:
         # Not interruptible: Gmsh would otherwise replace the signal handler, which only a main thread may do.
-        with handlers_kept():
+        with processes.handlers_kept():
             gmsh.initialize(readConfigFiles=False, interruptible=False)
     previous = None if ours else gmsh.model.getCurrent()
     before, unit = {name: gmsh.option.getNumber(name) for name in SETTINGS}, gmsh.option.getString(DRAWN_IN)
@@ -516,7 +516,7 @@ def _fresh_model() -> Iterator[None]:
         yield
     finally:
         if ours:
-            with handlers_kept():
+            with processes.handlers_kept():
                 gmsh.finalize()
         else:
             gmsh.model.setCurrent(fresh)
@@ -582,7 +582,7 @@ def _make_curved(actuator: Meshable, path: Path, stopped: Callable[[], bool]) ->
         return apart(_make, actuator, path, CURVINGS[0], stopped=stopped)
     except SpoiltCells:
         pass
-    if pickled((_make, (actuator, path, CURVINGS[1]))) is not None:
+    if processes.pickled((_make, (actuator, path, CURVINGS[1]))) is not None:
         with contextlib.suppress(MeshingError):  # spoilt, or its process has ended
             return apart(_make, actuator, path, CURVINGS[1], stopped=stopped)
     return apart(_make, actuator, path, CURVINGS[2], stopped=stopped)

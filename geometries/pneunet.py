@@ -27,12 +27,10 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import Finger, Pour, Recipe, part_field, tip_field
-from geometries.meshing import MM, Entity, Mirror, add_block, bond, corners_of, face_block, one_solid, set_sizes
-from geometries.registry import register_device
+from geometries import actuator, meshing, registry
+from softmodels.common import schema
 from softmodels.common.errors import GeometryError
 from softmodels.common.lazy import gmsh
-from softmodels.common.schema import LONGEST, ROUNDING, choice_field, length_field, number_field, shown
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Where the walls of a PneuNet are: all stand square to the axes, so that a list of positions along each axis defines them.
@@ -73,8 +71,8 @@ CENTRAL = "middle"
 """Role of the plane z = 0 on which the upper side is mirrored into the lower one."""
 
 
-def _add(box: Box) -> Entity:
-    return add_block(box.low, box.high)
+def _add(box: Box) -> meshing.Entity:
+    return meshing.add_block(box.low, box.high)
 
 
 def _whole(box: Box, sides: int, below: int = -1) -> Box:
@@ -88,16 +86,16 @@ def _whole(box: Box, sides: int, below: int = -1) -> Box:
     return Box((x0, -y1, z0), (x1, y1, z1))
 
 
-def _without(body: Box, empty: list[Box]) -> Entity:
+def _without(body: Box, empty: list[Box]) -> meshing.Entity:
     """Return a block with others cut out of it."""
-    return one_solid(gmsh.model.occ.cut([_add(body)], [_add(box) for box in empty])[0])
+    return meshing.one_solid(gmsh.model.occ.cut([_add(body)], [_add(box) for box in empty])[0])
 
 
-def _base(finger: PneuNet) -> dict[str, list[Entity]]:
+def _base(finger: PneuNet) -> dict[str, list[meshing.Entity]]:
     """Return the layers of the base by region."""
     L, w = finger.length, finger.half_width
 
-    def layer(low: float, high: float) -> Entity:
+    def layer(low: float, high: float) -> meshing.Entity:
         return _add(Box((0.0, 0.0, low), (L, w, high)))
 
     half, paper, lowest = 0.5 * finger.base, 0.5 * finger.paper, 0.0 if finger.sides == 2 else -0.5 * finger.base
@@ -110,7 +108,7 @@ def _base(finger: PneuNet) -> dict[str, list[Entity]]:
 
 def _role(finger: PneuNet, tag: int) -> str:
     """Return the role of a face from the block around it, which is flat."""
-    low, high = face_block(tag)
+    low, high = meshing.face_block(tag)
     near = 1e-6  # the kernel's blocks are a little larger than what is in them
     flat = int(np.argmin(high - low))
     at = 0.5 * float(low[flat] + high[flat])
@@ -125,14 +123,16 @@ def _role(finger: PneuNet, tag: int) -> str:
         if flat == axis and abs(at - place) < near:
             return role
     # One face may run along several boxes, as the base's does under the chambers and the channel.
-    if all(any(box.holds(corner, corner, near) for box in finger.air) for corner in corners_of(tag) / MM):
+    if all(
+        any(box.holds(corner, corner, near) for box in finger.air) for corner in meshing.corners_of(tag) / meshing.MM
+    ):
         return "cavity"
     return "chamber_walls" if flat == 0 else "outer"
 
 
-@register_device
+@registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class PneuNet(Finger):
+class PneuNet(actuator.Finger):
     """A finger of air chambers on a base that bends towards the base.
 
     Lengths are in m. The middle of the base is z = 0, the clamp x = 0. Physical groups: volumes "solid", "base" (the base
@@ -142,31 +142,33 @@ class PneuNet(Finger):
     finger bends), "outer" (the sides, and the gaps' floors) and, of a half, "plane0" (y = 0).
     """
 
-    chambers: int = choice_field(4, tuple(range(1, 31)), "number of chambers")
-    sides: int = choice_field(1, (1, 2), "chambers above the base, or above and below it")
-    chamber_length: float = length_field(0.005, "length of a chamber's air along the finger")
-    chamber_width: float = length_field(0.012, "width of a chamber's air")
-    chamber_height: float = length_field(0.012, "height of a chamber's air above the base")
-    wall: float = length_field(0.001, "thickness of the walls between a chamber and a gap, or of a rib")
-    side_wall: float = length_field(0.002, "thickness of the walls at the sides")
-    top_wall: float = length_field(0.002, "thickness of the walls above the chambers")
-    gap: float = length_field(0.0005, "gap between chambers; 0 for ribs, one wall between two chambers", zero=True)
-    bridge: float = length_field(0.002, "solid between the channel and the floor of a gap", unless=("gap", 0.0))
-    channel_width: float = length_field(0.004, "width of the channel that joins the chambers")
-    channel_height: float = length_field(0.002, "height of the channel above the base")
-    base: float = length_field(0.003, "thickness of the base layer, a region of its own")
-    paper: float = length_field(
+    chambers: int = schema.choice_field(4, tuple(range(1, 31)), "number of chambers")
+    sides: int = schema.choice_field(1, (1, 2), "chambers above the base, or above and below it")
+    chamber_length: float = schema.length_field(0.005, "length of a chamber's air along the finger")
+    chamber_width: float = schema.length_field(0.012, "width of a chamber's air")
+    chamber_height: float = schema.length_field(0.012, "height of a chamber's air above the base")
+    wall: float = schema.length_field(0.001, "thickness of the walls between a chamber and a gap, or of a rib")
+    side_wall: float = schema.length_field(0.002, "thickness of the walls at the sides")
+    top_wall: float = schema.length_field(0.002, "thickness of the walls above the chambers")
+    gap: float = schema.length_field(
+        0.0005, "gap between chambers; 0 for ribs, one wall between two chambers", zero=True
+    )
+    bridge: float = schema.length_field(0.002, "solid between the channel and the floor of a gap", unless=("gap", 0.0))
+    channel_width: float = schema.length_field(0.004, "width of the channel that joins the chambers")
+    channel_height: float = schema.length_field(0.002, "height of the channel above the base")
+    base: float = schema.length_field(0.003, "thickness of the base layer, a region of its own")
+    paper: float = schema.length_field(
         0.0, "thickness of a sheet in the middle of the base, a region of its own; 0 for none", zero=True
     )
-    root: float = length_field(0.004, "solid between the clamp and the first chamber's air")
-    cap: float = length_field(0.002, "solid between the last chamber's air and the tip")
-    opposite: float = number_field(
+    root: float = schema.length_field(0.004, "solid between the clamp and the first chamber's air")
+    cap: float = schema.length_field(0.002, "solid between the last chamber's air and the tip")
+    opposite: float = schema.number_field(
         0.0, "pressure in the chambers below the base over that above it", unless=("sides", 1)
     )
-    least_wall: float = length_field(0.0003, "thinnest wall, gap and channel allowed", shape=False)
-    cell_size: float = length_field(0.003, "edge length of the cells", shape=False)
-    part: str = part_field("finger")
-    tip: str = tip_field()
+    least_wall: float = schema.length_field(0.0003, "thinnest wall, gap and channel allowed", shape=False)
+    cell_size: float = schema.length_field(0.003, "edge length of the cells", shape=False)
+    part: str = actuator.part_field("finger")
+    tip: str = actuator.tip_field()
 
     variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         "default": {},
@@ -190,10 +192,10 @@ class PneuNet(Finger):
     def check(self) -> None:
         self.check_walls(self.walls, "chamber_length", "chambers")
         for name in ("chamber_width", "chamber_height", "side_wall", "top_wall", "base"):
-            if getattr(self, name) > 0.1 * LONGEST:
-                self.reject(name, f"above {shown(0.1 * LONGEST, 'm')} this suggests a wrong unit")
+            if getattr(self, name) > 0.1 * schema.LONGEST:
+                self.reject(name, f"above {schema.shown(0.1 * schema.LONGEST, 'm')} this suggests a wrong unit")
         for along in ("width", "height") if self.chambers > 1 else ():
-            if getattr(self, f"channel_{along}") > getattr(self, f"chamber_{along}") * (1 - ROUNDING):
+            if getattr(self, f"channel_{along}") > getattr(self, f"chamber_{along}") * (1 - schema.ROUNDING):
                 chamber = self.told(f"chamber_{along}")
                 why = "the channel between chambers is smaller than they are, so that it must be below"
                 self.reject(f"channel_{along}", f"{why} {chamber}")
@@ -201,9 +203,10 @@ class PneuNet(Finger):
             self.reject(
                 "bridge",
                 f"with {self.given('channel_height')} no gap is left below the top at "
-                f"{shown(self.chamber_height + self.top_wall, 'm')} above the base; with gap 0 the chambers share their walls",
+                f"{schema.shown(self.chamber_height + self.top_wall, 'm')} above the base; with gap 0 the chambers "
+                "share their walls",
             )
-        if self.paper and self.base - self.paper < 2.0 * self.least_wall * (1 - ROUNDING):
+        if self.paper and self.base - self.paper < 2.0 * self.least_wall * (1 - schema.ROUNDING):
             self.reject(
                 "paper", f"with {self.given('base')} less than {self.given('least_wall')} is left above and below it"
             )
@@ -299,9 +302,9 @@ class PneuNet(Finger):
         return self.chamber_height
 
     @property
-    def mirrors(self) -> tuple[Mirror, ...]:
+    def mirrors(self) -> tuple[meshing.Mirror, ...]:
         # Mirrored cells, not only shapes: nothing of the mesh then bends what symmetry keeps straight.
-        below = (Mirror(CENTRAL, 2, {"top": "bottom", "cavity": "cavity2"}),) if self.sides == 2 else ()
+        below = (meshing.Mirror(CENTRAL, 2, {"top": "bottom", "cavity": "cavity2"}),) if self.sides == 2 else ()
         return (*below, *super().mirrors)
 
     @property
@@ -359,16 +362,19 @@ class PneuNet(Finger):
         return {name.replace("_", " "): value for name, value in self.walls.items()}
 
     @property
-    def recipe(self) -> Recipe:
+    def recipe(self) -> actuator.Recipe:
         half, up, down = 0.5 * self.base, (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
         middle = half + 0.5 * self.chamber_height
         inlets = [((0.0, 0.0, z), (self.root, 0.0, z)) for z in (middle, -middle)[: self.sides]]
-        chambers = [Pour(name="chambers", up=up, level=half)]
+        chambers = [actuator.Pour(name="chambers", up=up, level=half)]
         if self.sides == 2:
-            chambers.append(Pour(name="lower chambers", up=down, level=half))
-        base = Pour(name="base", up=down, level=-half, end=half, lid=False)
-        paper = f"Pour half of the base, lay the sheet ({shown(self.paper, 'm')}) on it, wet it with silicone, pour the rest."
-        return Recipe(
+            chambers.append(actuator.Pour(name="lower chambers", up=down, level=half))
+        base = actuator.Pour(name="base", up=down, level=-half, end=half, lid=False)
+        paper = (
+            f"Pour half of the base, lay the sheet ({schema.shown(self.paper, 'm')}) on it, wet it with silicone, "
+            "pour the rest."
+        )
+        return actuator.Recipe(
             pours=(*chambers, base),
             why="The chambers and the channel are open towards the base, which is a flat layer bonded to them.",
             inlets=tuple(inlets), steps=(paper,) if self.paper else (),
@@ -383,5 +389,5 @@ class PneuNet(Finger):
     def build(self) -> None:
         """Fill the current Gmsh model (mm) with what is meshed, its roles, its regions and its cell sizes."""
         solid = _without(self.upper, [*self.air, *self.gaps])
-        bond({"solid": [solid], **_base(self)}, lambda tag: _role(self, tag))
-        set_sizes(lambda x, y, z: self.cell_size)
+        meshing.bond({"solid": [solid], **_base(self)}, lambda tag: _role(self, tag))
+        meshing.set_sizes(lambda x, y, z: self.cell_size)

@@ -11,12 +11,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from geometries import PLACES
-from softmodels.common import schema
-from softmodels.common.commands import Choice as NamedChoice
-from softmodels.common.errors import FieldError, GeometryError
-from softmodels.common.names import Registry, checked
-from softmodels.common.schema import About, Choice, Flag, Kind, Open, Quantity, Several, Text, Words, about, shown
-from softmodels.common.units import UnitError, exact_text, quantity
+from softmodels.common import commands, errors, names, schema, units
+from softmodels.common.errors import GeometryError
+from softmodels.common.names import checked
 
 if TYPE_CHECKING:
     from geometries.actuator import Actuator
@@ -39,7 +36,7 @@ def _list_variant_fields(device: type[Actuator]) -> None:
     device.variant = classmethod(checked(variant))  # type: ignore[assignment]
 
 
-ACTUATORS: Registry[type[Actuator]] = Registry("device", places=PLACES, made_known=_list_variant_fields)
+ACTUATORS: names.Registry[type[Actuator]] = names.Registry("device", places=PLACES, made_known=_list_variant_fields)
 """Every device by the name of its class."""
 register_device = ACTUATORS.register
 
@@ -48,7 +45,7 @@ register_device = ACTUATORS.register
 # A device as a small table of texts with units, for settings files, and back without losing a bit.
 
 
-def to_table(actuator: Actuator, text: Text = exact_text) -> dict[str, Any]:
+def to_table(actuator: Actuator, text: schema.Text = units.exact_text) -> dict[str, Any]:
     """Return a device's parameters, ready for a TOML table: its name under ``"device"``, then every field: lengths and angles
     as text with a unit ("20 mm"), by `softmodels.common.units.readable` for people, pure numbers as numbers, choices, texts
     and lists as they are. `from_table` gives back an equal device."""
@@ -63,10 +60,10 @@ def from_table(table: Mapping[str, Any]) -> Actuator:
     if not isinstance(name, str) or name not in ACTUATORS:
         raise GeometryError(f"device is {name!r}; it must be one of {', '.join(ACTUATORS)}")
     device = ACTUATORS[name]
-    fields = about(device)
+    fields = schema.about(device)
     try:
         read = {key: fields[key].kind.read(key, value) if key in fields else value for key, value in values.items()}
-    except FieldError as error:
+    except errors.FieldError as error:
         raise GeometryError(str(error)) from None
     return device_from(device, read)
 
@@ -78,7 +75,7 @@ def device_from(device: type[Actuator], values: Mapping[str, Any]) -> Actuator:
     variant = given.pop("variant", "default")
     if not isinstance(variant, str) or variant not in device.variants:
         raise GeometryError(f"variant is {variant!r}; it must be one of {', '.join(device.variants)}")
-    known = list(about(device))
+    known = list(schema.about(device))
     for name in given:
         if name not in known:
             raise GeometryError(f"{name} is not a parameter of {device.__name__}; it has {', '.join(known)}")
@@ -104,8 +101,8 @@ class QuantityType(click.ParamType):
         if isinstance(value, int | float):
             return value
         try:
-            return quantity(value, self.unit)
-        except UnitError as error:
+            return units.quantity(value, self.unit)
+        except units.UnitError as error:
             self.fail(str(error), param, ctx)
 
 
@@ -123,33 +120,33 @@ class QuantitiesType(QuantityType):
 
 
 @functools.singledispatch
-def _type(kind: Kind) -> click.ParamType:
+def _type(kind: schema.Kind) -> click.ParamType:
     """Return the type that click gives the option of a kind of value."""
     return click.STRING
 
 
 @_type.register
-def _(kind: Quantity) -> click.ParamType:
+def _(kind: schema.Quantity) -> click.ParamType:
     return QuantityType(kind.unit)
 
 
 @_type.register
-def _(kind: Open) -> click.ParamType:
+def _(kind: schema.Open) -> click.ParamType:
     return QuantityType(kind.unit)
 
 
 @_type.register
-def _(kind: Choice) -> click.ParamType:
-    return click.IntRange(*kind.ends) if kind.ends else NamedChoice([str(known) for known in kind.choices])
+def _(kind: schema.Choice) -> click.ParamType:
+    return click.IntRange(*kind.ends) if kind.ends else commands.Choice([str(known) for known in kind.choices])
 
 
 @_type.register
-def _(kind: Flag) -> click.ParamType:
+def _(kind: schema.Flag) -> click.ParamType:
     return click.BOOL
 
 
 @_type.register
-def _(kind: Several) -> click.ParamType:
+def _(kind: schema.Several) -> click.ParamType:
     return QuantitiesType(kind.unit) if kind.unit else _type(kind.of)
 
 
@@ -159,12 +156,12 @@ def flag(name: str) -> str:
 
 
 def field_option(
-    name: str, field: About, default: object = None, metavar: str | None = None
+    name: str, field: schema.About, default: object = None, metavar: str | None = None
 ) -> Callable[[Command], Command]:
     """Return the option of a field; its value is None unless given, in the unit of the field's kind. The default and the
     metavar are for the help; no default stands there if None."""
     kind, text = field.kind, f"{field.help[0].upper()}{field.help[1:]}."
-    if isinstance(kind, Flag):
+    if isinstance(kind, schema.Flag):
         return click.option(flag(name), name, is_flag=True, default=None, help=text)
     again = kind.several and not kind.unit  # several quantities stand between commas
     text += "  [may be repeated]" if again else ""
@@ -179,12 +176,12 @@ def device_options(device: type[Actuator]) -> Callable[[Command], Command]:
     """Return a decorator that adds ``--variant`` and one option per field to a click command. Every option is None unless
     given, so that `device_from` can lay the given ones over the variant."""
 
-    def default(name: str, kind: Kind) -> object:
-        return None if kind.several or isinstance(kind, Words) else getattr(device, name, None)
+    def default(name: str, kind: schema.Kind) -> object:
+        return None if kind.several or isinstance(kind, schema.Words) else getattr(device, name, None)
 
     options = [
-        click.option("--variant", type=NamedChoice(list(device.variants)), help=_variant_help(device)),
-        *(field_option(name, field, default(name, field.kind)) for name, field in about(device).items()),
+        click.option("--variant", type=commands.Choice(list(device.variants)), help=_variant_help(device)),
+        *(field_option(name, field, default(name, field.kind)) for name, field in schema.about(device).items()),
     ]
 
     def decorate(command: Command) -> Command:
@@ -211,21 +208,21 @@ def device_told(device: type[Actuator], values: Mapping[str, Any]) -> Actuator:
 def check_meaning(made: Actuator, values: Mapping[str, Any]) -> None:
     """Reject options, by field name and None where not given, for which the device has no use: GeometryError for the
     first."""
-    for name, field in about(made).items():
+    for name, field in schema.about(made).items():
         if values.get(name) is not None and (other := field.idle(made)):
             given = f" {getattr(made, other)}" if field.unless and other == field.unless[0] else ""
             raise GeometryError(f"{flag(name)} has no effect with {flag(other)}{given}; leave one of them out")
 
 
-def _typed(kind: Kind, ctx: click.Context, param: click.Parameter, value: Any) -> Any:
+def _typed(kind: schema.Kind, ctx: click.Context, param: click.Parameter, value: Any) -> Any:
     """Turn the text of a choice back into the choice, which may be a number; several that are none into None."""
-    if isinstance(kind, Choice):
+    if isinstance(kind, schema.Choice):
         return next((known for known in kind.choices if str(known) == value), value)
     return (value or None) if kind.several else value
 
 
 def _variant_help(device: type[Actuator]) -> str:
-    units = {name: field.kind.unit for name, field in about(device).items()}
+    units = {name: field.kind.unit for name, field in schema.about(device).items()}
     parts = ["Parameters to start from; the options below change single ones."]
     for name, changes in device.variants.items():
         if changes:
@@ -235,4 +232,4 @@ def _variant_help(device: type[Actuator]) -> str:
 
 
 def _friendly(value: Any, unit: str) -> str:
-    return value if isinstance(value, str) else shown(value, unit)
+    return value if isinstance(value, str) else schema.shown(value, unit)

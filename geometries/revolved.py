@@ -14,12 +14,12 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import Actuator, CutPlane, Wedged
-from geometries.meshing import MM, corners_of, name_boundary, name_group, name_groups, place_of
+from geometries import actuator, meshing
+from geometries.actuator import Actuator, CutPlane
+from softmodels.common import schema
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
 from softmodels.common.lazy import gmsh
-from softmodels.common.schema import angle_field, choice_field, number_field, shown
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Half sections of bodies of revolution as panels: patches with four sides, meshed in rows, that meet side by side.
@@ -314,7 +314,7 @@ def build_section(device: Revolved) -> None:
     drawing = Drawing(device.panels, (0.0, 1.0, 0.0))
     gmsh.model.occ.synchronize()
     for region, faces in drawing.faces.items():
-        name_group(2, faces, region)
+        meshing.name_group(2, faces, region)
         for face in faces:
             gmsh.model.mesh.setTransfiniteSurface(face)
     roles: dict[str, list[int]] = defaultdict(list)
@@ -323,9 +323,9 @@ def build_section(device: Revolved) -> None:
         gmsh.model.mesh.setTransfiniteCurve(tag, side.cells + 1, "Progression", side.growth)
         if side.role:
             roles[side.role].append(tag)
-    name_groups(1, roles)
+    meshing.name_groups(1, roles)
     for role, place in device.anchors.items():
-        name_group(0, [drawing.points[place]], role)
+        meshing.name_group(0, [drawing.points[place]], role)
 
 
 def build_full_turn(device: Revolved) -> None:
@@ -335,7 +335,7 @@ def build_full_turn(device: Revolved) -> None:
     sides = {side.key: side for panel in panels for side in panel.sides if shared[side.key] == 1}
     # A side between what is cast and what is not has no role; one on the axis may have another name inside.
     edges = whole_edges([dataclasses.replace(side, role="") for side in sides.values()], ())
-    drawing, occ = Drawing((), (0.0, 0.0, MM), MM), gmsh.model.occ
+    drawing, occ = Drawing((), (0.0, 0.0, meshing.MM), meshing.MM), gmsh.model.occ
     face = occ.addPlaneSurface([occ.addCurveLoop([drawing.curve(piece) for edge in edges for piece in edge.quarters])])
     turn_fully(face)
 
@@ -369,20 +369,20 @@ def build_wedge(device: Revolved) -> None:
     volumes: dict[str, list[int]] = defaultdict(list)
     for region, made in zip(owners, parents, strict=True):
         volumes[region] += [tag for dimension, tag in made if dimension == 3]
-    name_groups(3, volumes)
+    meshing.name_groups(3, volumes)
     sides = [side for side in device.sides if side.role != AXIS]
-    name_boundary(lambda tag: surface_role(device, tag, sides))
+    meshing.name_boundary(lambda tag: surface_role(device, tag, sides))
     for role, (r, z) in device.anchors.items():
-        near = np.linalg.norm([place_of(tag) - (r, 0.0, z) for _, tag in gmsh.model.getEntities(0)], axis=1)
-        name_group(0, [gmsh.model.getEntities(0)[int(near.argmin())][1]], role)
+        near = np.linalg.norm([meshing.place_of(tag) - (r, 0.0, z) for _, tag in gmsh.model.getEntities(0)], axis=1)
+        meshing.name_group(0, [gmsh.model.getEntities(0)[int(near.argmin())][1]], role)
     size = device.wedge_size
     gmsh.model.mesh.setSizeCallback(lambda *_: size)
 
 
-def surface_role(device: Wedged, tag: int, sides: Sequence[Side]) -> str:
+def surface_role(device: actuator.Wedged, tag: int, sides: Sequence[Side]) -> str:
     """Return the role of a face: the cut plane in which it lies, or the side of which it is the turn."""
     near = 1e-7 * device.size
-    corners = corners_of(tag)
+    corners = meshing.corners_of(tag)
     centre = np.array(gmsh.model.occ.getCenterOfMass(2, tag))
     for plane, outward in zip(device.cut_planes, (1.0, -1.0), strict=False):
         normal = np.array(plane.normal)
@@ -444,7 +444,8 @@ def check_alike(device: Actuator, other: Actuator, choices: Iterable[str], round
         here, there = getattr(device, name), getattr(other, name)
         if (here > 0.0) != (there > 0.0):
             raise GeometryError(
-                f"{name} is {shown(here, 'm')} and {shown(there, 'm')}; points of a rounded corner cannot be mapped to a sharp "
+                f"{name} is {schema.shown(here, 'm')} and {schema.shown(there, 'm')}; points of a rounded corner "
+                "cannot be mapped to a sharp "
                 "one"
             )
 
@@ -459,7 +460,7 @@ def _check_near(points: Array, missed: Array, size: float) -> None:
     if len(points) and missed.max() > FARTHEST * size:
         place = ", ".join(f"{1e3 * value:.4g}" for value in points[missed.argmax()])
         raise GeometryError(
-            f"the point ({place}) mm is {shown(float(missed.max()), 'm')} off the device's boundary; "
+            f"the point ({place}) mm is {schema.shown(float(missed.max()), 'm')} off the device's boundary; "
             f"only boundary points can be mapped"
         )
 
@@ -479,22 +480,24 @@ NEAR = 1e-7
 
 def section_field() -> Any:
     """Return a dataclass field: how much of a body of revolution is modelled."""
-    return choice_field("axisymmetric", ("axisymmetric", "wedge"), "profile in radius and height, or solid slice")
+    return schema.choice_field(
+        "axisymmetric", ("axisymmetric", "wedge"), "profile in radius and height, or solid slice"
+    )
 
 
 def wedge_field() -> Any:
     """Return a dataclass field for the wedge's angle."""
-    return angle_field(
+    return schema.angle_field(
         30.0, "angle of the wedge; divides 360 deg evenly", unless=("section", "axisymmetric"), shape=False
     )
 
 
 def through_field(default: float = 2.0, more: str = "") -> Any:
     """Return a dataclass field for the cells through a wall; ``more`` ends its help."""
-    return number_field(default, f"how many cells there are through the wall{more}", shape=False)
+    return schema.number_field(default, f"how many cells there are through the wall{more}", shape=False)
 
 
-class Revolved(Wedged):
+class Revolved(actuator.Wedged):
     """A body of revolution around z; a device is a dataclass of it with the fields below and its `panels`.
 
     Fields that a device declares: ``cell_size`` (edge length along its walls), ``through`` (`through_field`), ``section``
@@ -614,12 +617,13 @@ class Revolved(Wedged):
             needle = NEEDLE * self.thinnest / max(self.through, 1.0)
             longest = min(needle, *(getattr(self, name) for name in radii if getattr(self, name)))
             if self.cell_size > longest:
-                self.reject("cell_size", f"it must be at most {shown(longest, 'm')}: {NEEDLE:g} times a cell's width through "
+                self.reject("cell_size",
+                f"it must be at most {schema.shown(longest, 'm')}: {NEEDLE:g} times a cell's width through "
                             f"the wall, and {' and '.join(radii)}")  # fmt: skip
         if not 1 <= self.rows <= MOST_THROUGH or self.through != round(self.through):
             self.reject("through", f"it must be a whole number from 1 to {MOST_THROUGH}")
         self.check_angle()
-        self.check_count(f" with {self.rows} cells through {shown(self.thinnest, 'm')}")
+        self.check_count(f" with {self.rows} cells through {schema.shown(self.thinnest, 'm')}")
 
     def build_whole(self) -> None:
         build_full_turn(self)

@@ -34,23 +34,12 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from geometries.actuator import HeldTip, MirroredHalf, Recipe, Vector, in_halves, parameter_names, part_field, tip_field
-from geometries.meshing import MM, Entity, Mirror, name_group, name_groups, private_model, set_sizes
-from geometries.registry import register_device
-from geometries.revolved import TETRAHEDRON, check_alike
+from geometries import actuator, meshing, registry, revolved
+from geometries.actuator import Vector
+from softmodels.common import schema
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshingError
 from softmodels.common.lazy import gmsh
-from softmodels.common.schema import (
-    LONGEST,
-    angle_field,
-    angles_field,
-    choice_field,
-    length_field,
-    lengths_field,
-    number_field,
-    shown,
-)
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The seminar actuator seen from above: outline, centre lines of the channels, and distances between them.
@@ -327,11 +316,11 @@ def check_seminar(slab: SeminarActuator) -> None:
 
 
 def _mm(value: float) -> str:
-    return shown(value, "m")
+    return schema.shown(value, "m")
 
 
 def _degrees(value: float) -> str:
-    return shown(value, "degree")
+    return schema.shown(value, "degree")
 
 
 def _fan(slab: SeminarActuator) -> str:
@@ -349,8 +338,8 @@ def _check_wall(slab: SeminarActuator, left: float, given: str, face: str) -> No
 
 def _check_slab(slab: SeminarActuator) -> None:
     shorter = min(slab.length, slab.base_width)
-    if max(slab.length, slab.base_width) > 0.1 * LONGEST:
-        wide = f"with base_width {_mm(slab.base_width)}, above {0.1 * LONGEST:g} m this suggests a wrong unit"
+    if max(slab.length, slab.base_width) > 0.1 * schema.LONGEST:
+        wide = f"with base_width {_mm(slab.base_width)}, above {0.1 * schema.LONGEST:g} m this suggests a wrong unit"
         slab.reject("length", wide)
     if slab.thickness > 0.5 * shorter:
         slab.reject("thickness", f"a slab is at most half as thick as it is long and wide ({_mm(0.5 * shorter)})")
@@ -612,12 +601,12 @@ SHARP = math.radians(5.0)
 @functools.lru_cache(maxsize=64)
 def measured_volume(slab: SeminarActuator) -> float:
     """Return the volume in m3 of half the slab without its channels, by the CAD kernel."""
-    with private_model():
+    with meshing.private_model():
         volume = float(sum(gmsh.model.occ.getMass(*entity) for entity in half_slab(slab)))
-    return volume / MM**3 * (2.0 if slab.level else 1.0)
+    return volume / meshing.MM**3 * (2.0 if slab.level else 1.0)
 
 
-def cut_out(prism: Entity, air: list[Entity]) -> list[Entity]:
+def cut_out(prism: meshing.Entity, air: list[meshing.Entity]) -> list[meshing.Entity]:
     """Return a slab with the channels cut out of it, in one piece; MeshingError if the CAD kernel made something else than
     one solid."""
     solids, _ = gmsh.model.occ.cut([prism], air)
@@ -628,19 +617,19 @@ def cut_out(prism: Entity, air: list[Entity]) -> list[Entity]:
     return list(solids)
 
 
-def _swept(curves: list[int], height: float) -> Entity:
+def _swept(curves: list[int], height: float) -> meshing.Entity:
     """Return what a closed line at the bottom sweeps over a height, in mm."""
     occ = gmsh.model.occ
     swept = occ.extrude([(2, occ.addPlaneSurface([occ.addCurveLoop(curves)]))], 0, 0, height)
     return next(entity for entity in swept if entity[0] == 3)
 
 
-def _whole_prism(slab: SeminarActuator) -> Entity:
+def _whole_prism(slab: SeminarActuator) -> meshing.Entity:
     """Return the whole slab without channels."""
     occ = gmsh.model.occ
-    length, half, radius = MM * slab.length, 0.5 * MM * slab.base_width, MM * slab.tip_radius
-    bottom = -0.5 * MM * slab.thickness
-    x, y = (MM * at for at in side(slab)[1])
+    length, half, radius = meshing.MM * slab.length, 0.5 * meshing.MM * slab.base_width, meshing.MM * slab.tip_radius
+    bottom = -0.5 * meshing.MM * slab.thickness
+    x, y = (meshing.MM * at for at in side(slab)[1])
     right, left = occ.addPoint(0, -half, bottom), occ.addPoint(0, half, bottom)
     if radius > 0.0:
         ends = [occ.addPoint(x, -y, bottom), occ.addPoint(x, y, bottom)]
@@ -650,10 +639,10 @@ def _whole_prism(slab: SeminarActuator) -> Entity:
     else:
         ends, front = [occ.addPoint(length, 0, bottom)], []
     sides = [occ.addLine(right, ends[0]), *front, occ.addLine(ends[-1], left), occ.addLine(left, right)]
-    return _swept(sides, MM * slab.thickness)
+    return _swept(sides, meshing.MM * slab.thickness)
 
 
-def half_slab(slab: SeminarActuator) -> list[Entity]:
+def half_slab(slab: SeminarActuator) -> list[meshing.Entity]:
     """Add the half at y > 0 with the channels cut out, of a `SeminarActuator.level` slab what is above the middle.
 
     Nothing is synchronised but the channels.
@@ -662,14 +651,16 @@ def half_slab(slab: SeminarActuator) -> list[Entity]:
     return cut_out(_prism(slab), _network(slab))
 
 
-def _prism(slab: SeminarActuator) -> Entity:
+def _prism(slab: SeminarActuator) -> meshing.Entity:
     """Return half the slab without channels."""
     occ = gmsh.model.occ
     bottom, height = (
-        (0.0, 0.5 * MM * slab.thickness) if slab.level else (-0.5 * MM * slab.thickness, MM * slab.thickness)
+        (0.0, 0.5 * meshing.MM * slab.thickness)
+        if slab.level
+        else (-0.5 * meshing.MM * slab.thickness, meshing.MM * slab.thickness)
     )
-    length, half, radius = MM * slab.length, 0.5 * MM * slab.base_width, MM * slab.tip_radius
-    x, y = (MM * at for at in side(slab)[1])
+    length, half, radius = meshing.MM * slab.length, 0.5 * meshing.MM * slab.base_width, meshing.MM * slab.tip_radius
+    x, y = (meshing.MM * at for at in side(slab)[1])
     base, corner = occ.addPoint(0, 0, bottom), occ.addPoint(0, half, bottom)
     tip = occ.addPoint(length, 0, bottom)
     if radius > 0.0:
@@ -681,7 +672,7 @@ def _prism(slab: SeminarActuator) -> Entity:
     return _swept([occ.addLine(base, tip), *flank, occ.addLine(corner, base)], height)
 
 
-def _network(slab: SeminarActuator) -> list[Entity]:
+def _network(slab: SeminarActuator) -> list[meshing.Entity]:
     """Return the air of all channels that reach into the half at y > 0, in one piece, its creases rounded."""
     lines = [line for line in half_fan(slab) if line is not None]
     # Across the mirror plane, past the middle channel and its rounding, so that the cut there is clean.
@@ -689,7 +680,7 @@ def _network(slab: SeminarActuator) -> list[Entity]:
     return _rounded(slab, [*_manifold(slab, begin), *(_air(slab, line) for line in lines)])
 
 
-def _rounded(slab: SeminarActuator, parts: list[Entity]) -> list[Entity]:
+def _rounded(slab: SeminarActuator, parts: list[meshing.Entity]) -> list[meshing.Entity]:
     """Return the manifold and channels in one piece, its creases rounded."""
     occ = gmsh.model.occ
     air = list(occ.fuse(parts[:1], parts[1:])[0])
@@ -698,18 +689,18 @@ def _rounded(slab: SeminarActuator, parts: list[Entity]) -> list[Entity]:
     occ.synchronize()
     edges = _creases(slab, air)
     try:
-        return list(occ.fillet([tag for _, tag in air], edges, [MM * slab.fillet]))
+        return list(occ.fillet([tag for _, tag in air], edges, [meshing.MM * slab.fillet]))
     except Exception:  # bare
         raise MeshingError(
-            f"the CAD kernel could not round {len(edges)} creases with fillet {MM * slab.fillet:g} "
+            f"the CAD kernel could not round {len(edges)} creases with fillet {meshing.MM * slab.fillet:g} "
             f"mm; use a smaller one, or --fillet 0mm for sharp creases"
         ) from None
 
 
-def _creases(slab: SeminarActuator, air: list[Entity]) -> list[int]:
+def _creases(slab: SeminarActuator, air: list[meshing.Entity]) -> list[int]:
     """Return the curves on the manifold where two curved walls of the air meet at an angle."""
     model = gmsh.model
-    half, radius = 0.5 * spread(slab), MM * slab.manifold_radius
+    half, radius = 0.5 * spread(slab), meshing.MM * slab.manifold_radius
     walls = [tag for _, tag in model.getBoundary(air, oriented=False) if model.getType(2, tag) != "Plane"]
     owners: dict[int, list[int]] = defaultdict(list)
     for wall in walls:
@@ -723,18 +714,18 @@ def _creases(slab: SeminarActuator, air: list[Entity]) -> list[int]:
         at = model.getValue(1, curve, [0.5 * (low + high)])
         one, other = (np.array(model.getNormal(wall, model.getParametrization(2, wall, at))) for wall in pair)
         turn = max(-half, min(math.atan2(at[1], at[0]), half))
-        away = math.dist(at, (radius * math.cos(turn), radius * math.sin(turn), MM * slab.offset))
+        away = math.dist(at, (radius * math.cos(turn), radius * math.sin(turn), meshing.MM * slab.offset))
         # Two cones of one channel meet at an angle too, which stays.
-        if away < 1.001 * MM * slab.manifold_bore and math.acos(min(1.0, abs(float(one @ other)))) > SHARP:
+        if away < 1.001 * meshing.MM * slab.manifold_bore and math.acos(min(1.0, abs(float(one @ other)))) > SHARP:
             found.append(curve)
     return sorted(found)
 
 
-def _manifold(slab: SeminarActuator, begin: float) -> list[Entity]:
+def _manifold(slab: SeminarActuator, begin: float) -> list[meshing.Entity]:
     """Return the arc from an angle (rad) to its end at y > 0, and the round cap there."""
     occ = gmsh.model.occ
     half = 0.5 * spread(slab)
-    radius, bore, level = MM * slab.manifold_radius, MM * slab.manifold_bore, MM * slab.offset
+    radius, bore, level = meshing.MM * slab.manifold_radius, meshing.MM * slab.manifold_bore, meshing.MM * slab.offset
     c, s = math.cos(begin), math.sin(begin)
     # The section's seam is on the inside, where no channel leaves.
     section = occ.addDisk(radius * c, radius * s, level, bore, bore, zAxis=[-s, c, 0], xAxis=[-c, -s, 0])
@@ -742,20 +733,20 @@ def _manifold(slab: SeminarActuator, begin: float) -> list[Entity]:
     return [next(entity for entity in arc if entity[0] == 3), _cap(slab, half)]
 
 
-def _cap(slab: SeminarActuator, angle: float) -> Entity:
+def _cap(slab: SeminarActuator, angle: float) -> meshing.Entity:
     """Return the round cap where the manifold ends at an angle in radians."""
-    radius = MM * slab.manifold_radius
+    radius = meshing.MM * slab.manifold_radius
     x, y = radius * math.cos(angle), radius * math.sin(angle)
-    return (3, int(gmsh.model.occ.addSphere(x, y, MM * slab.offset, MM * slab.manifold_bore)))
+    return (3, int(gmsh.model.occ.addSphere(x, y, meshing.MM * slab.offset, meshing.MM * slab.manifold_bore)))
 
 
-def _air(slab: SeminarActuator, line: Channel) -> Entity:
+def _air(slab: SeminarActuator, line: Channel) -> meshing.Entity:
     """Return a channel: its half profile turned around its ray."""
     occ = gmsh.model.occ
     c, s = math.cos(line.angle), math.sin(line.angle)
 
     def corner(along: float, up: float) -> int:
-        return int(occ.addPoint(MM * along * c, MM * along * s, MM * (slab.offset + up)))
+        return int(occ.addPoint(meshing.MM * along * c, meshing.MM * along * s, meshing.MM * (slab.offset + up)))
 
     begin = corner(line.start, 0.0)
     rims = [corner(line.start, line.bore), *(corner(cone.end, line.radius(cone.end)) for cone in line.cones)]
@@ -768,21 +759,21 @@ def _air(slab: SeminarActuator, line: Channel) -> Entity:
     ]
     occ.remove([(0, centre)])
     face = occ.addPlaneSurface([occ.addCurveLoop(curves)])
-    turned = occ.revolve([(2, face)], 0, 0, MM * slab.offset, c, s, 0, 2.0 * math.pi)
+    turned = occ.revolve([(2, face)], 0, 0, meshing.MM * slab.offset, c, s, 0, 2.0 * math.pi)
     occ.remove([(2, face)], recursive=True)
     return next(entity for entity in turned if entity[0] == 3)
 
 
-def _name_roles(slab: SeminarActuator, solids: list[Entity]) -> None:
+def _name_roles(slab: SeminarActuator, solids: list[meshing.Entity]) -> None:
     """Give every face on the boundary of the solid one role; "middle" is where a level slab is mirrored."""
-    name_group(3, [tag for _, tag in solids], "solid")
+    meshing.name_group(3, [tag for _, tag in solids], "solid")
     roles: dict[str, list[int]] = defaultdict(list)
     for _, tag in gmsh.model.getBoundary(solids, combined=True, oriented=False):
         roles[_role(slab, tag)].append(tag)
     wanted = {"cavity", "support", "top", "outer", "plane0", "middle" if slab.level else "bottom"}
     for role in sorted(wanted - roles.keys()):
         raise MeshingError(f"The shape has no place for {role!r}; please report this with the parameters")
-    name_groups(2, roles)
+    meshing.name_groups(2, roles)
 
 
 def _role(slab: SeminarActuator, tag: int) -> str:
@@ -790,7 +781,7 @@ def _role(slab: SeminarActuator, tag: int) -> str:
     low, high = (np.array(bound) for bound in gmsh.model.getParametrizationBounds(2, tag))
     # Points of the face's surface, which may lie beside the face itself: enough to know which surface it is.
     grid = np.array([low + (high - low) * (a, b) for a in (0.1, 0.45, 0.8) for b in (0.15, 0.5, 0.9)])
-    x, y, z = np.array(gmsh.model.getValue(2, tag, grid.ravel())).reshape(-1, 3).T / MM
+    x, y, z = np.array(gmsh.model.getValue(2, tag, grid.ravel())).reshape(-1, 3).T / meshing.MM
     near = 1e-6 * slab.thickness
     half = 0.5 * slab.thickness
     normal, (tx, ty) = side(slab)
@@ -1287,7 +1278,7 @@ NEARLY = 0.95
 
 def carried(slab: SeminarActuator, other: SeminarActuator, points: Array) -> Array:
     """Return where points on the boundary of a slab lie on another; see `Actuator.carried`."""
-    check_alike(slab, other, ("channels", "part", "tip", "order"), ("tip_radius", "fillet"))
+    revolved.check_alike(slab, other, ("channels", "part", "tip", "order"), ("tip_radius", "fillet"))
     if bool(slab.middle_bores) != bool(other.middle_bores):
         raise GeometryError("only one of two slabs has middle_bores; a mesh cannot follow that, make a new one")
     points = np.asarray(points, dtype=float)
@@ -1362,9 +1353,9 @@ def _to_faces(slab: SeminarActuator, points: Array) -> Array:
     return 1.0 / np.sum([1.0 / gap for gap in gaps], axis=0)
 
 
-@register_device
+@registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class SeminarActuator(MirroredHalf, HeldTip):
+class SeminarActuator(actuator.MirroredHalf, actuator.HeldTip):
     """A triangular slab with a network of air channels that bends out of its plane.
 
     Lengths are in m, angles in degrees. The slab lies between z = -thickness/2 and thickness/2. Physical groups: volume
@@ -1372,48 +1363,50 @@ class SeminarActuator(MirroredHalf, HeldTip):
     at z = +- thickness/2), "tip" (the rounding, if there is one), "outer" (the sides) and, of a half, "plane0" (y = 0).
     """
 
-    length: float = length_field(0.070, "length from the clamped base to the tip")
-    base_width: float = length_field(0.060, "width at the base")
-    thickness: float = length_field(0.008, "thickness of the slab")
-    tip_radius: float = length_field(0.004, "radius of the rounding at the tip, seen from above; 0 for none", zero=True)
-    channels: int = choice_field(5, tuple(range(1, 31)), "number of channels")
-    spread: float = angle_field(
+    length: float = schema.length_field(0.070, "length from the clamped base to the tip")
+    base_width: float = schema.length_field(0.060, "width at the base")
+    thickness: float = schema.length_field(0.008, "thickness of the slab")
+    tip_radius: float = schema.length_field(
+        0.004, "radius of the rounding at the tip, seen from above; 0 for none", zero=True
+    )
+    channels: int = schema.choice_field(5, tuple(range(1, 31)), "number of channels")
+    spread: float = schema.angle_field(
         100.0, "angle between the outermost channels, which is that of the manifold's arc", instead="angles"
     )
-    manifold_radius: float = length_field(0.012, "radius of the manifold's arc around the middle of the base")
-    manifold_bore: float = length_field(0.0009, "radius of the manifold's round section")
-    channel_bore: float = length_field(0.0007, "radius of a channel's section at the manifold", instead="bores")
-    end_bore: float = length_field(
+    manifold_radius: float = schema.length_field(0.012, "radius of the manifold's arc around the middle of the base")
+    manifold_bore: float = schema.length_field(0.0009, "radius of the manifold's round section")
+    channel_bore: float = schema.length_field(0.0007, "radius of a channel's section at the manifold", instead="bores")
+    end_bore: float = schema.length_field(
         0.0010, "radius of a channel's section at its end, which is round", instead="end_bores"
     )
-    fillet: float = length_field(
+    fillet: float = schema.length_field(
         0.0004, "radius of the rounding where a channel leaves the manifold; 0 for a sharp crease", zero=True
     )
-    offset: float = length_field(
+    offset: float = schema.length_field(
         -0.001, "height of the channels' plane above the middle of the thickness", zero=True, signed=True
     )
-    edge: float = length_field(0.004, "solid between the channels' ends and the slab's sides", instead="reaches")
-    bores: tuple[float, ...] = lengths_field(
+    edge: float = schema.length_field(0.004, "solid between the channels' ends and the slab's sides", instead="reaches")
+    bores: tuple[float, ...] = schema.lengths_field(
         "each channel's own channel_bore, from the middle outwards: one value for two channels alike on both sides"
     )
-    middle_bores: tuple[float, ...] = lengths_field(
+    middle_bores: tuple[float, ...] = schema.lengths_field(
         "radius of each channel half way between its two ends, from the middle outwards; straight from end to end if none"
     )
-    end_bores: tuple[float, ...] = lengths_field("each channel's own end_bore, from the middle outwards")
-    angles: tuple[float, ...] = angles_field(
+    end_bores: tuple[float, ...] = schema.lengths_field("each channel's own end_bore, from the middle outwards")
+    angles: tuple[float, ...] = schema.angles_field(
         "each channel's direction from the middle, rising; 0 deg first for an odd number; instead of spread"
     )
-    reaches: tuple[float, ...] = lengths_field(
+    reaches: tuple[float, ...] = schema.lengths_field(
         "how far from the middle of the base each channel ends, from the middle outwards; instead of edge"
     )
-    least_wall: float = length_field(
+    least_wall: float = schema.length_field(
         0.0005, "minimum solid between channels and faces, and between channels", shape=False
     )
-    cell_size: float = length_field(0.005, "edge length of the cells far from the channels", shape=False)
-    around: float = number_field(10.0, "cells around a channel's section", shape=False)
-    order: int = choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
-    part: str = part_field("slab")
-    tip: str = tip_field(held="its rounding")
+    cell_size: float = schema.length_field(0.005, "edge length of the cells far from the channels", shape=False)
+    around: float = schema.number_field(10.0, "cells around a channel's section", shape=False)
+    order: int = schema.choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
+    part: str = actuator.part_field("slab")
+    tip: str = actuator.tip_field(held="its rounding")
 
     stem: ClassVar = "seminar"
     pressures: ClassVar = "0:177"
@@ -1442,7 +1435,7 @@ class SeminarActuator(MirroredHalf, HeldTip):
             h = wall_size(self, radius)
             # Rings of cells that grow with distance r from the wall: int 2 pi (radius + r) / (h + g r)^3 dr.
             total += length * 2.0 * math.pi * (0.5 * radius / (GROWTH * h**2) + 0.5 / (GROWTH**2 * h))
-        return share * total / TETRAHEDRON
+        return share * total / revolved.TETRAHEDRON
 
     @property
     def size(self) -> float:
@@ -1454,9 +1447,9 @@ class SeminarActuator(MirroredHalf, HeldTip):
         return self.offset == 0.0
 
     @property
-    def mirrors(self) -> tuple[Mirror, ...]:
+    def mirrors(self) -> tuple[meshing.Mirror, ...]:
         # Mirrored cells, not only shapes: nothing of the mesh then bends what symmetry keeps straight.
-        level = (Mirror("middle", 2, {"top": "bottom"}),) if self.level else ()
+        level = (meshing.Mirror("middle", 2, {"top": "bottom"}),) if self.level else ()
         return (*level, *super().mirrors)
 
     @property
@@ -1511,7 +1504,7 @@ class SeminarActuator(MirroredHalf, HeldTip):
         # A corner has no rounding's faces, and a slab symmetric about z = 0 stays so.
         fixed = {name for name in ("tip_radius", "fillet", "offset") if getattr(self, name) == 0.0}
         fixed |= {"angles[1]"} if self.channels % 2 else set()
-        return tuple(name for name in parameter_names(self) if name not in fixed)
+        return tuple(name for name in actuator.parameter_names(self) if name not in fixed)
 
     def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return where points on the boundary lie on another slab, to rounding on all of it; see `Actuator.carried`.
@@ -1526,8 +1519,8 @@ class SeminarActuator(MirroredHalf, HeldTip):
         return clearances(self)
 
     @property
-    def recipe(self) -> Recipe:
-        return in_halves(
+    def recipe(self) -> actuator.Recipe:
+        return actuator.in_halves(
             self.lift, self.offset,
             "Every channel's section is round about this plane, so that each layer has open grooves that hold nothing back.",
             ((0.0, 0.0, self.offset), (self.manifold_radius, 0.0, self.offset)),
@@ -1549,4 +1542,4 @@ class SeminarActuator(MirroredHalf, HeldTip):
         solids = half_slab(self)
         gmsh.model.occ.synchronize()
         _name_roles(self, solids)
-        set_sizes(size_function(self))
+        meshing.set_sizes(size_function(self))

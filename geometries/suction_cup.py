@@ -27,13 +27,13 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar
 
-from geometries.actuator import Hold, Pour, Recipe, Vector
-from geometries.registry import register_device
-from geometries.revolved import Panel, Revolved, Side, rectangle, section_field, through_field, wedge_field
-from softmodels.common.schema import length_field
+from geometries import actuator, registry, revolved
+from geometries.actuator import Hold, Vector
+from geometries.revolved import Revolved
+from softmodels.common import schema
 
 
-@register_device
+@registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SuctionCup(Revolved):
     """A suction cup on a stem, as an axisymmetric profile or a wedge.
@@ -42,17 +42,17 @@ class SuctionCup(Revolved):
     stands on the plane, z = 0, on which it slides), "outer" and "top" (of the stem).
     """
 
-    radius: float = length_field(0.015, "inner radius of the lip, within which the cup seals")
-    lip: float = length_field(0.004, "width of the lip")
-    depth: float = length_field(0.005, "height of the cavity above the lip")
-    ceiling: float = length_field(0.009, "radius of the cavity's flat ceiling")
-    roof: float = length_field(0.004, "thickness of the roof")
-    stem_radius: float = length_field(0.005, "radius of the stem")
-    stem_height: float = length_field(0.008, "height of the stem above the roof")
-    cell_size: float = length_field(0.001, "edge length of the cells along the wall", shape=False)
-    through: float = through_field(3.0)
-    section: str = section_field()
-    angle: float = wedge_field()
+    radius: float = schema.length_field(0.015, "inner radius of the lip, within which the cup seals")
+    lip: float = schema.length_field(0.004, "width of the lip")
+    depth: float = schema.length_field(0.005, "height of the cavity above the lip")
+    ceiling: float = schema.length_field(0.009, "radius of the cavity's flat ceiling")
+    roof: float = schema.length_field(0.004, "thickness of the roof")
+    stem_radius: float = schema.length_field(0.005, "radius of the stem")
+    stem_height: float = schema.length_field(0.008, "height of the stem above the roof")
+    cell_size: float = schema.length_field(0.001, "edge length of the cells along the wall", shape=False)
+    through: float = revolved.through_field(3.0)
+    section: str = revolved.section_field()
+    angle: float = revolved.wedge_field()
 
     stem: ClassVar = "cup"
     pressures: ClassVar = "0:-10"
@@ -73,18 +73,19 @@ class SuctionCup(Revolved):
         self.check_cells("ceiling")
 
     @property
-    def panels(self) -> tuple[Panel, ...]:
+    def panels(self) -> tuple[revolved.Panel, ...]:
         through, level, top = self.rows, self.depth + self.roof, self.height
         stem, ceiling = self.along(self.stem_radius), self.along(self.ceiling - self.stem_radius)
         skirt, rise = self.along(math.hypot(self.radius - self.ceiling, self.depth)), self.along(self.stem_height)
         s, c, h = self.stem_radius, self.ceiling, self.depth
         inner, outer = (self.radius, 0.0), (self.outer_radius, 0.0)
         return (
-            rectangle((0.0, level), (s, top), (stem, rise), ("", "outer", "top", "axis")),
-            rectangle((0.0, h), (s, level), (stem, through), ("cavity", "", "", "axis")),
-            rectangle((s, h), (c, level), (ceiling, through), ("cavity", "", "outer", "")),
-            Panel("solid", (Side(inner, outer, through, "lip"), Side(outer, (c, level), skirt, "outer"),
-                            Side((c, level), (c, h), through), Side((c, h), inner, skirt, "cavity"))),
+            revolved.rectangle((0.0, level), (s, top), (stem, rise), ("", "outer", "top", "axis")),
+            revolved.rectangle((0.0, h), (s, level), (stem, through), ("cavity", "", "", "axis")),
+            revolved.rectangle((s, h), (c, level), (ceiling, through), ("cavity", "", "outer", "")),
+            revolved.Panel("solid", (revolved.Side(inner, outer, through, "lip"), revolved.Side(outer, (c, level),
+            skirt, "outer"),
+                            revolved.Side((c, level), (c, h), through), revolved.Side((c, h), inner, skirt, "cavity"))),
         )  # fmt: skip
 
     @property
@@ -118,9 +119,9 @@ class SuctionCup(Revolved):
         return {"roof": self.roof, "lip": self.lip, "cavity": self.depth, "stem": self.stem_radius}
 
     @property
-    def recipe(self) -> Recipe:
-        cup = Pour(name="cup", up=self.lift, level=0.0, gate=self.height, vented=self.depth + self.roof)
-        return Recipe(
+    def recipe(self) -> actuator.Recipe:
+        cup = actuator.Pour(name="cup", up=self.lift, level=0.0, gate=self.height, vented=self.depth + self.roof)
+        return actuator.Recipe(
             pours=(cup,),
             why="The lip lies on the lid, which is smooth, and it is poured through the stem: no mark is on the sealing face.",
         )

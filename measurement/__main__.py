@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from softmodels.common.commands import LazyGroup, run_command
+from softmodels.common import commands
 
 PLACES = {
     "measurement.cli.setup": {
@@ -20,7 +20,7 @@ PLACES = {
 
 
 @click.group(
-    cls=LazyGroup, program="measurement", places=PLACES, order=list,
+    cls=commands.LazyGroup, program="measurement", places=PLACES, order=list,
     context_settings={"help_option_names": ["-h", "--help"]},
 )  # fmt: skip
 def main() -> None:
@@ -38,4 +38,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    run_command(main, "python -m measurement")
+    commands.run_command(main, "python -m measurement")

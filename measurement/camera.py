@@ -18,11 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import ExifTags
 
-from measurement.pictures import opened
-from softmodels.common.errors import reason
-from softmodels.common.files import read_text
-from softmodels.common.tables import numbers
-from softmodels.common.units import brief, number
+from measurement import pictures
+from softmodels.common import errors, files, tables, units
 
 if TYPE_CHECKING:
     import lensfunpy
@@ -185,14 +182,14 @@ class Camera:
         """
         try:
             return cls(
-                matrix=numbers(table["matrix"]),
-                distortion=numbers(table["distortion"]),
+                matrix=tables.numbers(table["matrix"]),
+                distortion=tables.numbers(table["distortion"]),
                 width=_whole(table["width"]),
                 height=_whole(table["height"]),
                 source=str(table["source"]),
-                error_px=number(table["error_px"]),
+                error_px=units.number(table["error_px"]),
                 model=str(table["model"]),
-                errors_px=numbers(table.get("errors_px", [])),
+                errors_px=tables.numbers(table.get("errors_px", [])),
             )
         except KeyError as error:
             raise CameraError(f"the camera's table has no field {error}; recreate it with calibrate or setup") from None
@@ -203,9 +200,9 @@ class Camera:
 
 
 def _whole(value: Any) -> int:
-    read = number(value)
+    read = units.number(value)
     if read != round(read):
-        raise ValueError(f"{brief(value)} is not a whole number of pixels")
+        raise ValueError(f"{units.brief(value)} is not a whole number of pixels")
     return round(read)
 
 
@@ -265,11 +262,11 @@ class Exif:
 def read_exif(path: Path | str) -> Exif:
     """Read camera, lens and focal length; `CameraError` if the file is no picture or does not name its camera."""
     try:
-        with opened(Path(path)) as image:
+        with pictures.opened(Path(path)) as image:
             head = image.getexif()
             body = head.get_ifd(ExifTags.IFD.Exif)
     except (OSError, SyntaxError, ValueError) as error:
-        raise CameraError(f"{path} cannot be read as a photograph: {reason(error)}") from None
+        raise CameraError(f"{path} cannot be read as a photograph: {errors.reason(error)}") from None
     camera = _text(head.get(ExifTags.Base.Model))
     if not camera:
         raise CameraError(f"{path} does not name its camera (no EXIF); give the camera and the lens by name")
@@ -384,9 +381,9 @@ def _find(maker: str, camera: str, lens: str, database: Path | str | None) -> tu
 
 def _database_file(path: Path) -> lensfunpy.Database:
     try:
-        text = read_text(path)
+        text = files.read_text(path)
     except (OSError, UnicodeDecodeError) as error:
-        raise CameraError(f"the lens profile {path} cannot be read: {reason(error)}") from None
+        raise CameraError(f"the lens profile {path} cannot be read: {errors.reason(error)}") from None
     lensfunpy = _lensfun()
     # Files of lensfun's version 2 write the distortion models that version 1 knows in the same words.
     text = re.sub(r'(<lensdatabase[^>]*\bversion=")2"', r'\g<1>1"', text)

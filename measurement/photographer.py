@@ -22,8 +22,8 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 from scipy.special import erf, ndtr
 
+from softmodels.common import errors
 from softmodels.common.arrays import Array
-from softmodels.common.errors import known_are
 
 # ----------------------------------------------------------------------------------------------------------------------
 # How much light each pixel of a synthetic photograph gets; formulas in the screen's plane, no picture is ever warped.
@@ -501,7 +501,7 @@ def save(
     }
     for name, value in (exif or {}).items():
         if name not in places:
-            raise SceneError(f"a photograph has no field {name!r}; {known_are(name, places)}")
+            raise SceneError(f"a photograph has no field {name!r}; {errors.known_are(name, places)}")
         table, tag = places[name]
         table[tag] = value
     options: dict[str, Any] = (

@@ -21,9 +21,8 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageCms, UnidentifiedImageError
 
+from softmodels.common import errors, files
 from softmodels.common.arrays import Array
-from softmodels.common.errors import reason
-from softmodels.common.files import check_file
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Recognise files that are not photographs by their first bytes, and say how to fix it.
@@ -143,13 +142,13 @@ def opened(path: Path) -> Iterator[Image.Image]:
     """Provide a picture file, opened but not decoded; no size is too large here, `read_pixels` looks at the memory. Raises
     `Unmeasurable` for no file, no picture, or one of a kind that cannot be read."""
     try:
-        check_file(path)
+        files.check_file(path)
         foreign = foreign_kind(path)
     except FileNotFoundError:
         raise Unmeasurable("there is no such file; check its name and folder") from None
     except OSError as error:
         raise Unmeasurable(
-            f"the file cannot be read ({reason(error)}); check its permissions, or copy it again"
+            f"the file cannot be read ({errors.reason(error)}); check its permissions, or copy it again"
         ) from None
     if foreign is not None:
         raise Unmeasurable(foreign)
@@ -195,7 +194,7 @@ def read_pixels(path: Path, size: tuple[int, int] | None = None) -> Pixels:
     except Unmeasurable:
         raise
     except Exception as error:  # the decoders raise whatever a damaged file leads them into
-        why = reason(error) or type(error).__name__
+        why = errors.reason(error) or type(error).__name__
         raise Unmeasurable(f"the file is damaged ({why}); copy it from the camera again") from None
     if orientation in _UNTURNED:
         pixels = np.asarray(Image.fromarray(pixels).transpose(_UNTURNED[orientation]))

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from softmodels.common.commands import LazyGroup, stoppable
-from softmodels.mechanics.mpi import speaks
+from softmodels.common import commands
+from softmodels.mechanics import mpi
 
-with stoppable("softmodels", speaks):
+with commands.stoppable("softmodels", mpi.speaks):
     import click
 
     from softmodels import __version__
@@ -56,7 +56,7 @@ PLACES = {
 
 
 @click.group(
-    cls=LazyGroup, program="softmodels", places=PLACES, speaks=speaks,
+    cls=commands.LazyGroup, program="softmodels", places=PLACES, speaks=mpi.speaks,
     context_settings={"help_option_names": ["-h", "--help"]},
 )  # fmt: skip
 @click.version_option(__version__, prog_name="softmodels")

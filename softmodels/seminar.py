@@ -1,13 +1,13 @@
 """``python -m softmodels.seminar``: the slab with air channels of the thesis' second half, inflated."""
 
-from softmodels.common.commands import stoppable
-from softmodels.mechanics.mpi import speaks
+from softmodels.common import commands
+from softmodels.mechanics import mpi
 
-with stoppable("softmodels", speaks):
+with commands.stoppable("softmodels", mpi.speaks):
     from geometries import SeminarActuator
-    from softmodels.cli.options import device_command, main
+    from softmodels.cli import options
 
-command = device_command(
+command = options.device_command(
     SeminarActuator,
     "softmodels.seminar",
     examples=(
@@ -18,4 +18,4 @@ command = device_command(
 )
 
 if __name__ == "__main__":
-    main(command)
+    options.main(command)

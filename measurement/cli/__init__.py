@@ -13,36 +13,32 @@ from pathlib import Path
 from typing import NoReturn
 
 from measurement.screen.setup import SetupError, magnification as factor_of
-from softmodels.common.commands import UNUSABLE, bounded, status_of, trouble
-from softmodels.common.errors import reason
-from softmodels.common.files import replaced_whole
+from softmodels.common import commands, errors, files, processes, units
 from softmodels.common.lazy import consoles, progress
-from softmodels.common.processes import say
-from softmodels.common.units import LONGEST, DecimalCommaError, UnitError, brief, number, quantity
 
 DONE, SOME_REFUSED = 0, 3
 """Beside `commands.FAILED` (nothing could be measured) and `UNUSABLE` (bad input): some photographs are left out."""
 
 
-def stop(sentence: str, status: int = UNUSABLE) -> NoReturn:
+def stop(sentence: str, status: int = commands.UNUSABLE) -> NoReturn:
     """End the program with a sentence on standard error."""
-    say(f"Error: {bounded(sentence)}", err=True)
+    processes.say(f"Error: {commands.bounded(sentence)}", err=True)
     sys.exit(status)
 
 
 def check_place(path: Path) -> None:
     """Stop before the work begins if a file cannot be written there."""
-    if why := trouble(path.parent):
+    if why := commands.trouble(path.parent):
         stop(f"{path} cannot be written: {why}")
 
 
 def write_text(path: Path, text: str) -> None:
     """Write all of a file or nothing, whatever happens in between; stop where it cannot be written."""
     try:
-        with replaced_whole(path) as aside:
+        with files.replaced_whole(path) as aside:
             aside.write_text(text, encoding="utf-8")
     except OSError as error:
-        stop(f"{path} cannot be written: {reason(error)}", status_of(error))
+        stop(f"{path} cannot be written: {errors.reason(error)}", commands.status_of(error))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -74,19 +70,19 @@ def known_point(text: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
     parts = place.split(",")
     if len(parts) != 2:
         more = "; separate numbers by commas, and write decimals with a point" if len(parts) > 2 else ""
-        raise SetupError(f"{brief(text)} is not a known point; write it like 100,200=9mm,18mm{more}")
+        raise SetupError(f"{units.brief(text)} is not a known point; write it like 100,200=9mm,18mm{more}")
     return numbers(pixel, 2, "--point"), tuple(length(part) for part in parts)
 
 
 def numbers(text: str, count: int, option: str) -> tuple[float, ...]:
     """So many plain numbers between commas."""
     try:
-        values = tuple(number(part) for part in text.split(","))
-    except UnitError:
+        values = tuple(units.number(part) for part in text.split(","))
+    except units.UnitError:
         values = ()
     if len(values) != count or not all(abs(value) < 1e9 for value in values):
         more = "; write decimals with a point" if len(values) > count else ""
-        raise SetupError(f"{option} needs {count} numbers between commas, not {brief(text)}{more}")
+        raise SetupError(f"{option} needs {count} numbers between commas, not {units.brief(text)}{more}")
     return values
 
 
@@ -94,25 +90,25 @@ def pattern(text: str) -> tuple[int, int]:
     """Return the inner corners in a row and in a column, from "9x6"."""
     found = re.fullmatch(r"([0-9]{1,4})x([0-9]{1,4})", text.strip())
     if not found:
-        raise SetupError(f"{brief(text)} is not a pattern; write the inner corners like 9x6")
+        raise SetupError(f"{units.brief(text)} is not a pattern; write the inner corners like 9x6")
     return int(found[1]), int(found[2])
 
 
 def length(text: str) -> float:
     """Return a length in m."""
-    return quantity(text, "m")
+    return units.quantity(text, "m")
 
 
 def per_metre(text: str) -> float:
     """Return the pixels per metre from "75px/mm"."""
     # A pixel is a count here; Pint's own pixel is a unit of its own.
-    found = len(text) <= LONGEST and re.fullmatch(r"\s*([^a-z]+?)\s*(?:px|pixels?)?\s*/\s*(\w+)\s*", text)
+    found = len(text) <= units.LONGEST and re.fullmatch(r"\s*([^a-z]+?)\s*(?:px|pixels?)?\s*/\s*(\w+)\s*", text)
     try:
-        return quantity(f"{found[1]} {found[2]}^-1" if found else text, "1/m")
-    except UnitError as error:
-        why = f" ({error})" if isinstance(error, DecimalCommaError) else ""
+        return units.quantity(f"{found[1]} {found[2]}^-1" if found else text, "1/m")
+    except units.UnitError as error:
+        why = f" ({error})" if isinstance(error, units.DecimalCommaError) else ""
         raise SetupError(
-            f"{brief(text.strip())} is not a scale{why}; write pixels per length like 75px/mm or 75000px/m"
+            f"{units.brief(text.strip())} is not a scale{why}; write pixels per length like 75px/mm or 75000px/m"
         ) from None
 
 

@@ -10,38 +10,16 @@ from typing import Any
 import click
 import numpy as np
 
-from measurement.cli import DONE, SOME_REFUSED, bar, length, stop, with_error
+from measurement import cli, pictures
+from measurement.outline import zero
 from measurement.outline.outline import Outline
-from measurement.outline.zero import ZeroLine
-from measurement.pictures import TONES, Unmeasurable, read_pixels
 from measurement.screen.setup import Setup, SetupError
-from measurement.series.drawing import animate, draw_heights, draw_profiles, draw_steps, write_overview
-from measurement.series.measuring import AUTO, Measurement, NoZero, measure_all, trace_image, with_zero
-from measurement.series.photo_list import (
-    DENSITY_ERROR,
-    READING_ERROR,
-    Column,
-    ColumnError,
-    Photograph,
-    PhotoListError,
-    read_photos,
-)
+from measurement.series import drawing, measuring, photo_list
+from measurement.series.measuring import Measurement, NoZero
+from measurement.series.photo_list import Column, ColumnError, Photograph, PhotoListError
 from measurement.series.witness import Refusal, Result
-from softmodels.common.commands import (
-    FAILED,
-    UNUSABLE,
-    Choice,
-    FolderType,
-    ResultFolder,
-    open_folder,
-    open_place,
-    status_of,
-    stoppable,
-)
-from softmodels.common.errors import reason
+from softmodels.common import commands, errors, processes, units
 from softmodels.common.folders import OwnFolderError
-from softmodels.common.processes import cores, say
-from softmodels.common.units import LIGHTER, WATER_DENSITY, UnitError, column_unit, quantity
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The command ``photos``: outlines from a list of photographs.
@@ -51,14 +29,20 @@ from softmodels.common.units import LIGHTER, WATER_DENSITY, UnitError, column_un
 @click.argument("listing", metavar="PHOTOS.csv", type=click.Path(path_type=Path))
 @click.option("--setup", "setup_file", default=Path("setup.toml"), show_default=True, type=click.Path(path_type=Path),
               help="Camera and screen, from python -m measurement setup.")  # fmt: skip
-@click.option("-o", "--output", type=FolderType(), help="Folder for the results.  [default: outlines; outlines-2 and so "
+@click.option("-o", "--output", type=commands.FolderType(),
+help="Folder for the results.  [default: outlines; outlines-2 and so "
               "on if that holds others]")  # fmt: skip
 @click.option("--jobs", type=click.IntRange(min=1), help="Processes at a time.  [default: one per core]")
-@click.option("--tone", type=Choice([AUTO, *TONES]), default=AUTO, show_default=True,
+@click.option("--tone", type=commands.Choice([measuring.AUTO, *pictures.TONES]), default=measuring.AUTO, show_default=True,
               help="Tone curve of the files: srgb (camera JPEG) or linear; auto estimates it from the edge.")  # fmt: skip
-@click.option("--water-density", help=f"Density of the column's liquid.  [default: {WATER_DENSITY:g}kg/m^3, {LIGHTER}]")
-@click.option("--density-error", default=f"{DENSITY_ERROR:.2g}kg/m^3", show_default=True, help="Its standard error.")
-@click.option("--reading-error", default=f"{READING_ERROR * 1e3:g}mm", show_default=True,
+@click.option(
+    "--water-density",
+    help=f"Density of the column's liquid.  [default: {units.WATER_DENSITY:g}kg/m^3, {units.LIGHTER}]",
+)
+@click.option(
+    "--density-error", default=f"{photo_list.DENSITY_ERROR:.2g}kg/m^3", show_default=True, help="Its standard error."
+)
+@click.option("--reading-error", default=f"{photo_list.READING_ERROR * 1e3:g}mm", show_default=True,
               help="Standard error of reading one level of the column.")  # fmt: skip
 @click.option("--body-width", metavar="LENGTH",
               help="True width of the body, if its sides are visible: 34mm, or 34mm+-0.05mm. It determines the "
@@ -80,39 +64,40 @@ def photos(listing: Path, setup_file: Path, output: Path | None, **given: Any) -
     """
     try:
         column = Column(
-            WATER_DENSITY if given["water_density"] is None else quantity(given["water_density"], "kg/m^3"),
-            quantity(given["density_error"], "kg/m^3"),
-            length(given["reading_error"]),
+            units.WATER_DENSITY if given["water_density"] is None else units.quantity(given["water_density"], "kg/m^3"),
+            units.quantity(given["density_error"], "kg/m^3"),
+            cli.length(given["reading_error"]),
         )
         tone, width = given["tone"], None if given["body_width"] is None else _width(given["body_width"])
-        listed = read_photos(listing, column)
+        listed = photo_list.read_photos(listing, column)
         setup = Setup.from_file(setup_file)
-    except (ColumnError, PhotoListError, SetupError, UnitError) as error:
-        stop(str(error))
+    except (ColumnError, PhotoListError, SetupError, units.UnitError) as error:
+        cli.stop(str(error))
     if given["water_density"] is None and not given["quiet"] and any(photo.by_length for photo in listed):
-        say(
-            f"pressures are read in {column_unit()}, {LIGHTER}; --water-density sets another liquid's density", err=True
+        processes.say(
+            f"pressures are read in {units.column_unit()}, {units.LIGHTER}; --water-density sets another liquid's density",
+            err=True,
         )
     # Of the photographs only the names: their contents are gigabytes. Whoever replaces one has another list to measure.
     files = [(photo.file.name, *_stamp(photo.file)) for photo in listed]
     asked = {"tone": tone, "column": column, "width": width, "photographs": files}
     try:
-        folder = open_folder(output, Path("outlines"), "outlines", asked, [listing, setup_file])
+        folder = commands.open_folder(output, Path("outlines"), "outlines", asked, [listing, setup_file])
     except OwnFolderError as error:
-        stop(str(error))
+        cli.stop(str(error))
     try:
-        setup, zero = with_zero(listed, setup, tone, width)
+        setup, zero = measuring.with_zero(listed, setup, tone, width)
     except SetupError as error:
-        stop(str(error))
+        cli.stop(str(error))
     except NoZero as error:
-        stop(str(error), FAILED if any(photo.is_zero for photo in listed) else UNUSABLE)
+        cli.stop(str(error), commands.FAILED if any(photo.is_zero for photo in listed) else commands.UNUSABLE)
     made = _measured(listed, setup, zero, folder, given)
     if not given["quiet"]:
         _report(made, folder.path, width)
     for result in made.results:
         if isinstance(result.outcome, Refusal):
-            say(f"{result.photograph.file.name}: refused, {result.outcome.reason}", err=True)
-    sys.exit(DONE if not made.refused else SOME_REFUSED if made.outlines else FAILED)
+            processes.say(f"{result.photograph.file.name}: refused, {result.outcome.reason}", err=True)
+    sys.exit(cli.DONE if not made.refused else cli.SOME_REFUSED if made.outlines else commands.FAILED)
 
 
 def _stamp(file: Path) -> tuple[int, int]:
@@ -125,7 +110,11 @@ def _stamp(file: Path) -> tuple[int, int]:
 
 
 def _measured(
-    listed: Sequence[Photograph], setup: Setup, zero: ZeroLine, folder: ResultFolder, given: dict[str, Any]
+    listed: Sequence[Photograph],
+    setup: Setup,
+    zero: zero.ZeroLine,
+    folder: commands.ResultFolder,
+    given: dict[str, Any],
 ) -> Measurement:
     """Measure all and write the results."""
     try:
@@ -133,43 +122,43 @@ def _measured(
             edges = None if given["no_pictures"] else output / "edges"
             if edges is not None:
                 edges.mkdir()
-            tone, jobs = given["tone"], given["jobs"] or cores()
-            with bar("measuring", len(listed), given["quiet"]) as advance:
-                results = measure_all(listed, setup, zero, tone, jobs, edges, lambda result: advance())
+            tone, jobs = given["tone"], given["jobs"] or processes.cores()
+            with cli.bar("measuring", len(listed), given["quiet"]) as advance:
+                results = measuring.measure_all(listed, setup, zero, tone, jobs, edges, lambda result: advance())
             made = Measurement(tuple(results), setup, zero)
             made.write(output)
             if edges is not None:
                 _draw(output, made, tone)
     except OwnFolderError as error:
-        stop(str(error))
+        cli.stop(str(error))
     except OSError as error:
-        stop(f"the results cannot be written: {reason(error)}", status_of(error))
+        cli.stop(f"the results cannot be written: {errors.reason(error)}", commands.status_of(error))
     return made
 
 
 def _report(made: Measurement, folder: Path, width: tuple[float, float] | None) -> None:
     for result in made.results:
-        say(_line(result))
-    say(_scale_words(made.setup, made.zero, width))
+        processes.say(_line(result))
+    processes.say(_scale_words(made.setup, made.zero, width))
     weak = sum(not outline.trusted for outline in made.outlines)
     insisted = sum(outline.trust == "anyway" for outline in made.outlines)
     remark = f", {weak} of them untrusted" if weak else ""
     remark += f" ({insisted} to be used anyway)" if insisted else ""
-    say(f"{len(made.outlines)} of {len(made.results)} measured{remark}; written to {folder}")
+    processes.say(f"{len(made.outlines)} of {len(made.results)} measured{remark}; written to {folder}")
     for result in made.results:
         file = result.photograph.file
         if result.name != file.stem and isinstance(result.outcome, Outline):
-            say(f"{file.name}: its outline is {result.name}.csv, because its own name is taken")
+            processes.say(f"{file.name}: its outline is {result.name}.csv, because its own name is taken")
 
 
 def _width(text: str) -> tuple[float, float]:
-    width, error = with_error(text, length)
+    width, error = cli.with_error(text, cli.length)
     if not (0.0 < width < np.inf and 0.0 <= error < width):
-        raise UnitError(f"--body-width must be a positive length, not {text}")
+        raise units.UnitError(f"--body-width must be a positive length, not {text}")
     return width, error
 
 
-def _scale_words(setup: Setup, zero: ZeroLine, width: tuple[float, float] | None) -> str:
+def _scale_words(setup: Setup, zero: zero.ZeroLine, width: tuple[float, float] | None) -> str:
     """Return what the lengths are held against."""
     seen = (
         "" if zero.sides is None else f"; the body's sides lie {zero.sides.width * 1e3:.3f} mm apart at zero pressure"
@@ -197,19 +186,19 @@ def _line(result: Result) -> str:
 def _draw(output: Path, made: Measurement, tone: str) -> None:
     outlines = sorted(made.outlines, key=lambda outline: outline.pressure)
     if outlines:
-        draw_profiles(output / "profiles.png", outlines)
-        draw_heights(output / "heights.png", outlines)
+        drawing.draw_profiles(output / "profiles.png", outlines)
+        drawing.draw_heights(output / "heights.png", outlines)
         files = {result.outcome: result.photograph.file for result in made.results}
         highest = max(made.outlines, key=lambda outline: outline.height)
         try:
-            image = read_pixels(files[highest])
-            draw_steps(output / "steps.png", image, trace_image(image, made.setup, tone), highest)
-        except Unmeasurable as error:  # somebody changed the file meanwhile
-            say(f"{files[highest].name}: no picture of its steps: {error}", err=True)
+            image = pictures.read_pixels(files[highest])
+            drawing.draw_steps(output / "steps.png", image, measuring.trace_image(image, made.setup, tone), highest)
+        except pictures.Unmeasurable as error:  # somebody changed the file meanwhile
+            processes.say(f"{files[highest].name}: no picture of its steps: {error}", err=True)
         by_pressure = sorted(made.results, key=lambda result: result.photograph.pressure)
         shown = [output / "edges" / f"{r.name}.png" for r in by_pressure if isinstance(r.outcome, Outline)]
-        animate(output / "animation.gif", [file for file in shown if file.is_file()])
-    write_overview(output / "overview.html", made.results, output)
+        drawing.animate(output / "animation.gif", [file for file in shown if file.is_file()])
+    drawing.write_overview(output / "overview.html", made.results, output)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -221,29 +210,29 @@ WRITTEN = ("photographs/", "setup.toml", "setup.png", "outlines/")
 
 
 @click.command()
-@click.option("-o", "--output", type=FolderType(), help="Folder for all files.  [default: demo; demo-2 and so on "
+@click.option("-o", "--output", type=commands.FolderType(), help="Folder for all files.  [default: demo; demo-2 and so on "
               "if that exists]")  # fmt: skip
 @click.option("--jobs", type=click.IntRange(min=1), help="Processes at a time.  [default: one per core]")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def demo(output: Path | None, jobs: int | None, quiet: bool) -> None:
     """Make a set of synthetic photographs, and measure them."""
-    with stoppable("measurement"):
-        from measurement.cli.setup import setup
-        from measurement.photographer import make_photographs
+    with commands.stoppable("measurement"):
+        from measurement import photographer
+        from measurement.cli import setup
 
     try:
-        place = open_place(output, Path("demo"), "demonstration of the measurement", WRITTEN)
-        photographs = open_folder(place / "photographs", place, "photographs", {})
+        place = commands.open_place(output, Path("demo"), "demonstration of the measurement", WRITTEN)
+        photographs = commands.open_folder(place / "photographs", place, "photographs", {})
         with photographs.writing() as folder:
-            make_photographs(folder)
+            photographer.make_photographs(folder)
         photographs.leave()
     except OwnFolderError as error:
-        stop(str(error))
+        cli.stop(str(error))
     except OSError as error:
-        stop(f"the photographs cannot be written: {reason(error)}", status_of(error))
+        cli.stop(f"the photographs cannot be written: {errors.reason(error)}", commands.status_of(error))
     folder, setup_file, outlines = photographs.path, place / "setup.toml", place / "outlines"
     lines = {
-        setup: ["setup", folder / "IMG_0100.JPG", "--grid-pitch", "9mm", "--lens", "none", "-o", setup_file],
+        setup.setup: ["setup", folder / "IMG_0100.JPG", "--grid-pitch", "9mm", "--lens", "none", "-o", setup_file],
         photos: ["photos", folder / "photos.csv", "--setup", setup_file, "-o", outlines],
     }
     more = (["--jobs", str(jobs)] if jobs else []) + (["--quiet"] if quiet else [])

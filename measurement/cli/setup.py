@@ -14,25 +14,12 @@ from numpy.typing import NDArray
 
 from measurement import cli as texts
 from measurement.camera import Camera, CameraError, Exif, frame_points, lens_profile, read_exif
-from measurement.cli import DONE, SOME_REFUSED, bar, check_place, stop, write_text
-from measurement.screen.calibration import (
-    STEPS,
-    Calibration,
-    calibrate as calibrated,
-    draw_points,
-    find_charuco,
-    find_chessboard,
-    read_picture,
-)
-from measurement.screen.grid import GridError, counted_from, find_grid
+from measurement.screen import calibration, grid
+from measurement.screen.calibration import Calibration
+from measurement.screen.grid import GridError
 from measurement.screen.setup import PITCH_ERROR, Plane, PlaneError, Setup, SetupError, plane_of_points, plane_of_scale
-from softmodels.common.commands import FAILED, UNUSABLE, Choice, check_output_file, status_of
-from softmodels.common.errors import reason
-from softmodels.common.files import has_table, is_drawn, is_same
+from softmodels.common import commands, errors, files, processes, tables, units
 from softmodels.common.folders import OwnFolderError
-from softmodels.common.processes import say
-from softmodels.common.tables import TomlError, read_toml
-from softmodels.common.units import UnitError, number
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The command ``calibrate``: a camera from photographs of a chessboard.
@@ -59,41 +46,42 @@ def calibrate(photographs: tuple[Path, ...], pattern: str, pitch: str, output: P
     \b
     Exit status: 0 done; 3 some photographs refused; 2 the input cannot be used; 1 nothing measured.
     """
-    check_place(output)
+    texts.check_place(output)
     try:
-        check_output_file(output, photographs, lambda file: has_table("camera")(file) and not has_table("plane")(file),
+        commands.check_output_file(output, photographs,
+        lambda file: files.has_table("camera")(file) and not files.has_table("plane")(file),
                           "the camera file", "-o")  # fmt: skip
         board, side = texts.pattern(pattern), texts.length(pitch)
-        with bar("looking for boards", STEPS * len(photographs), quiet) as advance:
-            made = calibrated(photographs, board, side, advance)
-    except (OwnFolderError, UnitError, SetupError) as error:
-        stop(str(error))
+        with texts.bar("looking for boards", calibration.STEPS * len(photographs), quiet) as advance:
+            made = calibration.calibrate(photographs, board, side, advance)
+    except (OwnFolderError, units.UnitError, SetupError) as error:
+        texts.stop(str(error))
     except CameraError as error:
-        stop(str(error), FAILED)
+        texts.stop(str(error), commands.FAILED)
     table = tomli_w.dumps({"camera": made.camera.as_table()})
-    write_text(output, f"# A camera; made by python -m measurement calibrate.\n{table}")
+    texts.write_text(output, f"# A camera; made by python -m measurement calibrate.\n{table}")
     for path, why in made.refused.items():
-        say(f"{path}: refused, {why}", err=True)
+        processes.say(f"{path}: refused, {why}", err=True)
     if not quiet:
         _report_camera(made, output)
-    sys.exit(SOME_REFUSED if made.refused else DONE)
+    sys.exit(texts.SOME_REFUSED if made.refused else texts.DONE)
 
 
 def _report_camera(made: Calibration, output: Path) -> None:
     camera = made.camera
     for path, rms in made.per_image.items():
-        say(f"{path}: {rms:.2f} px")
-    say(
+        processes.say(f"{path}: {rms:.2f} px")
+    processes.say(
         f"Focal length fx {camera.matrix[0, 0]:.1f} px, principal point {camera.matrix[0, 2]:.1f}, "
         f"{camera.matrix[1, 2]:.1f} px; {len(made.per_image)} photographs used, reprojection "
         f"error {made.residual_px:.2f} px (rms)"
     )
-    say(
+    processes.say(
         f"Standard error of the lens: {camera.error_px:.2g} px in the region of the boards, {camera.errors_px[-1]:.2g} "
         f"px in the picture's corners; written to {output}"
     )
     if made.coverage < REACHED:
-        say(
+        processes.say(
             f"Boards cover {made.coverage:.0%} of the distance from the middle to the corners; add photographs "
             f"with the board near the corners",
             err=True,
@@ -135,8 +123,8 @@ def lens_camera(photograph: Path, size: tuple[int, int], lens: str, body: str | 
 
 def _camera_file(path: Path) -> Camera:
     try:
-        table = read_toml(path)
-    except TomlError as error:
+        table = tables.read_toml(path)
+    except tables.TomlError as error:
         raise CameraError(f"the camera {path} {error}") from None
     if not isinstance(table.get("camera"), dict):
         raise CameraError(f"{path} contains no camera; create it with python -m measurement calibrate")
@@ -175,19 +163,21 @@ def _plane(given: dict[str, Any], picture: NDArray[np.uint8], camera: Camera, pi
         px, metres = zip(*map(texts.known_point, given["points"]), strict=True)
         return plane_of_points(camera, np.array(px), np.array(metres))
     if given["target"] == "grid":
-        return find_grid(picture, camera, pitch, origin).plane(camera)
+        return grid.find_grid(picture, camera, pitch, origin).plane(camera)
     columns, rows = texts.pattern(given["pattern"])
     if given["target"] == "chessboard":
-        board = find_chessboard(picture, (columns, rows), camera)
+        board = calibration.find_chessboard(picture, (columns, rows), camera)
     else:
         squares = (columns + 1, rows + 1)
-        board = find_charuco(picture, squares, number(given["marker_share"]), given["dictionary"], camera)
-    return counted_from(board, camera, pitch, origin).plane(camera)
+        board = calibration.find_charuco(
+            picture, squares, units.number(given["marker_share"]), given["dictionary"], camera
+        )
+    return grid.counted_from(board, camera, pitch, origin).plane(camera)
 
 
 @click.command()
 @click.argument("photograph", type=click.Path(path_type=Path))
-@click.option("--target", type=Choice(["grid", "chessboard", "charuco"]), default="grid", show_default=True,
+@click.option("--target", type=commands.Choice(["grid", "chessboard", "charuco"]), default="grid", show_default=True,
               help="Object in the screen's plane.")  # fmt: skip
 @click.option("--grid-pitch", default="9mm", show_default=True, metavar="LENGTH",
               help="Distance of the grid's lines, or side of a board's square; 9mm+-0.01mm gives its error; default "
@@ -233,11 +223,11 @@ def setup(photograph: Path, output: Path, overlay: Path | None, **given: Any) ->
     Exit status: 0 done; 2 the input cannot be used, as where no grid is found; 1 failed.
     """
     for place in (output, overlay or output):
-        check_place(place)
+        texts.check_place(place)
     try:
         _check_given(given)
         shown = _places(photograph, output, overlay, given["lens"])
-        picture = read_picture(photograph)
+        picture = calibration.read_picture(photograph)
         pitch, pitch_error = _pitch(given["grid_pitch"])
         camera = lens_camera(photograph, picture.shape[1::-1], given["lens"], given["body"], given["focal"])
         plane = _plane(given, picture, camera, pitch)
@@ -245,15 +235,15 @@ def setup(photograph: Path, output: Path, overlay: Path | None, **given: Any) ->
         made = _setup(given, camera, plane, pitch if printed and given["target"] == "grid" else None)
         made = dataclasses.replace(made, pitch_error=pitch_error if printed else 0.0)
     except GridError as error:
-        stop(f"{photograph}: {error}")
-    except (CameraError, OwnFolderError, PlaneError, SetupError, UnitError) as error:
-        stop(str(error))
+        texts.stop(f"{photograph}: {error}")
+    except (CameraError, OwnFolderError, PlaneError, SetupError, units.UnitError) as error:
+        texts.stop(str(error))
     try:
-        draw_points(shown, picture, camera, plane)
+        calibration.draw_points(shown, picture, camera, plane)
     except (OSError, ValueError) as error:
-        status = status_of(error) if isinstance(error, OSError) else UNUSABLE
-        stop(f"the picture of the plane {shown} cannot be written: {reason(error)}", status)
-    write_text(output, made.to_toml())
+        status = commands.status_of(error) if isinstance(error, OSError) else commands.UNUSABLE
+        texts.stop(f"the picture of the plane {shown} cannot be written: {errors.reason(error)}", status)
+    texts.write_text(output, made.to_toml())
     _report(made, given, f"written to {output} and {shown}")
 
 
@@ -295,12 +285,12 @@ def _places(photograph: Path, output: Path, overlay: Path | None, lens: str) -> 
     """Return where the overlay goes: beside the setup, under another name where that is the photograph's or somebody
     else's. Raises `OwnFolderError` where either would replace what is not the program's."""
     inputs = (photograph, Path(lens))
-    check_output_file(output, inputs, has_table("plane"), "the setup", "-o")
+    commands.check_output_file(output, inputs, files.has_table("plane"), "the setup", "-o")
     if overlay is None:
         overlay = output.with_suffix(".png")
-        if any(is_same(overlay, file) for file in inputs) or (overlay.is_file() and not is_drawn(overlay)):
+        if any(files.is_same(overlay, file) for file in inputs) or (overlay.is_file() and not files.is_drawn(overlay)):
             overlay = output.with_name(f"{output.stem}-overlay.png")
-    check_output_file(overlay, (*inputs, output), is_drawn, "the picture of what was found", "--overlay")
+    commands.check_output_file(overlay, (*inputs, output), files.is_drawn, "the picture of what was found", "--overlay")
     if overlay == output:
         raise OwnFolderError(f"{output} cannot be both the setup and its picture; give another --overlay")
     return overlay
@@ -312,16 +302,18 @@ def _report(made: Setup, given: dict[str, Any], written: str) -> None:
     raw = raw[np.isfinite(made.to_metres(raw)).all(axis=1)]
     span = float(np.sqrt(abs(np.linalg.det(made.jacobian([[camera.width / 2, camera.height / 2]])[0]))))
     error = float(np.sqrt(np.mean(made.error(raw, 0.0) ** 2)))
-    say(f"Lens: {camera.source}, standard error {camera.error_px:.2g} px; focal length {camera.matrix[0, 0]:.0f} px")
+    processes.say(
+        f"Lens: {camera.source}, standard error {camera.error_px:.2g} px; focal length {camera.matrix[0, 0]:.0f} px"
+    )
     size = f"{made.magnification:.4f}" + (f" +- {made.magnification_error:.1g}" if made.magnification_error else "")
-    say(f"In the picture's middle one pixel spans {span * 1e6:.2f} um of the object; magnification {size}")
+    processes.say(f"In the picture's middle one pixel spans {span * 1e6:.2f} um of the object; magnification {size}")
     if made.pitch_error:
-        say(
+        processes.say(
             f"The pitch, and so all lengths, have an assumed error of {made.pitch_error:.2%}; give another with --grid-pitch"
         )
     if given["scale"] is not None:
-        say("The plane follows from the given scale and a perpendicular view; the picture does not verify it")
+        processes.say("The plane follows from the given scale and a perpendicular view; the picture does not verify it")
     else:
         kind = "known points" if given["points"] else "crossings" if given["target"] == "grid" else "corners"
-        say(f"{len(plane.points)} {kind}, residual to the plane {plane.residual * 1e6:.2f} um (rms)")
-    say(f"Standard error of positions in the picture: {error * 1e6:.2g} um (rms); {written}")
+        processes.say(f"{len(plane.points)} {kind}, residual to the plane {plane.residual * 1e6:.2f} um (rms)")
+    processes.say(f"Standard error of positions in the picture: {error * 1e6:.2g} um (rms); {written}")

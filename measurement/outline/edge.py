@@ -24,6 +24,7 @@ from scipy.signal import savgol_filter
 from skimage.measure import find_contours
 from skmisc.loess import loess
 
+from measurement import pictures, robust
 from measurement.outline.profiles import (
     CoarseShadow,
     EdgeShape,
@@ -39,8 +40,6 @@ from measurement.outline.profiles import (
     stations,
     touched_by_thread,
 )
-from measurement.pictures import TONES, Pixels, Unmeasurable
-from measurement.robust import DEVIATION, deviation
 from measurement.screen.look import Flatness, GridLook, View, flatness, look_at_grid, movement
 from measurement.screen.setup import Setup
 from softmodels.common.arrays import Array, Mask
@@ -95,7 +94,9 @@ def coarse_contour(mask: Mask, share: Array, factor: float, origin: tuple[int, i
     near = np.where(mask, np.minimum(share, 0.49), np.maximum(share, 0.51))
     contours = find_contours(np.clip(near, 0.0, 1.0), 0.5)
     if not contours:
-        raise Unmeasurable("there is no shadow on the screen; switch the lamp on, and photograph the body in its light")
+        raise pictures.Unmeasurable(
+            "there is no shadow on the screen; switch the lamp on, and photograph the body in its light"
+        )
     longest = max(contours, key=lambda points: float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()))
     return (longest[:, ::-1] + 0.5) * factor - 0.5 + np.array(origin)
 
@@ -121,7 +122,9 @@ def refine_edge(shading: Shading, contour: Array, factor: float, camera: EdgeSha
             break
         reach = 2.0 * reach
     if len(edge.px) < 10:
-        raise Unmeasurable("its edge is not clear enough; photograph it again in focus, with more light and contrast")
+        raise pictures.Unmeasurable(
+            "its edge is not clear enough; photograph it again in focus, with more light and contrast"
+        )
     # The second look follows the first one's edge, so that its profiles need no room for the contour's error.
     spacing = max(3.0, float(np.linalg.norm(np.diff(edge.px, axis=0), axis=1).sum()) / MOST_STATIONS)
     reach = float(np.clip(4.5 * width + 2.0, 5.0, 250.0))
@@ -353,7 +356,7 @@ def _stretch(edge: Edge, part: slice) -> BridgedLine:
     off = np.abs(rest)
     window = min(61, len(off) // 2 * 2 - 1)
     # A local median of what the curve leaves is the scatter that is really there, whatever its cause.
-    local = DEVIATION * median_filter(off, window, mode="mirror")
+    local = robust.DEVIATION * median_filter(off, window, mode="mirror")
     gain = smooth.error / smooth.scatter
     gain = np.maximum(gain, float(np.median(gain)))  # the ends of a stretch have neighbours on one side only
     # What values between pixels lose of their scatter is in `REPEATED` already.
@@ -478,13 +481,13 @@ def widest_patch(edge: Edge, scale: float) -> tuple[float, float]:
     found, rest = np.eye(terms.shape[1])[0], np.median(width) - width
     for _ in range(FITS):
         # Of an edge out of focus the first fit leaves most; what a patch leaves is much only beside what the rest does.
-        usual = deviation(rest) + 1e-3
+        usual = robust.deviation(rest) + 1e-3
         found = least_squares(missed, found, jac=slopes, loss="cauchy", f_scale=usual).x
         rest = -missed(found)
     spacing = float(np.median(np.linalg.norm(np.diff(edge.px, axis=0), axis=1))) * scale
     count = min(max(MIN_WINDOW_POINTS, round(WINDOW / spacing)), len(rest) // 3)
     smooth = np.median(np.lib.stride_tricks.sliding_window_view(rest, count), axis=1)
-    return float(smooth.max()), deviation(smooth - np.median(smooth))
+    return float(smooth.max()), robust.deviation(smooth - np.median(smooth))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -513,7 +516,7 @@ class Traced:
     in spite of them.
     """
 
-    image: Pixels
+    image: pictures.Pixels
     setup: Setup
     tone: str
     tone_error: float = 0.0
@@ -532,7 +535,7 @@ class Traced:
     @functools.cached_property
     def view(self) -> View:
         """The region of the photograph that is evaluated."""
-        return View(self.image, self.setup, _region(self.image, self.setup), TONES[self.tone])
+        return View(self.image, self.setup, _region(self.image, self.setup), pictures.TONES[self.tone])
 
     @property
     def scale(self) -> float:
@@ -566,7 +569,7 @@ class Traced:
         places = np.moveaxis(np.indices(shape)[::-1], 0, -1).reshape(-1, 2)
         found = self.masked(self.view.enlarged(places.astype(np.float64), shape)).reshape(shape)
         if found.all():
-            raise Unmeasurable("the masks cover everything; give setup --mask smaller ones")
+            raise pictures.Unmeasurable("the masks cover everything; give setup --mask smaller ones")
         return found
 
     @functools.cached_property
@@ -584,8 +587,8 @@ class Traced:
         usual, wide = (share * pitch / self.setup.magnification / self.scale / self.factor for share in WIDEST_LINES)
         try:
             return usual, find_shadow(self.small, usual, known, self.covered)
-        except Unmeasurable as why:
-            with contextlib.suppress(Unmeasurable):
+        except pictures.Unmeasurable as why:
+            with contextlib.suppress(pictures.Unmeasurable):
                 return wide, find_shadow(self.small, wide, known, self.covered)
             raise why
 
@@ -620,7 +623,7 @@ class Traced:
         edge = refine_edge(shading, contour, self.factor, self.camera)
         masked = self.masked(edge.px)
         if masked.all() and len(edge.px):
-            raise Unmeasurable("the masks cover the whole edge; give setup --mask smaller ones")
+            raise pictures.Unmeasurable("the masks cover the whole edge; give setup --mask smaller ones")
         return edge[self.view.inside(edge.px) & ~masked]
 
     def masked(self, px: Array) -> npt.NDArray[np.bool_]:
@@ -707,16 +710,16 @@ class Traced:
         return places[np.isfinite(places).all(axis=1)]
 
 
-def _region(image: Pixels, setup: Setup) -> tuple[int, int, int, int]:
+def _region(image: pictures.Pixels, setup: Setup) -> tuple[int, int, int, int]:
     height, width = image.shape[:2]
     if (width, height) != setup.camera.size:
-        raise Unmeasurable(
+        raise pictures.Unmeasurable(
             f"it has {width} x {height} pixels where the setup has {setup.camera.width} x {setup.camera.height}; "
             "photograph both with the same settings, uncropped"
         )
     x0, y0, x1, y1 = (0, 0, width, height) if setup.roi is None else (round(value) for value in setup.roi)
     if min(x1 - x0, y1 - y0) < 64:
-        raise Unmeasurable("the region of interest is smaller than 64 pixels; give setup --roi a larger one")
+        raise pictures.Unmeasurable("the region of interest is smaller than 64 pixels; give setup --roi a larger one")
     return x0, y0, x1, y1
 
 

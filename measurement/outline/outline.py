@@ -11,10 +11,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from softmodels.common import errors, files, units
 from softmodels.common.arrays import Array
-from softmodels.common.errors import reason
-from softmodels.common.files import read_text
-from softmodels.common.units import UnitError, brief, number
 
 COLUMNS = "x_m,z_m,error_m,bridged"
 MEASURED_ONLY = "x_m,z_m,error_m"
@@ -203,9 +201,9 @@ class Outline:
         """
         path = Path(path)
         try:
-            lines = read_text(path).splitlines()
+            lines = files.read_text(path).splitlines()
         except (OSError, UnicodeDecodeError) as error:
-            raise OutlineError(f"{path} cannot be read: {reason(error)}") from None
+            raise OutlineError(f"{path} cannot be read: {errors.reason(error)}") from None
         notes: dict[str, str] = {}
         reasons: list[str] = []
         rows: list[list[float]] = []
@@ -218,15 +216,17 @@ class Outline:
             elif line.strip() and line.strip().replace(";", ",") not in (COLUMNS, MEASURED_ONLY):
                 rows.append(_row(path, place, line))
         try:
-            pressure, pressure_error = number(notes["pressure_Pa"]), number(notes["pressure_error_Pa"])
-            sunk = number(notes.get("sunk_m", "0"))
-            scale = number(notes["scale"]) if "scale" in notes else math.nan
+            pressure, pressure_error = units.number(notes["pressure_Pa"]), units.number(notes["pressure_error_Pa"])
+            sunk = units.number(notes.get("sunk_m", "0"))
+            scale = units.number(notes["scale"]) if "scale" in notes else math.nan
             shared = ("scale_error", "level_error_m", "edge_error_m")
-            scale_error, level_error, edge_error = (number(notes.get(name, "0")) for name in shared)
-            history = [tuple(map(number, pair.split())) for pair in notes.get("history_s_Pa", "").split(";") if pair]
+            scale_error, level_error, edge_error = (units.number(notes.get(name, "0")) for name in shared)
+            history = [
+                tuple(map(units.number, pair.split())) for pair in notes.get("history_s_Pa", "").split(";") if pair
+            ]
         except KeyError as error:
             raise OutlineError(f"{path} has no comment line '# {error.args[0]} = …'") from None
-        except UnitError as error:
+        except units.UnitError as error:
             raise OutlineError(
                 f"{path}: pressure_Pa, pressure_error_Pa, sunk_m, scale, history or an error: {error}"
             ) from None
@@ -260,13 +260,13 @@ class Outline:
 def _row(path: Path, place: int, line: str) -> list[float]:
     words = line.split(";" if ";" in line else ",")
     try:
-        values, why = [number(word) for word in words], ""
-    except UnitError as error:
+        values, why = [units.number(word) for word in words], ""
+    except units.UnitError as error:
         values, why = [], f": {error}"
     if len(values) == 3:
         values.append(0.0)
     if len(values) != 4 or values[3] not in (0.0, 1.0):
         raise OutlineError(
-            f"{path}, line {place}: {brief(line.strip())} is not three numbers and 0 or 1 ({COLUMNS}){why}"
+            f"{path}, line {place}: {units.brief(line.strip())} is not three numbers and 0 or 1 ({COLUMNS}){why}"
         )
     return values

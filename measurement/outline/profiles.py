@@ -14,7 +14,7 @@ from scipy.special import betainc, ndtr
 from scipy.stats import chi2
 from skimage.filters import threshold_otsu
 
-from measurement.pictures import LIGHT, Pixels, Unmeasurable, sample_light
+from measurement import pictures
 from measurement.robust import deviation, deviations
 from measurement.screen.look import GridLook
 from measurement.screen.setup import Setup
@@ -98,12 +98,12 @@ def learn_colour(shadow: Array, lit: Array) -> ShadowColour:
     covariance = covariance + np.eye(3) * max(LIGHT_FLOOR**2, 0.1 * float(np.trace(covariance)) / 3.0)
     colour = ShadowColour(centre, np.median(_thinned(lit), axis=0), covariance)
     if colour.contrast < SMALLEST_CONTRAST:
-        raise Unmeasurable(
+        raise pictures.Unmeasurable(
             f"the contrast is too low: the shadow takes away {max(0.0, colour.contrast):.0%} of the screen's light, "
             f"but at least {SMALLEST_CONTRAST:.0%} is needed: darken the room, or move the body closer to the screen"
         )
     if (colour.distance(colour.lit) / 2.0) ** 2 < chi_square_limit():
-        raise Unmeasurable(
+        raise pictures.Unmeasurable(
             "shadow and lit screen differ by no more than the shadow's own scatter; darken the room, and photograph it "
             "again with more light from the lamp"
         )
@@ -168,7 +168,7 @@ def find_shadow(
         dark = ~lit & (np.abs(plain - known).max(axis=2) < 0.25 * np.percentile(brightness, 95))
     inner = cv2.erode(dark.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     if inner.sum() < 30 or lit.sum() < 30:
-        raise Unmeasurable(
+        raise pictures.Unmeasurable(
             "there is no shadow on the screen, or nothing but shadow; photograph the body in the lamp's light with the "
             "lit screen around it"
         )
@@ -188,10 +188,10 @@ def _only_shadow(dark: Mask) -> Mask:
     count, labels, stats, _ = cv2.connectedComponentsWithStats(dark.astype(np.uint8))
     areas = stats[1:, cv2.CC_STAT_AREA]
     if count < 2 or areas.max() < 100:
-        raise Unmeasurable("there is no shadow on the screen; photograph the body in the lamp's light")
+        raise pictures.Unmeasurable("there is no shadow on the screen; photograph the body in the lamp's light")
     order = np.argsort(areas)[::-1]
     if len(order) > 1 and areas[order[1]] > max(0.04 * areas[order[0]], 60):
-        raise Unmeasurable(
+        raise pictures.Unmeasurable(
             f"there are several shadows: the second one has {areas[order[1]] / areas[order[0]]:.0%} of the first one's area; "
             "take away what throws it, cover it with setup --mask, or select the right one with setup --roi"
         )
@@ -377,16 +377,16 @@ class Shading:
     """Visible share of the lamp at each place of a photograph (h, w, 3), corrected for what the grid's ink lets through
     and for what it draws because it is blurred together with the edge; None leaves either out."""
 
-    image: Pixels
+    image: pictures.Pixels
     colour: ShadowColour
     through: Transmission | None = None
     drawn: Drawn | None = None
-    light: npt.NDArray[np.float32] = dataclasses.field(default_factory=lambda: LIGHT)
+    light: npt.NDArray[np.float32] = dataclasses.field(default_factory=lambda: pictures.LIGHT)
 
     def level(self, points: Array) -> Array:
         """Return the light (...) at pixels (..., 2), its channels mixed as the shadow's colour asks for; NaN outside of the
         picture."""
-        return sample_light(self.image, points, self.light) @ self.colour.direction
+        return pictures.sample_light(self.image, points, self.light) @ self.colour.direction
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -455,7 +455,7 @@ def stations(path: Array, spacing: float) -> tuple[Array, Array]:
     keep = np.r_[True, step > 1e-9]
     path, arc = path[keep], np.r_[0.0, np.cumsum(step[step > 1e-9])]
     if len(path) < 5 or arc[-1] < 5.0 * spacing:
-        raise Unmeasurable("the shadow is too small to be measured; move the camera closer")
+        raise pictures.Unmeasurable("the shadow is too small to be measured; move the camera closer")
     s = np.arange(0.5 * spacing, arc[-1], spacing)
 
     def at(along: Array) -> Array:

@@ -9,9 +9,8 @@ import numpy as np
 from scipy.ndimage import binary_dilation, binary_erosion
 from scipy.signal import savgol_filter
 
-from measurement.outline.edge import SPAN
-from measurement.pictures import Unmeasurable
-from measurement.robust import deviation, robust_fit
+from measurement import pictures, robust
+from measurement.outline import edge
 from measurement.screen.setup import Setup, SetupError
 from softmodels.common.arrays import Array, Mask
 
@@ -71,7 +70,7 @@ def sides_of(placed: Array, upwards: Array, error: Array, band: tuple[float, flo
     if steep.sum() < 2 * MIN_SIDE_POINTS:
         return None
     # Smoothing rounds the corner between surface and side, over half a span of points on either side of it.
-    clear = steep & binary_erosion(np.abs(upwards) < SIDE_NORMAL_COSINE, np.ones(SPAN + 1), border_value=1)
+    clear = steep & binary_erosion(np.abs(upwards) < SIDE_NORMAL_COSINE, np.ones(edge.SPAN + 1), border_value=1)
     steep = clear if clear.sum() >= 4 * MIN_SIDE_POINTS else steep
     middle = 0.5 * (placed[steep, 0].min() + placed[steep, 0].max())
     halves = [steep & (placed[:, 0] < middle), steep & (placed[:, 0] > middle)]
@@ -86,9 +85,9 @@ def sides_of(placed: Array, upwards: Array, error: Array, band: tuple[float, flo
         if part.sum() < MIN_SIDE_POINTS:
             return None
         terms = np.column_stack([np.ones(int(part.sum())), placed[part, 1] - depth])
-        line = robust_fit(terms, placed[part, 0], 6)
+        line = robust.robust_fit(terms, placed[part, 0], 6)
         variance += (
-            (deviation(line.rest) ** 2 + float(np.median(error[part])) ** 2)
+            (robust.deviation(line.rest) ** 2 + float(np.median(error[part])) ** 2)
             * CORRELATED_SIDE_POINTS
             / float(part.sum())
         )
@@ -185,7 +184,7 @@ class ZeroLine:
         level = normals[:, 1] > np.cos(np.radians(STEEPEST))
         upper = _surface(points, normals, level)
         if upper.sum() < MIN_SURFACE_POINTS:
-            raise Unmeasurable(
+            raise pictures.Unmeasurable(
                 "the shadow has no level upper side as zero of heights; photograph the undeformed body "
                 "upright, or give two points of its surface to setup --zero"
             )
@@ -195,7 +194,7 @@ class ZeroLine:
         for _ in range(20):
             normal = np.array([-direction[1], direction[0]])
             rest = (points - middle) @ normal
-            scatter = max(deviation(rest), 1e-7)
+            scatter = max(robust.deviation(rest), 1e-7)
             weight = 1.0 / (scatter**2 + errors**2) * np.minimum(1.0, 1.5 * scatter / np.maximum(np.abs(rest), 1e-12))
             weight = np.where(np.abs(rest) < max(6.0 * scatter, 1e-5), weight, 0.0)
             middle = weight @ points / weight.sum()
@@ -204,14 +203,14 @@ class ZeroLine:
             direction = direction if direction[0] > 0.0 else -direction
         straight = np.abs(rest) < STRAIGHT
         if straight.mean() < 0.8 or scatter > 0.5 * STRAIGHT:
-            raise Unmeasurable(
+            raise pictures.Unmeasurable(
                 "the surface is not straight, so it is not the undeformed one: "
                 f"{1.0 - straight.mean():.0%} of its edge lies more than {STRAIGHT * 1e6:.0f} um from a line; release "
                 f"the pressure, level body and lamp, exclude other shadows with setup --roi, or give two points "
                 "of the surface to setup --zero"
             )
         if abs(direction[1]) > np.sin(np.radians(STEEPEST)):
-            raise Unmeasurable(
+            raise pictures.Unmeasurable(
                 f"the undeformed surface is inclined by more than {STEEPEST:.0f} degrees: level the body, or turn the grid "
                 "with it"
             )
@@ -280,7 +279,7 @@ class Bow:
             x, z, away = x[inner], z[inner], away[inner]
             profile = np.sqrt(1.0 - away**2)
         terms = np.column_stack([np.ones(len(x)), away, profile])
-        fit = robust_fit(terms, z, 8)
+        fit = robust.robust_fit(terms, z, 8)
         spread = float(np.linalg.inv(terms.T @ terms)[2, 2])
         rise = float(fit.coefficients[2])
         error = float(np.hypot(fit.scatter * np.sqrt(CORRELATED_SURFACE_POINTS * spread), FINEST))
@@ -515,7 +514,7 @@ def rounded(placed: Array, upwards: Array) -> Mask:
     """Return the points (n,) of the surface so near to the body's side that smoothing has rounded the corner between the
     two."""
     side = (upwards < SIDE).astype(np.uint8)
-    near = np.convolve(side, np.ones(SPAN + 5, dtype=np.uint8), mode="same") > 0
+    near = np.convolve(side, np.ones(edge.SPAN + 5, dtype=np.uint8), mode="same") > 0
     return near & (np.abs(placed[:, 1]) < 3.0 * ON_SURFACE)
 
 
@@ -545,7 +544,7 @@ def sharpest_turn(placed: Array) -> tuple[int, float]:
     free = known & ~_near(arc, np.abs(placed[:, 1]) < 2.0 * ON_SURFACE, window) & (placed[:, 1] > 0.0)
     # One bad point is no corner: the turn must stand over several places.
     lasting = np.min(np.lib.stride_tricks.sliding_window_view(np.pad(beyond * free, 1), 3), axis=1)
-    noise = deviation(beyond[known])
+    noise = robust.deviation(beyond[known])
     place = int(np.argmax(lasting))
     turned = float(np.degrees(lasting[place]))
     return place, turned if turned > 6.0 * np.degrees(noise) else 0.0
@@ -622,7 +621,7 @@ def highest_ripple(placed: Array) -> tuple[int, float, float]:
     clamped[: far // 2] = clamped[-(far // 2) :] = True
     if np.count_nonzero(~clamped) < 2 * far:
         return 0, 0.0, 0.0
-    scatter = deviation(off[~clamped])
+    scatter = robust.deviation(off[~clamped])
     worst = int(np.argmax(np.abs(off) * ~clamped))
     return int(np.argmin(np.abs(arc - at[worst]))), float(off[worst]), scatter
 

@@ -20,12 +20,12 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
+from measurement import pictures
 from measurement.camera import Camera, CameraError, Points
-from measurement.pictures import Unmeasurable, read_pixels
+from measurement.screen import setup
 from measurement.screen.grid import MIN_LINES, GridError, GridPoints, checked, find_grid, gray_bytes
-from measurement.screen.setup import PITCH_ERROR, Plane, PlaneError, Setup
-from softmodels.common.files import MARK, replaced_whole
-from softmodels.common.processes import cores
+from measurement.screen.setup import Setup
+from softmodels.common import files, processes
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Corners of a board measured again once the lens is known, so that its bending does not move them.
@@ -211,8 +211,8 @@ def _points(px: NDArray[np.float64], indices: NDArray[np.int64], camera: Camera 
     if camera is None:
         return GridPoints(px, indices, np.full(len(px), CORNER_ERROR), float("nan"))
     try:
-        plane = Plane.fit(camera.undistort(px), indices.astype(float))
-    except PlaneError as error:
+        plane = setup.Plane.fit(camera.undistort(px), indices.astype(float))
+    except setup.PlaneError as error:
         raise GridError(f"the board's corners do not determine a plane: {error}") from None
     return checked(px, indices, np.full(len(px), CORNER_ERROR), plane)
 
@@ -244,17 +244,17 @@ def seen_boards(
     refused: dict[str, str] = {}
     first: dict[bytes, str] = {}
     searches: list[tuple[str, NDArray[np.uint8], Future[GridPoints]]] = []
-    with ThreadPoolExecutor(cores()) as pool:  # OpenCV lets other threads run
+    with ThreadPoolExecutor(processes.cores()) as pool:  # OpenCV lets other threads run
         for path in paths:
             try:
-                gray = np.asarray(cv2.cvtColor(read_pixels(Path(path)), cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+                gray = np.asarray(cv2.cvtColor(pictures.read_pixels(Path(path)), cv2.COLOR_RGB2GRAY), dtype=np.uint8)
                 # One view that counts twice looks like a camera that is known better.
                 same = first.setdefault(hashlib.sha256(gray.tobytes()).digest(), path)
                 if same != path or any(path == other for other, _, _ in searches):
-                    raise Unmeasurable(
+                    raise pictures.Unmeasurable(
                         f"it is the same picture as {same}, so it counts once; photograph the board from another place"
                     )
-            except Unmeasurable as error:
+            except pictures.Unmeasurable as error:
                 refused[path] = str(error)
                 each()
             else:
@@ -351,7 +351,7 @@ def calibrate(
         )
     for _ in range(ROUNDS):
         grays, camera = [view.gray for view in views], itertools.repeat(solution.camera(size, ""))
-        with ThreadPoolExecutor(cores()) as pool:
+        with ThreadPoolExecutor(processes.cores()) as pool:
             straight = pool.map(straightened_corners, grays, corners, camera, map(corner_reach, corners))
             corners = [(each(), found)[1] for found in straight]
         solution = _solve(corners, board, size)
@@ -496,12 +496,12 @@ LINE, POINT = (220, 40, 40), (20, 90, 230)
 def read_picture(path: Path | str) -> NDArray[np.uint8]:
     """Return a photograph (h, w, 3) in the sensor's own orientation; `CameraError` if it is not there or no picture."""
     try:
-        return read_pixels(Path(path))
-    except Unmeasurable as error:
+        return pictures.read_pixels(Path(path))
+    except pictures.Unmeasurable as error:
         raise CameraError(f"{path} cannot be read as a photograph: {error}") from None
 
 
-def draw_points(path: Path, picture: NDArray[np.uint8], camera: Camera, plane: Plane) -> None:
+def draw_points(path: Path, picture: NDArray[np.uint8], camera: Camera, plane: setup.Plane) -> None:
     """Write the photograph (h, w, 3) with the plane's known points and its lines through them."""
     scale = min(1.0, LONGEST / max(picture.shape[:2]))
     canvas = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
@@ -523,9 +523,9 @@ def draw_points(path: Path, picture: NDArray[np.uint8], camera: Camera, plane: P
         radius = 5 * thick * (2 if np.allclose(target, 0.0) else 1)  # the origin is the large one
         cv2.circle(canvas, (int(x), int(y)), radius * 16, POINT, thick, cv2.LINE_AA, shift=4)
     texts = PngInfo()
-    texts.add_text("Software", MARK)  # by which a later setup knows that it may replace the picture
+    texts.add_text("Software", files.MARK)  # by which a later setup knows that it may replace the picture
     more: dict[str, Any] = {"pnginfo": texts} if path.suffix.lower() == ".png" else {}
-    with replaced_whole(path) as aside:
+    with files.replaced_whole(path) as aside:
         Image.fromarray(canvas).save(aside, **more)
 
 
@@ -535,7 +535,7 @@ def setup_from_grid(
     camera: Camera | None = None,
     magnification: tuple[float, float] = (1.0, 0.0),
     zero: ArrayLike | None = None,
-    pitch_error: float = PITCH_ERROR,
+    pitch_error: float = setup.PITCH_ERROR,
 ) -> Setup:
     """Find the screen's plane in a photograph of its grid.
 

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import maximum_filter, median_filter
 
+from measurement import robust
 from measurement.camera import Camera, Points
-from measurement.robust import deviation, deviations
-from measurement.screen.setup import Plane, PlaneError
+from measurement.screen import setup
 
 # ----------------------------------------------------------------------------------------------------------------------
 # What makes a grid, and the error of a picture that shows none.
@@ -135,7 +135,7 @@ def _local_noise(depth: NDArray[np.float32]) -> NDArray[np.float32]:
     blocks = np.abs(depth[: height // BLOCK * BLOCK, : width // BLOCK * BLOCK]).reshape(
         height // BLOCK, BLOCK, width // BLOCK, BLOCK
     )
-    noise = deviations(blocks, (1, 3)).astype(np.float32)
+    noise = robust.deviations(blocks, (1, 3)).astype(np.float32)
     return cv2.resize(noise, (width, height), interpolation=cv2.INTER_LINEAR)
 
 
@@ -200,7 +200,7 @@ class Arms:
     cells: tuple[float, float]
 
     @classmethod
-    def of(cls, plane: Plane, node: NDArray[np.int64], axis: int) -> Arms:
+    def of(cls, plane: setup.Plane, node: NDArray[np.int64], axis: int) -> Arms:
         """Return those of a crossing of the lattice."""
         half = 0.5 * np.eye(2)[axis]
         centre, ahead, behind = plane.to_pixels(np.array([node, node + half, node - half], dtype=float))
@@ -262,7 +262,7 @@ def fit_line(shown: Points, across: Points, along: Points, depth: float) -> tupl
         design = np.column_stack([np.ones(good.sum()), along[good]])
         answer = np.linalg.lstsq(design, places[good])[0]
         missed = places - answer[0] - answer[1] * along
-        spread = deviation(missed[good]) + 1e-3
+        spread = robust.deviation(missed[good]) + 1e-3
         wanted = good & (np.abs(missed) < 3.5 * spread)
         if np.array_equal(wanted, good):
             break
@@ -281,7 +281,7 @@ def _shaded(difference: Points, depth: float) -> NDArray[np.bool_]:
         return ~known
     # The sides are compared over seven cuts at once, and no more strictly than noise allows.
     smooth = median_filter(np.where(known, difference, np.inf), size=7, mode="nearest")
-    noise = deviation(difference[known] - np.median(difference[known])) / np.sqrt(7.0)
+    noise = robust.deviation(difference[known] - np.median(difference[known])) / np.sqrt(7.0)
     return maximum_filter(np.abs(smooth) > np.clip(4.0 * noise, 0.06 * depth, 0.35 * depth), size=5, mode="nearest")
 
 
@@ -306,7 +306,7 @@ ENOUGH = 400
 
 
 def measure_crossings(
-    gray: NDArray[np.uint8], camera: Camera, lattice: Plane
+    gray: NDArray[np.uint8], camera: Camera, lattice: setup.Plane
 ) -> tuple[Points, NDArray[np.int64], Points]:
     """Measure every crossing in a photograph (h, w) of a rough lattice, whose metres are whole numbers of lines: places (n,
     2) in raw px, whole numbers (n, 2) and standard errors (n,) in px.
@@ -322,8 +322,8 @@ def measure_crossings(
         if not last:
             # Windows well centred on their lines cut off no darkness on one side.
             try:
-                plane = Plane.fit(ideal, indices.astype(float))
-            except PlaneError:
+                plane = setup.Plane.fit(ideal, indices.astype(float))
+            except setup.PlaneError:
                 raise GridError("the grid's crossings lie on one line; show more of the grid") from None
     return camera.distort(ideal), indices, sigma
 
@@ -333,7 +333,7 @@ def _check_count(indices: NDArray[np.int64]) -> None:
         raise GridError(f"only {len(indices)} crossings of the grid can be measured; at least {MIN_LINES} are needed")
 
 
-def _nodes(camera: Camera, plane: Plane) -> NDArray[np.int64]:
+def _nodes(camera: Camera, plane: setup.Plane) -> NDArray[np.int64]:
     """Return the whole numbers (n, 2) of the crossings that may be seen in the picture, `ENOUGH` of them at most."""
     x, y = np.linspace(0, camera.width - 1, 12), np.linspace(0, camera.height - 1, 12)
     rim = np.array([*((u, v) for u in x for v in (y[0], y[-1])), *((u, v) for v in y for u in (x[0], x[-1]))])
@@ -352,14 +352,14 @@ def _nodes(camera: Camera, plane: Plane) -> NDArray[np.int64]:
     return seen_nodes[np.sort(np.random.default_rng(0).choice(len(seen_nodes), ENOUGH, replace=False))]
 
 
-def _pitch_px(plane: Plane, node: NDArray[np.int64]) -> Points:
+def _pitch_px(plane: setup.Plane, node: NDArray[np.int64]) -> Points:
     """Return the distance in px (2,) between the lines that run along the first and the second axis, measured across them."""
     axes = np.linalg.inv(plane.jacobian(plane.to_pixels(node.astype(float)))[0])
     area = abs(np.linalg.det(axes))
     return area / np.linalg.norm(axes, axis=0)
 
 
-def _line_width(gray: NDArray[np.uint8], camera: Camera, lattice: Plane) -> tuple[float, float]:
+def _line_width(gray: NDArray[np.uint8], camera: Camera, lattice: setup.Plane) -> tuple[float, float]:
     """Return half width of the window a line needs, as a share of the pitch, and the line's depth in the logarithm of light."""
     nodes = _nodes(camera, lattice)
     if len(nodes) < MIN_LINES:
@@ -428,7 +428,7 @@ def _centred(cut: Points, shares: Points) -> Points:
 
 
 def _measure(
-    gray: NDArray[np.uint8], camera: Camera, plane: Plane, nodes: NDArray[np.int64], half: float, depth: float
+    gray: NDArray[np.uint8], camera: Camera, plane: setup.Plane, nodes: NDArray[np.int64], half: float, depth: float
 ) -> tuple[Points, NDArray[np.int64], Points]:
     pitches = [_pitch_px(plane, node) for node in nodes]
     spacing = float(np.median(pitches))
@@ -479,7 +479,7 @@ OFF_BEAT = 0.15
 """Largest distance of a line from its whole number, as a share of the pitch."""
 
 
-def count_lines(lines: list[Line], camera: Camera) -> Plane:
+def count_lines(lines: list[Line], camera: Camera) -> setup.Plane:
     """Return the lattice that the lines form, as a plane whose metres are whole numbers of lines; `GridError` for no two
     pencils of lines that cross, or lines that are not equally spaced."""
     centre = np.array([camera.width - 1, camera.height - 1]) / 2
@@ -511,8 +511,8 @@ def count_lines(lines: list[Line], camera: Camera) -> Plane:
         crossings.append(point[:2] / point[2] * scale + centre)
         indices.append((j, i))
     try:
-        return Plane.fit(np.array(crossings), np.array(indices, dtype=float))
-    except PlaneError:
+        return setup.Plane.fit(np.array(crossings), np.array(indices, dtype=float))
+    except setup.PlaneError:
         raise GridError("the lines found cross in too few places to form a grid; show more of the grid") from None
 
 
@@ -632,7 +632,7 @@ class GridPoints:
     residual_px: float
     pitch: float | None = None
 
-    def plane(self, camera: Camera, pitch: float | None = None) -> Plane:
+    def plane(self, camera: Camera, pitch: float | None = None) -> setup.Plane:
         """Return the screen's plane through these points, its error taken from what the fit leaves; the pitch is in m, if
         the points do not know it."""
         size = pitch if pitch is not None else self.pitch
@@ -643,15 +643,15 @@ class GridPoints:
         )
 
 
-def weighted_plane(ideal: Points, targets: Points, sigma: Points) -> Plane:
+def weighted_plane(ideal: Points, targets: Points, sigma: Points) -> setup.Plane:
     """Fit a plane in which sharp crossings weigh more than faint ones and the errors are those that the fit shows: points
     (n, 2) in ideal px and on the screen, their own errors (n,) in px right up to a common factor and a floor."""
     # What all crossings share (the print, the lens, the sensor) keeps one of them from ruling the fit.
     relative = np.hypot(sigma, max(float(np.median(sigma)), FLOOR))
-    trial = Plane.fit(ideal, targets, relative)
+    trial = setup.Plane.fit(ideal, targets, relative)
     missed = (trial.to_pixels(targets) - ideal) / relative[:, None]
     factor = float(np.sqrt(np.sum(missed**2) / max(1, 2 * len(ideal) - 8)))
-    return Plane.fit(ideal, targets, relative * max(factor, 1e-6))
+    return setup.Plane.fit(ideal, targets, relative * max(factor, 1e-6))
 
 
 def find_grid(
@@ -707,7 +707,7 @@ def gray_bytes(image: ArrayLike) -> NDArray[np.uint8]:
     return np.clip((picture - low) * (255.0 / max(high - low, 1e-12)), 0.0, 255.0).astype(np.uint8)
 
 
-def checked(px: Points, indices: NDArray[np.int64], sigma: Points, plane: Plane) -> GridPoints:
+def checked(px: Points, indices: NDArray[np.int64], sigma: Points, plane: setup.Plane) -> GridPoints:
     """Return points (n, 2) in raw px with errors (n,), whole numbers (n, 2) in any orientation and the plane fitted to both,
     turned so that the first index counts to the right and the second upwards.
 
@@ -737,7 +737,7 @@ def checked(px: Points, indices: NDArray[np.int64], sigma: Points, plane: Plane)
 
 def _without_outliers(
     px: Points, indices: NDArray[np.int64], sigma: Points, camera: Camera
-) -> tuple[Points, NDArray[np.int64], Points, Plane]:
+) -> tuple[Points, NDArray[np.int64], Points, setup.Plane]:
     ideal = camera.undistort(px)
     keep = np.isfinite(ideal).all(axis=1)
     total = len(px)
@@ -745,7 +745,7 @@ def _without_outliers(
         _check_count(indices[keep])
         try:
             plane = weighted_plane(ideal[keep], indices[keep].astype(float), sigma[keep])
-        except PlaneError as error:
+        except setup.PlaneError as error:
             raise GridError(f"the grid's crossings do not determine a plane: {error}") from None
         missed = np.linalg.norm(plane.to_pixels(indices.astype(float)) - ideal, axis=1)
         # Judged by its own error; but less than a tenth of a pixel is never an outlier.
@@ -760,7 +760,7 @@ def _without_outliers(
     return px[keep], indices[keep], sigma[keep], plane
 
 
-def _check_square(plane: Plane, camera: Camera) -> None:
+def _check_square(plane: setup.Plane, camera: Camera) -> None:
     """Both families must be equally spaced, or one of them was miscounted. The focal length need not be exact for that."""
     pose = np.linalg.inv(camera.matrix) @ np.linalg.inv(plane.homography)
     across, up = np.linalg.norm(pose[:, :2], axis=0)

@@ -17,8 +17,7 @@ from scipy.optimize import least_squares
 from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
-from measurement.pictures import LIGHT, Pixels, sample_light
-from measurement.robust import deviation, deviations, robust_fit
+from measurement import pictures, robust
 from measurement.screen.setup import Setup
 from softmodels.common.arrays import Array
 
@@ -132,10 +131,10 @@ VIEW_NODES = 33
 class View:
     """Evaluated region x0, y0, x1, y1 in px of a photograph (h, w, 3), with the light of every stored number."""
 
-    image: Pixels
+    image: pictures.Pixels
     setup: Setup
     roi: tuple[int, int, int, int]
-    light: npt.NDArray[np.float32] = dataclasses.field(default_factory=lambda: LIGHT)
+    light: npt.NDArray[np.float32] = dataclasses.field(default_factory=lambda: pictures.LIGHT)
 
     @property
     def size(self) -> Array:
@@ -150,7 +149,7 @@ class View:
 
     def sample(self, points: Array) -> Array:
         """Return the light (..., 3) at pixels (..., 2); NaN outside of the picture."""
-        return sample_light(self.image, points, self.light)
+        return pictures.sample_light(self.image, points, self.light)
 
     def extent(self) -> tuple[Array, Array]:
         """Return the least and greatest X and Z in m on the screen that the region shows, shapes (2,)."""
@@ -333,7 +332,7 @@ def _lines_in(value: Array, across: Array) -> tuple[Array, Array, npt.NDArray[np
     base = value[:, ends] @ np.linalg.pinv(basis[ends]).T @ basis.T
     with np.errstate(divide="ignore", invalid="ignore"):
         through = value / base
-    noise = deviations(through[:, ends] - 1.0, 1)
+    noise = robust.deviations(through[:, ends] - 1.0, 1)
     kernel = np.ones(5) / 5.0
     smooth = np.apply_along_axis(np.convolve, 1, 1.0 - through, kernel, "same")
     depth = smooth.max(axis=1)
@@ -399,7 +398,7 @@ def _pieces_of(looks: list[GridLook]) -> tuple[Array, Array, Array]:
         ]
         if not sum(len(part[1]) for part in found):
             continue
-        scatter = deviation(np.concatenate([part[2] for part in found]))
+        scatter = robust.deviation(np.concatenate([part[2] for part in found]))
         # The median of n values has pi/2 times the variance of their mean; values about their own median scatter less.
         # A shadow's faint lines are read less well than the lit screen's, so each look has an error of its own.
         error = scatter * np.sqrt(np.pi / 2.0 / PIECE) * 1.25
@@ -448,7 +447,7 @@ def flatness(looks: list[GridLook], points: Array) -> Flatness:
     if not len(off):
         return Flatness(np.zeros(len(points)))
     # What the pieces have in common beyond their noise is the screen's own; far from all of them a point has more of it.
-    common2 = deviation(off[noise <= noise.min()]) ** 2 - float(noise.min()) ** 2
+    common2 = robust.deviation(off[noise <= noise.min()]) ** 2 - float(noise.min()) ** 2
     far = cKDTree(place).query(points)[0] / (FADES * pitch)
     error = np.sqrt(max(0.0, common2)) * np.minimum(1.0, far)
     near, _ = cKDTree(points).query(place, distance_upper_bound=NEAR * pitch)
@@ -466,7 +465,7 @@ def _affine(look: GridLook, axis: int) -> Array | None:
     mine = look.axis == axis
     if mine.sum() < 4 * PIECE:
         return None
-    return robust_fit(look.affine_terms(mine), look.shift[mine], 8).coefficients
+    return robust.robust_fit(look.affine_terms(mine), look.shift[mine], 8).coefficients
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -491,7 +490,7 @@ def movement(look: GridLook, without: tuple[int, int] | None = None) -> tuple[fl
             mine &= look.number != without[1]
         if mine.sum() < FEWEST // 2:
             return np.inf, np.inf
-        fit = robust_fit(look.affine_terms(mine), look.shift[mine], 6)
+        fit = robust.robust_fit(look.affine_terms(mine), look.shift[mine], 6)
         moved2 += float(np.mean(fit.value**2))
         rest2 += float(np.mean(np.minimum(fit.rest, 5.0 * fit.scatter) ** 2))
     return np.sqrt(moved2), np.sqrt(rest2)

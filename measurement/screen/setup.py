@@ -16,9 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from measurement.camera import Camera, CameraError, Points, as_points
-from softmodels.common.errors import known_are
-from softmodels.common.tables import TomlError, numbers, parse_toml, read_toml
-from softmodels.common.units import brief, number
+from softmodels.common import errors, tables, units
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The screen's plane: a homography from ideal pinhole pixels to metres, with the covariance of its fit.
@@ -459,8 +457,8 @@ class Setup:
             SetupError: No TOML, or a field that is missing, unknown or not what it should be.
         """
         try:
-            return cls._from_table(parse_toml(text))
-        except TomlError as error:
+            return cls._from_table(tables.parse_toml(text))
+        except tables.TomlError as error:
             raise SetupError(f"the setup {error}") from None
 
     @classmethod
@@ -471,8 +469,8 @@ class Setup:
             SetupError: The file cannot be read or holds no setup; the message names it.
         """
         try:
-            return cls._from_table(read_toml(Path(path)))
-        except TomlError as error:
+            return cls._from_table(tables.read_toml(Path(path)))
+        except tables.TomlError as error:
             raise SetupError(f"{path} {error}") from None
         except SetupError as error:
             raise SetupError(f"{path}: {error}") from None
@@ -481,13 +479,13 @@ class Setup:
     def _from_table(cls, table: Mapping[str, Any]) -> Setup:
         if table.get("version", VERSION) != VERSION:
             raise SetupError(
-                f"the setup is of version {brief(table['version'])}, this program reads version {VERSION}; recreate it "
+                f"the setup is of version {units.brief(table['version'])}, this program reads version {VERSION}; recreate it "
                 "with python -m measurement setup"
             )
         known = {"version"} | {field.name for field in dataclasses.fields(cls)}
         for name in table:
             if name not in known:
-                raise SetupError(f"the setup has an unknown field {name!r}; {known_are(name, sorted(known))}")
+                raise SetupError(f"the setup has an unknown field {name!r}; {errors.known_are(name, sorted(known))}")
         try:
             needed = {"camera": Camera.from_table(table["camera"]), "plane": _plane(table["plane"])}
             others = table.keys() - {"version", *needed}
@@ -504,7 +502,7 @@ class Setup:
 
 def _float(value: Any) -> float:
     """Return a number of any kind; whether it is finite is asked by its name."""
-    return value if isinstance(value, float) else number(value)
+    return value if isinstance(value, float) else units.number(value)
 
 
 def _region(values: Any) -> tuple[float, float, float, float]:
@@ -521,7 +519,7 @@ def _colour(values: Any) -> tuple[float, ...]:
 
 
 _READ: dict[str, Callable[[Any], Any]] = {
-    "zero": numbers, "roi": _region, "masks": lambda masks: tuple(map(_region, masks)), "shadow_colour": _colour,
+    "zero": tables.numbers, "roi": _region, "masks": lambda masks: tuple(map(_region, masks)), "shadow_colour": _colour,
 }  # fmt: skip
 """How fields of a setup's file are read that are no single numbers."""
 _PLANE = {"homography": (3, 3), "covariance": (9, 9), "residual": (), "points": (-1, 2), "targets": (-1, 2)}
@@ -529,7 +527,7 @@ _PLANE = {"homography": (3, 3), "covariance": (9, 9), "residual": (), "points": 
 
 
 def _plane(table: Mapping[str, Any]) -> Plane:
-    arrays = {name: numbers(table[name]).reshape(shape) for name, shape in _PLANE.items() if shape}
+    arrays = {name: tables.numbers(table[name]).reshape(shape) for name, shape in _PLANE.items() if shape}
     residual = _float(table["residual"])
     if not (all(np.isfinite(array).all() for array in arrays.values()) and math.isfinite(residual)):
         raise SetupError("the setup's plane holds numbers that are not finite")

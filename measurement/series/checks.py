@@ -15,8 +15,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import numpy.typing as npt
 
-from measurement.outline.edge import PART, Traced, widest_patch
-from measurement.outline.profiles import LARGEST_MISFIT
+from measurement import pictures
+from measurement.outline import edge, profiles
 from measurement.outline.zero import (
     ON_SURFACE,
     UNCLEAR,
@@ -29,10 +29,9 @@ from measurement.outline.zero import (
     scale_of,
     sharpest_turn,
 )
-from measurement.pictures import Unmeasurable
-from measurement.series.witness import Run
+from measurement.series import witness
+from softmodels.common import names
 from softmodels.common.arrays import Array
-from softmodels.common.names import Registry
 
 LIST, EDGE, TONE, ZERO, OUTLINE, RUN, COURSE = "list", "edge", "tone", "zero", "outline", "run", "course"
 """When a check is asked: before anything is measured; of an edge; of one whose tone was compared with another; of the zero
@@ -88,9 +87,9 @@ class Evidence:
         number: The photograph's number in it.
     """
 
-    traced: Traced = None  # type: ignore[assignment]
+    traced: edge.Traced = None  # type: ignore[assignment]
     zero: ZeroLine = None  # type: ignore[assignment]
-    run: Run = None  # type: ignore[assignment]
+    run: witness.Run = None  # type: ignore[assignment]
     number: int = 0
 
     @functools.cached_property
@@ -213,8 +212,8 @@ def unsure_of(ripple: tuple[int, float, float]) -> float:
 type Check = Callable[[Evidence], Iterator[Doubt]]
 """A question about a photograph, its docstring's first line: it yields what speaks against it, of which the first counts."""
 
-CHECKS: dict[str, Registry[Check]] = {
-    stage: Registry("check") for stage in (LIST, EDGE, TONE, ZERO, OUTLINE, RUN, COURSE)
+CHECKS: dict[str, names.Registry[Check]] = {
+    stage: names.Registry("check") for stage in (LIST, EDGE, TONE, ZERO, OUTLINE, RUN, COURSE)
 }
 """Every check by its stage and its name, in the order in which they are asked."""
 
@@ -236,7 +235,7 @@ def doubts(stage: str, evidence: Evidence) -> tuple[str, ...]:
     found = []
     for doubt in answers(stage, evidence):
         if doubt.lasting or (doubt.rejects and not evidence.traced.anyway):
-            raise Unmeasurable(str(doubt))
+            raise pictures.Unmeasurable(str(doubt))
         found.append(str(doubt))
     return tuple(found)
 
@@ -334,7 +333,7 @@ def sharp(e: Evidence) -> Iterator[Doubt]:
     slope = e.traced.setup.jacobian(edge.px)
     width = edge.width * np.linalg.norm(slope @ edge.normal[..., None], axis=(1, 2))
     wide = float(np.percentile(width, 90))
-    if not wide <= WIDEST_EDGE and edge.shape.misfit >= LARGEST_MISFIT:
+    if not wide <= WIDEST_EDGE and edge.shape.misfit >= profiles.LARGEST_MISFIT:
         yield Doubt(
             f"the light falls in steps over {wide * 1e6:.0f} um (standard deviation), not as one lamp's: {SEVERAL_EDGES}",
             ONE_LAMP, rejects=True)  # fmt: skip
@@ -371,7 +370,7 @@ of so many points at least."""
 def one_lamp(e: Evidence) -> Iterator[Doubt]:
     """Does the light fall all the way from the screen's to the shadow's, alike along the edge?"""
     part = e.traced.edge.contrast / e.traced.coarse.colour.depth
-    if np.median(part) < PART:
+    if np.median(part) < edge.PART:
         yield Doubt(
             f"the light falls in steps, by {np.median(part):.0%} of the shadow's depth at this edge: {SEVERAL_EDGES}",
             ONE_LAMP, rejects=True)  # fmt: skip
@@ -381,7 +380,7 @@ def one_lamp(e: Evidence) -> Iterator[Doubt]:
         yield Doubt(
             f"the shadow's depth changes by {np.ptp(level):.0%} along its edge: a second lamp, a reflection or stray light "
             "reaches a part of it")  # fmt: skip
-    share = float(np.mean(part < PART))
+    share = float(np.mean(part < edge.PART))
     if share > MOST_PART:
         yield Doubt(
             f"along {share:.0%} of the edge the light falls only part of the way: a second shadow or a reflection"
@@ -395,7 +394,7 @@ BLURRED_PATCH, PATCH_NOISES = 0.12, 8.0
 @register_check(EDGE)
 def drop(e: Evidence) -> Iterator[Doubt]:
     """Is the edge equally sharp along its length?"""
-    more, scatter = widest_patch(e.traced.edge, e.traced.scale)
+    more, scatter = edge.widest_patch(e.traced.edge, e.traced.scale)
     if not more <= max(BLURRED_PATCH, PATCH_NOISES * scatter):
         yield Doubt(
             f"a part of the edge is {np.expm1(more):.0%} more blurred than the rest: a drop or grease on the lens, which "

@@ -15,18 +15,16 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from measurement.outline.edge import Traced
+from measurement import pictures
+from measurement.outline import edge
 from measurement.outline.outline import Outline
-from measurement.pictures import Pixels
 from measurement.screen.setup import Setup
-from measurement.series.witness import Refusal, Result, course_of
+from measurement.series import witness
+from measurement.series.witness import Refusal, Result
+from softmodels.common import commands, files, pages, processes, units
 from softmodels.common.arrays import Array, Mask
-from softmodels.common.commands import Provenance
-from softmodels.common.files import image_uri, read_text
 from softmodels.common.lazy import cm, colors, figures, matplotlib
-from softmodels.common.pages import Cell, Fact, Gallery, Page, Picture, Table
-from softmodels.common.processes import plain
-from softmodels.common.units import column_unit, pascal_per_cm
+from softmodels.common.pages import Page
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,7 +40,12 @@ EDGE_COLOUR, BRIDGE_COLOUR, REFUSED = "#ff2e63", "#ffd60a", "#c0392b"
 
 
 def draw_edge(
-    path: Path, image: Pixels, setup: Setup, traced: Traced | None, outcome: Outline | Refusal, pressure: float
+    path: Path,
+    image: pictures.Pixels,
+    setup: Setup,
+    traced: edge.Traced | None,
+    outcome: Outline | Refusal,
+    pressure: float,
 ) -> None:
     """Write a photograph (h, w, 3) with its edge, None if it has none, and with the reason if it was rejected; the
     pressure in Pa is for the headline."""
@@ -69,7 +72,7 @@ def draw_edge(
     figure.savefig(path)
 
 
-def draw_steps(path: Path, image: Pixels, traced: Traced, outline: Outline) -> None:
+def draw_steps(path: Path, image: pictures.Pixels, traced: edge.Traced, outline: Outline) -> None:
     """Write the four steps: photograph, distance to the shadow's colour, edge in pixels, outline in millimetres."""
     small, factor = _reduced(image)
     figure = figures.Figure(figsize=(13.0, 7.0), dpi=110, layout="constrained")
@@ -106,7 +109,7 @@ def draw_steps(path: Path, image: Pixels, traced: Traced, outline: Outline) -> N
     figure.savefig(path)
 
 
-def _draw_line(axes: Axes, traced: Traced, width: float) -> None:
+def _draw_line(axes: Axes, traced: edge.Traced, width: float) -> None:
     """The edge, dotted where it only bridges a gap."""
     if traced.line.bridged.any():
         axes.plot(*_parted(traced.line.px, traced.line.bridged).T, color=BRIDGE_COLOUR, linewidth=width, linestyle=":")
@@ -119,13 +122,13 @@ def _parted(points: Array, shown: Mask) -> Array:
     return np.where(beside[:, None], points, np.nan)
 
 
-def _reduced(image: Pixels) -> tuple[Pixels, float]:
+def _reduced(image: pictures.Pixels) -> tuple[pictures.Pixels, float]:
     factor = max(1.0, max(image.shape[:2]) / SHOWN)
     size = (round(image.shape[1] / factor), round(image.shape[0] / factor))
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA)), factor
 
 
-def _show(axes: Axes, small: Pixels, factor: float) -> None:
+def _show(axes: Axes, small: pictures.Pixels, factor: float) -> None:
     """A reduced photograph in the pixels of the whole one."""
     height, width = small.shape[:2]
     axes.imshow(small, extent=(-0.5, width * factor - 0.5, height * factor - 0.5, -0.5), interpolation="bilinear")
@@ -134,7 +137,7 @@ def _show(axes: Axes, small: Pixels, factor: float) -> None:
 
 
 def _wrapped(text: str, width: int = 105) -> str:
-    return "\n".join(plain(line) for line in textwrap.wrap(text, width)[:3])
+    return "\n".join(processes.plain(line) for line in textwrap.wrap(text, width)[:3])
 
 
 FRAME = 640
@@ -184,7 +187,7 @@ def draw_heights(path: Path, outlines: Sequence[Outline]) -> None:
     Untrusted photographs are named, so that the one that lies off the course is found in the table."""
     figure = figures.Figure(figsize=(7.5, 5.0), dpi=140, layout="constrained")
     axes = figure.subplots()
-    course = course_of(list(outlines))
+    course = witness.course_of(list(outlines))
     if course is not None:
         heights = np.linspace(min(0.0, float(course.heights.min())), float(course.heights.max()), COURSE_POINTS)
         expected, spread, _ = course.at(heights)
@@ -205,7 +208,7 @@ def draw_heights(path: Path, outlines: Sequence[Outline]) -> None:
     for outline in [outline for outline in outlines if not outline.trusted][:MOST_NAMED]:
         right = outline.pressure / 1e3 > middle  # there a name beside the point would leave the picture
         axes.annotate(
-            plain(outline.source), (outline.pressure / 1e3, outline.height * 1e3), fontsize=8, va="top",
+            processes.plain(outline.source), (outline.pressure / 1e3, outline.height * 1e3), fontsize=8, va="top",
             xytext=(-6 if right else 6, -4), textcoords="offset points", ha="right" if right else "left", color="#c0392b",
         )  # fmt: skip
     title = "Height over pressure, bars and band of two standard errors"
@@ -242,23 +245,25 @@ def write_overview(path: Path, results: Sequence[Result], folder: Path) -> None:
         ("steps.png", "The steps of one photograph"),
         ("animation.gif", "Animation"),
     )
-    pictures = [Picture(image_uri(folder / name), title) for name, title in titles if (folder / name).is_file()]
+    pictures = [
+        pages.Picture(files.image_uri(folder / name), title) for name, title in titles if (folder / name).is_file()
+    ]
     edges = [(result.photograph.file.name, folder / "edges" / f"{result.name}.png") for result in results]
-    photos = [Picture(image_uri(file), name) for name, file in edges if file.is_file()]
+    photos = [pages.Picture(files.image_uri(file), name) for name, file in edges if file.is_file()]
     rows = [_overview_row(result) for result in results]
     outlines, table = [r.outcome for r in results if isinstance(r.outcome, Outline)], folder / "heights.csv"
-    pressures = [Cell(f"{name} (kPa)", unit="kPa") for name in ("pressure", "its error")]
-    head: tuple[str | Cell, ...] = ("photograph", *pressures, "height (mm)", "points", "remarks")
+    pressures = [pages.Cell(f"{name} (kPa)", unit="kPa") for name in ("pressure", "its error")]
+    head: tuple[str | pages.Cell, ...] = ("photograph", *pressures, "height (mm)", "points", "remarks")
     page = Page(
         TITLE, summary,
         [
             ("Heights", pictures[:2]),
-            ("Photographs", [Table([row for _, row in rows], head, marks=[mark for mark, _ in rows])]),
+            ("Photographs", [pages.Table([row for _, row in rows], head, marks=[mark for mark, _ in rows])]),
             ("Steps", pictures[2:]),
-            ("The edge in every photograph", [Gallery(photos)]),
+            ("The edge in every photograph", [pages.Gallery(photos)]),
         ],
-        Provenance.now(), _facts(outlines),
-        _warnings(results), downloads={table.name: read_text(table)} if table.is_file() else {}, unit="kPa",
+        commands.Provenance.now(), _facts(outlines),
+        _warnings(results), downloads={table.name: files.read_text(table)} if table.is_file() else {}, unit="kPa",
     )  # fmt: skip
     path.write_text(page.html(), encoding="utf-8")
 
@@ -270,22 +275,24 @@ def _warnings(results: Sequence[Result]) -> list[str]:
     return [*refused, *([f"untrusted, for the reasons in the table: {', '.join(weak)}"] if weak else [])]
 
 
-def _facts(outlines: Sequence[Outline]) -> list[Fact]:
+def _facts(outlines: Sequence[Outline]) -> list[pages.Fact]:
     """Return the highest outline, in figures."""
     if not outlines:
         return []
     highest = max(outlines, key=lambda outline: outline.height)
     height, error = highest.height * 1e3, highest.height_error * 1e3
-    column = f"{highest.pressure / pascal_per_cm():.4g} {column_unit()} ({highest.pressure / 1e3:.4g} kPa)"
+    column = f"{highest.pressure / units.pascal_per_cm():.4g} {units.column_unit()} ({highest.pressure / 1e3:.4g} kPa)"
     at = f"at {column}, {highest.source}"
-    return [Fact("Largest height", f"{height:.4f} ± {error:.4f} mm", at)]
+    return [pages.Fact("Largest height", f"{height:.4f} ± {error:.4f} mm", at)]
 
 
-def _overview_row(result: Result) -> tuple[str, list[str | Cell]]:
+def _overview_row(result: Result) -> tuple[str, list[str | pages.Cell]]:
     """Return a photograph's row of the table, and what it is."""
     photo, outcome = result.photograph, result.outcome
-    pressures = [Cell(f"{value / 1e3:.4f}", f"{value} Pa", value) for value in (photo.pressure, photo.pressure_error)]
-    row: list[str | Cell] = [photo.file.name, *pressures]
+    pressures = [
+        pages.Cell(f"{value / 1e3:.4f}", f"{value} Pa", value) for value in (photo.pressure, photo.pressure_error)
+    ]
+    row: list[str | pages.Cell] = [photo.file.name, *pressures]
     if isinstance(outcome, Refusal):
         return "refused", [*row, "", "", _remark(outcome)]
     height = f"{outcome.height * 1e3:.4f} ± {outcome.height_error * 1e3:.4f}"

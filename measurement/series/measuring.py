@@ -13,16 +13,15 @@ from typing import Any, TypedDict, Unpack
 import cv2
 import numpy as np
 
-from measurement.outline.edge import Traced
+from measurement.outline import edge, profiles
 from measurement.outline.outline import Outline, OutlineError
-from measurement.outline.profiles import DECISIVE, LARGEST_MISFIT
 from measurement.outline.zero import ZeroLine, sides_of, with_known_body
 from measurement.pictures import TONES, Pixels, Unmeasurable, read_pixels
 from measurement.screen.setup import Setup
+from measurement.series import drawing, photo_list, witness
 from measurement.series.checks import CHECKS, COURSE, EDGE, LIST, OUTLINE, RUN, TONE, ZERO, Evidence, answers, doubts
-from measurement.series.drawing import draw_edge
-from measurement.series.photo_list import Column, Photograph, cut_out, read_photos
-from measurement.series.witness import Refusal, Result, Run
+from measurement.series.photo_list import Column, Photograph
+from measurement.series.witness import Refusal, Result
 from softmodels.common import processes
 
 AUTO = "auto"
@@ -33,12 +32,12 @@ TONE_SHIFT, TONE_HARM = 0.4, 5e-6
 """Shift of the edge by a wrong tone in widths of the edge, and the shift in m that would do no harm."""
 
 
-def trace(file: Path, setup: Setup, tone: str = AUTO, likely: str = "", anyway: bool = False) -> Traced:
+def trace(file: Path, setup: Setup, tone: str = AUTO, likely: str = "", anyway: bool = False) -> edge.Traced:
     """Return `trace_image` of a file."""
     return trace_image(read_pixels(file, setup.camera.size), setup, tone, likely, anyway)
 
 
-def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "", anyway: bool = False) -> Traced:
+def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "", anyway: bool = False) -> edge.Traced:
     """Find the edge of the shadow in a photograph (h, w, 3); `Unmeasurable` if it must not be measured.
 
     A penumbra is symmetric in light, and no longer so in numbers of another scale: half of the light lies elsewhere then, by
@@ -52,7 +51,7 @@ def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "",
     names = sorted(TONES, key=lambda name: name != (likely or "srgb"))
     first = _traced(image, setup, names[0], anyway)
     # Where a shape fits this well, no other tone can be decisively better.
-    fits = first.edge.shape.chi_square < DECISIVE
+    fits = first.edge.shape.chi_square < profiles.DECISIVE
     if likely and fits:
         return first
     traces = [first]
@@ -62,41 +61,45 @@ def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "",
     if not others and fits:
         return first
     shape = best.edge.shape
-    clear = shape.misfit < LARGEST_MISFIT and abs(shape.tone) < LARGEST_TONE
+    clear = shape.misfit < profiles.LARGEST_MISFIT and abs(shape.tone) < LARGEST_TONE
     # A model that misses the profile by more than its error is no better evidence for missing another by as much more.
     more = others[0].edge.shape.chi_square - shape.chi_square if others else np.inf
     evidence = more / max(1.0, shape.misfit**2)
     moved = float(np.median(best.edge.width)) * best.scale * TONE_SHIFT
-    if moved <= TONE_HARM or (clear and evidence >= DECISIVE):
+    if moved <= TONE_HARM or (clear and evidence >= profiles.DECISIVE):
         return best
     # Without evidence against it, not even a shape, a photograph has the tone of its series.
-    if likely and not (first is not best and evidence >= DECISIVE) and not first.edge.shape.misfit >= LARGEST_MISFIT:
+    if (
+        likely
+        and not (first is not best and evidence >= profiles.DECISIVE)
+        and not first.edge.shape.misfit >= profiles.LARGEST_MISFIT
+    ):
         return first
     best.tone_error = moved
     best.doubts += doubts(TONE, Evidence(best))
     return best
 
 
-def _traced(image: Pixels, setup: Setup, tone: str, anyway: bool) -> Traced:
-    traced = Traced(image, setup, tone, anyway=anyway)
+def _traced(image: Pixels, setup: Setup, tone: str, anyway: bool) -> edge.Traced:
+    traced = edge.Traced(image, setup, tone, anyway=anyway)
     traced.doubts = doubts(EDGE, Evidence(traced))
     return traced
 
 
 def find_zero(
-    file: Path, setup: Setup, tone: str = AUTO, raised: Traced | None = None, anyway: bool = False
+    file: Path, setup: Setup, tone: str = AUTO, raised: edge.Traced | None = None, anyway: bool = False
 ) -> ZeroLine:
     """Return `zero_of` a file."""
     return zero_of(trace(file, setup, tone, anyway=anyway), raised)
 
 
-def zero_of(traced: Traced, raised: Traced | None = None) -> ZeroLine:
+def zero_of(traced: edge.Traced, raised: edge.Traced | None = None) -> ZeroLine:
     """Return the undeformed surface from the photograph at zero pressure; one of the raised body without doubts shows what
     the camera does to an edge. Raises `Unmeasurable` where it shows no straight surface."""
     hidden = 0.0
     if raised is not None:
         again = traced.of_level(raised)
-        if again.lift and again.edge.shape.chi_square <= traced.edge.shape.chi_square - DECISIVE:
+        if again.lift and again.edge.shape.chi_square <= traced.edge.shape.chi_square - profiles.DECISIVE:
             again.tone_error, again.doubts = 0.0, doubts(EDGE, Evidence(again))
             traced = again
         elif raised.tone == traced.tone:
@@ -130,7 +133,7 @@ def zero_of(traced: Traced, raised: Traced | None = None) -> ZeroLine:
     return dataclasses.replace(line, doubts=found, level_error=float(np.hypot(hidden, left)), lift=lift)
 
 
-def outline_of(traced: Traced, zero: ZeroLine, pressure: float, pressure_error: float, source: str) -> Outline:
+def outline_of(traced: edge.Traced, zero: ZeroLine, pressure: float, pressure_error: float, source: str) -> Outline:
     """Return the outline above the surface; `Unmeasurable` if it is not that of an actuator on this surface."""
     e = Evidence(traced, zero)
     reasons = (*traced.doubts, *doubts(OUTLINE, e))
@@ -202,7 +205,7 @@ def zero_line(photographs: Sequence[Photograph], setup: Setup, tone: str = AUTO)
     raise NoZero(f"no photograph at zero pressure shows the undeformed surface; {'; '.join(reasons)}")
 
 
-def clear_edge(photographs: Sequence[Photograph], setup: Setup, tone: str = AUTO) -> Traced | None:
+def clear_edge(photographs: Sequence[Photograph], setup: Setup, tone: str = AUTO) -> edge.Traced | None:
     """Return the first of the highest photographs whose edge is free of doubt; None if there is none."""
     raised = [photo for photo in photographs if not photo.is_zero]
     for photo in sorted(raised, key=lambda photo: photo.pressure, reverse=True)[:MOST_ASKED]:
@@ -225,7 +228,7 @@ def measure_all(
     """Return a result per photograph, in the list's order, measured in so many processes at a time. The folder
     ``pictures`` gets one of each with its edge; ``done`` is called after each. A photograph on which two processes ended, as
     where memory runs out, is refused."""
-    names, listed = _names(photographs), Run(rows=photographs)
+    names, listed = _names(photographs), witness.Run(rows=photographs)
     results: dict[str, Result] = {}
     work = []
 
@@ -255,7 +258,7 @@ def measure_all(
                 photo = result.photograph
                 image = read_pixels(photo.file, setup.camera.size)
                 traced = trace_image(image, setup, tone, zero.tone, photo.anyway)
-                draw_edge(pictures / f"{result.name}.png", image, setup, traced, result.outcome, photo.pressure)
+                drawing.draw_edge(pictures / f"{result.name}.png", image, setup, traced, result.outcome, photo.pressure)
     return after
 
 
@@ -266,7 +269,7 @@ def judged(results: Sequence[Result]) -> list[Result]:
     for stage in (RUN, COURSE):
         for check in CHECKS[stage].values():
             # Each check sees what the ones before it have left: who is rejected or not trusted is no witness.
-            run = Run(_outlines(outcomes), samples)
+            run = witness.Run(_outlines(outcomes), samples)
             for k, outline in run.outlines.items():
                 if doubt := next(check(Evidence(run=run, number=k)), None):
                     rejected = Refusal(str(doubt), results[k].photograph.file)
@@ -274,7 +277,7 @@ def judged(results: Sequence[Result]) -> list[Result]:
                     doubted = dataclasses.replace(outline, trusted=False, reasons=reasons)
                     outcomes[k] = rejected if doubt.rejects and not outline.anyway else doubted
         if stage == RUN:
-            run = Run(_outlines(outcomes))
+            run = witness.Run(_outlines(outcomes))
             for k, off in run.unknown.items():
                 outcomes[k] = dataclasses.replace(run.outlines[k], error=np.hypot(run.outlines[k].error, off))
     return [
@@ -309,7 +312,7 @@ def _measure_one(
     outcome: Outline | Refusal
     try:
         image = read_pixels(photo.file, setup.camera.size)
-        sample = cut_out(image)
+        sample = photo_list.cut_out(image)
         traced = trace_image(image, setup, tone, zero.tone, photo.anyway)
         outcome = outline_of(traced, zero, photo.pressure, photo.pressure_error, photo.file.name)
         outcome = dataclasses.replace(outcome, history=photo.history)
@@ -318,7 +321,7 @@ def _measure_one(
     except Exception as error:  # one odd photograph must not take the others with it
         outcome = Refusal(_unforeseen(error), photo.file)
     if pictures is not None and image is not None:
-        draw_edge(pictures / f"{name}.png", image, setup, traced, outcome, photo.pressure)
+        drawing.draw_edge(pictures / f"{name}.png", image, setup, traced, outcome, photo.pressure)
     return Result(photo, outcome, name, sample)
 
 
@@ -452,7 +455,7 @@ def outlines(
         SetupError: The setup cannot be used, or the body's width does not go with what the photographs show.
         NoZero: No photograph, and nothing in the setup, shows the undeformed surface.
     """
-    listed = read_photos(Path(photos), column) if isinstance(photos, str | Path) else photos
+    listed = photo_list.read_photos(Path(photos), column) if isinstance(photos, str | Path) else photos
     known = Setup.from_file(setup) if isinstance(setup, str | Path) else setup
     tone, jobs, edges = how.get("tone", AUTO), how.get("jobs", 1), how.get("edges")
     known, zero = with_zero(listed, known, tone, how.get("width"))

@@ -22,12 +22,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from measurement.outline.outline import History, Outline
-from measurement.pictures import Pixels
-from measurement.robust import deviation
-from softmodels.common.errors import reason
-from softmodels.common.files import file_digest, read_file
-from softmodels.common.units import STANDARD_GRAVITY, WATER_DENSITY, UnitError, brief, number_and_unit, quantity
+from measurement import pictures, robust
+from measurement.outline import outline
+from measurement.outline.outline import Outline
+from softmodels.common import errors, files, units
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The water column: readings in cm become pressures in Pa with a standard error.
@@ -65,7 +63,7 @@ class Column:
         reading_error: Standard error of reading one level in m.
     """
 
-    density: float = WATER_DENSITY
+    density: float = units.WATER_DENSITY
     density_error: float = DENSITY_ERROR
     reading_error: float = READING_ERROR
 
@@ -79,9 +77,9 @@ class Column:
 
     def pressure(self, difference: float) -> tuple[float, float]:
         """Return the pressure and standard error in Pa of a difference of two levels in m; each level was read once."""
-        levels = self.density * STANDARD_GRAVITY * self.reading_error * math.sqrt(2.0)
-        share = STANDARD_GRAVITY * difference * self.density_error
-        return self.density * STANDARD_GRAVITY * difference, math.hypot(levels, share)
+        levels = self.density * units.STANDARD_GRAVITY * self.reading_error * math.sqrt(2.0)
+        share = units.STANDARD_GRAVITY * difference * self.density_error
+        return self.density * units.STANDARD_GRAVITY * difference, math.hypot(levels, share)
 
     def read(self, text: str, error: str = "") -> tuple[float, float]:
         """Read a pressure written as a person does.
@@ -106,7 +104,9 @@ class Column:
         if given < 0.0:
             raise ColumnError(f"the error {error!r} is negative")
         if is_length:
-            given = math.hypot(self.density * STANDARD_GRAVITY * given, self.density_error / self.density * pressure)
+            given = math.hypot(
+                self.density * units.STANDARD_GRAVITY * given, self.density_error / self.density * pressure
+            )
         return pressure, given
 
     def read_tubes(self, left: str, right: str, error: str = "") -> tuple[float, float]:
@@ -130,23 +130,25 @@ class Column:
 def _length_or_pressure(text: str) -> tuple[float, bool]:
     """Return the value in m or Pa, and whether it is a length; a plain 0 is a length."""
     if not any(letter.isdigit() for letter in text):
-        raise ColumnError(f"{brief(text.strip())} is neither a column of water nor a pressure; {FORMS}")
+        raise ColumnError(f"{units.brief(text.strip())} is neither a column of water nor a pressure; {FORMS}")
     try:
-        value, unit = number_and_unit(text)
-    except UnitError as error:
+        value, unit = units.number_and_unit(text)
+    except units.UnitError as error:
         raise ColumnError(f"{error}; {FORMS}") from None
     pascal = WATER_UNITS.get(unit.lower().replace(" ", "").replace("_", ""))
     if pascal is not None:
         return value * pascal, False
     if not unit and value != 0.0:
-        raise ColumnError(f"{brief(text.strip())} has no unit; {FORMS}")
+        raise ColumnError(f"{units.brief(text.strip())} has no unit; {FORMS}")
     try:
-        return quantity(text, "m"), True
-    except UnitError:
+        return units.quantity(text, "m"), True
+    except units.UnitError:
         try:
-            return quantity(text, "Pa"), False
-        except UnitError:
-            raise ColumnError(f"{brief(text.strip())} is neither a column of water nor a pressure; {FORMS}") from None
+            return units.quantity(text, "Pa"), False
+        except units.UnitError:
+            raise ColumnError(
+                f"{units.brief(text.strip())} is neither a column of water nor a pressure; {FORMS}"
+            ) from None
 
 
 KNOWN = ("file", "pressure", "left", "right", "error", "hold", "rise", "use")
@@ -179,7 +181,7 @@ class Photograph:
     file: Path
     pressure: float
     pressure_error: float
-    history: History = ()
+    history: outline.History = ()
     row: Mapping[str, str] = dataclasses.field(default_factory=dict, compare=False)
     anyway: bool = False
 
@@ -253,9 +255,9 @@ def read_photos(path: Path, column: Column | None = None) -> list[Photograph]:
 def _text(path: Path) -> str:
     """Return the list's text: UTF-8, or the UTF-16 that spreadsheets call Unicode text."""
     try:
-        data = read_file(path)
+        data = files.read_file(path)
     except OSError as error:
-        raise PhotoListError(f"the list of photographs {path} cannot be read: {reason(error)}") from None
+        raise PhotoListError(f"the list of photographs {path} cannot be read: {errors.reason(error)}") from None
     wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     try:
         text = data.decode("utf-16" if wide else "utf-8-sig")
@@ -341,7 +343,7 @@ def _photograph(folder: Path, row: dict[str, str], column: Column) -> Photograph
         pressure, pressure_error = column.read_tubes(row["left"], row["right"], error)
     if (use := row.get("use", "")).lower() not in ("", ANYWAY):
         raise PhotoListError(
-            f"use is {brief(use)}; write {ANYWAY} to use the photograph in spite of doubts, or leave it empty"
+            f"use is {units.brief(use)}; write {ANYWAY} to use the photograph in spite of doubts, or leave it empty"
         )
     return Photograph(_find(folder, row["file"]), pressure, pressure_error, row=row, anyway=bool(use))
 
@@ -354,7 +356,7 @@ class _Clock:
         self.corners: list[tuple[float, float]] = [(0.0, 0.0)]
         self.reached, self.hold = 0.0, 0.0
 
-    def moved(self, photo: Photograph, hold: str, rise: str) -> History:
+    def moved(self, photo: Photograph, hold: str, rise: str) -> outline.History:
         """Return the history up to the photograph of the next row; one at zero pressure before any rise is at rest. Raises
         `PhotoListError` for a time that is missing, negative, or not after that of the row before."""
         (time, before), pressure = self.corners[-1], photo.pressure
@@ -383,8 +385,8 @@ class _Clock:
 
 def _seconds(name: str, text: str) -> float:
     try:
-        value = quantity(text, "s")
-    except UnitError as error:
+        value = units.quantity(text, "s")
+    except units.UnitError as error:
         raise PhotoListError(f"{name}: {error}") from None
     if value < 0.0:
         raise PhotoListError(f"a {name} of {value:g} s is negative")
@@ -450,7 +452,7 @@ class Sample:
     smooth: Float32Array
 
 
-def cut_out(image: Pixels) -> Pixels:
+def cut_out(image: pictures.Pixels) -> pictures.Pixels:
     """Return the patches (patches, side, side) of a picture (h, w, 3) in grey, spread over its frame."""
     height, width = image.shape[:2]
     side = min(SIDE, height // ROWS, width // COLUMNS)
@@ -460,12 +462,12 @@ def cut_out(image: Pixels) -> Pixels:
     return np.stack(patches)
 
 
-def prepared(patches: Pixels) -> Sample:
+def prepared(patches: pictures.Pixels) -> Sample:
     """Return the patches of `cut_out`, parted into what is smooth and what is fine."""
     light = patches.astype(np.float32)
     smooth = np.stack([cv2.GaussianBlur(patch, (0, 0), FINE) for patch in light])
     fine = (light - smooth).ravel()
-    scatter = max(deviation(fine), 0.3)
+    scatter = max(robust.deviation(fine), 0.3)
     level = max(float(smooth.max()), 1.0)
     return Sample(np.clip(fine, -5.0 * scatter, 5.0 * scatter).astype(np.float32), (smooth / level).astype(np.float32))
 
@@ -513,7 +515,7 @@ def is_copy(first: Sample, second: Sample, others: Sequence[Sample]) -> bool:
     return bool(alike > 2.0 * max([0.0, *(value for value in usual if np.isfinite(value))]))
 
 
-def copies(outlines: Mapping[int, Outline], samples: Mapping[int, Pixels]) -> dict[int, str]:
+def copies(outlines: Mapping[int, Outline], samples: Mapping[int, pictures.Pixels]) -> dict[int, str]:
     """Return a sentence for each photograph that is a copy by its noise and must not be used, by the numbers of the
     outlines and of the patches from `cut_out`: both of two at different pressures, of which one at least is wrong, and the
     later one of two at the same pressure, which would count twice."""
@@ -579,7 +581,7 @@ def same_pictures(photographs: Sequence[Photograph]) -> dict[Path, str]:
     alike: dict[str, list[Photograph]] = {}
     for photo in photographs:
         try:
-            alike.setdefault(file_digest(photo.file), []).append(photo)
+            alike.setdefault(files.file_digest(photo.file), []).append(photo)
         except (OSError, ValueError):
             continue  # a file that cannot be read is rejected with its own reason
     found: dict[Path, str] = {}

@@ -19,11 +19,11 @@ import numpy.typing as npt
 from scipy.optimize import least_squares
 from scipy.stats import norm
 
-from measurement.outline.edge import SPAN
+from measurement import pictures
+from measurement.outline import edge, zero
 from measurement.outline.outline import Outline, reached
-from measurement.outline.zero import ON_SURFACE
-from measurement.pictures import Pixels
-from measurement.series.photo_list import Photograph, copies, same_pictures
+from measurement.series import photo_list
+from measurement.series.photo_list import Photograph, copies
 from softmodels.common.arrays import Array, Mask
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -241,7 +241,7 @@ class Result:
     photograph: Photograph
     outcome: Outline | Refusal
     name: str
-    sample: Pixels | None = None
+    sample: pictures.Pixels | None = None
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -251,7 +251,7 @@ class Run:
     with errors, have the shape (n,) of the outlines."""
 
     outlines: Mapping[int, Outline] = MappingProxyType({})
-    samples: Mapping[int, Pixels] = MappingProxyType({})
+    samples: Mapping[int, pictures.Pixels] = MappingProxyType({})
     rows: Sequence[Photograph] = ()
 
     heights = functools.cached_property[Array](lambda run: run._each("height"))
@@ -305,7 +305,7 @@ class Run:
     @functools.cached_property
     def sinking(self) -> Common:
         """How far the surface beside the bulge has sunk in m."""
-        return self._common(self._each("sunk"), 0.2 * ON_SURFACE)
+        return self._common(self._each("sunk"), 0.2 * zero.ON_SURFACE)
 
     @functools.cached_property
     def scaling(self) -> Common:
@@ -316,13 +316,15 @@ class Run:
     def odd_crown(self) -> OddCrown | None:
         """The outline whose top is curved least like those of the others; None where these are too few to tell."""
         raised = {
-            k: o for k, o in self.outlines.items() if o.height > MIN_HEIGHT_RATIO * ON_SURFACE and len(o.measured().x)
+            k: o
+            for k, o in self.outlines.items()
+            if o.height > MIN_HEIGHT_RATIO * zero.ON_SURFACE and len(o.measured().x)
         }
         crowns = {k: crown for k, o in raised.items() if (crown := crown_of(o.measured())) is not None}
         return OddCrown.of(np.array([self.outlines[k].height for k in crowns]), crowns)
 
     def _common(self, values: Array, usual: float) -> Common:
-        known = (self.heights > MIN_HEIGHT_RATIO * ON_SURFACE) & np.isfinite(values)
+        known = (self.heights > MIN_HEIGHT_RATIO * zero.ON_SURFACE) & np.isfinite(values)
         return Common(list(self.outlines), self.heights, values, known, usual)
 
     @property
@@ -341,7 +343,7 @@ class Run:
     @functools.cached_property
     def repeated(self) -> dict[Path, str]:
         """Files with the same bytes as another one of the list, and why they must not be measured."""
-        return same_pictures(self.rows)
+        return photo_list.same_pictures(self.rows)
 
 
 def course_of(outlines: list[Outline]) -> Course | None:
@@ -352,7 +354,7 @@ def course_of(outlines: list[Outline]) -> Course | None:
 
 def _tells(run: Run) -> bool:
     return len(run.outlines) >= FEWEST and float(run.heights.max()) > max(
-        10.0 * float(np.median(run.height_errors)), ON_SURFACE
+        10.0 * float(np.median(run.height_errors)), zero.ON_SURFACE
     )
 
 
@@ -360,7 +362,7 @@ def _signs(run: Run) -> dict[int, str]:
     """Return the photographs at a pressure below zero: suction draws a surface in, where its shadow cannot show it."""
     found = {}
     for k in np.nonzero(run.pressures < -CLEAR * run.pressure_errors)[0]:
-        risen = run.heights[k] > CLEAR * run.height_errors[k] + ON_SURFACE
+        risen = run.heights[k] > CLEAR * run.height_errors[k] + zero.ON_SURFACE
         why = (
             f"and its outline rises by {run.heights[k] * 1e3:.2f} mm: the sign is wrong, or the two tubes are swapped"
             if risen
@@ -377,7 +379,7 @@ def _risen_zeros(run: Run) -> dict[int, str]:
     lowest = np.nonzero(raised)[0][np.argsort(run.pressures[raised])][:3]
     slope = float(np.median(run.heights[lowest] / run.pressures[lowest])) if len(lowest) else 0.0
     pressure = np.abs(run.pressures) + CLEAR * run.pressure_errors
-    allowed = ON_SURFACE + CLEAR * run.height_errors + max(slope, 0.0) * pressure
+    allowed = zero.ON_SURFACE + CLEAR * run.height_errors + max(slope, 0.0) * pressure
     return {
         int(
             k
@@ -428,7 +430,7 @@ def _outliers(run: Run) -> Mask:
     taken back, the likeliest first, as long as the course through the others allows.
     """
     kept = np.ones(len(run.outlines), dtype=bool)
-    judged = ~run.is_zero | (run.heights > ON_SURFACE)
+    judged = ~run.is_zero | (run.heights > zero.ON_SURFACE)
     for _ in range(max(1, len(kept) // SHARE)):
         if kept.sum() < FEWEST:
             break
@@ -560,11 +562,11 @@ def crown_of(outline: Outline) -> tuple[float, float] | None:
     x, z, error = outline.x - outline.x[outline.apex], outline.z, outline.error
     top = z > (1.0 - CROWN) * outline.height
     half = 0.5 * float(np.ptp(x[z > 0.5 * outline.height]))
-    if len(np.unique(x[top])) < SPAN:
+    if len(np.unique(x[top])) < edge.SPAN:
         return None
     bend = -2.0 * float(np.polynomial.Polynomial.fit(x[top], z[top], 2).convert().coef[-1])
     # Neighbours err together over a span of points, and the parabola is as deep as the part of the height.
-    own = float(np.median(error[top])) / np.sqrt(float(top.sum()) / SPAN) / (CROWN * outline.height)
+    own = float(np.median(error[top])) / np.sqrt(float(top.sum()) / edge.SPAN) / (CROWN * outline.height)
     value = bend * half**2 / outline.height
     return value, 3.0 * own * abs(value)
 

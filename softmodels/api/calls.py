@@ -10,39 +10,25 @@ from typing import TYPE_CHECKING
 
 from geometries import Actuator
 from softmodels.api.run import Run
+from softmodels.case import entries, materials
 from softmodels.case.case import Case, case_of
-from softmodels.case.entries import CaseError, Probes
+from softmodels.case.entries import CaseError
 from softmodels.case.load import Values, prescribed
-from softmodels.case.materials import AnyBand, without_walls
-from softmodels.common import errors
-from softmodels.common.files import GEOMETRY, read_file, read_json
+from softmodels.common import errors, files, names, units
 from softmodels.common.lazy import MPI
-from softmodels.common.names import callback, checked, flag, place
+from softmodels.common.names import checked
 from softmodels.common.processes import one_at_a_time
-from softmodels.common.units import WATER_DENSITY, pascal_per_cm
 from softmodels.decks.deck import WRITTEN, Deck, calculix, check, deck_of, needs_equations
 from softmodels.materials.laws import Material
+from softmodels.mechanics import compiling, memory, mpi
 from softmodels.mechanics.body import Body
-from softmodels.mechanics.compiling import compiling
 from softmodels.mechanics.component import Component
-from softmodels.mechanics.memory import RADIUS
-from softmodels.mechanics.mpi import is_root, start
 from softmodels.mechanics.system import System
-from softmodels.path.steps import PRESSURE, TOLERANCE, Step, one_step
-from softmodels.path.supply import AirSupply
-from softmodels.runs.analyses import (
-    MOST_MODES,
-    Limit,
-    NaturalFrequencies,
-    case_for_modes,
-    check_hold,
-    find_frequencies,
-    find_limit,
-)
-from softmodels.runs.labels import state_labels
-from softmodels.runs.notes import no_branch, sentences
-from softmodels.runs.outcomes import BAD_INPUT, Ended, Progress, RunError, UnwrittenError
-from softmodels.runs.recording import ResultsPlace, is_loaded, solved_into
+from softmodels.path import steps, supply
+from softmodels.path.steps import Step
+from softmodels.runs import analyses, labels, notes, outcomes, recording, states, table
+from softmodels.runs.analyses import Limit, NaturalFrequencies
+from softmodels.runs.outcomes import RunError
 from softmodels.runs.simulation import (
     AtRest,
     InMemory,
@@ -53,8 +39,6 @@ from softmodels.runs.simulation import (
     solve_sources,
     temporary_folder,
 )
-from softmodels.runs.states import StoredStates
-from softmodels.runs.table import Row
 
 if TYPE_CHECKING:
     from softmodels.pictures.comparison import Comparison
@@ -67,11 +51,11 @@ if TYPE_CHECKING:
 def solve_in_memory(simulation: Simulation, branch: bool) -> Run:
     """Solve a case that is not prepared yet, perhaps with the first branch, and keep its states; all ranks call it. `RunError`
     if no state under load was found."""
-    case, comm, ended = simulation.case, simulation.comm, Ended()
+    case, comm, ended = simulation.case, simulation.comm, outcomes.Ended()
     states: InMemory | None = None
     aside: InMemory | None = None
     try:
-        with sentences(), temporary_folder(comm) as folder:
+        with notes.sentences(), temporary_folder(comm) as folder:
             mesh = folder / f"{case.name}.msh"
             simulation.write_mesh(mesh)
             simulation.prepare(mesh)
@@ -80,26 +64,26 @@ def solve_in_memory(simulation: Simulation, branch: bool) -> Run:
                 for step in simulation.steps():
                     states.add(step)
             except PathEnded as end:
-                ended = Ended.by(end)
+                ended = outcomes.Ended.by(end)
                 if case.program:
                     raise
             aside = _branch(simulation, states) if branch else None
             states.others = solve_sources(simulation, mesh)
     except RunError as error:
-        ended = Ended.by(error)
+        ended = outcomes.Ended.by(error)
         if states is None:
             raise
     finally:
         simulation.release()
-    if ended.error is not None and not is_loaded(states.rows):
+    if ended.error is not None and not recording.is_loaded(states.rows):
         raise ended.error
-    return Run(states, ended, comm, None if aside is None else Run(aside, Ended(), comm))
+    return Run(states, ended, comm, None if aside is None else Run(aside, outcomes.Ended(), comm))
 
 
 def _branch(simulation: Simulation, states: InMemory) -> InMemory | None:
     """Return the states of the branch at the first bifurcation; None if there is none to be found."""
     if not simulation.bifurcates:
-        simulation.listener.say(no_branch(simulation.case, states.rows))
+        simulation.listener.say(notes.no_branch(simulation.case, states.rows))
         return None
     aside = InMemory(simulation, states.mesh)
     for step in simulation.branch():
@@ -107,24 +91,24 @@ def _branch(simulation: Simulation, states: InMemory) -> InMemory | None:
     return aside if aside.rows else None
 
 
-def solve_in_folder(place: ResultsPlace, case: Case, comm: MPI.Comm, listener: Listener, branch: bool) -> Run:
+def solve_in_folder(place: recording.ResultsPlace, case: Case, comm: MPI.Comm, listener: Listener, branch: bool) -> Run:
     """Solve a case into a folder, which is given; see `solved_into`. `RunError` if no state under load was found or stored,
     other errors for what is in the folder."""
-    folder, loaded, ended = solved_into(place, case, comm, listener, branch=branch)
+    folder, loaded, ended = recording.solved_into(place, case, comm, listener, branch=branch)
     if ended.error is not None:
         # The end of a path is no error where there are states up to it.
-        end = isinstance(ended.error, RunError) and not isinstance(ended.error, UnwrittenError)
-        if not end or not loaded or ended.status == BAD_INPUT:
+        end = isinstance(ended.error, RunError) and not isinstance(ended.error, outcomes.UnwrittenError)
+        if not end or not loaded or ended.status == outcomes.BAD_INPUT:
             raise ended.error
     assert folder is not None
     return run_of(folder, ended, comm)
 
 
-def run_of(folder: Path, ended: Ended, comm: MPI.Comm | None = None) -> Run:
+def run_of(folder: Path, ended: outcomes.Ended, comm: MPI.Comm | None = None) -> Run:
     """Return the run in a folder, with the branch that leaves it; `ResultsError` or `CaseError` if it cannot be read."""
-    source = StoredStates(folder)
+    source = states.StoredStates(folder)
     aside = source.branch_states()
-    return Run(source, ended, comm, None if aside is None else Run(aside, Ended(), comm))
+    return Run(source, ended, comm, None if aside is None else Run(aside, outcomes.Ended(), comm))
 
 
 errors.call("output", "folder")
@@ -146,21 +130,21 @@ def inflate(
     rate: str = "",
     hold: float | str = 0.0,
     cycles: int = 0,
-    time_tolerance: float = TOLERANCE,
+    time_tolerance: float = steps.TOLERANCE,
     inertia: bool = False,
-    spectral_radius: float = RADIUS,
+    spectral_radius: float = memory.RADIUS,
     strokes: Values | None = None,
     steps: Sequence[Step] = (),
-    supply: AirSupply | None = None,
+    supply: supply.AirSupply | None = None,
     valve: Values | None = None,
     control: str = "auto",
     formulation: str = "mixed",
     solver: str = "auto",
     components: Component | Sequence[Component] = (),
-    gauges: Probes | None = None,
-    band: AnyBand | str | Path | None = None,
+    gauges: entries.Probes | None = None,
+    band: materials.AnyBand | str | Path | None = None,
     load_unload: bool = False,
-    water_density: float | str = WATER_DENSITY,
+    water_density: float | str = units.WATER_DENSITY,
     fields: Sequence[str] = (),
     name: str | None = None,
     progress: Told = None,
@@ -252,23 +236,23 @@ def run(
     """
     inputs: tuple[Path, ...] = ()
     if not isinstance(case, Case):
-        inputs = (place("case", case, "a case file, or a Case"),)
+        inputs = (names.place("case", case, "a case file, or a Case"),)
         case = Case.from_file(inputs[0])
-    callback("progress", progress, or_flag=True)
-    output = None if folder is None else place("folder", folder, "a folder")
-    if flag("branch", branch):
+    names.callback("progress", progress, or_flag=True)
+    output = None if folder is None else names.place("folder", folder, "a folder")
+    if names.flag("branch", branch):
         case.load.check_branch()
-    if flag("resume", resume) and output is None:
+    if names.flag("resume", resume) and output is None:
         raise CaseError("resuming needs the run's folder; give it (folder=...), or leave out --resume")
-    comm = start()
+    comm = mpi.start()
     with contextlib.ExitStack() as stack:
         listener: Listener = _Each(progress) if callable(progress) else Silent()
         if progress is True:
-            bar = Progress(case.values[-1], case.unit, state_labels(case), not is_root(comm))
+            bar = outcomes.Progress(case.values[-1], case.unit, labels.state_labels(case), not mpi.is_root(comm))
             listener = stack.enter_context(bar)
         if output is None:
             return solve_in_memory(Simulation(case, comm, listener), branch)
-        return solve_in_folder(ResultsPlace(output, resume, inputs), case, comm, listener, branch)
+        return solve_in_folder(recording.ResultsPlace(output, resume, inputs), case, comm, listener, branch)
 
 
 class _Each(Silent):
@@ -277,7 +261,7 @@ class _Each(Silent):
     def __init__(self, told: Callable[[dict[str, float]], object]):
         self.told = told
 
-    def step(self, row: Row, value: float) -> None:
+    def step(self, row: table.Row, value: float) -> None:
         self.told(row.written)
 
 
@@ -290,12 +274,12 @@ def load(folder: str | Path) -> Run:
         ResultsError: No results, or none that can be read.
         CaseError: No case file, or a wrong one.
     """
-    where = place("folder", folder, "a folder of results")
+    where = names.place("folder", folder, "a folder of results")
     try:
-        summary = read_json(where / "summary.json")
-        ended = Ended(int(summary["status"]), str(summary["message"]))
+        summary = files.read_json(where / "summary.json")
+        ended = outcomes.Ended(int(summary["status"]), str(summary["message"]))
     except (OSError, ArithmeticError, ValueError, KeyError, TypeError):
-        ended = Ended()  # a run that is still going, or was interrupted
+        ended = outcomes.Ended()  # a run that is still going, or was interrupted
     return run_of(where, ended)
 
 
@@ -316,17 +300,17 @@ def compare(first: Run | str | Path, second: Run | str | Path, *more: Run | str 
         ComparisonError: They are over loads that cannot be compared.
         ResultsError, CaseError: A folder holds no results, or none that can be read.
     """
-    from softmodels.pictures.comparison import Compared, compared
+    from softmodels.pictures import comparison
 
-    def of(number: int, one: Run | str | Path) -> Compared:
+    def of(number: int, one: Run | str | Path) -> comparison.Compared:
         if not isinstance(one, Run):
             name = ("first", "second")[number] if number < 2 else "more"
-            return Compared.from_folder(place(name, one, "a run, or a folder of results"))
+            return comparison.Compared.from_folder(names.place(name, one, "a run, or a folder of results"))
         rest = one[0]
-        return Compared(f"{one.case.name} ({number + 1})", one.case, one.table, rest.points, len(rest.cells),
+        return comparison.Compared(f"{one.case.name} ({number + 1})", one.case, one.table, rest.points, len(rest.cells),
                         lambda step: one[step].displacement)  # fmt: skip
 
-    return compared([of(number, one) for number, one in enumerate((first, second, *more))])
+    return comparison.compared([of(number, one) for number, one in enumerate((first, second, *more))])
 
 
 @checked
@@ -359,13 +343,13 @@ def limit(
     """
     # A case with a dummy load, so that the input is checked as for any case.
     how = {"components": components, "formulation": formulation, "solver": solver}
-    case = Case("limit", device, material, one_step(PRESSURE, [-100.0 if vacuum else 100.0]), **how)  # type: ignore[arg-type]
-    seconds = check_hold(hold, [case.material])
+    case = Case("limit", device, material, steps.one_step(steps.PRESSURE, [-100.0 if vacuum else 100.0]), **how)  # type: ignore[arg-type]
+    seconds = analyses.check_hold(hold, [case.material])
     if seconds and vacuum:
         raise CaseError("a hold and a vacuum cannot be combined; leave out one of them")
-    comm = start()
-    with sentences():
-        return find_limit(case, [case.material], comm, seconds)[0]
+    comm = mpi.start()
+    with notes.sentences():
+        return analyses.find_limit(case, [case.material], comm, seconds)[0]
 
 
 @checked
@@ -399,16 +383,16 @@ def modes(
         RunError: No state was found, or not its modes.
         MeshingError, MeshFileError: The device cannot be meshed.
     """
-    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST_MODES:
-        raise CaseError(f"count is {count!r}; it must be a whole number of modes from 1 to {MOST_MODES}")
-    closed, how = flag("sealed", sealed), {"components": components, "solver": solver}
-    if pressures is None or not any(prescribed(PRESSURE, pressures, pascal_per_cm()).values):
+    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= analyses.MOST_MODES:
+        raise CaseError(f"count is {count!r}; it must be a whole number of modes from 1 to {analyses.MOST_MODES}")
+    closed, how = names.flag("sealed", sealed), {"components": components, "solver": solver}
+    if pressures is None or not any(prescribed(steps.PRESSURE, pressures, units.pascal_per_cm()).values):
         case: Case = AtRest("modes", device, material, **how)  # type: ignore[arg-type]
     else:
         case = case_of(device, material, pressures, **how)  # type: ignore[arg-type]
-    comm = start()
-    with sentences():
-        return find_frequencies(case_for_modes(case), count, closed, comm)
+    comm = mpi.start()
+    with notes.sentences():
+        return analyses.find_frequencies(analyses.case_for_modes(case), count, closed, comm)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -434,11 +418,11 @@ def export(case: Case | str | Path, file: str | Path) -> Deck:
             equations cannot be made.
         OSError: The file cannot be written.
     """
-    whole = case if isinstance(case, Case) else Case.from_file(place("case", case, "a case file, or a Case"))
-    path = place("file", file, "a file")
+    whole = case if isinstance(case, Case) else Case.from_file(names.place("case", case, "a case file, or a Case"))
+    path = names.place("file", file, "a file")
     if path.suffix.lower() != ".inp":
         raise CaseError(f"{path} ends in {path.suffix or 'nothing'}; a deck for CalculiX ends in .inp")
-    if path.exists() and WRITTEN.encode() not in read_file(path, GEOMETRY)[:500]:
+    if path.exists() and WRITTEN.encode() not in files.read_file(path, files.GEOMETRY)[:500]:
         raise CaseError(f"{path} exists and is not a deck written by this program; give another name")
     check(whole)
     with tempfile.TemporaryDirectory() as folder:
@@ -456,7 +440,7 @@ def _system(case: Case, mesh: Path) -> System | None:
     compiling if they cannot be made."""
     if not needs_equations(case):
         return None
-    start()
-    with compiling():
+    mpi.start()
+    with compiling.compiling():
         body = Body.from_file(case.actuator, mesh, MPI.COMM_SELF)
-        return System(body, case.material, "displacement", components=without_walls(case.components))
+        return System(body, case.material, "displacement", components=materials.without_walls(case.components))

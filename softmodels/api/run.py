@@ -18,35 +18,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.case.case import Case, one_value
-from softmodels.case.entries import NAME, CaseError, ProbeError, place_of
-from softmodels.case.materials import to_table
+from softmodels.case import case, entries, materials
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
+from softmodels.common import cards, errors, files, schema, units
 from softmodels.common.arrays import Array
-from softmodels.common.cards import Shown, Table
-from softmodels.common.errors import Spoken, known_are, required, spoken
-from softmodels.common.files import file_digest, is_same
 from softmodels.common.lazy import MPI, pyvista
 from softmodels.common.names import checked, keep_arrays, one_of, place, read_only, several
 from softmodels.common.processes import one_at_a_time
-from softmodels.common.schema import to_table as table_of
-from softmodels.common.units import UnitError, brief, number, readable
-from softmodels.materials.laws import parameter_fields
-from softmodels.materials.silicones import named
-from softmodels.mechanics.mpi import is_root, on_root, start
-from softmodels.mechanics.newton import NoConvergence
+from softmodels.materials import laws, silicones
+from softmodels.mechanics import mpi, newton
 from softmodels.path.continuation import Continuation
 from softmodels.path.steps import STROKE, one_step
-from softmodels.runs.analyses import KINDS, Limit
-from softmodels.runs.columns import term
+from softmodels.runs import analyses, columns, formats, labels, notes, outcomes, recording, states, store
+from softmodels.runs.analyses import Limit
 from softmodels.runs.fields import OUTPUTS, OutputField, requestable
-from softmodels.runs.formats import CELL_TYPES, TENSOR
-from softmodels.runs.labels import StateLabels, overlap_text, state_labels
-from softmodels.runs.notes import notes_of, sentences
-from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM, STOPPED, Ended, RunError
-from softmodels.runs.recording import ResultsPlace, begin, begin_branch, gather, recall, stored_point
+from softmodels.runs.outcomes import RunError
 from softmodels.runs.simulation import InMemory, Simulation, Step
-from softmodels.runs.states import POINTS, Line, Probe, States, StoredStates
-from softmodels.runs.store import Results
+from softmodels.runs.states import Line, States
 from softmodels.runs.table import PathTable, Row, band_of, parsed
 
 if TYPE_CHECKING:
@@ -54,9 +43,9 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-    from softmodels.api.views import Animation
+    from softmodels.api import views
     from softmodels.decks.reduction import ReducedModel
-    from softmodels.path.stability import Point
+    from softmodels.path import stability
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -68,7 +57,7 @@ type Place = str | Sequence[float] | Array
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class SolvedState(Shown):
+class SolvedState(cards.Shown):
     """One state of a run, SI units. Its arrays are read-only; ``state.displacement.copy()`` can be changed.
 
     Attributes:
@@ -92,11 +81,11 @@ class SolvedState(Shown):
     def _line(self) -> str:
         return f"of {self.case.name} at {headline(self.case, self.variables)}"
 
-    def _figures(self) -> Table:
+    def _figures(self) -> cards.Table:
         return state_figures(self.case, self.variables)
 
     def _remarks(self) -> list[str]:
-        return [text] if (text := overlap_text(self.variables)) else []
+        return [text] if (text := labels.overlap_text(self.variables)) else []
 
     def __post_init__(self) -> None:
         # The arrays belong to the run: `Run.at` and `Run.save` use them.
@@ -202,7 +191,7 @@ class SolvedState(Shown):
 
     @checked
     @one_at_a_time
-    def along(self, begin: Place, end: Place, points: int = POINTS) -> Line:
+    def along(self, begin: Place, end: Place, points: int = states.POINTS) -> Line:
         """Return the values along a straight line of the undeformed device, which moves with it.
 
         Args:
@@ -219,7 +208,7 @@ class SolvedState(Shown):
 
     @checked
     @one_at_a_time
-    def through(self, point: Place, points: int = POINTS) -> Line:
+    def through(self, point: Place, points: int = states.POINTS) -> Line:
         """Return the values straight through the wall at the surface point nearest to a place, see `along`."""
         return self._probe.line(self._probe.through(self._place("point", point)), self._everything, points)
 
@@ -228,15 +217,16 @@ class SolvedState(Shown):
         return {**self._further, **self.fields, "cauchy_stress": self._tensor("cauchy_stress")}
 
     @functools.cached_property
-    def _probe(self) -> Probe:
-        return Probe(self.case.actuator, (self.points, self.cells, self.cell_name))
+    def _probe(self) -> states.Probe:
+        return states.Probe(self.case.actuator, (self.points, self.cells, self.cell_name))
 
     def _place(self, name: str, given: Place) -> Array:
         known = {**self.case.actuator.probes, **self.case.gauges.places}
         if not isinstance(given, str):
             if not isinstance(given, list | tuple | np.ndarray):
                 raise CaseError(
-                    f"{name} is {brief(given)}; a place is a text such as '0, 0, 10 mm', a probe's name, or three numbers in m"
+                    f"{name} is {units.brief(given)}; a place is a text such as '0, 0, 10 mm', a probe's name, or "
+                    "three numbers in m"
                 )
             place = np.array([_number(value, name) for value in given])
             if place.shape != (3,):
@@ -244,11 +234,11 @@ class SolvedState(Shown):
             return place
         if given in known:
             return np.asarray(known[given])
-        if re.fullmatch(NAME, given):
-            raise CaseError(f"{name}: the device has no point {brief(given)}; {known_are(given, known)}")
+        if re.fullmatch(entries.NAME, given):
+            raise CaseError(f"{name}: the device has no point {units.brief(given)}; {errors.known_are(given, known)}")
         try:
-            return np.asarray(place_of(name, given))
-        except ProbeError as error:
+            return np.asarray(entries.place_of(name, given))
+        except entries.ProbeError as error:
             raise CaseError(str(error)) from None
 
     @property
@@ -261,9 +251,9 @@ class SolvedState(Shown):
         """The undeformed device as a `pyvista.UnstructuredGrid` with the fields; ``grid.warp_by_vector("displacement")``
         moves it."""
         # Copies, because VTK writes into its inputs and users may change a grid.
-        grid = pyvista.UnstructuredGrid({CELL_TYPES[self.cell_name]: self.cells.copy()}, self.points.copy())
+        grid = pyvista.UnstructuredGrid({formats.CELL_TYPES[self.cell_name]: self.cells.copy()}, self.points.copy())
         for name, values in self.fields.items():
-            grid.point_data[name] = values.reshape(-1, TENSOR).copy() if values.ndim == 3 else values.copy()
+            grid.point_data[name] = values.reshape(-1, formats.TENSOR).copy() if values.ndim == 3 else values.copy()
         return grid
 
     @checked
@@ -290,20 +280,20 @@ def state_of(source: States, step: int) -> SolvedState:
 
 def _computed(state: SolvedState, names: Sequence[str], mesh: Callable[[], bytes]) -> Mapping[str, Array]:
     """Return fields of a state from its displacement and p, on the run's own mesh; all ranks call it."""
-    comm, case = start(), state.case
+    comm, case = mpi.start(), state.case
     simulation = Simulation(dataclasses.replace(case, fields=tuple(names)), comm)
     try:
         simulation.prepare_on(mesh)
-        with sentences():
+        with notes.sentences():
             fields = simulation.fields
-            nodal = fields.nodal(fields.state(state.fields if is_root(comm) else None, 0.0, 0.0))
-            found = on_root(comm, lambda: nodal or {})
+            nodal = fields.nodal(fields.state(state.fields if mpi.is_root(comm) else None, 0.0, 0.0))
+            found = mpi.on_root(comm, lambda: nodal or {})
             return {name: read_only(found[name]) for name in names}
     finally:
         simulation.release()
 
 
-def write_states(source: States, results: Results) -> None:
+def write_states(source: States, results: store.Results) -> None:
     """Store all states of a source in a prepared folder."""
     results.begin(source.points, source.cells, source.cell_name)
     for step, row in enumerate(source.rows):
@@ -322,14 +312,14 @@ def solve_between(source: States, quantity: str, wanted: float, values: Array) -
     ``"pressure"``, ``"volume"`` or ``"stroke"`` in SI units, or a column of ``path.csv`` in its own; ``values`` are those of
     the stored states, shape (states,).
     """
-    comm, ends = start(), _bracket(source, values, wanted)
+    comm, ends = mpi.start(), _bracket(source, values, wanted)
     if ends is None and quantity in source.rows.columns:
         raise RunError(f"no two neighbouring states on one continuous piece of the path bracket {quantity} {wanted:g}")
     case = source.case if ends else _to_one(source.case, quantity, wanted)
     simulation = Simulation(case, comm)
     try:
         simulation.prepare_on(source.mesh)
-        with sentences():
+        with notes.sentences():
             states = InMemory(simulation, source.mesh)
             for step in [_between(simulation, source, ends, (quantity, wanted))] if ends else simulation.steps():
                 states.add(step)
@@ -356,12 +346,13 @@ def _between(simulation: Simulation, source: States, ends: tuple[int, int], aske
     fields, comm, (quantity, wanted) = simulation.fields, simulation.comm, asked
     passed = np.flatnonzero(source.rows["bifurcation"][: ends[0]]).tolist()
     *points, after = (
-        stored_point(source, fields, comm, step, source.restart(step), step in passed) for step in (*passed, *ends)
+        recording.stored_point(source, fields, comm, step, source.restart(step), step in passed)
+        for step in (*passed, *ends)
     )
     followed = source.case.quantity if quantity in source.rows.columns else quantity
     path = Continuation(simulation.solver, simulation.quantity(followed), start=simulation.model.hanging())
     solved = dict.fromkeys((step for step in range(ends[0] + 1) if step not in passed), 0.0)
-    path.recall = functools.partial(recall, source, fields, comm, solved)
+    path.recall = functools.partial(recording.recall, source, fields, comm, solved)
     try:
         path.resume(points)
         tangent = path.corrector.tangent(after.state)
@@ -372,12 +363,12 @@ def _between(simulation: Simulation, source: States, ends: tuple[int, int], aske
         else:
             found = path.between(before, after, wanted / simulation.model.unit_of(quantity))
         path.keep(found)
-    except NoConvergence as failure:
+    except newton.NoConvergence as failure:
         raise RunError(f"no converged state between steps {ends[0]} and {ends[1]} ({failure})") from failure
     return simulation.step_of(found, ends[0])
 
 
-def _figure(simulation: Simulation, point: Point, column: str) -> float:
+def _figure(simulation: Simulation, point: stability.Point, column: str) -> float:
     """Return the value of a column of ``path.csv`` at a point, on all ranks."""
     return simulation.step_of(point, 0).row.cell(column)
 
@@ -403,21 +394,21 @@ SAME = 1e-6
 """Relative distance below which two values are the same."""
 
 
-class StateIndexError(Spoken, IndexError):
+class StateIndexError(errors.Spoken, IndexError):
     """No state of a run has this number; the message is for the user."""
 
 
 def _number(value: object, what: str, more: str = "") -> float:
     """Return a finite number; else `CaseError`."""
     try:
-        return number(value)
-    except UnitError as error:
+        return units.number(value)
+    except units.UnitError as error:
         raise CaseError(f"{what}: {error}; give a finite number{more}") from None
 
 
 def headline(case: Case, row: Row) -> str:
     """Return the load of a state, and its main figures, in a line."""
-    words = state_labels(case)
+    words = labels.state_labels(case)
     volume = f", added volume {row.told('added_volume')}" if words.volume else ""
     return (
         f"{words.under(row, _pressure(row, words))}: {words.gauge} rise {row.told(words.gauge)}{volume}, "
@@ -425,46 +416,46 @@ def headline(case: Case, row: Row) -> str:
     )
 
 
-def ingredients(case: Case) -> Table:
+def ingredients(case: Case) -> cards.Table:
     """Return the device with the lengths that are not its usual ones, the silicone with its parameters, and the components."""
-    device, texts = case.actuator, table_of(case.actuator, readable)
+    device, texts = case.actuator, schema.to_table(case.actuator, units.readable)
     changed = [
         f"{field.name} {texts[field.name]}"
         for field in dataclasses.fields(device)
         if field.name in texts and getattr(device, field.name) != field.default
     ]
-    table = to_table(case.material, readable)
-    law = [f"{field.name} {table[field.name]}" for field in parameter_fields(case.material)]
+    table = materials.to_table(case.material, units.readable)
+    law = [f"{field.name} {table[field.name]}" for field in laws.parameter_fields(case.material)]
     law += [] if case.material.memory is None else ["with a memory"]
     components = [type(one).__name__ for one in case.components]
     return [
         ("device", ": ".join(filter(None, [type(device).__name__, ", ".join(changed)]))),
-        ("silicone", named(case.material) or ", ".join([case.material.name, *law])),
+        ("silicone", silicones.named(case.material) or ", ".join([case.material.name, *law])),
         *([("components", ", ".join(components))] if components else []),
     ]
 
 
-def _pressure(row: Row, words: StateLabels) -> str:
+def _pressure(row: Row, words: labels.StateLabels) -> str:
     return f"{row['pressure'] / 1e3:.4g} kPa ({row.shown('pressure'):.4g} {words.unit})"
 
 
-def state_figures(case: Case, row: Row) -> Table:
+def state_figures(case: Case, row: Row) -> cards.Table:
     """Return the main figures of a state, with their units and 95 % bands."""
-    words = state_labels(case)
+    words = labels.state_labels(case)
     names = [
         *(name for name in ("time", "load_step", "stroke") if name in row), *words.volumes(row), *words.loads_in(row),
         *case.actuator.probes, "max_stretch", "max_von_mises", "stored_energy",
     ]  # fmt: skip
     table = [("pressure", _pressure(row, words))] if words.pressure else []
     for name in names:
-        known, band = term(row.column(name), case.actuator, words.driver), band_of(name)
+        known, band = columns.term(row.column(name), case.actuator, words.driver), band_of(name)
         give = f" ± {row.shown(band):.2g}" if math.isfinite(row.get(band, math.nan)) else ""
         text = f"{row.shown(name):.4g}{give} {row.unit(name)}{' (95 %)' if give else ''}"
         table.append((known.name, text.strip()))
     return table
 
 
-class Run(Shown):
+class Run(cards.Shown):
     """The states of an inflated device. Made by `softmodels.inflate`, `softmodels.run` and `softmodels.load`.
 
     Beside the properties below, each variable of the table is an array in SI over the states by its name: ``run.time``,
@@ -475,7 +466,7 @@ class Run(Shown):
         branch: The branch that leaves the path at its first bifurcation, where that was asked for and there is one; else None.
     """
 
-    def __init__(self, source: States, ended: Ended, comm: MPI.Comm | None = None, branch: Run | None = None):
+    def __init__(self, source: States, ended: outcomes.Ended, comm: MPI.Comm | None = None, branch: Run | None = None):
         self.case, self.branch = source.case, branch
         self._source, self._ended, self._comm = source, ended, comm
         self._solved: dict[tuple[str, float], SolvedState] = {}
@@ -485,11 +476,11 @@ class Run(Shown):
         ended = ""
         if self.limit is not None:
             marked = self.table["limit"].any() or self.table.get("stroke_limit").any()
-            known = f"; ended at a {KINDS[self.limit.kind]}" if marked else "; no equilibrium beyond"
+            known = f"; ended at a {analyses.KINDS[self.limit.kind]}" if marked else "; no equilibrium beyond"
             ended = known if self.limit.found else "; lost"
         return f"of {self.case.name}: {states} to {headline(self.case, self.table[-1])}{ended}"
 
-    def _figures(self) -> Table:
+    def _figures(self) -> cards.Table:
         return [*ingredients(self.case), ("states", f"{len(self)}"), *state_figures(self.case, self.table[-1])]
 
     def _remarks(self) -> list[str]:
@@ -555,16 +546,17 @@ class Run(Shown):
         ``why`` is the sentence of the command line, with arguments instead of its options.
         """
         status = self._ended.status
-        if status == DONE:
+        if status == outcomes.DONE:
             return None
         marks = self.table.where("stroke_limit")[-1:] if self.case.supply else ()
         marks = marks or self.table.where("limit")
-        row = marks[0] if status == NO_EQUILIBRIUM and marks else self.table[-1]
-        kind = {NO_EQUILIBRIUM: "limit", STOPPED: "stopped"}.get(status, "lost")
+        row = marks[0] if status == outcomes.NO_EQUILIBRIUM and marks else self.table[-1]
+        kind = {outcomes.NO_EQUILIBRIUM: "limit", outcomes.STOPPED: "stopped"}.get(status, "lost")
         return Limit(
             kind, row["pressure"], row["added_volume"], {name: row[name] for name in self.case.actuator.probes},
             row["max_stretch"], (row["max_stretch_x"], row["max_stretch_y"], row["max_stretch_z"]),
-            spoken(self._ended.message), path=tuple(zip(self.added_volume.tolist(), self.pressure.tolist(), strict=True)),
+            errors.spoken(self._ended.message), path=tuple(zip(self.added_volume.tolist(), self.pressure.tolist(),
+            strict=True)),
         )  # fmt: skip
 
     @functools.cached_property
@@ -576,8 +568,8 @@ class Run(Shown):
     @property
     def notes(self) -> list[str]:
         """Warnings on the run's validity, as sentences; empty if there are none."""
-        found = [*self._source.mesh_notes, *notes_of(self.case, self.table, self._source.sources)]
-        return [spoken(note) for note in found]
+        found = [*self._source.mesh_notes, *notes.notes_of(self.case, self.table, self._source.sources)]
+        return [errors.spoken(note) for note in found]
 
     # -- its states ---------------------------------------------------------------------------------------------------
 
@@ -592,7 +584,7 @@ class Run(Shown):
         except (TypeError, IndexError):
             wanted = f"a whole number from 0 to {count - 1}, or from the end, -1 to -{count}"
             # IndexError ends a loop over the states of a sequence.
-            raise StateIndexError(f"the run has no state number {brief(step)}; it must be {wanted}") from None
+            raise StateIndexError(f"the run has no state number {units.brief(step)}; it must be {wanted}") from None
         return state_of(self._source, number)
 
     def __iter__(self) -> Iterator[SolvedState]:
@@ -644,7 +636,7 @@ class Run(Shown):
         """
         figures = [name for name, value in self.rows[0].items() if isinstance(value, float)]
         if column not in figures:
-            raise CaseError(f"the path has no column {brief(column)}; {known_are(column, figures)}")
+            raise CaseError(f"the path has no column {units.brief(column)}; {errors.known_are(column, figures)}")
         there, wanted = self.path[column].astype(float), _number(value, f"{column} of a state")
         if near := np.flatnonzero(np.abs(there - wanted) <= SAME * np.abs(there).max()).tolist():
             return self[near[0]]
@@ -668,7 +660,7 @@ class Run(Shown):
             raise CaseError(
                 f"the states of a run to {self.case.load.requested.words} are requested by a number in SI units"
             )
-        quantity, wanted = one_value(value, self.case.cm)
+        quantity, wanted = case.one_value(value, self.case.cm)
         return ("stroke" if quantity == "volume" and own == "stroke" else quantity), wanted
 
     def _not_there(self, value: str | float, quantity: str, there: Array) -> str:
@@ -690,14 +682,14 @@ class Run(Shown):
         Raises:
             ImportError: pandas is not installed.
         """
-        frame: pandas.DataFrame = required("pandas", "notebook").DataFrame(self.path)
+        frame: pandas.DataFrame = errors.required("pandas", "notebook").DataFrame(self.path)
         texts = {column: self._texts(column) for column in frame.columns}
         frame.attrs = {name: {column: text[name] for column, text in texts.items()} for name in ("units", "long_name")}
         return frame
 
     def _texts(self, column: str) -> dict[str, str]:
         """Return the unit and the name in words of a column of ``path.csv``."""
-        known = term(column, self.case.actuator, state_labels(self.case).driver)
+        known = columns.term(column, self.case.actuator, labels.state_labels(self.case).driver)
         return {"units": known.unit, "long_name": known.name}
 
     @checked
@@ -715,14 +707,16 @@ class Run(Shown):
             CaseError: No such field.
             ResultsError: The states of a folder can no longer be read.
         """
-        library = required("xarray", "notebook")
+        library = errors.required("xarray", "notebook")
         wanted = several("fields", fields, str, "the name of a nodal field")
         bifurcations = np.flatnonzero(self.table.get("bifurcation")).tolist()
         known = {name for step in (0, *bifurcations) for name in self._source.fields(step)} if wanted else set()
         for name in wanted:
             if name not in known:
                 more = f", and those that a run is asked for, as by fields=[{name!r}]" if name in requestable() else ""
-                raise CaseError(f"the run has no field {brief(name)}; {known_are(name, sorted(known), more)}")
+                raise CaseError(
+                    f"the run has no field {units.brief(name)}; {errors.known_are(name, sorted(known), more)}"
+                )
         columns = {name: ("step", values, self._texts(name)) for name, values in self.path.items()}
         places: dict[str, object] = {"step": columns.pop("step"), "pressure": columns.pop("pressure_Pa")}
         nodal = {}
@@ -798,7 +792,7 @@ class Run(Shown):
 
     @checked
     @one_at_a_time
-    def animate(self, path: str | Path | None = None) -> Animation:
+    def animate(self, path: str | Path | None = None) -> views.Animation:
         """Return the film of the run: the deformed device from the first state to the last, coloured by von Mises stress.
 
         Args:
@@ -824,11 +818,10 @@ class Run(Shown):
         """Return the rise of the device's gauge over the pressure, or over the steps of a program, as a matplotlib figure."""
         import matplotlib
 
-        from softmodels.pictures import curves
-        from softmodels.pictures.style import STYLE
+        from softmodels.pictures import curves, style
 
-        words = state_labels(self.case)
-        with matplotlib.rc_context(STYLE):
+        words = labels.state_labels(self.case)
+        with matplotlib.rc_context(style.STYLE):
             figure = (
                 curves.steps(self.table, words)
                 if self.case.program
@@ -839,7 +832,7 @@ class Run(Shown):
 
         def png() -> bytes:
             data = io.BytesIO()
-            with matplotlib.rc_context(STYLE):
+            with matplotlib.rc_context(style.STYLE):
                 figure.savefig(data, format="png")
             return data.getvalue()
 
@@ -862,12 +855,12 @@ class Run(Shown):
             RunError: It cannot be written.
         """
         output = place("folder", folder, "a folder")
-        if isinstance(self._source, StoredStates) and is_same(self._source.folder, output):
+        if isinstance(self._source, states.StoredStates) and files.is_same(self._source.folder, output):
             return output
         if self._comm is None:
             self._save(output)
         else:
-            on_root(self._comm, lambda: self._save(output))
+            mpi.on_root(self._comm, lambda: self._save(output))
         return output
 
     @checked
@@ -886,36 +879,35 @@ class Run(Shown):
             CaseError: A run over something else than one pressure, no such face, kind or ending.
             RunError: Too few states, or no such model.
         """
-        from softmodels.decks.chains import kind_of, write
-        from softmodels.decks.reduction import table_of
+        from softmodels.decks import chains, reduction
 
         path = None if file is None else place("file", file, "a file")
         one_of("kind", kind, str, "a text such as 'mjcf'")
         one_of("face", face, str, "the name of a face")
         if path is not None:
-            kind_of(path, kind)
-        made = table_of(self._source, face)
+            chains.kind_of(path, kind)
+        made = reduction.table_of(self._source, face)
         if path is not None:
-            write(made, path, kind)
+            chains.write(made, path, kind)
         return made
 
     def _save(self, folder: Path) -> None:
-        results, _ = begin(self.case, ResultsPlace(folder))
+        results, _ = recording.begin(self.case, recording.ResultsPlace(folder))
         try:
             mesh = results.folder / f"{self.case.name}.msh"
             mesh.write_bytes(self._source.mesh())
-            results.record(mesh=file_digest(mesh), mesh_notes=list(self._source.mesh_notes))
+            results.record(mesh=files.file_digest(mesh), mesh_notes=list(self._source.mesh_notes))
             write_states(self._source, results)
             if self.branch is not None:
                 self.branch._save_branch(results)
             results.write_sources(self._source.others)
-            gather(self.case, results, self._ended)
+            recording.gather(self.case, results, self._ended)
             results.own.forget_unwritten()
         finally:
             results.own.leave()
 
-    def _save_branch(self, home: Results) -> None:
+    def _save_branch(self, home: store.Results) -> None:
         """Write this branch into the folder of its run."""
-        aside = begin_branch(home, self.case)
+        aside = recording.begin_branch(home, self.case)
         write_states(self._source, aside)
-        gather(self.case, aside, Ended())
+        recording.gather(self.case, aside, outcomes.Ended())

@@ -23,24 +23,19 @@ from matplotlib.figure import Figure
 from PIL import Image as Picture
 
 from softmodels.case.entries import CaseError
-from softmodels.common.errors import known_are, required
-from softmodels.common.files import data_uri, write_bytes
+from softmodels.common import errors, files, names, processes, units
 from softmodels.common.lazy import pyvista
-from softmodels.common.names import place
-from softmodels.common.processes import in_notebook
-from softmodels.common.units import brief
-from softmodels.pictures import solid
-from softmodels.pictures.offscreen import WINDOW, Image, Look, add_lights, can_render, look
+from softmodels.pictures import offscreen, solid
 from softmodels.pictures.style import CURVE, INK, STYLE, WARNING, drawn
-from softmodels.runs.fields import coloured
+from softmodels.runs import fields
 from softmodels.runs.labels import headline
 from softmodels.runs.outcomes import RunError
 from softmodels.runs.states import States
 
 if TYPE_CHECKING:
-    from softmodels.casting.make import Made
+    from softmodels.casting import make
     from softmodels.design.result import DesignResult
-    from softmodels.fitting.comparison import FitReport
+    from softmodels.fitting import comparison
     from softmodels.runs.analyses import Limit
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -87,22 +82,22 @@ def _figure(result: object) -> Drawing:
 
 def _frame(states: States) -> Drawing:
     """Draw the last state as a film shows it; where nothing can be rendered, a section."""
-    if can_render():
-        return Picture.fromarray(solid.render_frames(look(states), 1)[0])
+    if offscreen.can_render():
+        return Picture.fromarray(solid.render_frames(offscreen.look(states), 1)[0])
     if states.actuator.dimension == 3:
         return None
-    return solid.section_stress(look(states), len(states.rows) - 1)
+    return solid.section_stress(offscreen.look(states), len(states.rows) - 1)
 
 
 def _limit(limit: Limit) -> Drawing:
     if not limit.path:
         return None
-    from softmodels.pictures.curves import smooth
+    from softmodels.pictures import curves
 
     volumes, pressures = np.array(limit.path).T
     figure = Figure((8.0, 5.0), dpi=80, layout="constrained")
     axes = figure.subplots()
-    axes.plot(*smooth(np.column_stack([volumes * 1e6, pressures / 1e3])).T, color=CURVE)
+    axes.plot(*curves.smooth(np.column_stack([volumes * 1e6, pressures / 1e3])).T, color=CURVE)
     mark = "D" if limit.found else "o"
     axes.plot(limit.added_volume * 1e6, limit.pressure / 1e3, mark, color=WARNING, markersize=12)
     axes.set(xlabel="added volume in ml", ylabel="pressure in kPa")
@@ -110,7 +105,7 @@ def _limit(limit: Limit) -> Drawing:
     return figure
 
 
-def _fit(report: FitReport) -> Drawing:
+def _fit(report: comparison.FitReport) -> Drawing:
     from softmodels.pictures import fits
 
     if report.curves:
@@ -121,15 +116,15 @@ def _fit(report: FitReport) -> Drawing:
 
 def _design(result: DesignResult) -> Drawing:
     from softmodels.design.result import parameters_told
-    from softmodels.pictures.draw_design import parameters
+    from softmodels.pictures import draw_design
 
-    return parameters(parameters_told(result))
+    return draw_design.parameters(parameters_told(result))
 
 
-def _mould(mould: Made) -> Drawing:
-    from softmodels.casting.pictures import exploded_picture
+def _mould(mould: make.Made) -> Drawing:
+    from softmodels.casting import pictures
 
-    return exploded_picture(mould) if can_render() else None
+    return pictures.exploded_picture(mould) if offscreen.can_render() else None
 
 
 DRAWINGS: Mapping[str, Callable[..., Drawing]] = {
@@ -147,27 +142,27 @@ def show(states: States, field: str) -> object:
     """Show the last of some states, coloured by a field, and return what a notebook shows; the picture's file where there is
     neither a notebook nor a display; None of a window. `CaseError` for another field, `RunError` if this machine cannot
     render."""
-    if field not in coloured():
-        raise CaseError(f"field is {brief(field)}; {known_are(field, coloured())}")
-    windowed = not in_notebook() and (sys.platform != "linux" or bool(os.environ.get("DISPLAY")))
+    if field not in fields.coloured():
+        raise CaseError(f"field is {units.brief(field)}; {errors.known_are(field, fields.coloured())}")
+    windowed = not processes.in_notebook() and (sys.platform != "linux" or bool(os.environ.get("DISPLAY")))
     if not windowed:
         _check_rendering()
     elif sys.platform == "linux":
-        os.environ[WINDOW] = "vtkXOpenGLRenderWindow"  # pictures may have chosen one that is never shown
+        os.environ[offscreen.WINDOW] = "vtkXOpenGLRenderWindow"  # pictures may have chosen one that is never shown
     plotter = pyvista.Plotter(lighting="none", off_screen=not windowed)
-    _fill(plotter, look(states), len(states.rows) - 1, field)
-    if not in_notebook() and not windowed:
+    _fill(plotter, offscreen.look(states), len(states.rows) - 1, field)
+    if not processes.in_notebook() and not windowed:
         file = Path(tempfile.mkdtemp(prefix="softmodels-")) / f"{states.case.name}.png"
         plotter.screenshot(file)
         plotter.close()
         return file
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that it shows a picture where trame is missing
-        return plotter.show(return_viewer=in_notebook())
+        return plotter.show(return_viewer=processes.in_notebook())
 
 
 def _check_rendering() -> None:
-    if not can_render():
+    if not offscreen.can_render():
         raise RunError("this machine cannot render; softmodels doctor names what is missing")
 
 
@@ -177,10 +172,10 @@ FOOT, HEAD = 0.17, 0.05
 """Shares of a window for the colour bar and for the title."""
 
 
-def _fill(plotter: pyvista.Plotter, shown: Look, step: int, field: str) -> None:
+def _fill(plotter: pyvista.Plotter, shown: offscreen.Look, step: int, field: str) -> None:
     """Add a deformed device to a plotter, with its colour bar, title and camera."""
     states, scale = shown.states, shown.scales[field]
-    add_lights(plotter)
+    offscreen.add_lights(plotter)
     plotter.set_background("white")
     plotter.enable_anti_aliasing("msaa", multi_samples=4)
     ticks = scale.ticks() if scale.power != 1.0 else np.linspace(scale.low, scale.top, TICKS).tolist()
@@ -213,14 +208,14 @@ def _fill(plotter: pyvista.Plotter, shown: Look, step: int, field: str) -> None:
 class Animation:
     """The film of a run, which a notebook plays; frames are of shape (height, width, 3)."""
 
-    frames: tuple[Image, ...]
+    frames: tuple[offscreen.Image, ...]
 
     def __repr__(self) -> str:
         height, width, _ = self.frames[0].shape
         return f"<Animation of {len(self.frames)} frames, {width} x {height} pixels, {solid.SECONDS:g} s>"
 
     def _repr_html_(self) -> str:
-        source = data_uri(solid.webp([*self.frames]), "image/webp")
+        source = files.data_uri(solid.webp([*self.frames]), "image/webp")
         return f'<img alt="{escape(repr(self))}" src="{source}" style="width:40em;max-width:100%">'
 
     def save(self, path: str | Path) -> Path:
@@ -232,16 +227,16 @@ class Animation:
             RunError: The film could not be encoded.
             OSError: The file cannot be written.
         """
-        file, frames = place("path", path), [*self.frames]
+        file, frames = names.place("path", path), [*self.frames]
         encoders = {".gif": solid.gif, ".webp": solid.webp}
         if file.suffix == ".mp4":
-            required("imageio_ffmpeg", "film")
+            errors.required("imageio_ffmpeg", "film")
             try:
                 solid.write_mp4(file, frames)
             except RuntimeError as error:
                 raise RunError(str(error)) from error
         elif file.suffix in encoders:
-            write_bytes(file, encoders[file.suffix](frames))
+            files.write_bytes(file, encoders[file.suffix](frames))
         else:
             raise CaseError(f"{file} ends in {file.suffix or 'nothing'}; a film is a .gif, .webp or .mp4")
         return file
@@ -250,4 +245,4 @@ class Animation:
 def animate(states: States) -> Animation:
     """Return the film of some states; `RunError` if this machine cannot render."""
     _check_rendering()
-    return Animation(tuple(solid.render_frames(look(states))))
+    return Animation(tuple(solid.render_frames(offscreen.look(states))))

@@ -11,22 +11,19 @@ import matplotlib
 import numpy as np
 from matplotlib.colors import to_hex
 
-from geometries.actuator import is_length
-from softmodels.api.calls import limit as limit_of, run
+from geometries import actuator
+from softmodels.api import calls
 from softmodels.api.run import Run, SolvedState
-from softmodels.app.replies import LinearAnswer, PathAnswer, Section, StateAnswer
+from softmodels.app import replies
+from softmodels.case import materials
 from softmodels.case.case import Case
-from softmodels.case.materials import SourceBand
 from softmodels.common.arrays import Array
-from softmodels.design.quantities import AddedVolume, DesignedBody, DesignQuantity, Rise
-from softmodels.design.states import Adjoint
-from softmodels.design.trials import PRESSURE
-from softmodels.fitting.outlines.shapes import Silhouette, half_outline
-from softmodels.materials.silicones import break_words, named, product_of, spanning, stretch_at_break
-from softmodels.mechanics.controls import pressure_control
-from softmodels.mechanics.mpi import start
+from softmodels.design import quantities, states, trials
+from softmodels.fitting.outlines import shapes
+from softmodels.materials import silicones
+from softmodels.mechanics import controls, mpi
 from softmodels.mechanics.system import State, System
-from softmodels.runs.notes import span_sentence
+from softmodels.runs import notes
 from softmodels.runs.simulation import Model, Simulation
 from softmodels.runs.states import StoredStates
 
@@ -36,40 +33,44 @@ _runs: dict[str, Run] = {}
 """The last run, by the text of its case."""
 
 
-def path(case: str) -> PathAnswer:
+def path(case: str) -> replies.PathAnswer:
     """Return the path of a case, given as the text of its file."""
     if case not in _runs:
-        found = run(Case.from_toml(case))
+        found = calls.run(Case.from_toml(case))
         _runs.clear()
         _runs[case] = found
     found = _runs[case]
     end = found.limit.why if found.limit else ""
     states, material = [_state(one) for one in found], found.case.material
-    return PathAnswer(states, end, found.notes, COLOURS, stretch_at_break(material), break_words(material))
+    return replies.PathAnswer(
+        states, end, found.notes, COLOURS, silicones.stretch_at_break(material), silicones.break_words(material)
+    )
 
 
-def state(case: str, pressure: str) -> StateAnswer:
+def state(case: str, pressure: str) -> replies.StateAnswer:
     """Return the state of a case at a pressure, such as ``"31 cm"``."""
     if case not in _runs:
         path(case)
     return _state(_runs[case].at(pressure))
 
 
-def _state(one: SolvedState) -> StateAnswer:
-    return StateAnswer(one.variables, Section.of(one.points, one.displacement, one.cells, one.von_mises / 1e3))
+def _state(one: SolvedState) -> replies.StateAnswer:
+    return replies.StateAnswer(
+        one.variables, replies.Section.of(one.points, one.displacement, one.cells, one.von_mises / 1e3)
+    )
 
 
 def limit(case: str) -> str:
     """Return what the largest pressure of a case's device is, as a sentence with the margin to its last requested one."""
     asked = Case.from_toml(case)
-    found = limit_of(
+    found = calls.limit(
         asked.actuator, asked.material, formulation=asked.formulation, components=asked.components, solver=asked.solver
     )
     pressure = f"{found.pressure / asked.cm:.4g} cm ({found.pressure / 1e3:.4g} kPa)"
     if not found.found:
         return f"no limit point up to {pressure}, where the largest stretch is {found.stretch:.3g}"
     what = "limit point" if found.kind == "limit" else "bifurcation"
-    highest = max(asked.load.of(PRESSURE), default=0.0)
+    highest = max(asked.load.of(trials.PRESSURE), default=0.0)
     margin = f", {found.pressure / highest:.3g} times the highest pressure" if highest else ""
     return f"{what} at {pressure}{margin}; largest stretch there {found.stretch:.3g}"
 
@@ -77,11 +78,11 @@ def limit(case: str) -> str:
 def spread(case: str) -> str:
     """Return how far the sources of a named silicone spread the answer, as a sentence; empty where there is one source."""
     asked = Case.from_toml(case)
-    name = named(asked.material)
-    if name is None or not spanning(product_of(name)) or asked.program:
+    name = silicones.named(asked.material)
+    if name is None or not silicones.spanning(silicones.product_of(name)) or asked.program:
         return ""
-    banded = dataclasses.replace(asked, band=SourceBand(product_of(name)))
-    return span_sentence(banded, run(banded)._source.sources)
+    banded = dataclasses.replace(asked, band=materials.SourceBand(silicones.product_of(name)))
+    return notes.span_sentence(banded, calls.run(banded)._source.sources)
 
 
 class _Solved:
@@ -89,7 +90,7 @@ class _Solved:
     were reached."""
 
     def __init__(self, folder: str):
-        self.source, comm = StoredStates(Path(folder)), start()
+        self.source, comm = StoredStates(Path(folder)), mpi.start()
         case = self.source.case
         if case.timed or case.program or case.driven is not None:
             raise ValueError("states that depend on time or on a program of loads have no linear answer")
@@ -103,13 +104,13 @@ class _Solved:
         fields, restart = self.source.fields(step, ("displacement", "p")), self.source.restart(step)
         near = self.simulation.fields.state(fields, restart["P"], restart["V"])
         solver = self.simulation.solver
-        return solver.solve(pressure_control(pressure / solver.system.stress_unit), near.w, near.P)
+        return solver.solve(controls.pressure_control(pressure / solver.system.stress_unit), near.w, near.P)
 
     @functools.cached_property
-    def adjoint(self) -> tuple[DesignedBody, Adjoint]:
+    def adjoint(self) -> tuple[quantities.DesignedBody, states.Adjoint]:
         """Derivatives on this mesh."""
-        design = DesignedBody(self.simulation.solver)
-        return design, Adjoint(design)
+        design = quantities.DesignedBody(self.simulation.solver)
+        return design, states.Adjoint(design)
 
 
 _solved: dict[tuple[str, float], _Solved] = {}
@@ -126,24 +127,26 @@ def _solved_in(folder: str) -> _Solved:
     return _solved[key]
 
 
-def linear(folder: str, pressure: float) -> LinearAnswer:
+def linear(folder: str, pressure: float) -> replies.LinearAnswer:
     """Return the state of a stored run at a pressure in Pa with its derivatives by the pressure and by all lengths."""
     solved = _solved_in(folder)
     state = solved.state(pressure)
     design, adjoint = solved.adjoint
     adjoint.prepare(state)
     device = solved.source.case.actuator
-    velocities = design.motion.boundary_velocities([name for name in device.movable if is_length(device, name)])
-    asked: dict[str, tuple[DesignQuantity, float]] = {
-        f"{probe}_mm": (Rise(at=pressure, of=probe), 1e3) for probe in device.probes
+    velocities = design.motion.boundary_velocities(
+        [name for name in device.movable if actuator.is_length(device, name)]
+    )
+    asked: dict[str, tuple[quantities.DesignQuantity, float]] = {
+        f"{probe}_mm": (quantities.Rise(at=pressure, of=probe), 1e3) for probe in device.probes
     }
-    asked["added_volume_ml"] = AddedVolume(at=pressure), 1e6
-    answer = LinearAnswer(solved.source.case.to_toml(), pressure, {}, {}, {name: {} for name in velocities})
+    asked["added_volume_ml"] = quantities.AddedVolume(at=pressure), 1e6
+    answer = replies.LinearAnswer(solved.source.case.to_toml(), pressure, {}, {}, {name: {} for name in velocities})
     for name, (quantity, unit) in asked.items():
         slopes = quantity.measure(design).slopes(state)
         answer.values[name] = unit * slopes.value
-        answer.by_pressure[name] = unit * adjoint.multipliers(slopes, PRESSURE)[1] / design.system.stress_unit
-        for length, slope in adjoint.gradient(slopes, PRESSURE, velocities)[0].items():
+        answer.by_pressure[name] = unit * adjoint.multipliers(slopes, trials.PRESSURE)[1] / design.system.stress_unit
+        for length, slope in adjoint.gradient(slopes, trials.PRESSURE, velocities)[0].items():
             answer.by_length[length][name] = unit * slope
     return answer
 
@@ -168,4 +171,4 @@ def outline(case: str, pressure: float, folder: str = "") -> Array:
 
 
 def _half_outline(system: System, state: State) -> Array:
-    return half_outline(Silhouette(system).curve(state), SPACING, -np.inf)[0]
+    return shapes.half_outline(shapes.Silhouette(system).curve(state), SPACING, -np.inf)[0]

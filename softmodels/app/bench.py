@@ -15,25 +15,20 @@ import re
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import tomli_w
 from nicegui import Event
 
 from geometries import HollowDisk
-from measurement.series.photo_list import ANYWAY, PICTURES, TIMES, Column, ColumnError, PhotoListError, read_photos
-from softmodels.app.jobs import AnswerError, Jobs, Warm
-from softmodels.app.replies import Handles
+from measurement.series import photo_list
+from measurement.series.photo_list import Column, ColumnError, PhotoListError
+from softmodels.app import jobs, replies
+from softmodels.app.jobs import Jobs
+from softmodels.case import entries, load
 from softmodels.case.case import Case
-from softmodels.case.entries import INPUT_ERRORS, CaseError
-from softmodels.case.load import steps_of
-from softmodels.common.errors import FieldError, reason
-from softmodels.common.files import read_file, read_text, write_bytes, write_text
-from softmodels.common.tables import TomlError, read_toml
-from softmodels.materials.silicones import silicone
-
-if TYPE_CHECKING:
-    from softmodels.app.replies import Plane, Preview, Traced
+from softmodels.case.entries import CaseError
+from softmodels.common import errors, files, tables
+from softmodels.materials import silicones
 
 OUTLINES, LENS = "outlines", "lens.toml"
 CASE, PHOTOS, SETUP, FITTED = "case.toml", "photos.csv", "setup.toml", "fitted.toml"
@@ -43,7 +38,7 @@ AUTO = "auto"
 FIRST_PRESSURES = "0:60 cm"
 BENCH = "bench.toml"
 """How the screen was found: the photograph of its grid, the pitch, the lens; and how the photographs store light."""
-COLUMNS = ("pressure", "error", *TIMES, "use")
+COLUMNS = ("pressure", "error", *photo_list.TIMES, "use")
 """Columns of the list beside the file's name."""
 
 
@@ -88,19 +83,19 @@ class Project:
         try:
             self._text = self._written()
         except OSError as error:
-            self.case_error = f"it cannot be read: {reason(error)}"
+            self.case_error = f"it cannot be read: {errors.reason(error)}"
         if self._text:
             try:
                 return Case.from_toml(self._text, self.folder)
-            except INPUT_ERRORS as error:
+            except entries.INPUT_ERRORS as error:
                 self.case_error = str(error)
-        device, material = HollowDisk(section="axisymmetric"), silicone("ecoflex-00-30")
-        return Case("device", device, material, steps_of(pressure=FIRST_PRESSURES))
+        device, material = HollowDisk(section="axisymmetric"), silicones.silicone("ecoflex-00-30")
+        return Case("device", device, material, load.steps_of(pressure=FIRST_PRESSURES))
 
     def _written(self) -> str:
         """Return the text of ``case.toml``; empty where there is none."""
         file = self / CASE
-        return read_file(file).decode("utf-8", "replace") if file.exists() else ""
+        return files.read_file(file).decode("utf-8", "replace") if file.exists() else ""
 
     @property
     def case_text(self) -> str:
@@ -136,7 +131,7 @@ class Project:
             raise CaseError(f"another program has changed {CASE}, which is shown now; change it again")
 
     def _take(self, case: Case, text: str) -> None:
-        write_text(self / CASE, text)
+        files.write_text(self / CASE, text)
         self.case, self._text, self.case_error = case, text, ""
         self.changed.emit(CASE)
 
@@ -154,9 +149,9 @@ class Project:
         wanted = re.sub(r"[^\w.+-]+", "_", Path(name.replace("\\", "/")).name).lstrip("._") or "file"
         stem, suffix = Path(wanted).stem[:80], Path(wanted).suffix[:12]
         if suffix.lower() not in kind.endings:
-            raise FieldError(f"{name}: {kind.what} are {kind.formats}")
+            raise errors.FieldError(f"{name}: {kind.what} are {kind.formats}")
         place = self._free(folder, stem, suffix)
-        write_bytes(place, data)
+        files.write_bytes(place, data)
         return place
 
     def _free(self, folder: str, stem: str, suffix: str) -> Path:
@@ -176,7 +171,7 @@ class Project:
 # Photographs.
 
 
-PHOTOGRAPH = FileKind("photographs", "JPEG, PNG, TIFF or HEIC", PICTURES, 80 << 20)
+PHOTOGRAPH = FileKind("photographs", "JPEG, PNG, TIFF or HEIC", photo_list.PICTURES, 80 << 20)
 
 
 @dataclasses.dataclass
@@ -185,8 +180,8 @@ class Listed:
 
     file: Path
     row: dict[str, str] = dataclasses.field(default_factory=lambda: dict.fromkeys(COLUMNS, ""))
-    preview: Preview | None = None
-    traced: Traced | None = None
+    preview: replies.Preview | None = None
+    traced: replies.Traced | None = None
     why: str = ""
 
     @property
@@ -197,7 +192,7 @@ class Listed:
     @property
     def anyway(self) -> bool:
         """Whether it shall be used in spite of doubts."""
-        return self.row["use"].lower() == ANYWAY
+        return self.row["use"].lower() == photo_list.ANYWAY
 
     @property
     def doubts(self) -> str:
@@ -208,15 +203,15 @@ class Listed:
 class Photographs:
     """The photographs of a project, as all tabs see them, and the process that traces them."""
 
-    def __init__(self, project: Project, tracer: Warm):
+    def __init__(self, project: Project, tracer: jobs.Warm):
         self.project, self.tracer = project, tracer
         self.changed: Event[str] = Event()
         self.grid, self.pitch, self.lens, self.tone = "", "9mm", "none", AUTO
-        self.plane: Plane | None = None
+        self.plane: replies.Plane | None = None
         self.error = ""
         self.listed: dict[str, Listed] = {}
         self.rows: dict[str, dict[str, str]] = {}
-        self.handles = Handles()
+        self.handles = replies.Handles()
         self.read()
 
     # -- files --------------------------------------------------------------------------------------------------------
@@ -225,12 +220,12 @@ class Photographs:
         """Read what lies in the project's folder."""
         if (bench := self.project / BENCH).exists():
             try:
-                table = read_toml(bench)
+                table = tables.read_toml(bench)
                 for key in ("grid", "pitch", "lens", "tone"):
                     setattr(self, key, str(table.get(key, getattr(self, key))))
-            except (OSError, TomlError) as error:
+            except (OSError, tables.TomlError) as error:
                 self.error = f"{BENCH} {error}"
-        for file in self.project.files(PHOTOGRAPHS, PICTURES):
+        for file in self.project.files(PHOTOGRAPHS, photo_list.PICTURES):
             self.listed[file.name] = Listed(file)
         if (listing := self.project / PHOTOS).exists():
             try:
@@ -241,7 +236,7 @@ class Photographs:
     def take_list(self, listing: Path) -> None:
         """Take the rows of a list of photographs, for these and those that come, in its order; PhotoListError if it cannot be
         read."""
-        for photo in read_photos(listing, self.column):
+        for photo in photo_list.read_photos(listing, self.column):
             row = dict(photo.row)
             row.setdefault("pressure", f"{photo.pressure / self.project.case.cm:.7g} cm")
             self.rows[photo.file.name] = {name: row.get(name, "") for name in COLUMNS}
@@ -254,7 +249,7 @@ class Photographs:
     def setup(self) -> str:
         """Text of the setup; empty where there is none."""
         try:
-            return read_text(self.project / SETUP)
+            return files.read_text(self.project / SETUP)
         except OSError:
             return ""
 
@@ -267,7 +262,7 @@ class Photographs:
     def measured(self) -> dict[str, dict[str, str]]:
         """Rows of ``heights.csv`` of the measured photographs, by their files' names."""
         try:
-            rows = csv.DictReader(io.StringIO(read_text(self.project / OUTLINES / "heights.csv")))
+            rows = csv.DictReader(io.StringIO(files.read_text(self.project / OUTLINES / "heights.csv")))
             return {row["file"]: row for row in rows if row["height_m"]}
         except (OSError, KeyError, ValueError):
             return {}
@@ -292,7 +287,7 @@ class Photographs:
         table = csv.DictWriter(text, names, extrasaction="ignore", lineterminator="\n")
         table.writeheader()
         table.writerows(rows)
-        write_text(self.project / PHOTOS, text.getvalue())
+        files.write_text(self.project / PHOTOS, text.getvalue())
 
     def pressure_of(self, one: Listed) -> float:
         """Return the pressure in Pa as typed; NaN where there is none. ColumnError if it cannot be read."""
@@ -314,9 +309,9 @@ class Photographs:
         one = Listed(file, self.rows.get(file.name, dict.fromkeys(COLUMNS, "")))
         try:
             one.preview = await self.tracer.ask("preview", str(file))
-        except AnswerError as error:
+        except jobs.AnswerError as error:
             file.unlink(missing_ok=True)
-            raise AnswerError(f"{name}: {error}") from None
+            raise jobs.AnswerError(f"{name}: {error}") from None
         self.listed[file.name] = one
         self.changed.emit(file.name)
         await self.trace(one)
@@ -328,7 +323,7 @@ class Photographs:
             try:
                 self.take_list(listing)
             except PhotoListError as error:
-                raise AnswerError(f"{name}: {str(error).replace(str(listing), name)}") from None
+                raise jobs.AnswerError(f"{name}: {str(error).replace(str(listing), name)}") from None
         self.write_list()
         self.changed.emit("")
 
@@ -337,23 +332,23 @@ class Photographs:
         if one.preview is None:
             try:
                 one.preview = await self.tracer.ask("preview", str(one.file))
-            except AnswerError as error:
+            except jobs.AnswerError as error:
                 one.why = str(error)
 
     async def find_plane(self, grid: str, pitch: str, lens: str) -> None:
         """Find the screen's plane in the photograph of its grid, and trace all anew; AnswerError if there is no such grid."""
-        found: Plane = await self.tracer.ask("plane", str(self.listed[grid].file), pitch, self._lens(lens))
-        write_text(self.project / SETUP, found.setup)
+        found: replies.Plane = await self.tracer.ask("plane", str(self.listed[grid].file), pitch, self._lens(lens))
+        files.write_text(self.project / SETUP, found.setup)
         self.plane, self.grid, self.pitch, self.lens = found, grid, pitch, lens
         self._write_bench()
-        self.handles = Handles()
+        self.handles = replies.Handles()
         self.write_list()
         self.changed.emit(grid)
         await self.trace_all()
 
     def _write_bench(self) -> None:
         known = {"grid": self.grid, "pitch": self.pitch, "lens": self.lens, "tone": self.tone}
-        write_text(self.project / BENCH, tomli_w.dumps(known))
+        files.write_text(self.project / BENCH, tomli_w.dumps(known))
 
     async def take_tone(self, tone: str) -> None:
         """Take how the photographs store light, and trace them anew; OSError if it cannot be written."""
@@ -380,20 +375,20 @@ class Photographs:
             pressure = self.pressure_of(one)
             one.traced = await self.tracer.ask("trace", str(one.file), self.setup, pressure, self.tone, one.anyway)
             one.why = ""
-        except (AnswerError, ColumnError) as error:
+        except (jobs.AnswerError, ColumnError) as error:
             one.traced, one.why = None, str(error)
         self.changed.emit(one.file.name)
 
     async def begin(self) -> None:
         """Read where the handles of the project's setup are."""
         if self.setup:
-            with contextlib.suppress(AnswerError):  # an unusable setup is reported when a photograph is traced
+            with contextlib.suppress(jobs.AnswerError):  # an unusable setup is reported when a photograph is traced
                 self.handles = await self.tracer.ask("handles", self.setup)
         await self.trace_all()
 
-    async def move(self, handles: Handles) -> None:
+    async def move(self, handles: replies.Handles) -> None:
         """Take handles that were dragged, and trace anew; AnswerError if they cannot be where they are: the old ones stay."""
-        write_text(self.project / SETUP, await self.tracer.ask("moved", self.setup, handles))
+        files.write_text(self.project / SETUP, await self.tracer.ask("moved", self.setup, handles))
         self.handles = handles
         self.changed.emit("")
         await self.trace_all()
@@ -406,8 +401,8 @@ class Bench:
 
     def __init__(self, project: Project, address: str = ""):
         self.project, self.address = project, address
-        self.solver, self.slower = Warm("softmodels.app.answers"), Warm("softmodels.app.answers")
-        self.tracer = Warm("softmodels.app.tracing")
+        self.solver, self.slower = jobs.Warm("softmodels.app.answers"), jobs.Warm("softmodels.app.answers")
+        self.tracer = jobs.Warm("softmodels.app.tracing")
         self.jobs, self.photographs = Jobs(project.folder), Photographs(project, self.tracer)
 
     async def begin(self) -> None:

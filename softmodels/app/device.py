@@ -15,81 +15,66 @@ from typing import TYPE_CHECKING
 import numpy as np
 from nicegui import ui
 
-from geometries import ACTUATORS, Actuator, registry
-from geometries.actuator import changed, parameter
-from softmodels.app.bench import CASE, RESULTS, Bench, Project
-from softmodels.app.forms import (
-    ERRORS,
-    Command,
-    TabPage,
-    colour_bar,
-    field_controls,
-    job_panel,
-    page_words,
-    python_lines,
-    section_svg,
-    stored_picture,
-    tagged,
-    with_field,
-)
-from softmodels.app.jobs import AnswerError, Job, SupersededError
+from geometries import ACTUATORS, Actuator, actuator, registry
+from softmodels.app import bench, forms, jobs
+from softmodels.app.bench import Bench
+from softmodels.app.jobs import Job
+from softmodels.case import load
 from softmodels.case.case import Case
-from softmodels.case.load import steps_of
-from softmodels.common.errors import GeometryError, reason
-from softmodels.common.files import read_text
-from softmodels.common.units import LIGHTER, column_unit, exact_text
-from softmodels.materials.silicones import PRODUCTS, named, silicone
-from softmodels.path.steps import PRESSURE
-from softmodels.runs.table import PathTable, Row, band_of
+from softmodels.common import errors, files, units
+from softmodels.common.errors import GeometryError
+from softmodels.materials import silicones
+from softmodels.path import steps
+from softmodels.runs import table
 
 if TYPE_CHECKING:
-    from softmodels.app.replies import LinearAnswer, PathAnswer, Section, StateAnswer
+    from softmodels.app import replies
 
 GREY = "#808080"
 """Is read on white and on black."""
 FAINT = {"splitLine": {"lineStyle": {"opacity": 0.25}}, "axisLabel": {"color": GREY}}
-OUTPUT = f"{RESULTS}/device"
+OUTPUT = f"{bench.RESULTS}/device"
 
 
-class DevicePage(TabPage):
+class DevicePage(forms.TabPage):
     """One tab's page of the project's device."""
 
     def __init__(self, bench: Bench):
         super().__init__(bench)
-        self.answer: PathAnswer | None = None
-        self.linear: LinearAnswer | None = None
+        self.answer: replies.PathAnswer | None = None
+        self.linear: replies.LinearAnswer | None = None
         self.own = False
         with ui.element("div").classes("two-columns"):
             with ui.card().classes("w-full"):
                 self.controls = ui.refreshable(self._controls)
                 self.controls()
             with ui.column().classes("w-full min-w-0"):
-                self.message = tagged(ui.label(), "message", "text-negative", "")
+                self.message = forms.tagged(ui.label(), "message", "text-negative", "")
                 self.picture = ui.html("", sanitize=False).classes("w-full")
                 self.scale = ui.html("", sanitize=False).classes("w-full")
                 with ui.row().classes("w-full items-center no-wrap gap-3"):
                     self.slider = ui.slider(min=0.0, max=1.0, step=0.01, value=0.0)
-                    tagged(self.slider, "pressure", "grow", 'aria-label="pressure"')
-                    self.reading = tagged(ui.label(), "pressure-shown", "w-28 text-right", "")
+                    forms.tagged(self.slider, "pressure", "grow", 'aria-label="pressure"')
+                    self.reading = forms.tagged(ui.label(), "pressure-shown", "w-28 text-right", "")
                 self.slider.on_value_change(lambda _: self._show_between())
                 self.slider.on("change", lambda _: self._solve_between())
-                self.about = tagged(ui.label(), "linear", "text-sm", "")
+                self.about = forms.tagged(ui.label(), "linear", "text-sm", "")
                 self.numbers = ui.grid(columns="auto auto").classes("gap-x-6 gap-y-0")
-                self.chart = ui.echart(_chart([], "", column_unit(bench.project.case.cm))).classes("w-full h-64")
-                self.limit = tagged(ui.label(), "limit", "", "")
-                self.spread = tagged(ui.label(), "spread", "text-sm", "")
+                self.chart = ui.echart(_chart([], "", units.column_unit(bench.project.case.cm))).classes("w-full h-64")
+                self.limit = forms.tagged(ui.label(), "limit", "", "")
+                self.spread = forms.tagged(ui.label(), "spread", "text-sm", "")
                 self.notes = ui.column().classes("gap-1")
-                job_panel(bench, OUTPUT, "Run with all pictures", self._run, f"{OUTPUT}/report.html")
+                forms.job_panel(bench, OUTPUT, "Run with all pictures", self._run, f"{OUTPUT}/report.html")
                 self._whole_case()
                 with ui.expansion("The same in a terminal, and in Python").classes("w-full").props("dense"):
-                    self.terminal = tagged(ui.code("", language="bash"), "terminal", props="")
-                    self.python = tagged(ui.code("", language="python"), "python", props="")
+                    self.terminal = forms.tagged(ui.code("", language="bash"), "terminal", props="")
+                    self.python = forms.tagged(ui.code("", language="python"), "python", props="")
         self.project.changed.subscribe(self._changed)
         bench.jobs.changed.subscribe(self._ended)
         ui.timer(0.05, self._solve, once=True)
         ui.timer(1.0, self._follow)
 
-    def _run(self) -> Command:
+    def _run(self) -> forms.Command:
         return ["softmodels", "run", self.project.case_file(), "-o", OUTPUT], OUTPUT, True
 
     # -- controls -----------------------------------------------------------------------------------------------------
@@ -97,46 +82,52 @@ class DevicePage(TabPage):
     def _controls(self) -> None:
         case = self.project.case
         kinds = sorted(name for name, kind in ACTUATORS.items() if not kind.__dataclass_fields__.get("file"))
-        device = tagged(ui.select(kinds, value=type(case.actuator).__name__, label="Device"), "device")
+        device = forms.tagged(ui.select(kinds, value=type(case.actuator).__name__, label="Device"), "device")
         device.on_value_change(lambda event: self._take_device(event.value))
-        field_controls(case.actuator, self._take_field, self._move_field)
+        forms.field_controls(case.actuator, self._take_field, self._move_field)
         ui.separator()
-        known = named(case.material)
+        known = silicones.named(case.material)
         own = [] if known else [f"{case.material.name} of case.toml"]
         value = own[0] if own else str(known).partition("/")[0]
-        products = ui.select([*own, *sorted(PRODUCTS)], value=value, label="Silicone", with_input=True)
-        tagged(products, "silicone").on_value_change(
-            lambda event: self._take(material=silicone(event.value), band=None) if event.value in PRODUCTS else None
+        products = ui.select([*own, *sorted(silicones.PRODUCTS)], value=value, label="Silicone", with_input=True)
+        forms.tagged(products, "silicone").on_value_change(
+            lambda event: (
+                self._take(material=silicones.silicone(event.value), band=None)
+                if event.value in silicones.PRODUCTS
+                else None
+            )
         )
-        values = case.load.of(PRESSURE)
+        values = case.load.of(steps.PRESSURE)
         text = f"{values[0] / case.cm:g}:{values[-1] / case.cm:g} cm" if values else ""
-        box = tagged(ui.input("Pressures", value=text), "pressures")
-        box.tooltip(f"such as 0:60 cm ({column_unit(case.cm)}), or 0:6 kPa")
+        box = forms.tagged(ui.input("Pressures", value=text), "pressures")
+        box.tooltip(f"such as 0:60 cm ({units.column_unit(case.cm)}), or 0:6 kPa")
         box.on("change", lambda _: self._take_pressures(str(box.value)))
-        liquid = tagged(ui.input("Liquid of the column", value=exact_text(case.water_density, "kg/m^3")), "liquid")
-        liquid.tooltip(f"Its density: centimetres here and on the photographs are of it. 970 kg/m^3 is {LIGHTER}")
+        liquid = forms.tagged(
+            ui.input("Liquid of the column", value=units.exact_text(case.water_density, "kg/m^3")), "liquid"
+        )
+        liquid.tooltip(f"Its density: centimetres here and on the photographs are of it. 970 kg/m^3 is {units.LIGHTER}")
         liquid.on("change", lambda _: self._take_liquid(str(liquid.value)))
 
     def _take_device(self, name: str) -> None:
         kind = ACTUATORS[name]
         section = {"section": "axisymmetric"} if "section" in kind.__dataclass_fields__ else {}
-        steps = steps_of(pressure_cm=kind.pressures, water_density=self.project.case.water_density)
+        steps = load.steps_of(pressure_cm=kind.pressures, water_density=self.project.case.water_density)
         self._take(actuator=registry.device_from(kind, section), steps=steps)
 
     def _take_field(self, name: str, value: object) -> None:
         with self.saying():
-            self._take(actuator=with_field(self.project.case.actuator, name, value))
+            self._take(actuator=forms.with_field(self.project.case.actuator, name, value))
 
     def _move_field(self, name: str, value: float) -> None:
         """Show the linear answer of a solid while a slider moves."""
         device = self.project.case.actuator
         if self.linear is not None and name in device.movable:
             with contextlib.suppress(GeometryError):
-                self._show_linear(changed(device, {name: value}))
+                self._show_linear(actuator.changed(device, {name: value}))
 
     def _take_pressures(self, text: str) -> None:
         with self.saying():
-            self._take(steps=steps_of(pressure=text, water_density=self.project.case.water_density))
+            self._take(steps=load.steps_of(pressure=text, water_density=self.project.case.water_density))
 
     def _take_liquid(self, text: str) -> None:
         with self.saying():
@@ -146,9 +137,9 @@ class DevicePage(TabPage):
         try:
             self.own = "actuator" in fields and type(fields["actuator"]) is type(self.project.case.actuator)
             self.project.change(**fields)
-        except ERRORS as error:
+        except forms.ERRORS as error:
             self.own = False
-            self.say(reason(error))
+            self.say(errors.reason(error))
 
     # -- answers ------------------------------------------------------------------------------------------------------
 
@@ -165,16 +156,16 @@ class DevicePage(TabPage):
 
     async def _solve(self) -> None:
         case, text = self.project.case, self.project.case.to_toml()
-        self.say(f"{CASE} cannot be used: {self.project.case_error}" if self.project.case_error else "")
+        self.say(f"{bench.CASE} cannot be used: {self.project.case_error}" if self.project.case_error else "")
         if not is_section(case.actuator):
             return await self._solve_solid()
         self.linear = None
         self.about.set_text("")
         try:
-            answer: PathAnswer = await self.bench.solver.ask("path", text, kind="path")
-        except SupersededError:
+            answer: replies.PathAnswer = await self.bench.solver.ask("path", text, kind="path")
+        except jobs.SupersededError:
             return
-        except AnswerError as error:
+        except jobs.AnswerError as error:
             return self.say(str(error))
         self.answer, self.text = answer, text
         self.tops = max(float(state.section.values.max()) for state in answer.states)
@@ -182,21 +173,21 @@ class DevicePage(TabPage):
         places = np.concatenate([curve.reshape(-1, 2) for curve in both])
         self.box = np.array([places.min(axis=0), places.max(axis=0)])
         self.pressures = [state.row.shown("pressure") for state in answer.states]
-        self.scale.set_content(colour_bar(self.tops, answer.colours, "kPa, von Mises stress"))
+        self.scale.set_content(forms.colour_bar(self.tops, answer.colours, "kPa, von Mises stress"))
         top = max(self.pressures)
         self.slider.props(f"max={top} step={top / 500}")
         self.slider.set_value(top)
         self._show(answer.states[self.pressures.index(top)])
-        self._plot(PathTable(one.row for one in answer.states))
+        self._plot(table.PathTable(one.row for one in answer.states))
         self._report(answer)
         for label in (self.limit, self.spread):
             label.set_text("")
         for function, label in (("limit", self.limit), ("spread", self.spread)):
             try:
                 sentence = await self.bench.slower.ask(function, text, kind=function)
-            except SupersededError:
+            except jobs.SupersededError:
                 return
-            except AnswerError as error:
+            except jobs.AnswerError as error:
                 sentence = str(error)
             if self.text != text:  # another device is shown by now
                 return
@@ -219,7 +210,7 @@ class DevicePage(TabPage):
         self._plot(rows)
         top = float(rows.shown("pressure").max())
         whole = f"von Mises stress of the run's device at {top:.4g} cm"
-        self.picture.set_content(stored_picture(self.project, f"{OUTPUT}/cut.png", f"{whole}, cut open"))
+        self.picture.set_content(forms.stored_picture(self.project, f"{OUTPUT}/cut.png", f"{whole}, cut open"))
         if self.linear is None or self.linear.case != stored.to_toml():
             self.slider.props(f"max={top} step={top / 500}")
             self.slider.set_value(top)
@@ -232,9 +223,9 @@ class DevicePage(TabPage):
         folder = str(self.project / OUTPUT)
         try:
             self.linear = await self.bench.slower.ask("linear", folder, pressure * self.project.case.cm, kind="linear")
-        except SupersededError:
+        except jobs.SupersededError:
             return
-        except AnswerError as error:
+        except jobs.AnswerError as error:
             self.linear = None
             return self.say(str(error))
         self._show_linear(self.project.case.actuator)
@@ -245,7 +236,7 @@ class DevicePage(TabPage):
         if linear is None:
             return
         base, wanted = Case.from_toml(linear.case).actuator, float(self.slider.value or 0.0) * cm
-        changes = {name: parameter(device, name) - parameter(base, name) for name in linear.by_length}
+        changes = {name: actuator.parameter(device, name) - actuator.parameter(base, name) for name in linear.by_length}
         solved = device == base and abs(wanted - linear.pressure) <= 1e-3 * cm
         self.reading.set_text(f"{wanted / cm:.4g} cm")
         mark = "" if solved else "  (linear)"
@@ -272,26 +263,26 @@ class DevicePage(TabPage):
         except (OSError, ValueError, KeyError, TypeError):  # not there yet, or a row half written
             return
 
-    def _plot(self, rows: PathTable) -> None:
+    def _plot(self, rows: table.PathTable) -> None:
         """Plot the rise of the device's main point over the pressure."""
         gauge = self.project.case.actuator.gauge
         if gauge not in rows:
             return
         points = [(row.shown("pressure"), row.shown(gauge)) for row in rows]
-        self.chart.options.update(_chart(points, gauge, column_unit(self.project.case.cm)))
+        self.chart.options.update(_chart(points, gauge, units.column_unit(self.project.case.cm)))
         self.chart.update()
 
-    def _report(self, answer: PathAnswer) -> None:
+    def _report(self, answer: replies.PathAnswer) -> None:
         case = self.project.case
         self.notes.clear()
         with self.notes:
             for text in (answer.end, *answer.notes):
                 if text:
-                    ui.label(page_words(text)).classes("text-sm")
-        case_file = self.project / CASE
+                    ui.label(forms.page_words(text)).classes("text-sm")
+        case_file = self.project / bench.CASE
         file = str(case_file.relative_to(Path.cwd()) if case_file.is_relative_to(Path.cwd()) else case_file)
         self.terminal.set_content(f"uv run softmodels run {shlex.quote(file)}")
-        self.python.set_content(python_lines(case, file))
+        self.python.set_content(forms.python_lines(case, file))
 
     def _show_between(self) -> None:
         """Show the section at the slider, between the states of the path, while it moves; of a solid its linear answer."""
@@ -310,13 +301,13 @@ class DevicePage(TabPage):
             return await self._linear_at(float(self.slider.value)) if self.linear is not None else None
         try:
             state = await self.bench.solver.ask("state", self.text, f"{self.slider.value} cm", kind="state")
-        except SupersededError:
+        except jobs.SupersededError:
             return
-        except AnswerError as error:
+        except jobs.AnswerError as error:
             return self.say(str(error))
         self._show(state)
 
-    def _show(self, state: StateAnswer) -> None:
+    def _show(self, state: replies.StateAnswer) -> None:
         row = state.row
         self._draw(state.section, row.shown("pressure"))
         self._table(self._figures(row))
@@ -328,11 +319,11 @@ class DevicePage(TabPage):
                 ui.label(name).classes("quiet")
                 ui.label(text).props(f'data-name="{name}"')
 
-    def _figures(self, row: Row) -> list[tuple[str, str]]:
-        bands = {name: f" ± {row.shown(band_of(name)):.2g}" for name in row if band_of(name) in row}
+    def _figures(self, row: table.Row) -> list[tuple[str, str]]:
+        bands = {name: f" ± {row.shown(table.band_of(name)):.2g}" for name in row if table.band_of(name) in row}
         probes = [(name, f"{row.shown(name):.4g}{bands.get(name, '')} mm")
                   for name in row if name in self.project.case.actuator.probes]  # fmt: skip
-        unit = column_unit(self.project.case.cm)
+        unit = units.column_unit(self.project.case.cm)
         found = [
             ("pressure", f"{row.shown('pressure'):.4g} {unit} ({row['pressure'] / 1e3:.4g} kPa)"),
             *((f"rise of the {name}", text) for name, text in probes),
@@ -346,28 +337,30 @@ class DevicePage(TabPage):
             found.append(("of the least strain at break", f"{share:.0%}: {self.answer.breaks}"))
         return found
 
-    def _draw(self, section: Section, pressure: float) -> None:
+    def _draw(self, section: replies.Section, pressure: float) -> None:
         text = f"section at {pressure:.4g} cm, von Mises stress from 0 to {self.tops:.3g} kPa"
         assert self.answer is not None
-        self.picture.set_content(section_svg(section, self.box, self.tops, self.answer.colours, text))
+        self.picture.set_content(forms.section_svg(section, self.box, self.tops, self.answer.colours, text))
         self.reading.set_text(f"{pressure:.4g} cm")
 
     # -- the case's file ----------------------------------------------------------------------------------------------
 
     def _whole_case(self) -> None:
         """Add the case's file as text, for what has no control: components, regions, programs of loads."""
-        with tagged(ui.expansion("The whole case"), "whole-case"):
-            ui.label(f"All that {CASE} can say, components too; the documentation has its tables").classes("text-sm")
+        with forms.tagged(ui.expansion("The whole case"), "whole-case"):
+            ui.label(f"All that {bench.CASE} can say, components too; the documentation has its tables").classes(
+                "text-sm"
+            )
             looks = 'outlined input-class="case-text" input-style="min-height: 18rem"'
-            self.case_text = tagged(ui.textarea(label=CASE), "case-text", "w-full font-mono", looks)
-            self.case_why = tagged(ui.label(), "case-why", "text-negative", "")
+            self.case_text = forms.tagged(ui.textarea(label=bench.CASE), "case-text", "w-full font-mono", looks)
+            self.case_why = forms.tagged(ui.label(), "case-why", "text-negative", "")
             with ui.row():
                 for title, name, take in (
                     ("Take it", "take-case", lambda: self.project.change_text(str(self.case_text.value or ""))),
                     ("Set it aside, start anew", "set-aside", self.project.set_aside),
                 ):
                     self.aside = ui.button(title, on_click=lambda take=take: self._take_case(take))
-                    tagged(self.aside, name, "", "outline")
+                    forms.tagged(self.aside, name, "", "outline")
         self._show_case()
 
     def _show_case(self) -> None:
@@ -378,36 +371,36 @@ class DevicePage(TabPage):
     def _take_case(self, take: Callable[[], None]) -> None:
         try:
             take()
-        except ERRORS as error:
-            self.case_why.set_text(page_words(reason(error)))
+        except forms.ERRORS as error:
+            self.case_why.set_text(forms.page_words(errors.reason(error)))
 
 
-def stored_run(project: Project) -> tuple[Case | None, PathTable]:
+def stored_run(project: bench.Project) -> tuple[Case | None, table.PathTable]:
     """Return the case of the stored run of a project's device and its path, if it differs from the present case in lengths and
     pressures at most."""
     case, folder = project.case, project / OUTPUT
     try:
-        stored = Case.from_file(folder / CASE)
+        stored = Case.from_file(folder / bench.CASE)
         rows = path_rows(folder, stored.cm)
-        same = {name: parameter(case.actuator, name) for name in stored.actuator.movable}
+        same = {name: actuator.parameter(case.actuator, name) for name in stored.actuator.movable}
         like = dataclasses.replace(
             stored,
             name=case.name,
-            actuator=changed(stored.actuator, same),
+            actuator=actuator.changed(stored.actuator, same),
             steps=case.steps,
             band=case.band,
         )
-    except (*ERRORS, ValueError, TypeError, KeyError):
-        return None, PathTable()
-    return (stored, rows) if like == case else (None, PathTable())
+    except (*forms.ERRORS, ValueError, TypeError, KeyError):
+        return None, table.PathTable()
+    return (stored, rows) if like == case else (None, table.PathTable())
 
 
-def path_rows(folder: Path, cm: float) -> PathTable:
+def path_rows(folder: Path, cm: float) -> table.PathTable:
     """Return the lengths and pressures of a path that is stored, ``cm`` being Pa in one cm of the case's column; OSError,
     ValueError or TypeError if there is none yet, or a row is half written."""
-    rows = csv.DictReader(io.StringIO(read_text(folder / "path.csv")))
+    rows = csv.DictReader(io.StringIO(files.read_text(folder / "path.csv")))
     # A cell is empty where its column has no value, and missing in a row that is half written.
-    return PathTable.read(
+    return table.PathTable.read(
         ({name: float(row[name]) for name in row if name.endswith(("_mm", "_cm")) and row[name] != ""} for row in rows),
         cm,
     )

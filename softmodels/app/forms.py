@@ -14,25 +14,33 @@ from nicegui import ui
 
 from geometries import Actuator
 from measurement.series.photo_list import ColumnError, PhotoListError
-from softmodels.app.jobs import AnswerError
+from softmodels.app import jobs
+from softmodels.case import entries
 from softmodels.case.case import Case
-from softmodels.case.entries import INPUT_ERRORS
+from softmodels.common import errors, schema, units
 from softmodels.common.arrays import Array
-from softmodels.common.errors import FieldError, GeometryError, reason
-from softmodels.common.schema import About, Choice, Flag, Kind, Open, Quantity, about
-from softmodels.common.units import UnitError, quantity, readable
-from softmodels.materials.silicones import named
-from softmodels.path.steps import PRESSURE
+from softmodels.common.errors import GeometryError
+from softmodels.materials import silicones
+from softmodels.path import steps
 
 if TYPE_CHECKING:
     from nicegui.element import Element
     from nicegui.elements.mixins.value_element import ValueElement
     from nicegui.events import MultiUploadEventArguments
 
-    from softmodels.app.bench import Bench, FileKind, Project
-    from softmodels.app.replies import Section
+    from softmodels.app import bench, replies
+    from softmodels.app.bench import Bench
 
-ERRORS = (*INPUT_ERRORS, AnswerError, ColumnError, FieldError, GeometryError, PhotoListError, UnitError, OSError)
+ERRORS = (
+    *entries.INPUT_ERRORS,
+    jobs.AnswerError,
+    ColumnError,
+    errors.FieldError,
+    GeometryError,
+    PhotoListError,
+    units.UnitError,
+    OSError,
+)
 """What the pages show as a sentence."""
 Take = Callable[[str, object], None]
 """Takes a field's name and its new value: a number in SI units, or a text."""
@@ -85,9 +93,11 @@ class TabPage:
         try:
             yield
         except ERRORS as error:
-            self.say(f"{about}{reason(error)}")
+            self.say(f"{about}{errors.reason(error)}")
 
-    def upload_box(self, label: str, kind: FileKind, endings: str, name: str, take: Callable[..., object]) -> ui.upload:
+    def upload_box(
+        self, label: str, kind: bench.FileKind, endings: str, name: str, take: Callable[..., object]
+    ) -> ui.upload:
         """Add a place to drop files in the current place of the page, with a name for tests and those who do not see it. The
         browser offers the endings and rejects other kinds; ``take`` takes the event with the files.
 
@@ -102,7 +112,7 @@ class TabPage:
         made.on("uploaded", js_handler=f"() => getElement({made.id}).$refs.qRef.removeUploadedFiles()")
         return tagged(made, name, props=f'accept="{endings}"')
 
-    async def keep(self, event: MultiUploadEventArguments, folder: str, kind: FileKind) -> None:
+    async def keep(self, event: MultiUploadEventArguments, folder: str, kind: bench.FileKind) -> None:
         """Write files that were dropped into a folder of the project."""
         for given in event.files:
             with self.saying():
@@ -120,7 +130,7 @@ def tagged[Shown: Element](element: Shown, name: str, classes: str = "w-full", p
     return element.classes(classes).props(f'{props} data-name="{name}"')
 
 
-def stored_picture(project: Project, place: str, words: str) -> str:
+def stored_picture(project: bench.Project, place: str, words: str) -> str:
     """Return a picture's file in the project's folder as HTML with words for those who do not see it; nothing without it."""
     if not (file := project / place).is_file():
         return ""
@@ -146,7 +156,7 @@ def job_panel(bench: Bench, output: str, title: str, command: Callable[[], Comma
         try:
             made = command()
         except ERRORS as error:
-            made = page_words(reason(error))
+            made = page_words(errors.reason(error))
         sentence.set_text(made if isinstance(made, str) else "")
         if not isinstance(made, str):
             jobs.start(made[0], made[1], resumable=made[2])
@@ -201,9 +211,9 @@ def field_controls(device: Actuator, take: Take, moved: Moved) -> None:
     """Add controls for a device's fields in the current place of the page: lengths and angles that shape the device, then the
     others, folded away. ``take`` is called when a slider is let go, a box left, or a choice made; ``moved`` while a slider
     moves."""
-    fields = {name: field for name, field in about(device).items() if not field.idle(device)}
+    fields = {name: field for name, field in schema.about(device).items() if not field.idle(device)}
     first = [name for name, field in fields.items()
-             if isinstance(field.kind, Quantity) and field.shape and field.kind.unit]  # fmt: skip
+             if isinstance(field.kind, schema.Quantity) and field.shape and field.kind.unit]  # fmt: skip
     for name in first:
         _control(device, name, fields[name], take, moved)
     with ui.expansion("More").classes("w-full").props("dense"):
@@ -212,13 +222,13 @@ def field_controls(device: Actuator, take: Take, moved: Moved) -> None:
                 _control(device, name, field, take, moved)
 
 
-def _control(device: Actuator, name: str, field: About, take: Take, moved: Moved) -> None:
+def _control(device: Actuator, name: str, field: schema.About, take: Take, moved: Moved) -> None:
     made: ValueElement
     value, label, kind = getattr(device, name), name.replace("_", " "), field.kind
-    if isinstance(kind, Quantity):
+    if isinstance(kind, schema.Quantity):
         return _number(device, name, field, take, moved)
-    if isinstance(kind, Choice | Flag):
-        made = ui.switch(label, value=value) if isinstance(kind, Flag) else ui.select(
+    if isinstance(kind, schema.Choice | schema.Flag):
+        made = ui.switch(label, value=value) if isinstance(kind, schema.Flag) else ui.select(
             list(kind.choices), value=value, label=label
         )  # fmt: skip
         made.on_value_change(lambda event: take(name, event.value))
@@ -229,23 +239,23 @@ def _control(device: Actuator, name: str, field: About, take: Take, moved: Moved
     return None
 
 
-def _number(device: Actuator, name: str, field: About, take: Take, moved: Moved) -> None:
+def _number(device: Actuator, name: str, field: schema.About, take: Take, moved: Moved) -> None:
     unit, value, label = field.kind.unit, float(getattr(device, name)), name.replace("_", " ")
     usual = float(default_of(device, name) or value or 1.0)  # type: ignore[arg-type]
     low, high = min(usual / SPAN, value), max(usual * SPAN, value)
     with ui.row().classes("w-full items-center no-wrap gap-2"):
-        box = tagged(ui.input(label, value=readable(value, unit)), name, "w-32 shrink-0").tooltip(field.help)
+        box = tagged(ui.input(label, value=units.readable(value, unit)), name, "w-32 shrink-0").tooltip(field.help)
         slider = ui.slider(min=low, max=high, step=(high - low) / STEPS, value=value)
         tagged(slider, f"{name}-slider", "grow", f'aria-label="{label}"')
 
     def shown(value: float) -> None:
-        box.set_value(readable(float(f"{value:.4g}"), unit))
+        box.set_value(units.readable(float(f"{value:.4g}"), unit))
         moved(name, float(f"{value:.4g}"))
 
     def typed() -> None:
         text = str(box.value)
-        with contextlib.suppress(UnitError):
-            slider.set_value(quantity(text, unit))
+        with contextlib.suppress(units.UnitError):
+            slider.set_value(units.quantity(text, unit))
             box.set_value(text)  # with all its digits
         take(name, text)
 
@@ -254,25 +264,25 @@ def _number(device: Actuator, name: str, field: About, take: Take, moved: Moved)
     box.on("change", typed)
 
 
-def _text(kind: Kind, value: object) -> str:
+def _text(kind: schema.Kind, value: object) -> str:
     if isinstance(value, tuple):
         return ", ".join(_text(kind, item) for item in value)
-    return "" if value is None else readable(value, kind.unit) if isinstance(value, float) else str(value)
+    return "" if value is None else units.readable(value, kind.unit) if isinstance(value, float) else str(value)
 
 
-def _read(kind: Kind, text: str) -> object:
+def _read(kind: schema.Kind, text: str) -> object:
     """Return what a text means: nothing, a list, or the text."""
     if kind.several:
         words = [word.strip() for word in text.replace(";", ",").split(",") if word.strip()]
-        return tuple(quantity(word, kind.unit) for word in words)
-    return None if isinstance(kind, Open) and not text.strip() else text
+        return tuple(units.quantity(word, kind.unit) for word in words)
+    return None if isinstance(kind, schema.Open) and not text.strip() else text
 
 
 def python_lines(case: Case, file: str) -> str:
     """Return the Python lines that inflate a case's device as the page does; a case of more than a named silicone and pressures
     by its file."""
-    device, silicone = case.actuator, named(case.material)
-    pressures = [value / case.cm for value in case.load.of(PRESSURE)]
+    device, silicone = case.actuator, silicones.named(case.material)
+    pressures = [value / case.cm for value in case.load.of(steps.PRESSURE)]
     if silicone is None or not pressures or Case(case.name, device, case.material, case.steps) != case:
         return f"import softmodels as sm\n\nrun = sm.run({file!r})\nrun.pressure, run.rise, run.limit"
     changed = ", ".join(f"{name}={value!r}" for name, value in changed_fields(device).items())
@@ -293,7 +303,11 @@ def default_of(device: Actuator, name: str) -> object:
 
 def changed_fields(device: Actuator) -> Mapping[str, object]:
     """Return the fields of a device that are not at their default."""
-    return {name: getattr(device, name) for name in about(device) if getattr(device, name) != default_of(device, name)}
+    return {
+        name: getattr(device, name)
+        for name in schema.about(device)
+        if getattr(device, name) != default_of(device, name)
+    }
 
 
 def with_field(device: Actuator, name: str, value: object) -> Actuator:
@@ -305,7 +319,7 @@ def with_field(device: Actuator, name: str, value: object) -> Actuator:
 # Sections as SVG: the whole profile with a field in colours, over its undeformed outline.
 
 
-def section_svg(section: Section, box: Array, top: float, colours: list[str], text: str) -> str:
+def section_svg(section: replies.Section, box: Array, top: float, colours: list[str], text: str) -> str:
     """Return a section as SVG, mirrored to the whole profile, in a box of least and largest radius and height in mm, shape
     (2, 2), and colours from 0 to ``top``. The text says what it shows to those who do not see it."""
     (_, low), (radius, high) = box

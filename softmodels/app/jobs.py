@@ -19,10 +19,8 @@ from typing import Any
 
 from nicegui import Event
 
-from softmodels.casting.settings import Workshop
-from softmodels.common.errors import FieldError, reason
-from softmodels.common.files import read_file, read_json, replaced_whole, write_text
-from softmodels.common.processes import Answer, DiedError, Worker, end_with_parent, python
+from softmodels.casting import settings
+from softmodels.common import errors, files, processes
 from softmodels.runs import outcomes
 
 FOLDER = "jobs"
@@ -40,7 +38,7 @@ COMMANDS = {
     "softmodels run": ("-o",),
     "softmodels fit": ("-o", "--exclude", "--tensile", "--material", "--poisson", "--silicone", "--fix"),
     "softmodels mould": (
-        "-o", "--silicone", *(f"--{field.name.replace('_', '-')}" for field in dataclasses.fields(Workshop)),
+        "-o", "--silicone", *(f"--{field.name.replace('_', '-')}" for field in dataclasses.fields(settings.Workshop)),
     ),
     "softmodels design": ("-o",),
     "measurement photos": ("-o", "--setup", "--tone"),
@@ -55,7 +53,7 @@ def check_command(words: list[str], project: Path) -> None:
     files lie in the project's folder, also where links lead."""
     name = " ".join(words[:2])
     if name not in COMMANDS:
-        raise FieldError(f"{name!r} is not a command of the page; it starts {', '.join(COMMANDS)}")
+        raise errors.FieldError(f"{name!r} is not a command of the page; it starts {', '.join(COMMANDS)}")
     rest = iter(words[2:])
     for word in rest:
         value = word
@@ -63,11 +61,11 @@ def check_command(words: list[str], project: Path) -> None:
             if word in FLAGS.get(name, ()):
                 continue
             if word not in COMMANDS[name]:
-                raise FieldError(f"{word} is not an option of the page's command {name}")
+                raise errors.FieldError(f"{word} is not an option of the page's command {name}")
             value = next(rest, "")
         for file in (value, value.rpartition(":")[0]):  # a curve has its test behind a colon
             if not (project / file).resolve().is_relative_to(project.resolve()):
-                raise FieldError(
+                raise errors.FieldError(
                     f"{value} lies outside of the project's folder, which the page's commands do not leave"
                 )
 
@@ -81,12 +79,12 @@ def machine_key() -> bytes:
     home = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
     file, key = Path(home) / "softmodels" / "key", b""
     with contextlib.suppress(OSError):
-        key = read_file(file, KEY_BYTES)
+        key = files.read_file(file, KEY_BYTES)
     if len(key) != KEY_BYTES:
         key = secrets.token_bytes(KEY_BYTES)
         with contextlib.suppress(OSError):
             file.parent.mkdir(parents=True, exist_ok=True)
-            with replaced_whole(file) as aside:
+            with files.replaced_whole(file) as aside:
                 aside.touch(0o600)
                 aside.write_bytes(key)
     return key
@@ -146,7 +144,7 @@ class Jobs:
                 self.all.append(self._read(file))
 
     def _read(self, file: Path) -> Job:
-        table = read_json(file)
+        table = files.read_json(file)
         seal = table.pop("seal", "")
         job = Job.from_table(table, int(file.stem))
         if job.active and not hmac.compare_digest(str(seal).encode(), self._seal(job).encode()):
@@ -179,7 +177,7 @@ class Jobs:
     def log(self, job: Job) -> str:
         """Return what a command has printed; the last of what overwrote itself."""
         try:
-            text = read_file(self._log(job)).decode("utf-8", "replace")
+            text = files.read_file(self._log(job)).decode("utf-8", "replace")
         except OSError:
             return ""
         return "\n".join(line.rpartition("\r")[2] for line in text.splitlines())
@@ -206,7 +204,7 @@ class Jobs:
         job.state = state
         with contextlib.suppress(OSError):  # a full disk must not end the job
             record = {**dataclasses.asdict(job), "seal": self._seal(job)}
-            write_text(self.folder / f"{job.number}.json", json.dumps(record))
+            files.write_text(self.folder / f"{job.number}.json", json.dumps(record))
         self.changed.emit(job)
 
     def _launch(self, job: Job) -> None:
@@ -222,17 +220,19 @@ class Jobs:
             self._set(job, RUNNING)
             try:
                 check_command([*job.words, "-o", job.output], self.project)
-                words, environment = python(*job.words)
+                words, environment = processes.python(*job.words)
                 if self._log(job).is_symlink():  # in a folder from elsewhere, it could lead to any file of the user's
                     self._log(job).unlink()
                 with self._log(job).open("ab") as log:
                     process = await asyncio.create_subprocess_exec(
                         *words, cwd=self.project, env=environment, stdin=asyncio.subprocess.DEVNULL,
-                        stdout=log, stderr=asyncio.subprocess.STDOUT, preexec_fn=end_with_parent,
+                        stdout=log, stderr=asyncio.subprocess.STDOUT, preexec_fn=processes.end_with_parent,
                     )  # fmt: skip
             except (OSError, ValueError) as error:  # a FieldError, or a text that is no path
                 with contextlib.suppress(OSError):  # a full disk has no room for it either
-                    self._log(job).write_text(f"the command could not be started ({reason(error)})\n", encoding="utf-8")
+                    self._log(job).write_text(
+                        f"the command could not be started ({errors.reason(error)})\n", encoding="utf-8"
+                    )
                 return self._set(job, FAILED)
             self._processes[job.number] = process
             status = await process.wait()
@@ -255,7 +255,7 @@ class Warm:
     that dies, as when memory runs out, is replaced at the next question."""
 
     def __init__(self, module: str):
-        self._worker = Worker(module)
+        self._worker = processes.Worker(module)
         self._turn = asyncio.Lock()
         self._asked: Counter[str] = Counter()
 
@@ -277,11 +277,11 @@ class Warm:
         """Start the process, which imports its module now and not at the first question."""
         self._worker.start()
 
-    def _answered(self, function: str, args: tuple[object, ...]) -> Answer:
+    def _answered(self, function: str, args: tuple[object, ...]) -> processes.Answer:
         """Return whether there is an answer, and it; else the sentence why there is none."""
         try:
             return self._worker.call(function, *args)
-        except DiedError as error:
+        except processes.DiedError as error:
             return False, str(error)
 
     def stop(self) -> None:

@@ -8,20 +8,17 @@ from urllib.parse import quote
 import tomli_w
 from nicegui import ui
 
-from geometries.actuator import is_length, parameter, parameter_names
+from geometries import actuator
+from softmodels.app import forms, jobs
 from softmodels.app.bench import CURVES, FITTED, OUTLINES, RESULTS, Bench, FileKind
-from softmodels.app.forms import Command, TabPage, job_panel, page_words, stored_picture, tagged
-from softmodels.app.jobs import DONE, Job
+from softmodels.app.jobs import Job
+from softmodels.case import materials
 from softmodels.case.case import Case
-from softmodels.case.materials import band_of, material_from
-from softmodels.casting.settings import Workshop
-from softmodels.common.errors import FieldError
-from softmodels.common.files import read_json, read_text, write_text
-from softmodels.common.schema import about, shown
-from softmodels.common.units import number, readable
+from softmodels.casting import settings
+from softmodels.common import errors, files, schema, units
+from softmodels.materials import silicones
 from softmodels.materials.laws import LAWS, RUBBER
-from softmodels.materials.silicones import PRODUCTS
-from softmodels.path.steps import PRESSURE
+from softmodels.path import steps
 
 if TYPE_CHECKING:
     from nicegui.events import MultiUploadEventArguments
@@ -36,7 +33,7 @@ TESTS = ("uniaxial", "planar", "equibiaxial", "balloon")
 CURVE = FileKind("curves", "CSV or Excel (.xlsx)", (".csv", ".txt", ".tsv", ".xlsx"), 40 << 20)
 
 
-class MaterialPage(TabPage):
+class MaterialPage(forms.TabPage):
     """One tab's page of the material."""
 
     def __init__(self, bench: Bench):
@@ -48,18 +45,20 @@ class MaterialPage(TabPage):
                 self.curves = ui.refreshable(self._curves)
                 self.curves()
                 self.with_outlines = ui.switch("Outlines of the photographs", value=(self.project / OUTLINES).is_dir())
-                tagged(self.with_outlines, "with-outlines", "", "")
+                forms.tagged(self.with_outlines, "with-outlines", "", "")
                 self.with_outlines.tooltip("Without those that are not trusted, unless they shall be used anyway")
                 laws = ui.select(sorted(LAWS), value=["yeoh"], label="Laws to compare", multiple=True)
-                self.laws = tagged(laws, "laws", props="dense use-chips")
-                self.fixed = tagged(ui.input("Fixed parameters", placeholder="c3=0, leak=0"), "fixed")
-                self.poisson = tagged(ui.input("Poisson's ratio", value=f"{RUBBER:g}"), "poisson")
-                products = ui.select(["any", *sorted(PRODUCTS)], value="any", label="Cast from", with_input=True)
-                self.product = tagged(products, "product")
+                self.laws = forms.tagged(laws, "laws", props="dense use-chips")
+                self.fixed = forms.tagged(ui.input("Fixed parameters", placeholder="c3=0, leak=0"), "fixed")
+                self.poisson = forms.tagged(ui.input("Poisson's ratio", value=f"{RUBBER:g}"), "poisson")
+                products = ui.select(
+                    ["any", *sorted(silicones.PRODUCTS)], value="any", label="Cast from", with_input=True
+                )
+                self.product = forms.tagged(products, "product")
             with ui.column().classes("w-full min-w-0"):
-                self.message = tagged(ui.label(), "material-message", "text-negative", "")
+                self.message = forms.tagged(ui.label(), "material-message", "text-negative", "")
                 self.answer = ui.column().classes("gap-1")
-                job_panel(bench, FIT, "Fit", self._command, f"{FIT}/report.html")
+                forms.job_panel(bench, FIT, "Fit", self._command, f"{FIT}/report.html")
         bench.jobs.changed.subscribe(self._ended)
         self._show()
 
@@ -74,7 +73,7 @@ class MaterialPage(TabPage):
         await self.keep(event, CURVES, CURVE)
         self.curves.refresh()
 
-    def _command(self) -> Command:
+    def _command(self) -> forms.Command:
         words = ["softmodels", "fit"]
         if self.with_outlines.value:
             if not (self.project / OUTLINES).is_dir():
@@ -97,14 +96,14 @@ class MaterialPage(TabPage):
     async def _ended(self, job: Job) -> None:
         if job.output == OUTLINES and not job.active:
             self.with_outlines.set_value((self.project / OUTLINES).is_dir())
-        elif job.output == FIT and job.state == DONE:
+        elif job.output == FIT and job.state == jobs.DONE:
             self._show()
 
     def _show(self) -> None:
         """Show the answer of the last fit."""
         self.answer.clear()
         try:
-            found = read_json(self.project / FIT / "fit.json")
+            found = files.read_json(self.project / FIT / "fit.json")
             law = next(one for one in found["laws"] if one["law"] == found["chosen"])
         except (OSError, ValueError, KeyError, StopIteration):
             return
@@ -112,19 +111,21 @@ class MaterialPage(TabPage):
             with ui.grid(columns="auto auto auto").classes("gap-x-6 gap-y-0"):
                 for one in law["parameters"]:
                     ends, unit = one["interval_95"], one["unit"]
-                    value, *between = (readable(float(f"{end:.4g}"), unit) for end in (one["value"], *(ends or ())))
+                    value, *between = (
+                        units.readable(float(f"{end:.4g}"), unit) for end in (one["value"], *(ends or ()))
+                    )
                     about = "fixed" if one["fixed"] else f"95 %: {' to '.join(between)}" if between else ""
                     ui.label(one["name"].replace("_", " ")).classes("quiet")
                     ui.label(value).props(f'data-name="fitted-{one["name"]}"')
                     ui.label(about)
-            ui.label(page_words(found["verdict"])).classes("text-sm")
+            ui.label(forms.page_words(found["verdict"])).classes("text-sm")
             ui.button("Use it for the device", on_click=self._use).props('outline data-name="use-material"')
 
     def _use(self) -> None:
         with self.saying():
-            write_text(self.project / FITTED, read_text(self.project / FIT / FITTED))
+            files.write_text(self.project / FITTED, files.read_text(self.project / FIT / FITTED))
             file = str(self.project / FITTED)
-            self.project.change(material=material_from(file, {}), band=band_of(file))
+            self.project.change(material=materials.material_from(file, {}), band=materials.band_of(file))
             self.say("")
 
 
@@ -136,7 +137,7 @@ FILES = (".3mf", ".stl", ".step", ".html", ".md")
 """Endings of the files to download."""
 
 
-class MouldPage(TabPage):
+class MouldPage(forms.TabPage):
     """One tab's page of the mould."""
 
     def __init__(self, bench: Bench):
@@ -144,24 +145,26 @@ class MouldPage(TabPage):
         with ui.element("div").classes("two-columns"):
             with ui.card().classes("w-full"):
                 ui.label("Mould").classes("font-bold")
-                products = ["as simulated", *sorted(PRODUCTS)]
+                products = ["as simulated", *sorted(silicones.PRODUCTS)]
                 silicone = ui.select(products, value=products[0], label="Silicone to cast")
-                self.silicone = tagged(silicone, "cast-silicone", "")
+                self.silicone = forms.tagged(silicone, "cast-silicone", "")
                 self.settings = {}
-                for name, field in about(Workshop).items():
-                    default = getattr(Workshop, name)
-                    text = shown(default, field.kind.unit) if isinstance(default, float) else str(default)
+                for name, field in schema.about(settings.Workshop).items():
+                    default = getattr(settings.Workshop, name)
+                    text = schema.shown(default, field.kind.unit) if isinstance(default, float) else str(default)
                     box = ui.input(name.replace("_", " "), placeholder="" if default is None else text)
-                    self.settings[name] = tagged(box, f"mould-{name}", props="dense stack-label").tooltip(field.help)
+                    self.settings[name] = forms.tagged(box, f"mould-{name}", props="dense stack-label").tooltip(
+                        field.help
+                    )
                 ui.label("Files").classes("font-bold")
-                self.files = tagged(ui.column(), "mould-files", "gap-1", "")
+                self.files = forms.tagged(ui.column(), "mould-files", "gap-1", "")
             with ui.column().classes("w-full min-w-0"):
-                self.exploded = tagged(ui.html("", sanitize=False), "exploded", props="")
-                job_panel(bench, MOULD, "Make the mould", self._command, f"{MOULD}/sheet.html")
+                self.exploded = forms.tagged(ui.html("", sanitize=False), "exploded", props="")
+                forms.job_panel(bench, MOULD, "Make the mould", self._command, f"{MOULD}/sheet.html")
         bench.jobs.changed.subscribe(self._ended)
         self._show()
 
-    def _command(self) -> Command:
+    def _command(self) -> forms.Command:
         words = ["softmodels", "mould", self.project.case_file(), "-o", MOULD]
         words += ["--silicone", str(self.silicone.value)] if self.silicone.value != "as simulated" else []
         for name, box in self.settings.items():
@@ -170,13 +173,13 @@ class MouldPage(TabPage):
         return words, MOULD, False
 
     async def _ended(self, job: Job) -> None:
-        if job.output == MOULD and job.state == DONE:
+        if job.output == MOULD and job.state == jobs.DONE:
             self._show()
 
     def _show(self) -> None:
         self.files.clear()
         self.exploded.set_content(
-            stored_picture(self.project, f"{MOULD}/exploded.png", "the mould, its bodies apart along the pull")
+            forms.stored_picture(self.project, f"{MOULD}/exploded.png", "the mould, its bodies apart along the pull")
         )
         if not (self.project / MOULD).is_dir():
             return
@@ -213,7 +216,7 @@ REACH = 1.5
 """Bounds of a varied length, as a factor of the present one both ways."""
 
 
-class DesignPage(TabPage):
+class DesignPage(forms.TabPage):
     """One tab's page of designs."""
 
     def __init__(self, bench: Bench):
@@ -223,46 +226,46 @@ class DesignPage(TabPage):
                 self.controls = ui.refreshable(self._controls)
                 self.controls()
             with ui.column().classes("w-full min-w-0"):
-                self.message = tagged(ui.label(), "design-message", "text-negative", "")
-                job_panel(bench, DESIGN, "Search", self._command, f"{DESIGN}/report.html")
-                tagged(ui.button("Use this device", on_click=self._use), "use-design", "", "outline")
+                self.message = forms.tagged(ui.label(), "design-message", "text-negative", "")
+                forms.job_panel(bench, DESIGN, "Search", self._command, f"{DESIGN}/report.html")
+                forms.tagged(ui.button("Use this device", on_click=self._use), "use-design", "", "outline")
         self.project.changed.subscribe(lambda file: self.controls.refresh())
 
     def _controls(self) -> None:
         device = self.project.case.actuator
         ui.label("What may change").classes("font-bold")
-        names = [name for name in parameter_names(device) if is_length(device, name)]
+        names = [name for name in actuator.parameter_names(device) if actuator.is_length(device, name)]
         varied = ui.select(names, value=names[:1], label="lengths", multiple=True)
-        self.varied = tagged(varied, "varied", props="dense use-chips")
-        self.reach = tagged(ui.input("from and to, as a factor both ways", value=f"{REACH:g}"), "reach")
+        self.varied = forms.tagged(varied, "varied", props="dense use-chips")
+        self.reach = forms.tagged(ui.input("from and to, as a factor both ways", value=f"{REACH:g}"), "reach")
         ui.label("What it should do").classes("font-bold")
-        self.objective = tagged(ui.select(list(OBJECTIVES), value="most rise", label="objective"), "objective")
+        self.objective = forms.tagged(ui.select(list(OBJECTIVES), value="most rise", label="objective"), "objective")
         probes = list(device.probes)
-        self.probe = tagged(ui.select(probes, value=probes[0], label="of"), "probe")
-        highest = max(self.project.case.load.of(PRESSURE), default=0.0) / self.project.case.cm
-        self.at = tagged(ui.input("at", value=f"{highest:g} cm"), "design-pressure")
+        self.probe = forms.tagged(ui.select(probes, value=probes[0], label="of"), "probe")
+        highest = max(self.project.case.load.of(steps.PRESSURE), default=0.0) / self.project.case.cm
+        self.at = forms.tagged(ui.input("at", value=f"{highest:g} cm"), "design-pressure")
         ui.label("Limits that it keeps").classes("font-bold")
         defaults = {"limit_margin": "1.25", "clearances": "0.8 mm"}
         self.limits = {
-            name: tagged(ui.input(name, value=defaults.get(quantity, "")), f"keep-{quantity}")
+            name: forms.tagged(ui.input(name, value=defaults.get(quantity, "")), f"keep-{quantity}")
             for name, (quantity, _) in LIMITS.items()
         }
 
-    def _command(self) -> Command:
-        write_text(self.project / PROBLEM, tomli_w.dumps(self._problem()))
+    def _command(self) -> forms.Command:
+        files.write_text(self.project / PROBLEM, tomli_w.dumps(self._problem()))
         return ["softmodels", "design", PROBLEM, "-o", DESIGN], DESIGN, True
 
     def _problem(self) -> dict[str, object]:
         """Return the problem as its file has it."""
-        device, reach = self.project.case.actuator, number(str(self.reach.value))
+        device, reach = self.project.case.actuator, units.number(str(self.reach.value))
         if not self.varied.value:
-            raise FieldError("choose at least one length that may change")
+            raise errors.FieldError("choose at least one length that may change")
         if not reach > 1.0:
-            raise FieldError(f"the factor is {reach:g}; it must be above 1, such as {REACH:g}")
+            raise errors.FieldError(f"the factor is {reach:g}; it must be above 1, such as {REACH:g}")
         bounds = {}
         for name in self.varied.value:
-            now = parameter(device, name)
-            bounds[name] = {"from": readable(now / reach, "m"), "to": readable(now * reach, "m")}
+            now = actuator.parameter(device, name)
+            bounds[name] = {"from": units.readable(now / reach, "m"), "to": units.readable(now * reach, "m")}
         table, quantity = OBJECTIVES[str(self.objective.value)]
         kept = [
             self._asked(LIMITS[name][0]) | {LIMITS[name][1]: _entry(str(box.value))}

@@ -12,26 +12,24 @@ import numpy as np
 import numpy.typing as npt
 from nicegui import ui
 
-from measurement.series.photo_list import ANYWAY, PICTURES, PhotoListError, read_photos
+from measurement.series import photo_list
+from measurement.series.photo_list import PhotoListError
+from softmodels.app import device, forms, jobs, replies
 from softmodels.app.bench import AUTO, BOARDS, LENS, OUTLINES, PHOTOGRAPH, PHOTOS, SETUP, Bench, Listed
-from softmodels.app.device import OUTPUT as DEVICE, is_section, stored_run
-from softmodels.app.forms import Command, TabPage, job_panel, page_words, tagged
-from softmodels.app.jobs import AnswerError, Job, SupersededError
-from softmodels.app.replies import PREVIEW, Handles
+from softmodels.app.jobs import Job
+from softmodels.common import units
 from softmodels.common.arrays import Array
-from softmodels.common.units import WATER_DENSITY, column_unit, exact_text
 
 if TYPE_CHECKING:
     from nicegui.events import MouseEventArguments, MultiUploadEventArguments
 
-    from softmodels.app.replies import Overlay, Preview
 
 TONE_WORDS = {"srgb": "sRGB, as a camera's JPEG", "linear": "linear, in proportion to the light"}
 REACH = 40.0
 """Pixels of a preview within which a press takes hold of a handle."""
 
 
-class PhotographsPage(TabPage):
+class PhotographsPage(forms.TabPage):
     """One tab's page of the photographs."""
 
     def __init__(self, bench: Bench):
@@ -49,17 +47,17 @@ class PhotographsPage(TabPage):
                 with ui.card().classes("w-full"):
                     self._table()
             with ui.column().classes("w-full min-w-0"):
-                self.message = tagged(ui.label(), "photo-message", "text-negative", "")
+                self.message = forms.tagged(ui.label(), "photo-message", "text-negative", "")
                 image = ui.interactive_image(
                     on_mouse=self._mouse, events=["pointerdown", "pointermove", "pointerup"], sanitize=False
                 )
-                self.image = tagged(
+                self.image = forms.tagged(
                     image, "photograph", "w-full photograph", 'aria-label="the photograph with its edge"'
                 )
                 self.image.set_visibility(False)  # until there is one
                 self._controls()
-                self.about = tagged(ui.label(), "about-photograph", "", "")
-                job_panel(bench, OUTLINES, "Measure all outlines", self._measure, f"{OUTLINES}/overview.html")
+                self.about = forms.tagged(ui.label(), "about-photograph", "", "")
+                forms.job_panel(bench, OUTLINES, "Measure all outlines", self._measure, f"{OUTLINES}/overview.html")
         self.photos.changed.subscribe(self._changed)
         bench.jobs.changed.subscribe(self._job_changed)
         self.say(self.photos.error)
@@ -69,8 +67,8 @@ class PhotographsPage(TabPage):
         """Add what is below the photograph: its doubts, and the handles that cure them."""
         with ui.row().classes("w-full items-center no-wrap gap-3") as self.doubt:
             ui.icon("report_problem", size="sm").props("color=warning")
-            self.doubt_words = tagged(ui.label(), "doubts", "grow", "")
-            self.anyway = tagged(ui.switch("Use it anyway"), "use-anyway", "shrink-0", "")
+            self.doubt_words = forms.tagged(ui.label(), "doubts", "grow", "")
+            self.anyway = forms.tagged(ui.switch("Use it anyway"), "use-anyway", "shrink-0", "")
             self.anyway.tooltip("The doubts stay in the record of the measurement and of the fit")
             self.doubt.set_visibility(False)
             self.anyway.on("update:model-value", lambda _: self._use())
@@ -80,7 +78,7 @@ class PhotographsPage(TabPage):
                 ("Zero line", "zero-line", self.photos.handles.zero, "Two points on the undeformed surface; drag them"),
                 ("Region", "region", self.photos.handles.roi, "The shadow is searched only inside; drag its corners"),
             ):
-                switch = tagged(ui.switch(name, value=value is not None).tooltip(words), tag, "", "")
+                switch = forms.tagged(ui.switch(name, value=value is not None).tooltip(words), tag, "", "")
                 switches.append(switch.on("update:model-value", lambda _: self._toggle()))
             self.with_zero, self.with_roi = switches
             mask = ui.button("Mask", icon="add", on_click=lambda: self._mask(True)).props("flat dense")
@@ -95,22 +93,22 @@ class PhotographsPage(TabPage):
         """Build the list; what is in it changes in place, so that nobody is interrupted while typing."""
         ui.label("Screen").classes("font-bold")
         with ui.row().classes("w-full items-end no-wrap gap-2"):
-            self.grid = tagged(ui.select([], label="photograph of the grid"), "grid", "grow", "")
-            self.pitch = tagged(ui.input("pitch", value=self.photos.pitch), "pitch", "w-20", "")
-        self.lens = tagged(ui.select([], label="lens correction"), "lens")
+            self.grid = forms.tagged(ui.select([], label="photograph of the grid"), "grid", "grow", "")
+            self.pitch = forms.tagged(ui.input("pitch", value=self.photos.pitch), "pitch", "w-20", "")
+        self.lens = forms.tagged(ui.select([], label="lens correction"), "lens")
         with ui.expansion("Lens from photographs of a board").classes("w-full").props("dense"):
             drop, kinds = "Drop ten photographs of a chessboard", "image/*,.heic,.tif,.tiff"
             self.upload_box(drop, PHOTOGRAPH, kinds, "boards", self._boards)
-            self.boards = tagged(ui.label(), "boards-given", "", "")
-            self.pattern = tagged(ui.input("inner corners", value="9x6"), "pattern", "")
-            self.square = tagged(ui.input("side of a square", value="25mm"), "square", "")
-            job_panel(self.bench, LENS, "Calibrate", self._calibrate)
+            self.boards = forms.tagged(ui.label(), "boards-given", "", "")
+            self.pattern = forms.tagged(ui.input("inner corners", value="9x6"), "pattern", "")
+            self.square = forms.tagged(ui.input("side of a square", value="25mm"), "square", "")
+            forms.job_panel(self.bench, LENS, "Calibrate", self._calibrate)
         tones = {AUTO: "tone: as the edge shows", **{name: f"tone: {words}" for name, words in TONE_WORDS.items()}}
         tone = ui.select(tones, value=self.photos.tone, label="how the photographs store light")
-        self.tone = tagged(tone, "tone").on_value_change(self._tone)
-        self.find = tagged(ui.button("Find the grid", on_click=self._find), "find-grid", "")
+        self.tone = forms.tagged(tone, "tone").on_value_change(self._tone)
+        self.find = forms.tagged(ui.button("Find the grid", on_click=self._find), "find-grid", "")
         ui.label("Photographs").classes("font-bold")
-        self.liquid = tagged(ui.label(), "liquid-shown", "text-sm", "")
+        self.liquid = forms.tagged(ui.label(), "liquid-shown", "text-sm", "")
         self.rows: dict[str, tuple[ui.row, ui.input, ui.icon, ui.tooltip]] = {}
         self.listing = ui.column().classes("w-full gap-1")
         self._update()
@@ -125,8 +123,8 @@ class PhotographsPage(TabPage):
         lenses = ["none", "auto", *(file.name for file in files if file.name.startswith("lens"))]
         if self.lens.options != lenses:
             self.lens.set_options(lenses, value=self.photos.lens if self.photos.lens in lenses else "none")
-        count = len(self.project.files(BOARDS, PICTURES))
-        unit = column_unit(self.project.case.cm)
+        count = len(self.project.files(BOARDS, photo_list.PICTURES))
+        unit = units.column_unit(self.project.case.cm)
         self.liquid.set_text(f"Pressures in {unit} (the liquid is set beside the device's pressures), or in kPa")
         self.boards.set_text(f"{count} photographs of the board" if count else "")
         shown = {one.file.name: one for one in self.photos.shadows}
@@ -150,14 +148,14 @@ class PhotographsPage(TabPage):
             icon.set_name(name_of_icon)
             box.set_value(one.pressure)
             icon.props(f"color={colour}")
-            tooltip.set_text(page_words(one.doubts) or "edge found")
+            tooltip.set_text(forms.page_words(one.doubts) or "edge found")
 
     async def _boards(self, event: MultiUploadEventArguments) -> None:
         await self.keep(event, BOARDS, PHOTOGRAPH)
         self._update()
 
-    def _calibrate(self) -> Command:
-        files = [f"{BOARDS}/{file.name}" for file in self.project.files(BOARDS, PICTURES)]
+    def _calibrate(self) -> forms.Command:
+        files = [f"{BOARDS}/{file.name}" for file in self.project.files(BOARDS, photo_list.PICTURES)]
         if not files:
             return "drop photographs of the board first"
         options = ["--pattern", str(self.pattern.value), "--pitch", str(self.square.value), "-o", LENS]
@@ -183,7 +181,7 @@ class PhotographsPage(TabPage):
 
     async def _use(self) -> None:
         if (one := self.photos.listed.get(self.shown)) is not None:
-            await self._change(one, use=ANYWAY if self.anyway.value else "")
+            await self._change(one, use=photo_list.ANYWAY if self.anyway.value else "")
 
     async def _tone(self) -> None:
         if self.tone.value != self.photos.tone:
@@ -246,7 +244,7 @@ class PhotographsPage(TabPage):
 
     def _doubt(self, one: Listed) -> None:
         """Show what speaks against a photograph, which handle may cure it, and whether it shall be used anyway."""
-        doubts = page_words(one.doubts)
+        doubts = forms.page_words(one.doubts)
         verdict = "refused" if one.why else "not trusted, used anyway" if one.anyway else "not trusted"
         self.doubt_words.set_text(f"{verdict}: {doubts}" if doubts else "")
         self.doubt.set_visibility(bool(doubts) or one.anyway)
@@ -316,14 +314,14 @@ class PhotographsPage(TabPage):
             del handles.masks[-1:]
         await self._move(handles)
 
-    def _preview(self) -> Preview | None:
+    def _preview(self) -> replies.Preview | None:
         one = self.photos.listed.get(self.shown)
         if not self.photos.setup:
             self.say("find the grid first")
             return None
         return None if one is None else one.preview
 
-    async def _move(self, handles: Handles) -> None:
+    async def _move(self, handles: replies.Handles) -> None:
         handles.settle()
         with self.saying():
             await self.photos.move(handles)
@@ -353,13 +351,13 @@ class PhotographsPage(TabPage):
 
     # -- all of them --------------------------------------------------------------------------------------------------
 
-    def _measure(self) -> Command:
+    def _measure(self) -> forms.Command:
         """Return the command that measures all; a sentence where it cannot be given yet."""
         if not self.photos.setup:
             return "choose the photograph that shows the grid, and find the grid first"
         try:
             self.photos.write_list()
-            listed = read_photos(self.photos.project / PHOTOS, self.photos.column)
+            listed = photo_list.read_photos(self.photos.project / PHOTOS, self.photos.column)
         except (PhotoListError, OSError) as error:
             return f"{error}; type the pressures beside the photographs"
         if not any(photo.is_zero for photo in listed) and self.handles.zero is None:
@@ -367,7 +365,7 @@ class PhotographsPage(TabPage):
         words = ["measurement", "photos", PHOTOS, "--setup", SETUP, "-o", OUTLINES]
         words += ["--tone", self.photos.tone] if self.photos.tone != AUTO else []
         density = self.photos.column.density
-        words += ["--water-density", exact_text(density, "kg/m^3")] if density != WATER_DENSITY else []
+        words += ["--water-density", units.exact_text(density, "kg/m^3")] if density != units.WATER_DENSITY else []
         return words, OUTLINES, False
 
 
@@ -384,10 +382,10 @@ def _mark(one: Listed) -> tuple[str, str]:
     return ("help", "warning") if one.traced.doubts else ("check_circle", "positive")
 
 
-def picture_of(preview: Preview) -> tuple[str, float]:
+def picture_of(preview: replies.Preview) -> tuple[str, float]:
     """Return a preview as a source for the page, and how many pixels of the photograph one of it spans."""
     longest = max(preview.width, preview.height)
-    return "data:image/jpeg;base64," + base64.b64encode(preview.jpeg).decode(), longest / min(PREVIEW, longest)
+    return "data:image/jpeg;base64," + base64.b64encode(preview.jpeg).decode(), longest / min(replies.PREVIEW, longest)
 
 
 def points_text(px: Array, scale: float) -> str:
@@ -407,19 +405,19 @@ def _parts(px: Array) -> list[npt.NDArray[np.intp]]:
 # The simulated outline over the photographs.
 
 
-class OverlayPage(TabPage):
+class OverlayPage(forms.TabPage):
     """One tab's page of the simulated outline over the photographs."""
 
     def __init__(self, bench: Bench):
         super().__init__(bench)
-        self.message = tagged(ui.label(), "overlay-message", "text-negative", "")
+        self.message = forms.tagged(ui.label(), "overlay-message", "text-negative", "")
         with ui.row().classes("w-full items-center gap-3"):
             chosen = ui.select([], label="Photograph", on_change=self._show)
-            self.chosen = tagged(chosen, "overlay-photograph", "w-72", "")
-            tagged(ui.button("Draw", on_click=self._refresh), "overlay-draw", "", "outline")
-            self.about = tagged(ui.label(), "overlay-about", "", "")
+            self.chosen = forms.tagged(chosen, "overlay-photograph", "w-72", "")
+            forms.tagged(ui.button("Draw", on_click=self._refresh), "overlay-draw", "", "outline")
+            self.about = forms.tagged(ui.label(), "overlay-about", "", "")
         words = 'aria-label="the photograph with the simulated outline"'
-        self.image = tagged(ui.interactive_image(sanitize=False), "overlay", "w-full photograph", words)
+        self.image = forms.tagged(ui.interactive_image(sanitize=False), "overlay", "w-full photograph", words)
         self.image.set_visibility(False)
         bench.jobs.changed.subscribe(lambda job: self._list() if job.output == OUTLINES else None)
         self._list()
@@ -441,23 +439,23 @@ class OverlayPage(TabPage):
         name = self.chosen.value
         try:
             self.say(await self._draw(name) if name else "")
-        except SupersededError:
+        except jobs.SupersededError:
             pass
-        except AnswerError as error:
+        except jobs.AnswerError as error:
             self.say(str(error))
 
     async def _draw(self, name: str) -> str:
         """Draw the outline over a photograph; return the sentence why it cannot be drawn."""
         photos, case = self.bench.photographs, self.project.case
-        solid = "" if is_section(case.actuator) else str(self.project / DEVICE)
-        if solid and ((stored := stored_run(self.project)[0]) is None or stored.actuator != case.actuator):
+        solid = "" if device.is_section(case.actuator) else str(self.project / device.OUTPUT)
+        if solid and ((stored := device.stored_run(self.project)[0]) is None or stored.actuator != case.actuator):
             return "this device is a solid: run it first, on the page Device"
         one, pressure = photos.listed.get(name), self.measured[name]
         if one is None:
             return f"{name} is no longer among the photographs"
         curve = await self.bench.slower.ask("outline", case.to_toml(), pressure, solid, kind="outline")
         file, listing = self.project / OUTLINES / f"{one.file.stem}.csv", self.project / PHOTOS
-        found: Overlay = await self.bench.tracer.ask(
+        found: replies.Overlay = await self.bench.tracer.ask(
             "overlay", str(listing), photos.setup, str(file), curve, case.actuator.axial
         )
         await photos.show(one)

@@ -8,8 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from softmodels.common.arrays import Array
-from softmodels.runs.grid import Cells, fine_triangles, outline
-from softmodels.runs.table import Row
+from softmodels.runs import grid, table
 
 PREVIEW = 1600
 """Longest side of a photograph's preview in px."""
@@ -28,13 +27,16 @@ class Section:
     rest: Array
 
     @classmethod
-    def of(cls, points: Array, displacement: Array, cells: Cells, values: Array) -> Section:
+    def of(cls, points: Array, displacement: Array, cells: grid.Cells, values: Array) -> Section:
         """Return the section of nodes in m, shape (n, 3) with y = 0, and a nodal field."""
         before, after = points[:, ::2] * 1e3, (points + displacement)[:, ::2] * 1e3
-        fine, triangles = fine_triangles(np.column_stack([after, values]), cells, PARTS)
+        fine, triangles = grid.fine_triangles(np.column_stack([after, values]), cells, PARTS)
         corners = fine[triangles]
         return cls(
-            corners[..., :2], corners[..., 2].mean(axis=1), _seen(outline(after, cells)), _seen(outline(before, cells))
+            corners[..., :2],
+            corners[..., 2].mean(axis=1),
+            _seen(grid.outline(after, cells)),
+            _seen(grid.outline(before, cells)),
         )
 
     def between(self, other: Section, share: float) -> Section:
@@ -53,7 +55,7 @@ def _seen(curves: Array) -> Array:
 class StateAnswer:
     """A state: its row of the table and its section, coloured by von Mises stress in kPa."""
 
-    row: Row
+    row: table.Row
     section: Section
 
 

@@ -15,12 +15,9 @@ from urllib.parse import parse_qsl, urlencode, urlsplit
 import segno
 from nicegui import app, background_tasks, core, ui
 
+from softmodels.app import device, forms, making, photographs
 from softmodels.app.bench import Bench, Project
-from softmodels.app.device import DevicePage
-from softmodels.app.forms import ALLOWED
-from softmodels.app.making import DesignPage, MaterialPage, MouldPage
-from softmodels.app.photographs import OverlayPage, PhotographsPage
-from softmodels.common.processes import say
+from softmodels.common import processes
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -82,7 +79,7 @@ FRAMED = "frame-ancestors 'self'"
 PAGE = f"{FRAMED}; base-uri 'self'; object-src 'none'; form-action 'self'"
 """Content security policy of the page: no other site shows it in a frame, and it sends forms nowhere else."""
 OF_PROJECT = (
-    f"sandbox {ALLOWED}; default-src 'none'; img-src data: blob:; media-src data: blob:; font-src data:; "
+    f"sandbox {forms.ALLOWED}; default-src 'none'; img-src data: blob:; media-src data: blob:; font-src data:; "
     f"style-src 'unsafe-inline'; script-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; {FRAMED}"
 )
 """That of the project's files, which may come from elsewhere: a report runs its program, but is not of the page's origin, and
@@ -225,12 +222,12 @@ new MutationObserver(() => document.querySelectorAll("img:not([alt])").forEach(i
 def build_page(bench: Bench) -> None:
     """Build the page of one tab."""
     pages = {
-        "Photographs": ("photo_camera", PhotographsPage),
-        "Material": ("science", MaterialPage),
-        "Device": ("tune", DevicePage),
-        "Overlay": ("layers", OverlayPage),
-        "Design": ("auto_fix_high", DesignPage),
-        "Mould": ("view_in_ar", MouldPage),
+        "Photographs": ("photo_camera", photographs.PhotographsPage),
+        "Material": ("science", making.MaterialPage),
+        "Device": ("tune", device.DevicePage),
+        "Overlay": ("layers", photographs.OverlayPage),
+        "Design": ("auto_fix_high", making.DesignPage),
+        "Mould": ("view_in_ar", making.MouldPage),
     }
     ui.add_css(STYLE)
     ui.add_head_html(HEAD)
@@ -268,9 +265,9 @@ def serve(folder: Path, port: int | None = None, *, browser: bool = True, lan: b
     async def tell() -> None:
         while not await answers(port):  # handlers of the start run before the server listens
             await asyncio.sleep(0.05)
-        say(f"softmodels: {address}\nCtrl-C stops it; the project is {folder}")
+        processes.say(f"softmodels: {address}\nCtrl-C stops it; the project is {folder}")
         if lan:
-            say(f"on the same network: {bench.address}")
+            processes.say(f"on the same network: {bench.address}")
         if browser:
             webbrowser.open(address)
 

@@ -11,37 +11,35 @@ import numpy as np
 from PIL import Image
 from scipy.optimize import minimize_scalar
 
-from measurement.cli import length, with_error
-from measurement.cli.setup import lens_camera
+from measurement import cli, pictures
+from measurement.cli import setup
+from measurement.outline import zero
 from measurement.outline.outline import Outline
-from measurement.outline.zero import ZeroLine
-from measurement.pictures import read_pixels
-from measurement.screen.calibration import setup_from_grid
+from measurement.screen import calibration
 from measurement.screen.setup import PITCH_ERROR, Setup
+from measurement.series import measuring, photo_list
 from measurement.series.checks import Evidence
-from measurement.series.measuring import outline_of, trace_image, zero_line, zero_of
-from measurement.series.photo_list import read_photos
-from softmodels.app.replies import PREVIEW, Handles, Overlay, Plane, Preview, Traced
+from softmodels.app import replies
 from softmodels.common.arrays import Array
 
 
-def preview(file: str) -> Preview:
+def preview(file: str) -> replies.Preview:
     """Return a small version of a photograph."""
-    pixels = read_pixels(Path(file))
+    pixels = pictures.read_pixels(Path(file))
     picture = Image.fromarray(pixels)
-    picture.thumbnail((PREVIEW, PREVIEW))
+    picture.thumbnail((replies.PREVIEW, replies.PREVIEW))
     data = io.BytesIO()
     picture.convert("RGB").save(data, "JPEG", quality=85)
-    return Preview(data.getvalue(), pixels.shape[1], pixels.shape[0])
+    return replies.Preview(data.getvalue(), pixels.shape[1], pixels.shape[0])
 
 
-def plane(file: str, pitch: str, lens: str) -> Plane:
+def plane(file: str, pitch: str, lens: str) -> replies.Plane:
     """Find the screen's plane in a photograph of its grid."""
-    pixels = read_pixels(Path(file))
-    camera = lens_camera(Path(file), pixels.shape[1::-1], lens, None, None)
-    size, error = with_error(pitch, length)
-    made = setup_from_grid(file, size, camera, pitch_error=error / size if error else PITCH_ERROR)
-    return Plane(made.to_toml(), made.camera.distort(made.plane.points), float(made.plane.residual))
+    pixels = pictures.read_pixels(Path(file))
+    camera = setup.lens_camera(Path(file), pixels.shape[1::-1], lens, None, None)
+    size, error = cli.with_error(pitch, cli.length)
+    made = calibration.setup_from_grid(file, size, camera, pitch_error=error / size if error else PITCH_ERROR)
+    return replies.Plane(made.to_toml(), made.camera.distort(made.plane.points), float(made.plane.residual))
 
 
 BAND = 7.0
@@ -49,27 +47,27 @@ BAND = 7.0
 ENLARGED = (1, 2, 5, 10, 20, 50, 100, 200, 500)
 
 
-def trace(file: str, setup: str, pressure: float, tone: str, anyway: bool) -> Traced:
+def trace(file: str, setup: str, pressure: float, tone: str, anyway: bool) -> replies.Traced:
     """Find the edge of the shadow in a photograph at a pressure in Pa, whose tone says how it stores light, or ``"auto"``;
     the one at 0 shows the undeformed surface, if the text of the setup does not have it. An edge may be used ``anyway``, in
     spite of doubts."""
     known = Setup.from_toml(setup)
-    found = trace_image(read_pixels(Path(file)), known, tone, anyway=anyway)
+    found = measuring.trace_image(pictures.read_pixels(Path(file)), known, tone, anyway=anyway)
     line, doubts, errors = None, found.doubts, found.own_error
     height = error = None
     if pressure == 0.0 and known.zero is None:
-        line = zero_of(found)
+        line = measuring.zero_of(found)
         doubts = line.doubts
     elif known.zero is not None:
-        line = ZeroLine.through(known.zero)
-        outline = outline_of(found, line, pressure, 0.0, Path(file).name)
+        line = zero.ZeroLine.through(known.zero)
+        outline = measuring.outline_of(found, line, pressure, 0.0, Path(file).name)
         height, error, doubts, errors = (
             outline.height,
             outline.height_error,
             outline.reasons,
             Evidence(found, line).error,
         )
-    seen = BAND * max(1.0, max(known.camera.width, known.camera.height) / PREVIEW) * found.scale
+    seen = BAND * max(1.0, max(known.camera.width, known.camera.height) / replies.PREVIEW) * found.scale
     usual = float(np.median(errors[~found.line.bridged]))
     enlarged = next((times for times in ENLARGED if times * usual >= seen), ENLARGED[-1])
     wide = enlarged * errors[:, None] * found.normals
@@ -78,10 +76,10 @@ def trace(file: str, setup: str, pressure: float, tone: str, anyway: bool) -> Tr
     if line is not None:
         along = found.points @ line.direction
         ends = known.to_pixels(line.origin + np.outer([np.nanmin(along), np.nanmax(along)], line.direction))
-    return Traced(found.line.px, band, enlarged, doubts, ends, height, error)
+    return replies.Traced(found.line.px, band, enlarged, doubts, ends, height, error)
 
 
-def moved(setup: str, handles: Handles) -> str:
+def moved(setup: str, handles: replies.Handles) -> str:
     """Return a setup's text with a zero line, region of interest and masks where their handles are."""
     known = Setup.from_toml(setup)
     line = None if handles.zero is None else known.to_metres(handles.zero)
@@ -89,11 +87,11 @@ def moved(setup: str, handles: Handles) -> str:
     return dataclasses.replace(known, zero=line, roi=roi, masks=tuple(masks)).to_toml()  # type: ignore[arg-type]
 
 
-def handles(setup: str) -> Handles:
+def handles(setup: str) -> replies.Handles:
     """Return where the handles of a setup are."""
     known = Setup.from_toml(setup)
     zero = None if known.zero is None else known.to_pixels(known.zero).tolist()
-    return Handles(zero, None if known.roi is None else list(known.roi), [list(mask) for mask in known.masks])
+    return replies.Handles(zero, None if known.roi is None else list(known.roi), [list(mask) for mask in known.masks])
 
 
 SUNK = -5e-5
@@ -101,12 +99,12 @@ SUNK = -5e-5
 
 
 @functools.lru_cache(maxsize=4)
-def _zero(listing: str, setup: str, _stamp: float) -> tuple[Setup, ZeroLine]:
+def _zero(listing: str, setup: str, _stamp: float) -> tuple[Setup, zero.ZeroLine]:
     known = Setup.from_toml(setup)
-    return known, zero_line(read_photos(Path(listing)), known)
+    return known, measuring.zero_line(photo_list.read_photos(Path(listing)), known)
 
 
-def overlay(listing: str, setup: str, outline: str, curve: Array, axial: bool = True) -> Overlay:
+def overlay(listing: str, setup: str, outline: str, curve: Array, axial: bool = True) -> replies.Overlay:
     """Place a simulated outline, distance from the axis and height above the undeformed apex in m, shape (k, 2), on a
     photograph by its measured outline's file, the list of photographs, of which one shows the undeformed surface if the text
     of the setup does not. An ``axial`` outline goes on beyond the axis as on this side; else the curve is the whole outline,
@@ -133,4 +131,4 @@ def overlay(listing: str, setup: str, outline: str, curve: Array, axial: bool = 
     both = np.concatenate([curve[::-1] * [-1.0, 1.0], curve]) if axial else curve * [side, 1.0]
     both = both + np.array([axis, 0.0])
     placed = line.origin + both[:, :1] * line.direction + both[:, 1:] * line.normal
-    return Overlay(known.to_pixels(placed), rms)
+    return replies.Overlay(known.to_pixels(placed), rms)

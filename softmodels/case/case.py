@@ -9,9 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, TypedDict, Unpack
 
-from geometries import Actuator, registry as geometry_table
+from geometries import Actuator, faces, registry as geometry_table
 from geometries.actuator import changed, parameter, parameter_names
-from geometries.faces import FORMATS
 from softmodels.case import materials
 from softmodels.case.entries import (
     MISSING,
@@ -43,41 +42,14 @@ from softmodels.case.load import (
     settled,
     steps_in_time,
 )
-from softmodels.case.materials import (
-    DEFAULT,
-    AnyBand,
-    ErrorsEntry,
-    MaterialErrors,
-    Parts,
-    PartsEntry,
-    SourceBand,
-    band_of,
-    check_parts,
-    with_walls,
-)
-from softmodels.common import errors
-from softmodels.common.errors import FieldError, known_are, meant, near_paths
-from softmodels.common.files import file_digest
-from softmodels.common.names import checked, doubt, one_of, several, unusable_name
-from softmodels.common.schema import About, Choice, Flag, Kind, Quantity, Several, Text, Words, about
-from softmodels.common.tables import TomlError, parse_toml, read_toml
-from softmodels.common.units import (
-    FACTORS,
-    LIGHTER,
-    WATER_DENSITY,
-    UnitError,
-    brief,
-    column_unit,
-    exact_text,
-    pascal_per_cm,
-    quantity,
-)
+from softmodels.common import errors, files, names, schema, tables, units
+from softmodels.common.names import checked
+from softmodels.common.units import quantity
 from softmodels.components.loads import Gravity
-from softmodels.materials.laws import SOFTEST, Material
-from softmodels.materials.silicones import material_of
-from softmodels.materials.specimens import check_rest
+from softmodels.materials import laws, silicones, specimens
+from softmodels.materials.laws import Material
+from softmodels.mechanics import memory
 from softmodels.mechanics.component import Component
-from softmodels.mechanics.memory import LARGEST_RADIUS, RADIUS
 from softmodels.mechanics.regions import RATIO, RegionPart, number_of, variable_numbers, with_number
 from softmodels.mechanics.solver import METHODS
 from softmodels.mechanics.system import FORMULATIONS
@@ -94,7 +66,7 @@ class NameEntry(Entry[object]):
     def read(self, tables: Tables) -> object:
         return tables.get("name", MISSING)
 
-    def write(self, value: object, text: Text) -> Written:
+    def write(self, value: object, text: schema.Text) -> Written:
         return {}
 
 
@@ -106,7 +78,7 @@ class DeviceEntry(Entry[Actuator]):
     def read(self, tables: Tables) -> Actuator:
         return geometry_table.from_table(table_of(tables, "geometry"))
 
-    def write(self, value: Actuator, text: Text) -> Written:
+    def write(self, value: Actuator, text: schema.Text) -> Written:
         return {"geometry": geometry_table.to_table(value, text)}
 
 
@@ -118,7 +90,7 @@ class MaterialEntry(Entry[Material]):
     def read(self, tables: Tables) -> Material | Missing:
         return materials.from_table(table_of(tables, "material")) if "material" in tables else MISSING
 
-    def write(self, value: Material, text: Text) -> Written:
+    def write(self, value: Material, text: schema.Text) -> Written:
         return {"material": materials.to_table(value, text)}
 
 
@@ -130,7 +102,7 @@ class GaugesEntry(Entry[Probes]):
     def read(self, tables: Tables) -> Probes:
         return probes_from_tables({name: table_of(tables, name) for name in self.tables})
 
-    def write(self, value: Probes, text: Text) -> Written:
+    def write(self, value: Probes, text: schema.Text) -> Written:
         return probes_to_tables(value)
 
 
@@ -138,7 +110,7 @@ class GaugesEntry(Entry[Probes]):
 # Reject materials with implausible parameters, or unsuitable for the formulation.
 
 
-MODULI = (SOFTEST, 1e9)
+MODULI = (laws.SOFTEST, 1e9)
 """Accepted shear moduli in Pa, from the softest gels to the hardest elastomers, with a margin."""
 MOST_APART = 1e6
 """Maximum ratio of a region's shear modulus to the main one's that is solved accurately."""
@@ -196,8 +168,8 @@ def _written[V](entry: Entry[V]) -> dict[str, Entry[V]]:
     return {"entry": entry}
 
 
-def _value[V](table: str, key: str, kind: Kind, text: str, default: V, **more: Unpack[_Shown]) -> V:
-    entry = Value(table, key, About(kind, text), default, **more)
+def _value[V](table: str, key: str, kind: schema.Kind, text: str, default: V, **more: Unpack[_Shown]) -> V:
+    entry = Value(table, key, schema.About(kind, text), default, **more)
     return dataclasses.field(default=default, metadata=_written(entry))
 
 
@@ -240,65 +212,66 @@ class Case:
     water_density: float = _value(
         "load",
         "water_density",
-        Quantity("kg/m^3"),
-        f"density of the column's liquid; the default is {LIGHTER}",
-        WATER_DENSITY,
+        schema.Quantity("kg/m^3"),
+        f"density of the column's liquid; the default is {units.LIGHTER}",
+        units.WATER_DENSITY,
     )
-    control: str = _value("load", "control", Choice(CONTROLS), "control of the continuation", "auto")
+    control: str = _value("load", "control", schema.Choice(CONTROLS), "control of the continuation", "auto")
     formulation: str = _value(
-        "solver", "formulation", Choice(FORMULATIONS),
+        "solver", "formulation", schema.Choice(FORMULATIONS),
         "displacement and pressure, or only displacement (compressible studies)", "mixed",
     )  # fmt: skip
     supply: AirSupply | None = dataclasses.field(default=None, metadata=_written(SupplyEntry()))
     load_unload: bool = _value(
-        "load", "load_unload", Flag(),
+        "load", "load_unload", schema.Flag(),
         "simulate loading and unloading under pressure control, through the same values, with snap-through at limit points",
         False, hidden=True,
     )  # fmt: skip
     gauges: Probes = dataclasses.field(default=NO_PROBES, metadata=_written(GaugesEntry()))
-    components: Parts = dataclasses.field(default=(), metadata=_written(PartsEntry()))
-    band: AnyBand | None = dataclasses.field(default=None, metadata=_written(ErrorsEntry()))
+    components: materials.Parts = dataclasses.field(default=(), metadata=_written(materials.PartsEntry()))
+    band: materials.AnyBand | None = dataclasses.field(default=None, metadata=_written(materials.ErrorsEntry()))
     solver: str = _value(
-        "solver", "method", Choice(METHODS),
+        "solver", "method", schema.Choice(METHODS),
         "linear solver: factorisation (direct), multigrid iterations (iterative, with memory linear "
         "in the model size), or chosen by the available memory (auto)",
         "auto", hidden=True, option="solver",
     )  # fmt: skip
     time_tolerance: float = _value(
-        "solver", "time_tolerance", Quantity(), "error of the stress by one step in time, over the largest stress, and with "
+        "solver", "time_tolerance", schema.Quantity(),
+        "error of the stress by one step in time, over the largest stress, and with "
         "--inertia of the displacement", TOLERANCE, hidden=True,
     )  # fmt: skip
     inertia: bool = _value(
-        "load", "inertia", Flag(),
+        "load", "inertia", schema.Flag(),
         "let mass count in time (--rate, --hold): the device swings, and is followed through jumps", False, hidden=True,
     )  # fmt: skip
     spectral_radius: float = _value(
-        "solver", "spectral_radius", Quantity(),
+        "solver", "spectral_radius", schema.Quantity(),
         "with --inertia, what one step leaves of a vibration that it is far too long for, 0 to 0.99",
-        RADIUS, hidden=True,
+        memory.RADIUS, hidden=True,
     )  # fmt: skip
     fields: tuple[str, ...] = _value(
-        "output", "fields", Several(Words()),
+        "output", "fields", schema.Several(schema.Words()),
         "further fields in every state, such as cauchy_stress, deformation_gradient or principal_stresses", (), hidden=True,
     )  # fmt: skip
 
     def __post_init__(self) -> None:
-        if why := unusable_name(self.name):
+        if why := names.unusable_name(self.name):
             raise CaseError(why)
         try:
             self._settle()
             self._check_load()
             self._check_inertia()
             self.gauges.check(self.actuator)
-            walled = with_walls(self.components, self.actuator, self.load.draws())
+            walled = materials.with_walls(self.components, self.actuator, self.load.draws())
             object.__setattr__(self, "components", walled)
-            check_parts(self.components, self.actuator)
+            materials.check_parts(self.components, self.actuator)
             check_materials(self.material, self.components, self.formulation)
             if self.band is not None:
                 self.band.check(self.material)
                 self.load.check_band()
             self.load.check_size(self.material.shear_modulus_0, self.actuator.cavity_volume)
-            check_rest(self.material)
+            specimens.check_rest(self.material)
         except PART_ERRORS as error:
             raise CaseError(str(error)) from None
 
@@ -311,17 +284,19 @@ class Case:
         for name, entry in entries().items():
             if isinstance(entry, Value):
                 object.__setattr__(self, name, entry.settled(getattr(self, name)))
-        one_of("device", self.actuator, Actuator, "a device, such as sm.HollowDisk()")
-        object.__setattr__(self, "material", material_of("material", self.material))
+        names.one_of("device", self.actuator, Actuator, "a device, such as sm.HollowDisk()")
+        object.__setattr__(self, "material", silicones.material_of("material", self.material))
         object.__setattr__(
-            self, "components", several("components", self.components, Component, "a part, such as sm.Gravity('-z')")
+            self,
+            "components",
+            names.several("components", self.components, Component, "a part, such as sm.Gravity('-z')"),
         )
         for name, (kinds, wanted) in _KINDS.items():
-            one_of(name, getattr(self, name), (*kinds, types.NoneType), wanted)
+            names.one_of(name, getattr(self, name), (*kinds, types.NoneType), wanted)
         if self.gauges is None:
             object.__setattr__(self, "gauges", NO_PROBES)
         object.__setattr__(
-            self, "steps", several("steps", self.steps, Step, "load steps, such as steps_of(pressure='0:5 kPa')")
+            self, "steps", names.several("steps", self.steps, Step, "load steps, such as steps_of(pressure='0:5 kPa')")
         )
         object.__setattr__(self, "steps", settled(self))
 
@@ -332,9 +307,10 @@ class Case:
                 f"time_tolerance is {self.time_tolerance:g}; it must be {LEAST_TOLERANCE:g} or more and below 1, such as "
                 f"{TOLERANCE:g} (states are solved no closer, and the number of steps grows as 1 over its square root)"
             )
-        if not 0.0 <= self.spectral_radius <= LARGEST_RADIUS:
+        if not 0.0 <= self.spectral_radius <= memory.LARGEST_RADIUS:
             raise CaseError(
-                f"spectral_radius is {self.spectral_radius:g}; it must be from 0 to {LARGEST_RADIUS:g}, such as {RADIUS:g}"
+                f"spectral_radius is {self.spectral_radius:g}; it must be from 0 to {memory.LARGEST_RADIUS:g}, "
+                f"such as {memory.RADIUS:g}"
             )
         if not self.inertia:
             return
@@ -377,7 +353,7 @@ class Case:
     @property
     def cm(self) -> float:
         """Pa in one cm of the column."""
-        return pascal_per_cm(self.water_density)
+        return units.pascal_per_cm(self.water_density)
 
     @property
     def goals(self) -> tuple[float, ...]:
@@ -432,7 +408,7 @@ class Case:
 
         tables: dict[str, dict[str, object]] = {}
         for name, entry in entries().items():
-            for table, values in entry.write(getattr(self, name), exact_text).items():
+            for table, values in entry.write(getattr(self, name), units.exact_text).items():
                 tables.setdefault(table, {}).update(values)
         return tomli_w.dumps({"name": self.name, **_with_files(tables, files or {})})
 
@@ -448,8 +424,8 @@ class Case:
             CaseError: Not TOML, unknown tables or names, or an impossible case.
         """
         try:
-            return cls._from_tables(parse_toml(text), folder)
-        except TomlError as error:
+            return cls._from_tables(tables.parse_toml(text), folder)
+        except tables.TomlError as error:
             raise CaseError(f"the case {error}") from None
 
     @classmethod
@@ -458,8 +434,8 @@ class Case:
         path = Path(path)
         _check_case_file(path)
         try:
-            return cls._from_tables({**read_toml(path), **(instead or {})}, path.parent)
-        except TomlError as error:
+            return cls._from_tables({**tables.read_toml(path), **(instead or {})}, path.parent)
+        except tables.TomlError as error:
             raise CaseError(f"case file {path} {error}") from None
         except CaseError as error:
             raise CaseError(f"{path}: {error}") from None
@@ -473,12 +449,12 @@ class Case:
         except PART_ERRORS as error:
             raise CaseError(str(error)) from None
         given = {name: value for name, value in read.items() if value is not MISSING}
-        return cls(**{"name": given["actuator"].stem, "material": DEFAULT, **given})
+        return cls(**{"name": given["actuator"].stem, "material": materials.DEFAULT, **given})
 
 
 def _check_case_file(path: Path) -> None:
     """Reject a path that is not a case file (a part, a folder, a misspelt name), and say how to fix it."""
-    kinds = {".step": "ImportedActuator", ".stp": "ImportedActuator", **dict.fromkeys(FORMATS, "ImportedMesh")}
+    kinds = {".step": "ImportedActuator", ".stp": "ImportedActuator", **dict.fromkeys(faces.FORMATS, "ImportedMesh")}
     kind = kinds.get(path.suffix.lower())
     if kind is not None:
         held = "cavities = ['at 10, 0, 4 mm'] (a point in its air) and support = 'x = 0 mm' (what holds it)"
@@ -493,14 +469,17 @@ def _check_case_file(path: Path) -> None:
             f"case file {path} cannot be read (it is a results folder; its case file is {path / 'case.toml'})"
         )
     if not path.exists():
-        near = near_paths(path) or "; softmodels examples writes some to begin with"
+        near = errors.near_paths(path) or "; softmodels examples writes some to begin with"
         raise CaseError(f"case file {path} cannot be read (No such file or directory{near})")
 
 
 _KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     "supply": ((AirSupply,), "a supply of air, such as sm.Syringe()"),
     "gauges": ((Probes,), "gauges"),
-    "band": ((MaterialErrors, SourceBand), "errors of a fitted material, or the name of a silicone"),
+    "band": (
+        (materials.MaterialErrors, materials.SourceBand),
+        "errors of a fitted material, or the name of a silicone",
+    ),
 }
 """Fields that hold an instance of a class, or None."""
 
@@ -545,7 +524,7 @@ def _check_tables(tables: Tables, needed: tuple[str, ...]) -> None:
 def _known(table: Mapping[str, object], where: str, names: tuple[str, ...]) -> None:
     for key in table:
         if key not in names:
-            raise CaseError(f"{where} has an unknown entry {key!r}; {known_are(key, names)}")
+            raise CaseError(f"{where} has an unknown entry {key!r}; {errors.known_are(key, names)}")
 
 
 def _found(tables: Tables, folder: Path | None) -> Tables:
@@ -591,7 +570,7 @@ def identity(case: Case) -> dict[str, str]:
             "load.preload": f"{case.load.preload!r} Pa",
         }
     for name, path in case.actuator.files.items():
-        texts[f"actuator.{name}"] = f"SHA-256 {file_digest(path)}"
+        texts[f"actuator.{name}"] = f"SHA-256 {files.file_digest(path)}"
     return texts
 
 
@@ -627,7 +606,7 @@ def _text(value: object) -> str:
     text = repr(value)
     if isinstance(value, Component):
         for path in value.files.values():
-            text = text.replace(repr(path), f"SHA-256 {file_digest(path)}")
+            text = text.replace(repr(path), f"SHA-256 {files.file_digest(path)}")
     return text
 
 
@@ -651,7 +630,7 @@ class RequestOptions(TypedDict, total=False):
     formulation: str
     solver: str
     components: Component | Sequence[Component]
-    band: AnyBand | str | Path | None
+    band: materials.AnyBand | str | Path | None
     load_unload: bool
     gauges: Probes | None
     water_density: float | str
@@ -680,13 +659,13 @@ def case_of(
         options: ``strokes`` of a syringe (m3, or a text) with the ``supply``; the opening of a supply's ``valve`` at the times;
             other fields of a `Case` by their names.
     """
-    one_of("device", device, Actuator, "a device, such as sm.HollowDisk()")
+    names.one_of("device", device, Actuator, "a device, such as sm.HollowDisk()")
     in_time = {key: value for key in ("rate", "hold", "cycles") if (value := options.pop(key, None))}  # type: ignore[misc]
     asked = {PRESSURE: pressures, VOLUME: volumes, STROKE: options.pop("strokes", None)}
     valve, chosen = options.pop("valve", None), {key: value for key, value in options.items() if value is not None}
     try:
-        density = Quantity("kg/m^3").settled("water_density", options.get("water_density", WATER_DENSITY))
-        cm = pascal_per_cm(density)
+        density = schema.Quantity("kg/m^3").settled("water_density", options.get("water_density", units.WATER_DENSITY))
+        cm = units.pascal_per_cm(density)
         made = [
             prescribed(quantity, values, cm, times is not None)
             for quantity, values in asked.items()
@@ -701,11 +680,11 @@ def case_of(
             raise CaseError(ONE_REQUEST)
         steps = tuple(chosen.pop("steps", ())) or steps  # type: ignore[arg-type]
         steps = steps_in_time(steps, cm, **in_time) if in_time else steps  # type: ignore[arg-type]
-    except FieldError as error:
+    except errors.FieldError as error:
         raise CaseError(str(error)) from None
     fields = {"name": device.stem, "steps": steps, **chosen}
     if isinstance(band := fields.get("band"), str | Path):
-        fields["band"] = band_of(band)
+        fields["band"] = materials.band_of(band)
     case = Case(actuator=device, material=material, **fields)  # type: ignore[arg-type]
     _doubt_pressures(pressures, case)
     return case
@@ -717,8 +696,9 @@ def _doubt_pressures(pressures: Values | None, case: Case) -> None:
     typed = [one for one in given if not isinstance(one, str)]
     highest = max(typed, key=abs, default=LEAST_PRESSURE) if len(typed) == len(given) else LEAST_PRESSURE
     if abs(highest) < LEAST_PRESSURE:
-        doubt(
-            f"the highest pressure is {highest:.4g} Pa, {highest / case.cm:.2g} {column_unit(case.cm)}; numbers are in Pa, so "
+        names.doubt(
+            f"the highest pressure is {highest:.4g} Pa, {highest / case.cm:.2g} {units.column_unit(case.cm)}; "
+            "numbers are in Pa, so "
             f"write another unit as a text such as '{highest:g} kPa' or '{highest:g} cm'"
         )
 
@@ -733,16 +713,16 @@ def one_value(text: str, pascal_in_cm: float) -> tuple[str, float]:
         if (factor := factor_of(unit, si)) is not None:
             return what, _scaled(number, what) * factor
     raise CaseError(
-        f"{brief(text)} is neither a pressure nor a volume; write it like 70 cm, 7 kPa or 40 ml"
-        + meant(unit, ["cm", *FACTORS["Pa"], *FACTORS["m^3"]])
+        f"{units.brief(text)} is neither a pressure nor a volume; write it like 70 cm, 7 kPa or 40 ml"
+        + errors.meant(unit, ["cm", *units.FACTORS["Pa"], *units.FACTORS["m^3"]])
     )
 
 
 def _scaled(number: str, what: str) -> float:
     try:
         return quantity(number, "")
-    except UnitError as error:
-        raise CaseError(f"{what} {brief(number)}: {error}") from None
+    except units.UnitError as error:
+        raise CaseError(f"{what} {units.brief(number)}: {error}") from None
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -764,7 +744,7 @@ def variable_names(case: Case) -> dict[str, str]:
 
 def _unit_of(case: Case, name: str) -> str:
     """Return the unit of a device's number; a list's entries are pure numbers unless their kind has a unit."""
-    kind = about(case.actuator)[name.partition("[")[0]].kind
+    kind = schema.about(case.actuator)[name.partition("[")[0]].kind
     return kind.unit or str(getattr(getattr(kind, "of", None), "unit", ""))
 
 

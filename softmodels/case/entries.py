@@ -20,26 +20,14 @@ import numpy as np
 from geometries import Actuator
 from geometries.actuator import Vector
 from geometries.faces import Faces, faces, point
-from softmodels.common import schema
+from softmodels.common import errors, schema, units
 from softmodels.common.arrays import Array
-from softmodels.common.errors import FieldError, GeometryError, Spoken, at_command_line, known_are, meant
+from softmodels.common.errors import GeometryError
 from softmodels.common.names import checked
-from softmodels.common.schema import About, Choice, Flag, Text, about
-from softmodels.common.units import (
-    FACTORS,
-    Amount,
-    UnitError,
-    as_amount,
-    brief,
-    number,
-    numbers,
-    pascal_per_cm,
-    quantity,
-    written,
-)
+from softmodels.common.schema import about
 from softmodels.materials.laws import MaterialError
 from softmodels.mechanics.component import ComponentError
-from softmodels.path.steps import StepError
+from softmodels.path import steps
 from softmodels.path.supply import SUPPLIES, AirSupply, SupplyError, Syringe
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -63,7 +51,7 @@ Line = tuple[str, str]
 NAME = r"[A-Za-z]\w*"
 
 
-class ProbeError(Spoken, ValueError):
+class ProbeError(errors.Spoken, ValueError):
     """Invalid points, angles or profile; the message is for the user."""
 
 
@@ -265,7 +253,7 @@ MAX_PRESSURE = 1e6
 """Maximum pressure in Pa; above it the number or its unit is wrong for any silicone."""
 
 
-class SeriesError(Spoken, ValueError):
+class SeriesError(errors.Spoken, ValueError):
     """A text is not a series of values; the message is for the user."""
 
 
@@ -296,10 +284,10 @@ def series(text: object, what: str) -> Typed:
     else:
         separator, parts = ",", [text]
     try:
-        values = numbers(parts)
-    except UnitError as error:
+        values = units.numbers(parts)
+    except units.UnitError as error:
         cure = _unit_at_the_end(separator, parts) or "write 0:177, 0:177:10 or 0,70,130,177"
-        raise SeriesError(f"{what} {brief(text)} is not a list of numbers ({error}); {cure}") from None
+        raise SeriesError(f"{what} {units.brief(text)} is not a list of numbers ({error}); {cure}") from None
     if separator == ":":
         way = _way(values[:2], what)
         values = [way * value for value in _range([way * value for value in values[:2]] + values[2:], str(text), what)]
@@ -313,11 +301,11 @@ def check_order(values: Sequence[float], what: str, more: str = "") -> None:
     way = _way(values, what)
     for before, after in itertools.pairwise(values):
         if after == before:
-            raise SeriesError(f"{what} {written(after)} is requested twice")
+            raise SeriesError(f"{what} {units.written(after)} is requested twice")
         if way * after < way * before:
             turns, order = ("falls", "from low to high") if way > 0 else ("rises", "from high to low")
             raise SeriesError(
-                f"{what} {turns} from {written(before)} to {written(after)}; give the values {order}{more}"
+                f"{what} {turns} from {units.written(before)} to {units.written(after)}; give the values {order}{more}"
             )
 
 
@@ -327,11 +315,12 @@ def _way(values: Sequence[float], what: str) -> int:
     if not below:
         return 1
     if what not in WITH_VACUUM:
-        raise SeriesError(f"{what} {written(below[0])} is negative; give values of 0 or more, such as 0,5,10")
+        raise SeriesError(f"{what} {units.written(below[0])} is negative; give values of 0 or more, such as 0,5,10")
     if above := [value for value in values if value > 0]:
-        low, high = (f"{as_amount(value).number:g}" for value in (min(below), max(above)))
+        low, high = (f"{units.as_amount(value).number:g}" for value in (min(below), max(above)))
         raise SeriesError(
-            f"{what} is both {written(below[0])} and {written(above[0])}; write what goes through 0 as a series in a case "
+            f"{what} is both {units.written(below[0])} and {units.written(above[0])}; write what goes through 0 as "
+            "a series in a case "
             f"file, such as {WITH_VACUUM[what]} = [0, {low}, {high}] under [load]"
         )
     return -1
@@ -372,8 +361,10 @@ def _unit_at_the_end(separator: str, parts: list[object]) -> str:
 def _too_much(values: Sequence[str], unit: str) -> str:
     """Return the end of a sentence on pressures too high for silicone; else empty."""
     try:
-        highest = max(map(number, values)) * (pascal_per_cm() if unit == "cm" else factor_of(unit, "Pa") or 0.0)
-    except UnitError:
+        highest = max(map(units.number, values)) * (
+            units.pascal_per_cm() if unit == "cm" else factor_of(unit, "Pa") or 0.0
+        )
+    except units.UnitError:
         return ""
     if highest <= MAX_PRESSURE:
         return ""
@@ -385,16 +376,16 @@ def _too_much(values: Sequence[str], unit: str) -> str:
 
 def _range(numbers: list[float], text: str, what: str) -> list[float]:
     if len(numbers) not in (2, 3):
-        raise SeriesError(f"{what} {brief(text)}: a range is from:to or from:to:step")
+        raise SeriesError(f"{what} {units.brief(text)}: a range is from:to or from:to:step")
     start, stop = numbers[:2]
     if len(numbers) == 2 or stop <= start:
         return [start, stop]
     step = numbers[2]
     if step <= 0:
-        raise SeriesError(f"{what} {brief(text)}: the step must be above zero")
+        raise SeriesError(f"{what} {units.brief(text)}: the step must be above zero")
     count = (stop - start) / step
     if count > 10000:
-        raise SeriesError(f"{what} {brief(text)} asks for {count:.0f} values; use a larger step")
+        raise SeriesError(f"{what} {units.brief(text)} asks for {count:.0f} values; use a larger step")
     inner = [start + step * i for i in range(math.floor(count * (1 - 1e-12)) + 1)]
     return [*(value for value in inner if value < stop), stop]
 
@@ -408,37 +399,39 @@ def of_text(unit: str, text: str, what: str, pascal_in_cm: float) -> Typed:
     return _typed(map(amount, read), read.doubt)
 
 
-def one_of_text(unit: str, text: str, what: str, pascal_in_cm: float) -> Amount:
+def one_of_text(unit: str, text: str, what: str, pascal_in_cm: float) -> units.Amount:
     """Return a single value of a text with a unit; see `of_text`."""
     value, own = split_text(text)
     amount = _reader(unit, text, own, what, pascal_in_cm)
     try:
-        return amount(quantity(value, ""))
-    except UnitError as error:
-        raise SeriesError(f"{what} {brief(text)}: {error}") from None
+        return amount(units.quantity(value, ""))
+    except units.UnitError as error:
+        raise SeriesError(f"{what} {units.brief(text)}: {error}") from None
 
 
-def _reader(unit: str, text: str, own: str, what: str, pascal_in_cm: float) -> Callable[[float], Amount]:
+def _reader(unit: str, text: str, own: str, what: str, pascal_in_cm: float) -> Callable[[float], units.Amount]:
     """Return what makes amounts of numbers in a text's own unit; volumes are kept in ml, as case files have them."""
     if own == unit or (not own and _is_zero(text)):
         usual = pascal_in_cm if unit == "cm" else ML
-        return lambda number: Amount(number * usual, number, unit)
+        return lambda number: units.Amount(number * usual, number, unit)
     factor = factor_of(own, "Pa" if unit == "cm" else "m^3")
     if factor is None:
         examples = "0:177 cm or 0:17 kPa" if unit == "cm" else "0:60 ml"
-        known = ["cm", *FACTORS["Pa"]] if unit == "cm" else FACTORS["m^3"]
-        trouble = f"an unknown unit, {brief(own)}" if own else "no unit"
-        plain = "" if at_command_line() else ", or give numbers in SI units"
-        raise SeriesError(f"{what} {brief(text)} has {trouble}; write it like {examples}{plain}{meant(own, known)}")
+        known = ["cm", *units.FACTORS["Pa"]] if unit == "cm" else units.FACTORS["m^3"]
+        trouble = f"an unknown unit, {units.brief(own)}" if own else "no unit"
+        plain = "" if errors.at_command_line() else ", or give numbers in SI units"
+        raise SeriesError(
+            f"{what} {units.brief(text)} has {trouble}; write it like {examples}{plain}{errors.meant(own, known)}"
+        )
     if unit == "cm":
-        return lambda number: Amount(number * factor, number, own)
-    return lambda number: Amount(number * (factor / ML) * ML, number * (factor / ML), unit)
+        return lambda number: units.Amount(number * factor, number, own)
+    return lambda number: units.Amount(number * (factor / ML) * ML, number * (factor / ML), unit)
 
 
 def _is_zero(text: str) -> bool:
     try:
-        return number(text) == 0.0
-    except UnitError:
+        return units.number(text) == 0.0
+    except units.UnitError:
         return False
 
 
@@ -451,8 +444,8 @@ def split_text(text: str) -> tuple[str, str]:
 def factor_of(unit: str, si: str) -> float | None:
     """Return the SI value of a unit; None if it is of another kind, or unknown."""
     try:
-        return quantity(f"1 {unit}", si) if unit else None
-    except UnitError:
+        return units.quantity(f"1 {unit}", si) if unit else None
+    except units.UnitError:
         return None
 
 
@@ -476,7 +469,7 @@ def table_of(tables: Tables, name: str) -> Mapping[str, object]:
     """Return a table of a case file; empty if the file omits it, `FieldError` if it is none."""
     table = tables.get(name, {})
     if not isinstance(table, Mapping):
-        raise FieldError(f"{name} is {table!r}; it must be a table, starting with a line [{name}]")
+        raise errors.FieldError(f"{name} is {table!r}; it must be a table, starting with a line [{name}]")
     return table
 
 
@@ -486,7 +479,7 @@ class Option:
     and for its value."""
 
     name: str
-    about: About
+    about: schema.About
     default: object = None
     metavar: str | None = None
 
@@ -504,7 +497,7 @@ class Entry[V](abc.ABC):
         is invalid."""
 
     @abc.abstractmethod
-    def write(self, value: V, text: Text) -> Written:
+    def write(self, value: V, text: schema.Text) -> Written:
         """Return the entries by table; empty for an empty value."""
 
     def known(self, key: str) -> bool:
@@ -534,7 +527,7 @@ class Value(Entry[object]):
 
     table: str
     key: str
-    about: About
+    about: schema.About
     default: object
     hidden: bool = False
     metavar: str | None = None
@@ -563,7 +556,7 @@ class Value(Entry[object]):
         """Return a value given by code in plain form; raise an error of `errors.PART_ERRORS` if it is invalid."""
         return self.about.kind.settled(self.key, value)
 
-    def write(self, value: object, text: Text) -> Written:
+    def write(self, value: object, text: schema.Text) -> Written:
         if self.hidden and value == self.default:
             return {}
         return {self.table: {self.key: self.about.kind.write(value, text)}}
@@ -573,7 +566,7 @@ class Value(Entry[object]):
         yield Option(self._option, self.about, default, self.metavar)
 
     def arguments(self, field: str) -> dict[str, str]:
-        return {self._option: f"{field}=True"} if isinstance(self.about.kind, Flag) else {}
+        return {self._option: f"{field}=True"} if isinstance(self.about.kind, schema.Flag) else {}
 
     def take(self, options: MutableMapping[str, object]) -> object:
         value = options.pop(self._option, None)
@@ -592,12 +585,12 @@ class SupplyEntry(Entry[AirSupply | None]):
         supply = _supply(table.pop("kind", Syringe.name))
         return supply(**schema.from_table(supply, table, "the supply"))
 
-    def write(self, value: AirSupply | None, text: Text) -> Written:
+    def write(self, value: AirSupply | None, text: schema.Text) -> Written:
         return {} if value is None else {"supply": {"kind": value.name, **schema.to_table(value, text)}}
 
     def options(self) -> Iterator[Option]:
         text = "air supply: a prescribed pressure or volume, or a syringe on a T-junction"
-        yield Option("supply", About(Choice(("direct", *SUPPLIES)), text))
+        yield Option("supply", schema.About(schema.Choice(("direct", *SUPPLIES)), text))
         seen = set()
         for supply in SUPPLIES.values():
             for name, field in about(supply).items():
@@ -624,7 +617,7 @@ class SupplyEntry(Entry[AirSupply | None]):
 
 def _supply(name: object) -> type[AirSupply]:
     if not isinstance(name, str) or name not in SUPPLIES:
-        raise SupplyError(f"supply {name!r} is unknown; {known_are(name, SUPPLIES)}")
+        raise SupplyError(f"supply {name!r} is unknown; {errors.known_are(name, SUPPLIES)}")
     return SUPPLIES[name]
 
 
@@ -636,12 +629,12 @@ def _options(supply: type[AirSupply]) -> set[str]:
 # Errors of a case, raised with a message for the user before anything is solved.
 
 
-class CaseError(Spoken, ValueError):
+class CaseError(errors.Spoken, ValueError):
     """Invalid input, detected before anything is solved; the message is for the user."""
 
 
 PART_ERRORS = (
-    FieldError, ProbeError, GeometryError, MaterialError, ComponentError, StepError, SeriesError,
+    errors.FieldError, ProbeError, GeometryError, MaterialError, ComponentError, steps.StepError, SeriesError,
     SupplyError,
 )  # fmt: skip
 """Errors raised by the parts of a case."""

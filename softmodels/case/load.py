@@ -16,41 +16,13 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
-from softmodels.case.entries import (
-    MISSING,
-    ML,
-    CaseError,
-    Entry,
-    Missing,
-    Option,
-    SeriesError,
-    Tables,
-    Value,
-    Written,
-    check_order,
-    of_text,
-    one_of_text,
-    series,
-    table_of,
-)
-from softmodels.common.errors import FieldError
+from softmodels.case import entries
+from softmodels.case.entries import CaseError, Entry
+from softmodels.common import errors, schema, units
 from softmodels.common.names import checked
-from softmodels.common.schema import About, Quantity, Text, Words
-from softmodels.common.units import (
-    WATER_DENSITY,
-    Amount,
-    UnitError,
-    as_amount,
-    brief,
-    number,
-    numbers,
-    pascal_per_cm,
-    plain,
-    quantity,
-)
+from softmodels.mechanics import controls
 from softmodels.mechanics.component import Component
-from softmodels.mechanics.controls import LoadPart, RequestedValue, requestable
-from softmodels.path.stability import DeadForce, LoadDisplacement
+from softmodels.path import stability
 from softmodels.path.steps import (
     FLOW,
     MAX_STEPS,
@@ -88,7 +60,12 @@ SUPPLY_KEYS = {**SOURCE_KEYS, VALVE: VALVE}
 TIME_KEY = "time_s"
 """Key of the times at which the steps of a program end."""
 STROKE_KEY, PRELOAD = "stroke_ml", "at_pressure"
-_UNITS = {VOLUME: (ML, "ml"), STROKE: (ML, "ml"), FLOW: (ML / 60.0, "ml/min"), VALVE: (1.0, "open")}
+_UNITS = {
+    VOLUME: (entries.ML, "ml"),
+    STROKE: (entries.ML, "ml"),
+    FLOW: (entries.ML / 60.0, "ml/min"),
+    VALVE: (1.0, "open"),
+}
 """SI units in one of what case files have, and its name."""
 DENSITY = "water_density"
 """Key and option of the density of the column's liquid."""
@@ -99,7 +76,7 @@ ONE_REQUEST = (
 )
 
 
-def load_keys() -> dict[str, RequestedValue]:
+def load_keys() -> dict[str, controls.RequestedValue]:
     """Return the descriptions of what may be requested of dead loads by key, such as ``"force_N"``."""
     return {key: asked for _, key, asked in load_quantities().values()}
 
@@ -110,10 +87,10 @@ def quantities() -> dict[str, str]:
     return {**SUPPLY_KEYS, **CAVITY_KEYS, STROKE_KEY: STROKE, **dead}
 
 
-def _amount(number: float, quantity: str, cm: float) -> Amount:
+def _amount(number: float, quantity: str, cm: float) -> units.Amount:
     """Return an amount of a number in the unit of a quantity's key."""
     scale, unit = (cm, CM) if quantity in (PRESSURE, SOURCE_PRESSURE) else _unit(quantity)
-    return Amount(number * scale, number, unit)
+    return units.Amount(number * scale, number, unit)
 
 
 def _unit(quantity: str) -> tuple[float, str]:
@@ -124,7 +101,7 @@ def _unit(quantity: str) -> tuple[float, str]:
 
 
 @checked
-def steps_of(*, water_density: float | str = WATER_DENSITY, **load: object) -> Steps:
+def steps_of(*, water_density: float | str = units.WATER_DENSITY, **load: object) -> Steps:
     """Return the load steps of ``[load]``, by its keys.
 
     Args:
@@ -137,18 +114,18 @@ def steps_of(*, water_density: float | str = WATER_DENSITY, **load: object) -> S
         CaseError: Several quantities, or what belongs to another one.
         SeriesError, FieldError, StepError: Invalid values.
     """
-    cm = pascal_per_cm(Quantity("kg/m^3").settled(DENSITY, water_density))
+    cm = units.pascal_per_cm(schema.Quantity("kg/m^3").settled(DENSITY, water_density))
     given = {key: value for key, value in load.items() if value is not None and not _empty(value)}
     in_time = {key: given.pop(key) for key in ("rate", "hold", "cycles") if key in given}
     own = [key for key in ("pressure_cm", PRESSURE, "volume_ml", STROKE_KEY, *load_keys()) if key in given]
     if {"pressure_cm", PRESSURE} <= set(own):
-        raise FieldError("pressures are requested twice, as pressure and as pressure_cm; leave one of them out")
+        raise errors.FieldError("pressures are requested twice, as pressure and as pressure_cm; leave one of them out")
     dead = [key for key in load_keys() if key in own]
     if len(dead) > 1:
-        raise FieldError(f"request one of {' and '.join(dead)}; for several in sequence write a program")
+        raise errors.FieldError(f"request one of {' and '.join(dead)}; for several in sequence write a program")
     preload = {key: given.pop(key) for key in ("on", PRELOAD, f"{PRELOAD}_{CM}") if key in given}
     if preload and not dead:
-        raise FieldError(f'{next(iter(preload))} needs requested forces, such as force_N = "0:10" (--force-N)')
+        raise errors.FieldError(f'{next(iter(preload))} needs requested forces, such as force_N = "0:10" (--force-N)')
     if len(own) + bool(set(given) - set(own)) > 1:
         raise CaseError(ONE_REQUEST)
     if not own:
@@ -170,22 +147,22 @@ def _series(key: str, value: object, cm: float) -> Prescribed:
     """Return the values of a key that rise, or all fall from 0."""
     if key != PRESSURE:
         name = quantities()[key]
-        read = series(value, key if key in load_keys() else name)
+        read = entries.series(value, key if key in load_keys() else name)
         return Prescribed(name, tuple(_amount(one, name, cm) for one in read), doubt=read.doubt)
     if not _have_units(value):
-        raise SeriesError(
-            f'{PRESSURE} {brief(value)} has no unit; write it like "0:4 kPa" or ["1 kPa", "2 kPa"], or give pressure_cm'
+        raise entries.SeriesError(
+            f'{PRESSURE} {units.brief(value)} has no unit; write it like "0:4 kPa" or ["1 kPa", "2 kPa"], or give pressure_cm'
         )
     return prescribed(PRESSURE, value, cm)  # type: ignore[arg-type]
 
 
 def _of_load(key: str, value: object, cm: float, on: object = "", **kept: object) -> Steps:
     """Return the steps to values of a dead load, perhaps at a pressure that is applied first and kept."""
-    asked = dataclasses.replace(_series(key, value, cm), of=Words().settled("on", on))
+    asked = dataclasses.replace(_series(key, value, cm), of=schema.Words().settled("on", on))
     if PRELOAD in kept:
-        pressure = one_of_text(CM, Words().settled(PRELOAD, kept[PRELOAD]), PRELOAD, cm)
+        pressure = entries.one_of_text(CM, schema.Words().settled(PRELOAD, kept[PRELOAD]), PRELOAD, cm)
     else:
-        pressure = _amount(Quantity().settled(f"{PRELOAD}_{CM}", kept.get(f"{PRELOAD}_{CM}", 0.0)), PRESSURE, cm)
+        pressure = _amount(schema.Quantity().settled(f"{PRELOAD}_{CM}", kept.get(f"{PRELOAD}_{CM}", 0.0)), PRESSURE, cm)
     before = (Step((Prescribed(PRESSURE, (pressure,)),)),) if pressure else ()
     return *before, Step((asked,))
 
@@ -202,7 +179,7 @@ def _program(tables: Mapping[str, object], cm: float) -> Steps:
         StepError: Unknown entries, values that are no numbers, series of unlike lengths, times that run backwards, or as
             `check_steps`.
     """
-    keys, tables = requestable(), dict(tables)
+    keys, tables = controls.requestable(), dict(tables)
     times = tables.pop(TIME_KEY, None)
     if times is not None and not tables:
         raise StepError(f"{TIME_KEY} needs a series that changes in time, such as cavity1.pressure_cm = [0, 40, 0]")
@@ -229,7 +206,7 @@ def _in_steps(series: Sequence[Prescribed], ends: Sequence[float] | None) -> Ste
         )
     if ends is not None and (ends[0] < 0.0 or (np.diff(ends) < 0.0).any()):
         raise StepError(
-            f"{TIME_KEY} {brief(list(ends))} runs backwards; give times from 0 on, none before the last one"
+            f"{TIME_KEY} {units.brief(list(ends))} runs backwards; give times from 0 on, none before the last one"
         )
     rows = zip(*(one.values * (count if len(one.values) == 1 else 1) for one in series), strict=True)
     made = [tuple(Prescribed(one.quantity, (v,), one.of) for one, v in zip(series, row, strict=True)) for row in rows]
@@ -261,7 +238,7 @@ def _of_supply(given: Mapping[str, object], others: Mapping[str, object], timed:
 def _of_loads(kind: str, table: object) -> list[tuple[str, object]]:
     """Return the series of one kind of load by key: ``gravity = [...]``, ``force.force_N = [...]``, ``force.tip.force_N =
     [...]``."""
-    keys = requestable()[kind]
+    keys = controls.requestable()[kind]
     if len(keys) == 1 and not isinstance(table, Mapping):
         return [(kind, dict.fromkeys(keys, table))]
     if not isinstance(table, Mapping):
@@ -280,9 +257,9 @@ def _one_series(name: str, table: object, keys: Collection[str], cm: float) -> P
     if key not in (PRESSURE, SOURCE_PRESSURE):
         return Prescribed(quantity, tuple(_amount(one, quantity, cm) for one in _numbers(where, text)), name)
     if not _have_units(text):
-        raise StepError(f'{where} {brief(text)} has no unit; write one for each step, such as ["0 kPa", "4 kPa"]')
+        raise StepError(f'{where} {units.brief(text)} has no unit; write one for each step, such as ["0 kPa", "4 kPa"]')
     texts = [text] if isinstance(text, str) else text
-    return Prescribed(quantity, tuple(one_of_text(CM, one, where, cm) for one in texts), name)
+    return Prescribed(quantity, tuple(entries.one_of_text(CM, one, where, cm) for one in texts), name)
 
 
 def _have_units(value: object) -> bool:
@@ -294,13 +271,13 @@ def _have_units(value: object) -> bool:
 def _numbers(where: str, text: object) -> tuple[float, ...]:
     values = text.split(",") if isinstance(text, str) else text if isinstance(text, list | tuple) else [text]
     try:
-        found = tuple(numbers(values))
-    except UnitError as error:
+        found = tuple(units.numbers(values))
+    except units.UnitError as error:
         raise StepError(
-            f"{where} {brief(text)} is not numbers ({error}); write one for each step, such as [20, 40]"
+            f"{where} {units.brief(text)} is not numbers ({error}); write one for each step, such as [20, 40]"
         ) from None
     if not found:
-        raise StepError(f"{where} {brief(text)} has no values; write one for each step, such as [20, 40]")
+        raise StepError(f"{where} {units.brief(text)} has no values; write one for each step, such as [20, 40]")
     return found
 
 
@@ -314,8 +291,8 @@ def steps_in_time(steps: Steps, cm: float, rate: str = "", hold: float | str = 0
     The rate is such as ``"1 kPa/s"``, empty for at once; the last value is held for ``hold`` s, in each cycle. Cycles go from
     0 and back to 0; 0 of them for once and without the way back.
     """
-    rate, hold = Words().settled("rate", rate), Quantity("s").settled("hold", hold)
-    cycles = Quantity().settled("cycles", cycles)
+    rate, hold = schema.Words().settled("rate", rate), schema.Quantity("s").settled("hold", hold)
+    cycles = schema.Quantity().settled("cycles", cycles)
     one = steps[0].prescribed[0] if steps and not is_program(steps) else None
     if one is None or not one.of_cavity or one.values[-1] == 0.0:
         raise CaseError(
@@ -351,20 +328,20 @@ def _rate(text: str, one: Prescribed, cm: float) -> float:
     kinds = [("Pa/s", 1.0), ("m/s", 100.0 * cm)] if one.quantity == PRESSURE else [("m^3/s", 1.0)]
     for unit, scale in kinds:
         try:
-            found = quantity(text, unit) * scale
-        except UnitError:
+            found = units.quantity(text, unit) * scale
+        except units.UnitError:
             continue
         if found > 0.0:
             return found
-        raise CaseError(f"rate {brief(text)} must be above 0; the way back is --cycles")
+        raise CaseError(f"rate {units.brief(text)} must be above 0; the way back is --cycles")
     raise CaseError(
-        f"rate {brief(text)} is none; write it like {'1kPa/s or 5cm/s' if one.quantity == PRESSURE else '2ml/s'}"
+        f"rate {units.brief(text)} is none; write it like {'1kPa/s or 5cm/s' if one.quantity == PRESSURE else '2ml/s'}"
     )
 
 
 type Values = str | float | Sequence[float | str] | npt.NDArray[np.float64]
 """Requested values: a text with a unit such as ``"0:177 cm"``, texts such as ``["1 kPa", "2 kPa"]``, or numbers in SI units."""
-SECONDS = Quantity("s")
+SECONDS = schema.Quantity("s")
 EXAMPLES = {PRESSURE: "'0:177 cm'", VOLUME: "'0:60 ml'", STROKE: "'0:20 ml'"}
 
 
@@ -374,41 +351,43 @@ def prescribed(quantity: str, values: Values, cm: float, falls: bool = False) ->
     unit = CM if quantity == PRESSURE else "ml"
     try:
         if isinstance(values, str):
-            read = of_text(unit, values, quantity, cm)
+            read = entries.of_text(unit, values, quantity, cm)
             return Prescribed(quantity, tuple(read), doubt=read.doubt)
         found = [
-            one_of_text(unit, one, quantity, cm) if isinstance(one, str) else as_written(number(one), quantity, cm)
+            entries.one_of_text(unit, one, quantity, cm)
+            if isinstance(one, str)
+            else as_written(units.number(one), quantity, cm)
             for one in listed(values, quantity)
         ]
         if not found:
             raise CaseError(f"the list of {quantity}s is empty; give at least one value, such as {EXAMPLES[quantity]}")
         if not falls:
-            check_order(found, quantity)
+            entries.check_order(found, quantity)
         return Prescribed(quantity, tuple(found))
-    except (SeriesError, UnitError) as error:
+    except (entries.SeriesError, units.UnitError) as error:
         raise CaseError(str(error)) from None
 
 
-def as_written(value: float, quantity: str, cm: float) -> Amount:
+def as_written(value: float, quantity: str, cm: float) -> units.Amount:
     """Return a value in SI with its text: its own; or that of case files, Pa of a pressure, so that a file with it is read as
     exactly this value."""
     of_column = quantity in (PRESSURE, SOURCE_PRESSURE)
-    if isinstance(value, Amount) and (value.unit != CM or value == value.number * cm):
+    if isinstance(value, units.Amount) and (value.unit != CM or value == value.number * cm):
         return value
     if of_column:
-        return Amount(value, float(value), "Pa")
+        return units.Amount(value, float(value), "Pa")
     return _amount(value / _unit(quantity)[0], quantity, cm)
 
 
 def listed(values: object, what: str) -> list[float | str]:
     """Return requested values as a list of Python's numbers and texts; else `CaseError`."""
     try:
-        given = plain(values)
-        each = [plain(one) for one in (given if isinstance(given, list | tuple) else [given])]
-    except UnitError as error:
+        given = units.plain(values)
+        each = [units.plain(one) for one in (given if isinstance(given, list | tuple) else [given])]
+    except units.UnitError as error:
         raise CaseError(f"{what} {error}") from None
     if not all(isinstance(one, int | float | str) and not isinstance(one, bool) for one in each):
-        raise CaseError(f"{what} {brief(values)} is neither numbers nor a text with a unit")
+        raise CaseError(f"{what} {units.brief(values)} is neither numbers nor a text with a unit")
     return each
 
 
@@ -435,10 +414,13 @@ OPTIONS = {"share": "weight_share"}
 """Names of the options that differ from the key."""
 PRESSURE_TEXT = "pressures in cm of the column (of --water-density): 0:177, 0:177:10 or 0,70,130,177"
 IN_TIME = (
-    Value("load", "rate", About(Words(), "rate of pressure or added volume, of a silicone with a memory: 1kPa/s, 5cm/s of the "
+    entries.Value("load", "rate", schema.About(schema.Words(),
+    "rate of pressure or added volume, of a silicone with a memory: 1kPa/s, 5cm/s of the "
           "column or 2ml/s; without it they are applied at once"), "", hidden=True, metavar="RATE"),
-    Value("load", "hold", About(SECONDS, "time for which the last pressure or volume is held, such as 60s"), 0.0, hidden=True),
-    Value("load", "cycles", About(Quantity(), "number of times the pressure or volume goes up, and down to 0 again, at the "
+    entries.Value("load", "hold", schema.About(SECONDS,
+    "time for which the last pressure or volume is held, such as 60s"), 0.0, hidden=True),
+    entries.Value("load", "cycles", schema.About(schema.Quantity(),
+    "number of times the pressure or volume goes up, and down to 0 again, at the "
           "rate"), 0.0, hidden=True),
 )  # fmt: skip
 
@@ -451,32 +433,34 @@ class StepsEntry(Entry[Steps]):
     @property
     def keys(self) -> tuple[str, ...]:  # type: ignore[override]
         own = [option.name for option in self.options()]
-        return *own, *load_keys(), PRELOAD, "cavity1", *requestable(), TIME_KEY, *SUPPLY_KEYS
+        return *own, *load_keys(), PRELOAD, "cavity1", *controls.requestable(), TIME_KEY, *SUPPLY_KEYS
 
     def known(self, key: str) -> bool:
         return key.startswith("cavity") or key in self.keys
 
-    def read(self, tables: Tables) -> Steps | Missing:
-        table = {key: value for key, value in table_of(tables, "load").items() if self.known(key)}
+    def read(self, tables: entries.Tables) -> Steps | entries.Missing:
+        table = {key: value for key, value in entries.table_of(tables, "load").items() if self.known(key)}
         table |= {one.key: one.read(tables) for one in IN_TIME if one.key in table}
-        return self._made(table, table_of(tables, "load").get(DENSITY))
+        return self._made(table, entries.table_of(tables, "load").get(DENSITY))
 
-    def write(self, value: Steps, text: Text) -> Written:
+    def write(self, value: Steps, text: schema.Text) -> entries.Written:
         return {"load": load_table(value)} if value else {}
 
-    def options(self) -> Iterator[Option]:
-        yield Option("pressure_cm", About(Words(), PRESSURE_TEXT), metavar="SERIES")
+    def options(self) -> Iterator[entries.Option]:
+        yield entries.Option("pressure_cm", schema.About(schema.Words(), PRESSURE_TEXT), metavar="SERIES")
         text = "pressures with a unit, instead of heights of a column: 0:4kPa or 0,1,2kPa"
-        yield Option(PRESSURE, About(Words(), text), metavar="SERIES")
+        yield entries.Option(PRESSURE, schema.About(schema.Words(), text), metavar="SERIES")
         text = "added volumes of the cavity in ml, instead of pressures"
-        yield Option("volume_ml", About(Words(), text), metavar="SERIES")
+        yield entries.Option("volume_ml", schema.About(schema.Words(), text), metavar="SERIES")
         text = "strokes of the supply, such as a syringe's piston, in ml, instead of pressures, such as 0:20"
-        yield Option(STROKE_KEY, About(Words(), text), metavar="SERIES")
+        yield entries.Option(STROKE_KEY, schema.About(schema.Words(), text), metavar="SERIES")
         for key, asked in load_keys().items():
-            yield Option(OPTIONS.get(key, key), About(Words(), asked.help), metavar="SERIES")
-        yield Option("on", About(Words(), "name of the load they refer to, if a case has several"), metavar="NAME")
+            yield entries.Option(OPTIONS.get(key, key), schema.About(schema.Words(), asked.help), metavar="SERIES")
+        yield entries.Option(
+            "on", schema.About(schema.Words(), "name of the load they refer to, if a case has several"), metavar="NAME"
+        )
         text = "pressure in cm of the column, applied first and then constant, for forces on an inflated device"
-        yield Option(f"{PRELOAD}_{CM}", About(Quantity(), text))
+        yield entries.Option(f"{PRELOAD}_{CM}", schema.About(schema.Quantity(), text))
         for one in IN_TIME:
             yield from one.options()
 
@@ -487,16 +471,16 @@ class StepsEntry(Entry[Steps]):
         }
         return {**texts, **dead}
 
-    def take(self, options: MutableMapping[str, object]) -> Steps | Missing:
+    def take(self, options: MutableMapping[str, object]) -> Steps | entries.Missing:
         keys = {name: key for key, name in OPTIONS.items()}
         given = {keys.get(one.name, one.name): options.pop(one.name, None) for one in self.options()}
         return self._made(given, options.get(DENSITY))
 
-    def _made(self, given: Mapping[str, object], density: object) -> Steps | Missing:
+    def _made(self, given: Mapping[str, object], density: object) -> Steps | entries.Missing:
         if density is not None and not isinstance(density, float):
-            density = Quantity("kg/m^3").read(DENSITY, density)
-        made = steps_of(**{DENSITY: WATER_DENSITY if density is None else density, **given})  # type: ignore[arg-type]
-        return made or MISSING
+            density = schema.Quantity("kg/m^3").read(DENSITY, density)
+        made = steps_of(**{DENSITY: units.WATER_DENSITY if density is None else density, **given})  # type: ignore[arg-type]
+        return made or entries.MISSING
 
 
 def load_table(steps: Steps) -> dict[str, object]:
@@ -522,7 +506,7 @@ def load_table(steps: Steps) -> dict[str, object]:
 
 def _entry(one: Prescribed) -> dict[str, list[float | str]]:
     """Return the key of a quantity, with its values as written."""
-    values = [as_amount(value) for value in one.values]
+    values = [units.as_amount(value) for value in one.values]
     if one.quantity in (PRESSURE, SOURCE_PRESSURE) and any(value.unit != CM for value in values):
         return {one.quantity: [value.text for value in values]}
     key = next(key for key, quantity in quantities().items() if quantity == one.quantity)
@@ -558,17 +542,21 @@ REQUESTED = {
 STEP = Requested("step", "steps", "", "load_step")
 
 
-def load_part(asked: Prescribed, components: Sequence[Component]) -> LoadPart:
+def load_part(asked: Prescribed, components: Sequence[Component]) -> controls.LoadPart:
     """Return the dead load that values are requested of; `FieldError` if there is none, or several."""
     table, key, of = load_quantities()[asked.quantity]
-    found = [part for part in components if isinstance(part, LoadPart) and part.table == table]
+    found = [part for part in components if isinstance(part, controls.LoadPart) and part.table == table]
     named = [part for part in found if not asked.of or asked.of in (part.name, part.key)]
     if len(named) == 1:
         return named[0]
     if not found:
-        raise FieldError(f"{of.words} are requested ({key}), but the device has no [{table}]; add one (--{table})")
+        raise errors.FieldError(
+            f"{of.words} are requested ({key}), but the device has no [{table}]; add one (--{table})"
+        )
     names = ", ".join(part.name or "without a name" for part in found)
-    raise FieldError(f'{key} refers to one {table}, but the case has {names}; choose one (on = "{found[0].name}")')
+    raise errors.FieldError(
+        f'{key} refers to one {table}, but the case has {names}; choose one (on = "{found[0].name}")'
+    )
 
 
 class Loaded(Protocol):
@@ -656,7 +644,7 @@ class Load:
         return self.asked if self.asked is not None and self.asked.of_load else None
 
     @property
-    def driven_part(self) -> LoadPart:
+    def driven_part(self) -> controls.LoadPart:
         """The dead load whose values are requested."""
         assert self.driven is not None
         return load_part(self.driven, self.case.components)
@@ -679,7 +667,7 @@ class Load:
         asked, part = load_quantities()[self.asked.quantity][2], self.driven_part
         column = part.travel_column if asked.held else part.column
         return Requested(
-            LoadDisplacement.name if asked.held else DeadForce.name,
+            stability.LoadDisplacement.name if asked.held else stability.DeadForce.name,
             asked.words,
             asked.unit,
             part.share_column if self.asked.quantity == "share" else column,
@@ -720,7 +708,7 @@ class Load:
     def scale(self) -> float:
         """SI units in one of the requested values' unit; 1 of a program."""
         if self.asked is None:
-            return 1.0 if self.program else ML
+            return 1.0 if self.program else entries.ML
         return self.case.cm if self.asked.quantity == PRESSURE else _unit(self.asked.quantity)[0]
 
     @property
@@ -747,7 +735,7 @@ class Load:
             key = load_quantities()[asked.quantity][1] if asked.of_load else asked.quantity
             if not any(asked.values):
                 raise CaseError(f"the only {key} requested is 0; add a value above 0")
-            check_order(asked.values, key)
+            entries.check_order(asked.values, key)
         if not actuator.ratios and asked is not None and not asked.of_load:
             raise CaseError(
                 f"{type(actuator).__name__} has no cavity for a pressure or a volume; load it by a force (--force with "
@@ -781,7 +769,7 @@ class Load:
         if (
             case.supply is not None
             and not case.supply.in_time
-            and any(isinstance(part, LoadPart) and not part.idle(case.components) for part in case.components)
+            and any(isinstance(part, controls.LoadPart) and not part.idle(case.components) for part in case.components)
         ):
             raise CaseError(
                 "strokes of a supply count from the undeformed cavity, but a device with weights or forces starts "
@@ -869,7 +857,10 @@ class Load:
 
     def _check_program(self) -> None:
         case, actuator = self.case, self.case.actuator
-        count, known = len(actuator.ratios), {part.key: part for part in case.components if isinstance(part, LoadPart)}
+        count, known = (
+            len(actuator.ratios),
+            {part.key: part for part in case.components if isinstance(part, controls.LoadPart)},
+        )
         drivers = courses(self.steps)
         cavities = [one.of for one in drivers if one.of_cavity]
         if cavities and sorted(cavities) != sorted(f"cavity{i + 1}" for i in range(count)):
@@ -908,17 +899,18 @@ class Load:
         volumes = [0.0, *self.of(VOLUME), *self._in_program(VOLUME)]
         if cavity and min(volumes) <= -cavity:
             raise CaseError(
-                f"an added volume of {min(volumes) / ML:g} ml empties a cavity of {cavity * 1e6:.4g} ml; give a volume above "
+                f"an added volume of {min(volumes) / entries.ML:g} ml empties a cavity of {cavity * 1e6:.4g} ml; "
+                "give a volume above "
                 f"{-cavity * 1e6:.4g} ml"
             )
         largest = max(volumes)
         if largest > VOLUME_RANGE * cavity:
             raise CaseError(
-                f"an added volume of {largest / ML:g} ml against a cavity of {cavity * 1e6:.4g} ml is out of range; "
+                f"an added volume of {largest / entries.ML:g} ml against a cavity of {cavity * 1e6:.4g} ml is out of range; "
                 f"give at most {VOLUME_RANGE:g} times the cavity volume"
             )
 
 
 def in_unit(value: float, unit: str, scale: float) -> float:
     """Return a value in a unit of so many SI units: its own number where it was written in that unit."""
-    return value.number if isinstance(value, Amount) and value.unit == unit else value / scale
+    return value.number if isinstance(value, units.Amount) and value.unit == unit else value / scale

@@ -18,39 +18,22 @@ import numpy.typing as npt
 
 from geometries import Actuator
 from geometries.actuator import cavity_roles
-from softmodels.case.entries import MISSING, Entry, Missing, Option, Tables, Written, table_of
-from softmodels.common.errors import OWN, FieldError, known_are
-from softmodels.common.files import read_json
-from softmodels.common.names import checked, read_only
-from softmodels.common.schema import About, Quantity, Text, Words, about
+from softmodels.case import entries
+from softmodels.case.entries import Entry
+from softmodels.common import errors, files, names, schema, units
+from softmodels.common.names import checked
 from softmodels.common.tables import TomlError, read_toml
-from softmodels.common.units import exact_text
-from softmodels.components.contact import AUTO, Obstacle, RigidShape, Walls
+from softmodels.components import contact, loads
+from softmodels.components.contact import Obstacle, RigidShape, Walls
 from softmodels.components.fibres import Fabric, Fibres, Sheet
-from softmodels.components.loads import Force, Gravity, Mass, Moment, check_density
+from softmodels.components.loads import Force, Gravity, Mass, Moment
 from softmodels.components.rigid import Clamp, Rigid
-from softmodels.materials.laws import LAWS, SOFTEST, Material, MaterialError, NeoHookean, law_called, parameter_fields
+from softmodels.materials import laws, silicones, specimens
+from softmodels.materials.laws import Material, MaterialError, NeoHookean
 from softmodels.materials.memory import Memory
-from softmodels.materials.silicones import (
-    PRODUCTS,
-    named,
-    product_of,
-    sheet_of,
-    silicone_called,
-    source_names,
-    spanning,
-)
-from softmodels.materials.specimens import check_rest
+from softmodels.mechanics import component, regions
 from softmodels.mechanics.body import Body, cells_within
-from softmodels.mechanics.component import (
-    COMPONENTS,
-    Component,
-    ComponentError,
-    check_condition,
-    gravity_of,
-    register_component,
-)
-from softmodels.mechanics.regions import RegionPart
+from softmodels.mechanics.component import Component, ComponentError
 
 DEFAULT = NeoHookean(shear_modulus=30e3)
 CONVENTION = "convention"
@@ -64,13 +47,13 @@ MEMORY = "memory"
 def material_options_of() -> dict[str, tuple[str, list[str]]]:
     """Return help text and laws of each key of a material's table: fields first, then their alternatives."""
     entries: dict[str, tuple[str, list[str]]] = {}
-    for law in LAWS.values():
-        for field in parameter_fields(law):
+    for law in laws.LAWS.values():
+        for field in laws.parameter_fields(law):
             entries.setdefault(field.name, (field.metadata["help"], []))[1].append(law.name)
-    for law in LAWS.values():
+    for law in laws.LAWS.values():
         for name, (_, text) in law.alternatives.items():
             entries.setdefault(name, (text, []))[1].append(law.name)
-    for law in LAWS.values():
+    for law in laws.LAWS.values():
         if law.conventions:
             entries.setdefault(CONVENTION, (law.convention_help, []))[1].append(law.name)
     return entries
@@ -91,11 +74,11 @@ def material_from(name: str | None, values: Mapping[str, object]) -> Material:
     if twice := own.keys() & given.keys():
         raise MaterialError(f"material {name!r} has {min(twice)} already; leave out {_flag(min(twice))}")
     given = {**own, **given}
-    if found := law_called(law):
+    if found := laws.law_called(law):
         if found[0] is type(DEFAULT) and not {*DEFAULT.parameters, *DEFAULT.alternatives} & set(given):
-            given["shear_modulus"] = exact_text(DEFAULT.shear_modulus, "Pa")
+            given["shear_modulus"] = units.exact_text(DEFAULT.shear_modulus, "Pa")
         return from_table({"law": law, **given})
-    if silicone := silicone_called(law):
+    if silicone := silicones.silicone_called(law):
         table = to_table(silicone.material)
         if mixed := _mixed(given):
             flags = " and ".join(map(_flag, mixed))
@@ -106,7 +89,7 @@ def material_from(name: str | None, values: Mapping[str, object]) -> Material:
     elif law.endswith(".toml") or Path(law).is_file():
         return _from_file(law, given)
     else:
-        known = known_are(law, [*LAWS, *PRODUCTS])
+        known = errors.known_are(law, [*laws.LAWS, *silicones.PRODUCTS])
         raise MaterialError(f"material {law!r} is neither a law, a silicone nor a TOML file; {known}")
     return from_table({**table, **given})
 
@@ -152,13 +135,13 @@ def _read_file(path: Path) -> dict[str, object]:
     return dict(table["material"])
 
 
-def to_table(material: Material, text: Text = exact_text) -> dict[str, object]:
+def to_table(material: Material, text: schema.Text = units.exact_text) -> dict[str, object]:
     """Return a material as a TOML table: its law and parameters with units. `from_table` gives back an equal one.
 
     ``text`` writes the quantities; `softmodels.common.units.readable` is for people.
     """
     table: dict[str, object] = {"law": material.name}
-    for field in parameter_fields(material):
+    for field in laws.parameter_fields(material):
         value, unit = getattr(material, field.name), field.metadata["unit"]
         if isinstance(value, tuple):
             table[field.name] = [text(v, unit) if unit else v for v in value]
@@ -181,9 +164,9 @@ def from_table(table: Mapping[str, object]) -> Material:
         return _from_file(values.pop("file"), values)
     if "silicone" in values:
         silicone = values.pop("silicone")
-        listed = silicone_called(silicone) if isinstance(silicone, str) else None
+        listed = silicones.silicone_called(silicone) if isinstance(silicone, str) else None
         if listed is None:
-            known = known_are(silicone, PRODUCTS, ", and their sources (softmodels silicones)")
+            known = errors.known_are(silicone, silicones.PRODUCTS, ", and their sources (softmodels silicones)")
             raise MaterialError(f"silicone {silicone!r} is unknown; {known}")
         if mixed := _mixed(values):
             names = " and ".join(mixed)
@@ -193,21 +176,22 @@ def from_table(table: Mapping[str, object]) -> Material:
             )
         return from_table({**to_table(listed.material), **values})
     if "law" not in values:
-        known = f"a law (law = one of {', '.join(LAWS)})"
+        known = f"a law (law = one of {', '.join(laws.LAWS)})"
         raise MaterialError(
-            f"the material names neither a silicone (silicone = '{next(iter(PRODUCTS))}') nor {known} nor a fitted one "
+            f"the material names neither a silicone (silicone = '{next(iter(silicones.PRODUCTS))}') nor {known} "
+            "nor a fitted one "
             "(file = 'fitted.toml')"
         )
     text = values.pop("law")
-    found = law_called(text) if isinstance(text, str) else None
+    found = laws.law_called(text) if isinstance(text, str) else None
     if found is None:
-        raise MaterialError(f"law {text!r} is unknown; {known_are(text, LAWS)}")
+        raise MaterialError(f"law {text!r} is unknown; {errors.known_are(text, laws.LAWS)}")
     (law, terms), name = found, found[0].name
     further: dict[str, object] = {
         FITTED: _range(name, values.pop(FITTED, None)),
         MEMORY: _memory(name, values.pop(MEMORY, None)),
     }
-    fields = {field.name: field for field in parameter_fields(law)}
+    fields = {field.name: field for field in laws.parameter_fields(law)}
     convention = values.pop(CONVENTION, law.conventions[0]) if law.conventions else ""
     if not isinstance(convention, str) or (convention and convention not in law.conventions):
         raise MaterialError(f"{name}: convention {convention!r} is not one of {', '.join(law.conventions)}")
@@ -234,7 +218,7 @@ def from_table(table: Mapping[str, object]) -> Material:
 def _memory(law: str, table: object) -> Memory | None:
     try:
         return None if table is None else Memory.from_table(table)
-    except FieldError as error:
+    except errors.FieldError as error:
         raise MaterialError(f"{law}: {error}") from None
 
 
@@ -260,8 +244,8 @@ def _many(law: str, key: str, value: object, unit: str) -> tuple[float, ...]:
 
 def _number(law: str, key: str, value: object, unit: str) -> float:
     try:
-        return Quantity(unit).read(f"{law}: {key}", value)
-    except FieldError as error:
+        return schema.Quantity(unit).read(f"{law}: {key}", value)
+    except errors.FieldError as error:
         raise MaterialError(str(error)) from None
 
 
@@ -287,14 +271,14 @@ class MaterialErrors:
     @property
     def matrix(self) -> npt.NDArray[np.float64]:
         """The covariance, shape (n, n)."""
-        return read_only(np.array(self.covariance))
+        return names.read_only(np.array(self.covariance))
 
     @property
     def roots(self) -> npt.NDArray[np.float64]:
         """Independent parameter changes of one standard deviation each, shape (n, m)."""
         size = np.sqrt(np.diag(self.matrix))
         values, vectors = np.linalg.eigh(self.matrix / np.outer(size, size))
-        return read_only(np.asarray(size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))))
+        return names.read_only(np.asarray(size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))))
 
     @classmethod
     def from_file(cls, path: Path) -> MaterialErrors:
@@ -311,9 +295,9 @@ class MaterialErrors:
             fitted = from_table(tables["material"])
         except MaterialError as error:
             raise MaterialError(f"{path}: {error}") from None
-        from softmodels.mechanics.sensitivity import known_parameters
+        from softmodels.mechanics import sensitivity
 
-        known = known_parameters(fitted)
+        known = sensitivity.known_parameters(fitted)
         names, covariance, how = _whole(path, fitted) or _intervals(path, fit)
         kept = [k for k, name in enumerate(names) if name in known]  # a device's fit also has bench parameters
         if not kept:
@@ -328,9 +312,9 @@ class MaterialErrors:
                 f"the errors ({self.how}) belong to another material than the case's; use the fitted "
                 "material there too: file = ... in [material], or --material"
             )
-        from softmodels.mechanics.sensitivity import known_parameters
+        from softmodels.mechanics import sensitivity
 
-        known = known_parameters(material)
+        known = sensitivity.known_parameters(material)
         if unknown := [name for name in self.names if name not in known]:
             raise MaterialError(f"errors of {unknown[0]} are given, but {material.name} has no such parameter")
         square = len(self.names) > 0 and all(len(row) == len(self.names) for row in self.covariance)
@@ -348,9 +332,9 @@ class SourceBand:
     product: str
 
     def __post_init__(self) -> None:
-        if self.product not in PRODUCTS:
-            raise MaterialError(f"silicone {self.product!r} is unknown; known are {', '.join(PRODUCTS)}")
-        if not spanning(self.product):
+        if self.product not in silicones.PRODUCTS:
+            raise MaterialError(f"silicone {self.product!r} is unknown; known are {', '.join(silicones.PRODUCTS)}")
+        if not silicones.spanning(self.product):
             raise MaterialError(
                 f"{self.product} has only one source, so no band over sources exists; leave out --band, "
                 "or fit your own cast"
@@ -363,8 +347,8 @@ class SourceBand:
 
     def check(self, material: Material) -> None:
         """Raise `MaterialError` for a material that is none of the sources."""
-        name = named(material)
-        if name is None or product_of(name) != self.product:
+        name = silicones.named(material)
+        if name is None or silicones.product_of(name) != self.product:
             raise MaterialError(
                 f"the band is over the sources of {self.product}, but the case's material is none of "
                 f"them; use that silicone (--material {self.product}), or leave out --band"
@@ -372,9 +356,9 @@ class SourceBand:
 
     def others(self, material: Material) -> dict[str, Material]:
         """Return the other sources by name, from the softest to the stiffest, with a material's own Poisson's ratio."""
-        own = named(material)
-        names = [name for name in source_names(self.product) if name != own]
-        found = {name: silicone_called(name) for name in names}
+        own = silicones.named(material)
+        names = [name for name in silicones.source_names(self.product) if name != own]
+        found = {name: silicones.silicone_called(name) for name in names}
         return {
             name: dataclasses.replace(one.material, poisson=material.poisson)  # type: ignore[call-arg]
             for name, one in found.items()
@@ -388,8 +372,8 @@ type AnyBand = MaterialErrors | SourceBand
 def band_of(text: str | Path) -> AnyBand:
     """Return the band of a silicone's sources by its name, or of a fitted material by its ``fitted.toml``; else
     `MaterialError`."""
-    if silicone_called(str(text)) is not None:
-        return SourceBand(product_of(str(text)))
+    if silicones.silicone_called(str(text)) is not None:
+        return SourceBand(silicones.product_of(str(text)))
     return MaterialErrors.from_file(Path(text))
 
 
@@ -402,7 +386,7 @@ def _whole(path: Path, fitted: Material) -> Found | None:
     Of several laws it is the one with the material's own numbers: fits call a sum of one term ``ogden1``, materials ``ogden``.
     """
     try:
-        laws = read_json(path.with_name("fit.json"))["laws"]
+        laws = files.read_json(path.with_name("fit.json"))["laws"]
         told = [one for one in laws if "material" in one]
         same = (one for one in told if from_table(one["material"]) == fitted)
         one = next(same, None) or next(one for one in laws if one["law"] == fitted.name)
@@ -433,16 +417,16 @@ class ErrorsEntry(Entry[AnyBand | None]):
 
     tables = ("band",)
 
-    def read(self, tables: Tables) -> AnyBand | Missing:
+    def read(self, tables: entries.Tables) -> AnyBand | entries.Missing:
         if "band" not in tables:
-            return MISSING
-        table = table_of(tables, "band")
+            return entries.MISSING
+        table = entries.table_of(tables, "band")
         if unknown := set(table) - {"file", "parameters", "covariance", "silicone"}:
-            raise FieldError(
+            raise errors.FieldError(
                 f"[band] has an unknown entry {min(unknown)!r}; known are file, parameters, covariance, silicone"
             )
         if isinstance(silicone := table.get("silicone"), str) and set(table) == {"silicone"}:
-            return SourceBand(product_of(silicone))
+            return SourceBand(silicones.product_of(silicone))
         file = table.get("file")
         if isinstance(file, str) and set(table) == {"file"}:
             return MaterialErrors.from_file(Path(file))
@@ -451,45 +435,45 @@ class ErrorsEntry(Entry[AnyBand | None]):
             covariance = tuple(tuple(float(value) for value in row) for row in rows)  # type: ignore[attr-defined, union-attr]
             return MaterialErrors(tuple(map(str, names)), covariance, "[band] of the case")  # type: ignore[call-overload]
         except (TypeError, ValueError):
-            raise FieldError(
+            raise errors.FieldError(
                 "[band] needs a fitted material (file = 'results/fit/fitted.toml'), parameters and their covariance in SI, "
                 "or the sources of a silicone (silicone = 'ecoflex-00-30')"
             ) from None
 
-    def write(self, value: AnyBand | None, text: Text) -> Written:
+    def write(self, value: AnyBand | None, text: schema.Text) -> entries.Written:
         if value is None:
             return {}
         if isinstance(value, SourceBand):
             return {"band": {"silicone": value.product}}
         return {"band": {"parameters": list(value.names), "covariance": [list(row) for row in value.covariance]}}
 
-    def options(self) -> Iterator[Option]:
+    def options(self) -> Iterator[entries.Option]:
         text = (
             "fitted.toml of a fitted material: adds the 95 % band from its errors to path.csv and the curves; or a "
             "silicone's name: each of its sources is solved, and the curves show the band they span"
         )
-        yield Option("band", About(Words(), text), None, "FILE|NAME")
+        yield entries.Option("band", schema.About(schema.Words(), text), None, "FILE|NAME")
 
     def arguments(self, field: str) -> dict[str, str]:
         return {"band": "band='fitted.toml', or a silicone's name"}
 
-    def take(self, options: MutableMapping[str, object]) -> AnyBand | Missing:
+    def take(self, options: MutableMapping[str, object]) -> AnyBand | entries.Missing:
         given = options.pop("band", None)
-        return MISSING if given is None else band_of(str(given))
+        return entries.MISSING if given is None else band_of(str(given))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Regions with another material: a table ``[region.NAME]`` with the entries of ``[material]`` and a density.
 
 
-DENSITY = Quantity("kg/m^3")
-MODULI = (SOFTEST, 1e12)
+DENSITY = schema.Quantity("kg/m^3")
+MODULI = (laws.SOFTEST, 1e12)
 """Accepted shear moduli of a region in Pa, from the softest gels to hard metals."""
 
 
-@register_component
+@component.register_component
 @dataclasses.dataclass(frozen=True)
-class Region(RegionPart):
+class Region(regions.RegionPart):
     """A region in another material, bonded to its neighbours.
 
     Attributes:
@@ -519,15 +503,15 @@ class Region(RegionPart):
                 f"the shear modulus is {mu:.4g} Pa; {MODULI[0]:g} to {MODULI[1]:g} Pa are accepted, "
                 f"so check the units of its parameters"
             )
-        check_rest(self.material)
+        specimens.check_rest(self.material)
         if self.density is not None:
             density = DENSITY.settled(f"{self.where} density", self.density)
-            check_density(density, self.where)
+            loads.check_density(density, self.where)
             object.__setattr__(self, "density", density)
 
     def check_on(self, actuator: Actuator) -> None:
         if self.within:
-            check_condition(self.where, self.within, actuator)
+            component.check_condition(self.where, self.within, actuator)
         else:
             super().check_on(actuator)
 
@@ -541,7 +525,7 @@ class Region(RegionPart):
 
     @property
     def own_density(self) -> float | None:
-        sheet = sheet_of(self.material)
+        sheet = silicones.sheet_of(self.material)
         return self.density if self.density is not None else sheet.density if sheet else None
 
     @classmethod
@@ -550,16 +534,19 @@ class Region(RegionPart):
         given = table.get("density")
         density = None if given is None else DENSITY.read(f"[region.{name}] density", given)
         return cls(
-            from_table(law), density, Words().settled(f"[region.{name}] within", table.get("within", "")), name=name
+            from_table(law),
+            density,
+            schema.Words().settled(f"[region.{name}] within", table.get("within", "")),
+            name=name,
         )
 
-    def write_table(self, text: Text) -> dict[str, object]:
+    def write_table(self, text: schema.Text) -> dict[str, object]:
         density = {} if self.density is None else {"density": text(self.density, DENSITY.unit)}
         return {**to_table(self.material, text), **density, **({"within": self.within} if self.within else {})}
 
     @property
     def explained(self) -> Mapping[str, str]:
-        law = {field.name: field.metadata["help"] for field in parameter_fields(self.material)}
+        law = {field.name: field.metadata["help"] for field in laws.parameter_fields(self.material)}
         return {
             **law,
             "density": "density of the region; default: from its silicone's data sheet, or that of [gravity]",
@@ -578,7 +565,7 @@ class Region(RegionPart):
 
 Parts = tuple[Component, ...]
 
-COMPONENTS.put_first(
+component.COMPONENTS.put_first(
     (Gravity, Mass, Force, Moment, Region, RigidShape, Obstacle, Walls, Sheet, Fibres, Fabric, Rigid, Clamp)
 )  # the order of a case's tables and options
 
@@ -588,31 +575,35 @@ class PartsEntry(Entry[Parts]):
 
     @property
     def tables(self) -> tuple[str, ...]:  # type: ignore[override]
-        return tuple(dict.fromkeys(kind.table for kind in COMPONENTS.values()))
+        return tuple(dict.fromkeys(kind.table for kind in component.COMPONENTS.values()))
 
-    def read(self, tables: Tables) -> Parts | Missing:
-        found = [part for kind in COMPONENTS.values() if kind.table in tables for part in _of_table(kind, tables)]
-        return tuple(found) or MISSING
+    def read(self, tables: entries.Tables) -> Parts | entries.Missing:
+        found = [
+            part for kind in component.COMPONENTS.values() if kind.table in tables for part in _of_table(kind, tables)
+        ]
+        return tuple(found) or entries.MISSING
 
-    def write(self, value: Parts, text: Text) -> Written:
+    def write(self, value: Parts, text: schema.Text) -> entries.Written:
         written: dict[str, dict[str, object]] = {}
         for part in value:
             table = written.setdefault(part.table, {})
             (table.setdefault(part.name, {}) if part.name else table).update(part.write_table(text))  # type: ignore[attr-defined]
         return written
 
-    def options(self) -> Iterator[Option]:
+    def options(self) -> Iterator[entries.Option]:
         for kind in _optional():
             defaults = {field.name: field.default for field in dataclasses.fields(kind)}
             for name, option in _options(kind).items():
-                field = about(kind)[name]
+                field = schema.about(kind)[name]
                 default = None if defaults[name] is dataclasses.MISSING else defaults[name]
-                yield Option(option, field, default, name.upper() if isinstance(field.kind, Words) else None)
+                yield entries.Option(
+                    option, field, default, name.upper() if isinstance(field.kind, schema.Words) else None
+                )
 
     def arguments(self, field: str) -> dict[str, str]:
         return {option: f"{kind.__name__}.{name}" for kind in _optional() for name, option in _options(kind).items()}
 
-    def take(self, options: MutableMapping[str, object]) -> Parts | Missing:
+    def take(self, options: MutableMapping[str, object]) -> Parts | entries.Missing:
         found = []
         for kind in _optional():
             given = {name: options.pop(option, None) for name, option in _options(kind).items()}
@@ -620,36 +611,36 @@ class PartsEntry(Entry[Parts]):
             if table:
                 kind.check_required("", table)
                 found.append(kind(**table))  # type: ignore[arg-type]
-        return tuple(found) or MISSING
+        return tuple(found) or entries.MISSING
 
 
 def _optional() -> list[type[Component]]:
     """Return the kinds of parts that command lines have options for."""
-    return [kind for kind in COMPONENTS.values() if kind.optional]
+    return [kind for kind in component.COMPONENTS.values() if kind.optional]
 
 
 def _options(kind: type[Component]) -> dict[str, str]:
     """Return the options by field."""
-    first, *others = about(kind)
+    first, *others = schema.about(kind)
     return {first: kind.table, **{name: f"{kind.table}_{name}" for name in others}}
 
 
-def _of_table(kind: type[Component], tables: Tables) -> list[Component]:
-    table = table_of(tables, kind.table)
+def _of_table(kind: type[Component], tables: entries.Tables) -> list[Component]:
+    table = entries.table_of(tables, kind.table)
     if kind.always_named:
         table = {name: value for name, value in table.items() if isinstance(value, Mapping)}
-        return [kind.read_table(name, table_of(table, name)) for name in table]
-    if f"{kind.table}." in COMPONENTS:  # tables with a name are of another kind
+        return [kind.read_table(name, entries.table_of(table, name)) for name in table]
+    if f"{kind.table}." in component.COMPONENTS:  # tables with a name are of another kind
         own = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
         return [kind.read_table("", own)] if own or not table else []
     named = [isinstance(value, Mapping) for value in table.values()]
     if not any(named):
         return [kind.read_table("", table)]
     if not all(named):
-        raise FieldError(
+        raise errors.FieldError(
             f"[{kind.table}] mixes entries with [{kind.table}.name] tables; put each {kind.table} in a named table"
         )
-    return [kind.read_table(name, table_of(table, name)) for name in table]
+    return [kind.read_table(name, entries.table_of(table, name)) for name in table]
 
 
 def with_walls(components: Sequence[Component], actuator: Actuator, draws: bool) -> Parts:
@@ -658,10 +649,10 @@ def with_walls(components: Sequence[Component], actuator: Actuator, draws: bool)
     inside = cavity_roles(actuator) if draws else []
     if (actuator.meeting == () and not inside) or any(isinstance(part, Walls) for part in components):
         return tuple(components)
-    kinds = list(COMPONENTS.values())
+    kinds = list(component.COMPONENTS.values())
     behind = kinds[kinds.index(Walls) + 1 :]
     at = next((number for number, part in enumerate(components) if type(part) in behind), len(components))
-    return (*components[:at], Walls(", ".join([AUTO, *inside])), *components[at:])  # as read from a case file
+    return (*components[:at], Walls(", ".join([contact.AUTO, *inside])), *components[at:])  # as read from a case file
 
 
 def without_walls(components: Sequence[Component]) -> Parts:
@@ -676,7 +667,7 @@ def check_parts(components: Sequence[Component], actuator: Actuator) -> None:
         raise ComponentError(
             f"several parts are called {twice[0]}; give each its own name, which is used in its columns"
         )
-    gravity = gravity_of(components)
+    gravity = component.gravity_of(components)
     for part in components:
         if part.weighs and not gravity.any():
             raise ComponentError(
@@ -714,7 +705,7 @@ def own_modules(*things: object) -> str:
     So it does what their fields name (`Component.looked_up`).
     """
     names = {value.__module__: None for value in _within(things)}
-    files = [_file(sys.modules.get(name)) for name in names if name.split(".")[0] not in OWN]
+    files = [_file(sys.modules.get(name)) for name in names if name.split(".")[0] not in errors.OWN]
     named = filter(None, os.environ.get(VARIABLE, "").split(os.pathsep))
     return os.pathsep.join(dict.fromkeys([*named, *(str(file) for file in files if file is not None)]))
 

@@ -14,16 +14,15 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from geometries import Actuator
-from geometries.actuator import Castable, Pour, Recipe, Vector
+from geometries import Actuator, actuator, meshing
+from geometries.actuator import Vector
 from geometries.imported import face_names, named_surfaces
-from geometries.meshing import drawn_in, private_model
-from softmodels.casting.grooves import Winding, groove_solids, winding
-from softmodels.casting.settings import MouldError, Workshop
+from softmodels.casting import grooves, settings
+from softmodels.casting.settings import MouldError
+from softmodels.common import schema
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshingError
 from softmodels.common.lazy import gmsh
-from softmodels.common.schema import shown
 
 Solid = tuple[int, int]
 """Dimension, which is 3, and tag."""
@@ -98,7 +97,7 @@ class Tooling:
         grooved: Volume of their grooves, mm3.
     """
 
-    pour: Pour
+    pour: actuator.Pour
     frame: Frame
     bodies: list[ToolBody]
     target: list[Solid]
@@ -112,7 +111,7 @@ class Tooling:
     high: Array
     drafted: list[Hole]
     jig: Solid
-    wound: Winding | None
+    wound: grooves.Winding | None
     grooved: float
 
     @property
@@ -121,7 +120,7 @@ class Tooling:
         return float(np.linalg.norm(self.high - self.low))
 
 
-def recipe_of(device: Actuator, workshop: Workshop) -> Recipe:
+def recipe_of(device: Actuator, workshop: settings.Workshop) -> actuator.Recipe:
     """Return how a device is cast, along the workshop's pull if it is an imported part; `MouldError` without a recipe, or for
     a pull that it has no use for."""
     try:
@@ -136,7 +135,7 @@ def recipe_of(device: Actuator, workshop: Workshop) -> Recipe:
     return recipe
 
 
-class LostCore(Castable):
+class LostCore(actuator.Castable):
     """A lost core as a thing that is cast itself, from a STEP file of it in mm as it stands in its mould."""
 
     files: Mapping[str, str] = {}
@@ -151,7 +150,7 @@ class LostCore(Castable):
 
 def imported(file: Path) -> list[Solid]:
     """Read a STEP file into the current Gmsh model, in mm; return its solids."""
-    with drawn_in("MM"):
+    with meshing.drawn_in("MM"):
         return list(gmsh.model.occ.importShapes(str(file), format="step"))
 
 
@@ -229,7 +228,9 @@ def merged(solids: Sequence[Solid], unify: bool = True) -> list[Solid]:
         gmsh.option.setNumber("Geometry.OCCUnionUnify", 1)
 
 
-def tooling(device: Castable, recipe: Recipe, pour: Pour, workshop: Workshop) -> Tooling:
+def tooling(
+    device: actuator.Castable, recipe: actuator.Recipe, pour: actuator.Pour, workshop: settings.Workshop
+) -> Tooling:
     """Fill the current Gmsh model with the mould of one piece of a device; `MouldError` if it cannot be made so."""
     return _Maker(device, recipe, pour, workshop).tooling()
 
@@ -237,7 +238,9 @@ def tooling(device: Castable, recipe: Recipe, pour: Pour, workshop: Workshop) ->
 class _Maker:
     """Makes the bodies of one piece's mould, step by step."""
 
-    def __init__(self, device: Castable, recipe: Recipe, pour: Pour, workshop: Workshop):
+    def __init__(
+        self, device: actuator.Castable, recipe: actuator.Recipe, pour: actuator.Pour, workshop: settings.Workshop
+    ):
         self.pour, self.workshop, self.occ = pour, workshop, gmsh.model.occ
         device.build_whole()
         solids = gmsh.model.getEntities(3)
@@ -262,13 +265,13 @@ class _Maker:
         self.plugs: list[Solid] = []
         self.drafted: list[Hole] = []
         self.inlets = [inlet for ends in recipe.inlets if workshop.tube and (inlet := self._inlet(ends))]
-        self.wound = None if pour.wax else winding(workshop, recipe.wound)
+        self.wound = None if pour.wax else grooves.winding(workshop, recipe.wound)
         self.grooved = self._groove(self.wound) if self.wound else 0.0
 
-    def _groove(self, wound: Winding) -> float:
+    def _groove(self, wound: grooves.Winding) -> float:
         """Cut the grooves for threads; return their volume."""
         before = self.occ.getMass(*self.whole)
-        tools = groove_solids(wound, self._split[0], self.workshop.scale)
+        tools = grooves.groove_solids(wound, self._split[0], self.workshop.scale)
         self.whole = _one(list(self.occ.cut([self.whole], tools)[0]), "the grooved tube")
         self.occ.synchronize()
         return float(before - self.occ.getMass(*self.whole))
@@ -284,11 +287,11 @@ class _Maker:
         top = float(high) if pour.end is None else metre * pour.end
         if not low - FLUSH < level < high - FLUSH:
             asked = self.workshop.level
-            value = shown(level / metre if asked is None else asked, "m")
+            value = schema.shown(level / metre if asked is None else asked, "m")
             low, high = (low, high) if asked is None or level == metre * asked else (-high, -low)
             raise MouldError(
-                f"split is {value}; along the pull the part extends from {shown(low / metre, 'm')} to "
-                f"{shown(high / metre, 'm')}"
+                f"split is {value}; along the pull the part extends from {schema.shown(low / metre, 'm')} to "
+                f"{schema.shown(high / metre, 'm')}"
             )
         return level, top
 
@@ -588,7 +591,7 @@ class _Maker:
         found = sum(occ.getMass(*solid) for solid in inside)
         if found < (1.0 - NEAR) * occ.getMass(*around):
             raise MouldError(
-                f"tube is {shown(workshop.tube, 'm')}; it would leave less than {shown(LEAST_SILICONE, 'm')} of "
+                f"tube is {schema.shown(workshop.tube, 'm')}; it would leave less than {schema.shown(LEAST_SILICONE, 'm')} of "
                 f"silicone around it"
             )
         occ.remove([*inside, around], recursive=True)
@@ -599,9 +602,11 @@ class _Maker:
         tip = radius - length * workshop.slope
         if 2.0 * tip < MM * workshop.least_wall:
             raise MouldError(
-                f"draft is {shown(workshop.draft, 'degree')}; over {shown(length / MM, 'm')} it closes the inlet: of its "
-                f"core of {shown(workshop.tube, 'm')} {shown(max(2.0 * tip, 0.0) / MM, 'm')} are left, but the printer's "
-                f"smallest rib is {shown(workshop.least_wall, 'm')}"
+                f"draft is {schema.shown(workshop.draft, 'degree')}; over {schema.shown(length / MM, 'm')} it "
+                "closes the inlet: of its "
+                f"core of {schema.shown(workshop.tube, 'm')} {schema.shown(max(2.0 * tip, 0.0) / MM, 'm')} are "
+                "left, but the printer's "
+                f"smallest rib is {schema.shown(workshop.least_wall, 'm')}"
             )
         return (tip, radius) if part == "lid" else (radius, tip)
 
@@ -667,7 +672,7 @@ def hole_places(
     cast: list[Solid],
     heights: tuple[float, float],
     line: tuple[int, float] | None,
-    workshop: Workshop,
+    workshop: settings.Workshop,
     fewer: bool = False,
 ) -> list[Array]:
     """Return the places (x, y) in mm of the pour opening, where most room is, and then of the vents, as far from it and from
@@ -681,13 +686,14 @@ def hole_places(
     best = float(room.max(initial=0.0))
     if best < needed and fewer:
         raise MouldError(
-            f"a core's peg is {shown(round(2.0 * best / MM, 6), 'm')} wide, too narrow to cast the core of wax through it; "
+            f"a core's peg is {schema.shown(round(2.0 * best / MM, 6), 'm')} wide, too narrow to cast the core of "
+            "wax through it; "
             "print the core (--core lost)"
         )
     if best < needed:
         raise MouldError(
-            f"pour is {shown(workshop.pour, 'm')}; the bonding face has room for "
-            f"{shown(round(max(2.0 * (best / MM - workshop.least_gap), 0.0), 6), 'm')} beside the cores"
+            f"pour is {schema.shown(workshop.pour, 'm')}; the bonding face has room for "
+            f"{schema.shown(round(max(2.0 * (best / MM - workshop.least_gap), 0.0), 6), 'm')} beside the cores"
         )
     pour = places[room.argmax()]
     if heights[1] != heights[0]:
@@ -765,7 +771,7 @@ def _name(device: Actuator | LostCore, place: Array) -> str:
     """Return ``at`` the place, with the face nearest to it."""
 
     where = "at " + ", ".join(f"{value + 0.0:.4g}" for value in np.round(place, 3)) + " mm"
-    with private_model():
+    with meshing.private_model():
         device.build_whole()
         best, face = np.inf, 0
         tags = [tag for _, tag in gmsh.model.getEntities(2)]

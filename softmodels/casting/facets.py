@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from geometries.meshing import private_model
+from geometries import meshing
+from softmodels.casting import settings
 from softmodels.casting.bodies import MM, Solid, imported
-from softmodels.casting.settings import Workshop
+from softmodels.common import names
 from softmodels.common.arrays import Array
 from softmodels.common.errors import MeshingError
 from softmodels.common.lazy import gmsh
-from softmodels.common.names import keep_arrays
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Maximum edge lengths of a body's triangles for a given chord error.
@@ -96,7 +96,7 @@ class Facets:
     centre: Array
 
     def __post_init__(self) -> None:
-        keep_arrays(self)
+        names.keep_arrays(self)
 
     @property
     def corners(self) -> Array:
@@ -121,7 +121,7 @@ class Facets:
 def facets_of(file: Path, chord: float) -> Facets:
     """Return the surface of the one solid of a STEP file, at most ``chord`` mm from the exact one; `MeshingError` if that
     fails."""
-    with private_model():
+    with meshing.private_model():
         solid = read_step(file)
         surfaces = [tag for _, tag in gmsh.model.getBoundary([(3, solid)], oriented=False)]
         shares = dict.fromkeys(surfaces, SHARE)
@@ -329,7 +329,7 @@ def laid_flat(facets: Facets) -> Facets:
     return moved(facets, turn, -points.min(axis=0))
 
 
-def arranged(bodies: Sequence[tuple[str, Facets]], workshop: Workshop) -> list[Placed]:
+def arranged(bodies: Sequence[tuple[str, Facets]], workshop: settings.Workshop) -> list[Placed]:
     """Return bodies on plates: in rows, the deepest first, and on a further plate where one is full.
 
     A body that is larger than a plate has one for itself.
@@ -355,7 +355,7 @@ def arranged(bodies: Sequence[tuple[str, Facets]], workshop: Workshop) -> list[P
     return found
 
 
-def too_large(placed: Sequence[Placed], workshop: Workshop) -> list[str]:
+def too_large(placed: Sequence[Placed], workshop: settings.Workshop) -> list[str]:
     """Return the names of the bodies that are larger than a plate."""
     size = MM * np.array([workshop.bed_width, workshop.bed_depth])
     return [one.name for one in placed if (one.facets.points[:, :2].max(axis=0) > size).any()]
@@ -375,7 +375,7 @@ class PrintEstimate:
         return RESIN_DENSITY * self.resin
 
 
-def print_estimate(placed: Sequence[Placed], workshop: Workshop) -> PrintEstimate:
+def print_estimate(placed: Sequence[Placed], workshop: settings.Workshop) -> PrintEstimate:
     """Return what the bodies on their plates take on a printer that cures a layer at a time."""
     times = []
     for _, group in itertools.groupby(placed, lambda one: one.plate):
@@ -394,7 +394,7 @@ WIDTHS = (0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
 """Widths of the coupon's ribs and slots, mm, in the same order."""
 
 
-def coupon_solids(workshop: Workshop) -> dict[str, Solid]:
+def coupon_solids(workshop: settings.Workshop) -> dict[str, Solid]:
     """Add the coupon to the current Gmsh model: a plate with sockets, ribs and slots, and a pin on a foot."""
     occ = gmsh.model.occ
     pitch, deep = MM * workshop.pin + 4.0, MM * workshop.pin_length

@@ -14,9 +14,9 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from geometries import Actuator
-from geometries.actuator import Pour
+from geometries import Actuator, actuator
 from softmodels.case.case import Case
+from softmodels.casting import make, settings
 from softmodels.casting.bodies import MM
 from softmodels.casting.facets import (
     CLEARANCES,
@@ -28,17 +28,14 @@ from softmodels.casting.facets import (
     print_estimate,
     too_large,
 )
-from softmodels.casting.make import Made, MouldBody, made
 from softmodels.casting.pictures import DRAWING, EXPLODED, PLATES, STEPS, draw_all, drawing, plates_picture
-from softmodels.casting.settings import Asked, asked_of
-from softmodels.common.commands import Provenance, ResultFolder
+from softmodels.common import commands, names, pages, schema
 from softmodels.common.files import image_uri, render, write_bytes, write_text
-from softmodels.common.names import checked, place
-from softmodels.common.pages import Bullets, Fact, Page, Picture, Table
+from softmodels.common.names import checked
+from softmodels.common.pages import Page
 from softmodels.common.processes import one_at_a_time
-from softmodels.common.schema import shown
-from softmodels.materials.silicones import HOUR, MINUTE
-from softmodels.pictures.offscreen import can_render
+from softmodels.materials import silicones
+from softmodels.pictures import offscreen
 
 HEADER = b"softmodels, lengths in mm"
 
@@ -93,7 +90,7 @@ def three_mf_bytes(bodies: Mapping[str, Facets]) -> bytes:
     return data.getvalue()
 
 
-def write_bodies(folder: Path, asked: Asked, made: Made) -> None:
+def write_bodies(folder: Path, asked: settings.Asked, made: make.Made) -> None:
     """Write everything but pictures and the sheet."""
     for body in (*made.bodies, *made.casts):
         write_bytes(folder / f"{body.stem}.step", body.step)
@@ -111,12 +108,12 @@ def write_bodies(folder: Path, asked: Asked, made: Made) -> None:
     write_text(folder / "checks.json", json.dumps(checks(asked, made), indent=1) + "\n")
 
 
-def printed(asked: Asked, made: Made) -> list[Placed]:
+def printed(asked: settings.Asked, made: make.Made) -> list[Placed]:
     """Return all that is printed, on plates."""
     return arranged([(body.name, body.facets) for body in (*made.printed, *made.extras)], asked.workshop)
 
 
-def checks(asked: Asked, made: Made) -> dict[str, object]:
+def checks(asked: settings.Asked, made: make.Made) -> dict[str, object]:
     """Return the check results; keys end in their unit."""
     return {
         "device_volume_mm3": made.volume * 1e9,
@@ -138,7 +135,7 @@ def _known(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _of_body(body: MouldBody) -> dict[str, object]:
+def _of_body(body: make.MouldBody) -> dict[str, object]:
     assert body.checked is not None
     return {
         "watertight": body.facets.open_edges == 0,
@@ -204,7 +201,7 @@ def mould(
     layer_time: float | str | None = None,
     pull: str | None = None,
     split: str | None = None,
-) -> Made:
+) -> make.Made:
     """Make the mould of a device, and write it if a folder is given.
 
     Args:
@@ -224,7 +221,7 @@ def mould(
         OwnFolderError: A folder that holds something else.
         MeshingError: The CAD kernel fails, or a body fails a check.
     """
-    asked = asked_of(
+    asked = settings.asked_of(
         device, silicone, wall=wall, rim=rim, draft=draft, shrinkage=shrinkage, clearance=clearance, least_wall=least_wall,
         least_gap=least_gap, pin=pin, pour=pour, vent=vent, vents=vents, tube=tube, chord=chord, surplus=surplus, pull=pull,
         split=split, inlet=inlet, core=core, wax_shrinkage=wax_shrinkage, thread=thread, spacing=spacing, lay=lay,
@@ -233,14 +230,14 @@ def mould(
     return _made_into(folder, asked)
 
 
-def _made_into(folder: str | Path | None, asked: Asked) -> Made:
+def _made_into(folder: str | Path | None, asked: settings.Asked) -> make.Made:
     """Make a mould, and write it into a folder if one is given."""
     if folder is None:
-        return made(asked.device, asked.workshop)
-    output = place("folder", folder, "a folder")
-    own = ResultFolder(output, output, "mould", {"silicone": asked.silicone, "workshop": asked.workshop})
+        return make.made(asked.device, asked.workshop)
+    output = names.place("folder", folder, "a folder")
+    own = commands.ResultFolder(output, output, "mould", {"silicone": asked.silicone, "workshop": asked.workshop})
     try:
-        found = made(asked.device, asked.workshop)
+        found = make.made(asked.device, asked.workshop)
         with own.writing() as inside:
             write_bodies(inside, asked, found)
             write_sheet(inside, asked, found)
@@ -283,7 +280,7 @@ class BenchSheet:
     notes: Sequence[str]
 
 
-def bench_sheet(asked: Asked, made: Made) -> BenchSheet:
+def bench_sheet(asked: settings.Asked, made: make.Made) -> BenchSheet:
     """Return the sheet of a mould."""
     return BenchSheet(
         f"Mould of {asked.name}", _about(asked, made), _amounts(asked, made), _prints(asked, made), _steps(asked, made),
@@ -291,7 +288,7 @@ def bench_sheet(asked: Asked, made: Made) -> BenchSheet:
     )  # fmt: skip
 
 
-def _about(asked: Asked, made: Made) -> list[str]:
+def _about(asked: settings.Asked, made: make.Made) -> list[str]:
     silicone, workshop = asked.casting, asked.workshop
     count = ("", "", "two", "three", "four")[min(len(made.casts), 4)]
     pieces = ", ".join(f"the {cast.piece}" for cast in made.casts)
@@ -325,10 +322,12 @@ def _about(asked: Asked, made: Made) -> list[str]:
 
 
 def _time(seconds: float) -> str:
-    return f"{seconds / MINUTE:.3g} min" if seconds < 2 * HOUR else f"{seconds / HOUR:.3g} h"
+    return (
+        f"{seconds / silicones.MINUTE:.3g} min" if seconds < 2 * silicones.HOUR else f"{seconds / silicones.HOUR:.3g} h"
+    )
 
 
-def _amounts(asked: Asked, made: Made) -> SheetTable:
+def _amounts(asked: settings.Asked, made: make.Made) -> SheetTable:
     """Return the volumes and masses of each piece and of all, with the surplus, and the amounts of A and B."""
     silicone, more = asked.casting, 1.0 + asked.workshop.surplus
     volumes = [(cast.name, cast.facets.volume / MM**3) for cast in made.casts]
@@ -357,14 +356,14 @@ def _amounts(asked: Asked, made: Made) -> SheetTable:
     return SheetTable("Silicone", head, rows)
 
 
-def _prints(asked: Asked, made: Made) -> SheetTable:
+def _prints(asked: settings.Asked, made: make.Made) -> SheetTable:
     """Return the resin of all bodies, and the printer's time for each plate."""
     workshop, placed = asked.workshop, printed(asked, made)
     found = print_estimate(placed, workshop)
     rows = [
         ("resin", f"{found.resin * ML:.1f} ml, {1e3 * found.mass:.0f} g", "without supports and what the wash takes"),
         *((f"plate {k}, {name}.stl", _time(time),
-           f"layers of {shown(workshop.layer, 'm')}, {shown(workshop.layer_time, 's')} each")
+           f"layers of {schema.shown(workshop.layer, 'm')}, {schema.shown(workshop.layer_time, 's')} each")
           for k, (name, time) in enumerate(zip(plate_names(placed), found.times, strict=True), 1)),
     ]  # fmt: skip
     rows += [
@@ -374,7 +373,7 @@ def _prints(asked: Asked, made: Made) -> SheetTable:
     return SheetTable("Printing", ("what", "estimate", "of"), rows)
 
 
-def _steps(asked: Asked, made: Made) -> list[str]:
+def _steps(asked: settings.Asked, made: make.Made) -> list[str]:
     silicone = asked.casting
     pot = f"within {_time(silicone.pot_life)}" if silicone else f"within its pot life ({READ})"
     cure = _time(silicone.cure_time) if silicone else f"its cure time ({READ})"
@@ -405,7 +404,7 @@ def _steps(asked: Asked, made: Made) -> list[str]:
     return [*steps, *_thread_steps(made), *_tube_steps(asked, made)]
 
 
-def _thread_steps(made: Made) -> list[str]:
+def _thread_steps(made: make.Made) -> list[str]:
     """Return how a tube is wound."""
     wound = made.wound
     if wound is None:
@@ -417,12 +416,13 @@ def _thread_steps(made: Made) -> list[str]:
             hand = "right" if lay.angle > 0.0 else "left"
             threads = f"{lay.threads} thread{'s side by side, each' if lay.threads > 1 else ','} one turn every"
             found.append(
-                f"at {abs(lay.angle):g} deg, {hand}-handed: {threads} {shown(_brief(lay.advance), 'm')}, {length}"
+                f"at {abs(lay.angle):g} deg, {hand}-handed: {threads} {schema.shown(_brief(lay.advance), 'm')}, {length}"
             )
         else:
-            found.append(f"rings every {shown(_brief(lay.spacing), 'm')}, {length}")
+            found.append(f"rings every {schema.shown(_brief(lay.spacing), 'm')}, {length}")
     return [
-        f"Wind thread of {shown(wound.width, 'm')} into the grooves without stretching the tube ({'; '.join(found)}). Hold its "
+        f"Wind thread of {schema.shown(wound.width, 'm')} into the grooves without stretching the tube "
+        f"({'; '.join(found)}). Hold its "
         "ends with a drop of silicone, then brush a thin coat of silicone over all of it."
     ]
 
@@ -435,7 +435,7 @@ def _list(values: Sequence[float]) -> str:
     return ", ".join(f"{value:g}" for value in values)
 
 
-def _wax_steps(pour: Pour, bodies: Sequence[MouldBody], core: MouldBody) -> list[str]:
+def _wax_steps(pour: actuator.Pour, bodies: Sequence[make.MouldBody], core: make.MouldBody) -> list[str]:
     """Return how a lost core is cast of wax."""
     parts, sideways = " and ".join(f"the {body.name}" for body in bodies), pour.sideways is not None
     vented = any(body.checked and not math.isnan(body.checked.own_lean) for body in bodies)
@@ -453,7 +453,7 @@ def _wax_steps(pour: Pour, bodies: Sequence[MouldBody], core: MouldBody) -> list
     ]
 
 
-def _pour_steps(pour: Pour, bodies: Sequence[str], cure: str, wax: bool = False) -> list[str]:
+def _pour_steps(pour: actuator.Pour, bodies: Sequence[str], cure: str, wax: bool = False) -> list[str]:
     """Return how one piece is cast and demoulded."""
     parts = {name: pour.part(name) for name in bodies}
     cup = " and ".join(f"the {name}" for name, part in parts.items() if "cup" in part)
@@ -500,12 +500,12 @@ def _pour_steps(pour: Pour, bodies: Sequence[str], cure: str, wax: bool = False)
     return steps
 
 
-def _tube_steps(asked: Asked, made: Made) -> list[str]:
+def _tube_steps(asked: settings.Asked, made: make.Made) -> list[str]:
     """Return how the tube is put in, and the test of the cavity; nothing without a closed one."""
     workshop = asked.workshop
     if made.plug:
         fitting = {"tube": "tube", "barb": "barb", "luer": "male Luer slip"}[workshop.inlet]
-        wide = "" if workshop.inlet == "luer" else f" ({shown(workshop.tube, 'm')} outside)"
+        wide = "" if workshop.inlet == "luer" else f" ({schema.shown(workshop.tube, 'm')} outside)"
         first = f"Push the {fitting}{wide} into the inlet up to the cavity and seal it with silicone."
     elif len(made.casts) > 1:
         first = "Without an inlet: pierce the part with a needle, push the tube in and seal it with silicone."
@@ -516,7 +516,7 @@ def _tube_steps(asked: Asked, made: Made) -> list[str]:
     return [first, "Inflate gently under water: no bubbles may rise from the bond or the tube."]
 
 
-def _walls(asked: Asked, made: Made) -> SheetTable:
+def _walls(asked: settings.Asked, made: make.Made) -> SheetTable:
     workshop = asked.workshop
     rows = [(f"silicone of the {cast.piece} beyond its core, along the pull", f"{cast.beyond * MM:.2f}", "")
             for cast in made.casts if cast.beyond > 1e-6]  # fmt: skip
@@ -539,7 +539,7 @@ def _walls(asked: Asked, made: Made) -> SheetTable:
     return SheetTable("Thicknesses", ("what", "mm", "at least, mm"), rows)
 
 
-def _checks(asked: Asked, made: Made) -> SheetTable:
+def _checks(asked: settings.Asked, made: make.Made) -> SheetTable:
     rows = [_checked(body) for body in made.bodies]
     head = ("body", "watertight", "thinnest wall (mm)", "narrowest gap (mm)", "smallest draft of the part's walls (deg)",
             "smallest draft of pins and holes (deg)", "depth of fins over their thickness",
@@ -547,7 +547,7 @@ def _checks(asked: Asked, made: Made) -> SheetTable:
     return SheetTable("Checked before writing", head, rows)
 
 
-def _checked(body: MouldBody) -> Row:
+def _checked(body: make.MouldBody) -> Row:
     found = body.checked
     assert found is not None
     return (
@@ -559,7 +559,7 @@ def _checked(body: MouldBody) -> Row:
     )  # fmt: skip
 
 
-def _notes(asked: Asked) -> list[str]:
+def _notes(asked: settings.Asked) -> list[str]:
     notes = [
         "Walls of the part parallel to the pull have no draft, so that the cast equals the computed device: the flexible "
         "silicone is bent out of its cup. Pins, sockets, pour opening, vents and an upright inlet have draft.",
@@ -574,10 +574,10 @@ def _notes(asked: Asked) -> list[str]:
 # The sheet with its pictures.
 
 
-def write_sheet(folder: Path, asked: Asked, made: Made, pictures: bool = True) -> bool:
+def write_sheet(folder: Path, asked: settings.Asked, made: make.Made, pictures: bool = True) -> bool:
     """Write ``sheet.md``, ``sheet.html``, the drawings and the pictures into a folder; return whether pictures were rendered:
     if wanted, and where that can be done."""
-    rendered = pictures and can_render()
+    rendered = pictures and offscreen.can_render()
     drawing(made).savefig(folder / DRAWING)
     size = (MM * asked.workshop.bed_width, MM * asked.workshop.bed_depth)
     plates_picture(printed(asked, made), size).savefig(folder / PLATES)
@@ -586,31 +586,31 @@ def write_sheet(folder: Path, asked: Asked, made: Made, pictures: bool = True) -
     sheet = bench_sheet(asked, made)
     # Markdown text is inserted unescaped.
     write_text(folder / "sheet.md", render("mould.md", "softmodels.pictures", pictures=files, sheet=sheet))
-    pictures_inside = {name: Picture(image_uri(folder / name), text) for name, text in files}
+    pictures_inside = {name: pages.Picture(image_uri(folder / name), text) for name, text in files}
     write_text(folder / "sheet.html", sheet_page(sheet, pictures_inside, made))
     return rendered
 
 
-def sheet_page(sheet: BenchSheet, pictures: Mapping[str, Picture], made: Made) -> str:
+def sheet_page(sheet: BenchSheet, pictures: Mapping[str, pages.Picture], made: make.Made) -> str:
     """Return the sheet as a page, with pictures by the names of their files."""
     first, steps, plates = ([pictures[name]] if name in pictures else [] for name in (EXPLODED, STEPS, PLATES))
     others = [picture for name, picture in pictures.items() if name not in (EXPLODED, STEPS, PLATES)]
-    of_casts = [Table(one.rows, one.head) for one in (sheet.amounts, sheet.walls, sheet.checks, sheet.prints)]
+    of_casts = [pages.Table(one.rows, one.head) for one in (sheet.amounts, sheet.walls, sheet.checks, sheet.prints)]
     return Page(
         sheet.title, " ".join(sheet.about[:2]),
         [
-            ("", [Bullets(sheet.about[2:]), *first]),
+            ("", [pages.Bullets(sheet.about[2:]), *first]),
             (sheet.amounts.heading, [of_casts[0]]),
-            ("Order of work", [Bullets(sheet.steps, ordered=True), *steps]),
+            ("Order of work", [pages.Bullets(sheet.steps, ordered=True), *steps]),
             (sheet.prints.heading, [of_casts[3], *plates]),
             (sheet.walls.heading, [of_casts[1]]),
             (sheet.checks.heading, [of_casts[2], *others]),
-            ("Notes", [Bullets(sheet.notes)]),
+            ("Notes", [pages.Bullets(sheet.notes)]),
         ],
-        Provenance.now(),
+        commands.Provenance.now(),
         [
-            Fact("Silicone of the device", f"{made.volume * ML:.4g} ml"),
-            Fact("Thinnest silicone", f"{made.thinnest * MM:.3g} mm"),
-Fact("Silicone to mix", f"{sheet.amounts.rows[-1][2]} ml", sheet.amounts.head[2].partition(" (")[0]),
+            pages.Fact("Silicone of the device", f"{made.volume * ML:.4g} ml"),
+            pages.Fact("Thinnest silicone", f"{made.thinnest * MM:.3g} mm"),
+pages.Fact("Silicone to mix", f"{sheet.amounts.rows[-1][2]} ml", sheet.amounts.head[2].partition(" (")[0]),
         ],
     ).html()  # fmt: skip

@@ -18,11 +18,12 @@ import math
 
 import numpy as np
 
-from geometries.meshing import MM, Entity
-from softmodels.casting.settings import MouldError, Workshop
+from geometries import meshing
+from softmodels.casting import settings
+from softmodels.casting.settings import MouldError
+from softmodels.common import schema
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import gmsh
-from softmodels.common.schema import shown
 
 SMALLEST_ANGLE = 20.0
 """Smallest angle of a thread from the axis in degrees: below, grooves run together where the halves part."""
@@ -62,7 +63,7 @@ class Winding:
     lays: tuple[Lay, ...]
 
 
-def winding(workshop: Workshop, wound: tuple[float, float, float] | None) -> Winding | None:
+def winding(workshop: settings.Workshop, wound: tuple[float, float, float] | None) -> Winding | None:
     """Return the threads of a tube by its radius and the heights between which they lie, in m; None if none are asked for.
 
     Raises:
@@ -72,19 +73,21 @@ def winding(workshop: Workshop, wound: tuple[float, float, float] | None) -> Win
         return None
     if wound is None:
         raise MouldError(
-            f"thread is {shown(workshop.thread, 'm')}; grooves for it are made on tubes only; 0 omits them"
+            f"thread is {schema.shown(workshop.thread, 'm')}; grooves for it are made on tubes only; 0 omits them"
         )
     radius, begin, end = wound
     width, depth = workshop.thread, 0.5 * workshop.thread
     if not workshop.angles:
         raise MouldError(
-            f"thread is {shown(width, 'm')}, but there are no fibres on the face outer; give the case [fibres] there, or the "
+            f"thread is {schema.shown(width, 'm')}, but there are no fibres on the face outer; give the case "
+            "[fibres] there, or the "
             "angles of the threads from the axis, such as lay = '75 deg, -75 deg'"
         )
     if width < workshop.least_wall or depth > 0.5 * radius:
         raise MouldError(
-            f"thread is {shown(width, 'm')}; ridges for it must be at least as wide as the printer's smallest wall, "
-            f"{shown(workshop.least_wall, 'm')} (least_wall), and at most as high as half of the radius, {shown(radius, 'm')}"
+            f"thread is {schema.shown(width, 'm')}; ridges for it must be at least as wide as the printer's smallest wall, "
+            f"{schema.shown(workshop.least_wall, 'm')} (least_wall), and at most as high as half of the radius, "
+            f"{schema.shown(radius, 'm')}"
         )
     found = Winding(
         radius, begin + width, end, width, depth, tuple(_lay(workshop, angle, radius) for angle in workshop.angles)
@@ -94,10 +97,11 @@ def winding(workshop: Workshop, wound: tuple[float, float, float] | None) -> Win
     return found
 
 
-def _lay(workshop: Workshop, angle: float, radius: float) -> Lay:
+def _lay(workshop: settings.Workshop, angle: float, radius: float) -> Lay:
     if not SMALLEST_ANGLE <= abs(angle) <= 90.0:
         raise MouldError(
-            f"lay has {shown(angle, 'degree')}; threads between {SMALLEST_ANGLE:g} and 90 deg from the axis leave the mould's "
+            f"lay has {schema.shown(angle, 'degree')}; threads between {SMALLEST_ANGLE:g} and 90 deg from the axis "
+            "leave the mould's "
             "halves, others run along where these part"
         )
     if abs(angle) > RING:
@@ -107,19 +111,23 @@ def _lay(workshop: Workshop, angle: float, radius: float) -> Lay:
     return Lay(angle, threads, advance, advance / threads)
 
 
-def _check(found: Winding, lay: Lay, workshop: Workshop) -> None:
+def _check(found: Winding, lay: Lay, workshop: settings.Workshop) -> None:
     """Check that there are grooves, and something is left between neighbours where they are widest."""
     if lay.spacing > (straight := found.end - found.begin) - found.width:
         raise MouldError(
-            f"threads at {shown(lay.angle, 'degree')} lie {shown(float(f'{lay.spacing:.3g}'), 'm')} apart along the tube, of "
-            f"which only {shown(float(f'{straight:.3g}'), 'm')} can be wound; choose a smaller spacing"
+            f"threads at {schema.shown(lay.angle, 'degree')} lie {schema.shown(float(f'{lay.spacing:.3g}'), 'm')} "
+            "apart along the tube, of "
+            f"which only {schema.shown(float(f'{straight:.3g}'), 'm')} can be wound; choose a smaller spacing"
         )
     across = found.width / math.sin(math.radians(abs(lay.angle))) + _widening(found, lay)
     if lay.spacing - across < workshop.least_gap:
         raise MouldError(
-            f"threads at {shown(lay.angle, 'degree')} lie {shown(float(f'{lay.spacing:.3g}'), 'm')} apart along the tube, but "
-            f"their grooves are {shown(float(f'{across:.3g}'), 'm')} wide where the halves part, so that these leave, and the "
-            f"printer's smallest gap is {shown(workshop.least_gap, 'm')}; choose a larger spacing, a thinner thread, or an "
+            f"threads at {schema.shown(lay.angle, 'degree')} lie {schema.shown(float(f'{lay.spacing:.3g}'), 'm')} "
+            "apart along the tube, but "
+            f"their grooves are {schema.shown(float(f'{across:.3g}'), 'm')} wide where the halves part, so that "
+            "these leave, and the "
+            f"printer's smallest gap is {schema.shown(workshop.least_gap, 'm')}; choose a larger spacing, a "
+            "thinner thread, or an "
             "angle nearer to 90 deg"
         )
 
@@ -129,13 +137,13 @@ def _widening(found: Winding, lay: Lay) -> float:
     return lay.advance / (2.0 * math.pi) * math.acos(1.0 - found.depth / found.radius - APART) if lay.advance else 0.0
 
 
-def groove_solids(found: Winding, axis: int, scale: float) -> list[Entity]:
+def groove_solids(found: Winding, axis: int, scale: float) -> list[meshing.Entity]:
     """Add what is cut out of a tube around z, which is parted across x (0) or y (1), to the current Gmsh model; a length in m
     times the scale is one there. Beyond the tube they go on."""
-    occ, solids = gmsh.model.occ, list[Entity]()
-    unit, beyond = MM * scale, 1.5 * found.radius
+    occ, solids = gmsh.model.occ, list[meshing.Entity]()
+    unit, beyond = meshing.MM * scale, 1.5 * found.radius
     for side in (1.0, -1.0):
-        faces = list[Entity]()
+        faces = list[meshing.Entity]()
         for lay in found.lays:
             climb = math.copysign(1.0, lay.angle) * side * (1.0 if axis == 1 else -1.0) * lay.advance / (2.0 * math.pi)
             reach = math.pi * abs(climb) + found.width if climb else -0.5 * found.width  # whole rings only
@@ -173,7 +181,7 @@ def _outline(found: Winding, climb: float, half: float) -> Array:
     return np.concatenate([ends[:1], below, ends[1:3], above, ends[3:]]) * (1.0, math.copysign(1.0, climb))
 
 
-def _face(corners: Array, shift: float, axis: int, unit: float) -> Entity:
+def _face(corners: Array, shift: float, axis: int, unit: float) -> meshing.Entity:
     """Add a plane face by its corners (x, z), shifted along z; lengths in m times the unit."""
     occ, places = gmsh.model.occ, np.zeros((len(corners), 3))
     places[:, 1 - axis], places[:, 2] = unit * corners[:, 0], unit * (corners[:, 1] + shift)

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 import numpy.typing as npt
 
-from geometries import Actuator
-from geometries.actuator import Castable, Pour, Recipe
-from geometries.meshing import apart, private_model, write_step
+from geometries import Actuator, actuator, meshing
+from softmodels.casting import facets, grooves, settings
 from softmodels.casting.bodies import (
     FLUSH,
     MM,
@@ -30,14 +29,12 @@ from softmodels.casting.bodies import (
     tooling,
     turned,
 )
-from softmodels.casting.facets import Cells, Facets, coupon_solids, facets_of
-from softmodels.casting.grooves import Winding
-from softmodels.casting.settings import MouldError, Workshop
+from softmodels.casting.facets import Facets
+from softmodels.casting.settings import MouldError
+from softmodels.common import cards, schema
 from softmodels.common.arrays import Array
-from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import MeshingError
 from softmodels.common.lazy import gmsh
-from softmodels.common.schema import shown
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
@@ -112,14 +109,15 @@ class Fin:
         kind, hole = ("rod", "hole") if self.rod else ("fin", "gap")
         many = f"{self.alike} {kind}s" if self.alike > 1 else f"a {kind}"
         draft = "without draft" if self.draft < 0.05 else f"with a draft of {self.draft:.2g} deg"
-        length = "" if self.rod else f" and {shown(_three(self.length), 'm')} long"
-        wide, drafted = (shown(_up(self.depth / limit / scale), "m") for limit in (self.allowed, MOST_SLENDER))
+        length = "" if self.rod else f" and {schema.shown(_three(self.length), 'm')} long"
+        wide, drafted = (schema.shown(_up(self.depth / limit / scale), "m") for limit in (self.allowed, MOST_SLENDER))
         drafted = "" if drafted == wide else f" ({drafted} with a draft of {LEAST_DRAFT:g} deg)"
         return (
-            f"the {body} has {many} {shown(_three(self.thickness), 'm')} thick, {shown(_three(self.depth), 'm')} deep{length} "
+            f"the {body} has {many} {schema.shown(_three(self.thickness), 'm')} thick, "
+            f"{schema.shown(_three(self.depth), 'm')} deep{length} "
             f"{draft} ({self.where}): {self.slenderness:.3g} times as deep as thick, more than {self.allowed:g}, so it may "
             f"bend or break as the silicone comes off; make the part's {hole} there at least {wide} wide{drafted}, or at most "
-            f"{shown(_three(self.allowed * self.thickness / scale), 'm')} deep"
+            f"{schema.shown(_three(self.allowed * self.thickness / scale), 'm')} deep"
         )
 
 
@@ -166,7 +164,7 @@ class Surfaces:
     cast: Facets
 
 
-def check_body(name: str, found: Surfaces, workshop: Workshop, named: Name) -> Checked:
+def check_body(name: str, found: Surfaces, workshop: settings.Workshop, named: Name) -> Checked:
     """Check a body: `MouldError` for an undercut, or a wall or gap too fine for the printer, `MeshingError` if it is not
     watertight, or its STL strays."""
     facets = found.bodies[name]
@@ -180,8 +178,8 @@ def check_body(name: str, found: Surfaces, workshop: Workshop, named: Name) -> C
     ):  # fmt: skip
         if value + allowed < MM * limit:
             raise MouldError(
-                f"the {name} is {shown(float(f'{value / MM:.3g}'), 'm')} {what} {named(place)}; the printer's "
-                f"smallest {'wall' if what == 'thin' else 'gap'} is {shown(limit, 'm')} ({field})"
+                f"the {name} is {schema.shown(float(f'{value / MM:.3g}'), 'm')} {what} {named(place)}; the printer's "
+                f"smallest {'wall' if what == 'thin' else 'gap'} is {schema.shown(limit, 'm')} ({field})"
             )
     bound = facets.chord * _area(facets) / facets.volume
     differs = facets.polyhedron_volume / facets.volume - 1.0
@@ -262,7 +260,7 @@ def _flat_normals(facets: Facets) -> Array:
     return flat / np.maximum(areas, 1e-12)[:, None]
 
 
-def _spread(corners: Array, chosen: npt.NDArray[np.bool_]) -> tuple[Array, Cells, Array]:
+def _spread(corners: Array, chosen: npt.NDArray[np.bool_]) -> tuple[Array, facets.Cells, Array]:
     """Return the corners of about `FIN_RAYS` small triangles spread evenly over chosen ones, shape (n, 3, 3), the large one of
     each, and the area it stands for."""
     a, b, c = np.moveaxis(corners, 1, 0)
@@ -296,14 +294,14 @@ def _flanks(facets: Facets, made: Tooling) -> npt.NDArray[np.bool_] | None:
     return np.asarray(between & ~on_one[0] & ~on_one[1])
 
 
-def check_core(facets: Facets, foot: float, workshop: Workshop, named: Name) -> float:
+def check_core(facets: Facets, foot: float, workshop: settings.Workshop, named: Name) -> float:
     """Return the smallest width in m of a core of the cavity; `MouldError` if that is too fine for the printer. ``foot`` is
     the height in mm of the plane in which it stands on a lid: that face is inside of a body."""
     (width, place), _ = thicknesses(facets, np.abs(facets.corners[:, :, 2] - foot).max(axis=1) < 1e-4)
     if width + 2.0 * facets.chord < MM * workshop.least_wall:
         raise MouldError(
-            f"a channel is {shown(float(f'{width / MM:.3g}'), 'm')} wide {named(place)}; the printer's smallest rib is "
-            f"{shown(workshop.least_wall, 'm')} (least_wall)"
+            f"a channel is {schema.shown(float(f'{width / MM:.3g}'), 'm')} wide {named(place)}; the printer's smallest rib is "
+            f"{schema.shown(workshop.least_wall, 'm')} (least_wall)"
         )
     return width / MM
 
@@ -313,7 +311,7 @@ def _area(facets: Facets) -> float:
     return 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
 
 
-def _leans(name: str, found: Surfaces, workshop: Workshop, named: Name) -> tuple[float, float]:
+def _leans(name: str, found: Surfaces, workshop: settings.Workshop, named: Name) -> tuple[float, float]:
     """Return the least sine of the lean of the part's faces along the body's pull, and of the pins and holes along theirs;
     `MouldError` for a face that hangs over, `MeshingError` for a pin, a socket or a hole with less than the draft."""
     facets, made = found.bodies[name], found.made
@@ -468,7 +466,8 @@ def overlaps(found: Surfaces) -> dict[str, float]:
         )
         if worst[body.name] > allowed:
             raise MouldError(
-                f"the {body.name} cannot be demoulded: on its way out it is {shown(worst[body.name] / MM, 'm')} deep in the "
+                f"the {body.name} cannot be demoulded: on its way out it is "
+                f"{schema.shown(worst[body.name] / MM, 'm')} deep in the "
                 f"part or another body; choose another direction (--pull), or change the part"
             )
     return worst
@@ -528,7 +527,7 @@ class MouldBody:
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
-class Made(Shown):
+class Made(cards.Shown):
     """The finished mould; lengths of bodies in mm, everything else in SI units.
 
     Attributes:
@@ -548,7 +547,7 @@ class Made(Shown):
         scale: Length in the mould over length in the device.
     """
 
-    recipe: Recipe
+    recipe: actuator.Recipe
     bodies: tuple[MouldBody, ...]
     extras: tuple[MouldBody, ...]
     casts: tuple[MouldBody, ...]
@@ -559,7 +558,7 @@ class Made(Shown):
     volume: float
     plug: float
     grooved: float
-    wound: Winding | None
+    wound: grooves.Winding | None
     thinnest: float
     channel: float
     scale: float
@@ -569,7 +568,7 @@ class Made(Shown):
         """The bodies without the cores that are cast of wax."""
         return tuple(body for body in self.bodies if any(body.pull) or not self.waxes)
 
-    def of(self, pour: Pour) -> tuple[list[MouldBody], MouldBody]:
+    def of(self, pour: actuator.Pour) -> tuple[list[MouldBody], MouldBody]:
         """Return the bodies of a piece's mould, and what is cast in it."""
         bodies = [body for body in self.bodies if body.piece == pour.name]
         return bodies, next(cast for cast in (*self.casts, *self.waxes) if cast.piece == pour.name)
@@ -577,7 +576,7 @@ class Made(Shown):
     def _line(self) -> str:
         return f"of {len(self.printed)} bodies to print, for {self.cast_volume * 1e6:.4g} ml of silicone"
 
-    def _figures(self) -> Table:
+    def _figures(self) -> cards.Table:
         pieces = f" in {len(self.casts)} parts, bonded" if len(self.casts) > 1 else ""
         channel = [] if math.isnan(self.channel) else [
             ("narrowest part of the cavity", f"{self.channel * 1e3:.3g} mm")
@@ -606,7 +605,7 @@ class Made(Shown):
         return sum(body.facets.volume for body in self.casts) / MM**3
 
 
-def made(device: Actuator, workshop: Workshop, stopped: Callable[[], bool] = bool) -> Made:
+def made(device: Actuator, workshop: settings.Workshop, stopped: Callable[[], bool] = bool) -> Made:
     """Make the mould of a device, slices and sections standing for their whole; ``stopped`` is asked several times a second,
     and once true ends the work.
 
@@ -615,7 +614,7 @@ def made(device: Actuator, workshop: Workshop, stopped: Callable[[], bool] = boo
         GeometryError, MeshingError: The device's whole cannot be made, or a body fails a check.
         MeshingStopped: ``stopped`` was true.
     """
-    return apart(_made, device, recipe_of(device, workshop), workshop, stopped=stopped)
+    return meshing.apart(_made, device, recipe_of(device, workshop), workshop, stopped=stopped)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -643,7 +642,7 @@ class _Drawn:
 
     def surfaces(self, kind: str, chord: float) -> list[Facets]:
         """Return those of the jigs, cores, cavities or plugs, to a chord in mm."""
-        return [facets_of(self.file(f"{kind} {k}"), chord) for k in range(self.counts[kind])]
+        return [facets.facets_of(self.file(f"{kind} {k}"), chord) for k in range(self.counts[kind])]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -656,7 +655,7 @@ class _Piece:
     channel: float
 
 
-def _made(device: Actuator, recipe: Recipe, workshop: Workshop) -> Made:
+def _made(device: Actuator, recipe: actuator.Recipe, workshop: settings.Workshop) -> Made:
     with tempfile.TemporaryDirectory() as place:
         drawn, molten = list[_Drawn](), list[_Drawn]()
         for k, pour in enumerate(recipe.pours):  # all of them before any is measured, which takes most of the time
@@ -701,11 +700,11 @@ def _inside(place: str, name: str) -> Path:
     return folder
 
 
-def _draw_wax(drawn: _Drawn, workshop: Workshop, folder: Path) -> _Drawn:
+def _draw_wax(drawn: _Drawn, workshop: settings.Workshop, folder: Path) -> _Drawn:
     """Make the mould in which a piece's lost core is cast of wax, with its peg."""
     tools, name = drawn.tools, f"{drawn.tools.pour.name} core"
-    core = facets_of(drawn.file(name), MM * workshop.chord)
-    with private_model():
+    core = facets.facets_of(drawn.file(name), MM * workshop.chord)
+    with meshing.private_model():
         (solid,) = imported(drawn.file(name))
         box = np.reshape(gmsh.model.occ.getBoundingBox(*solid), (2, 3))
     middle = np.array([*box.mean(axis=0)[:2], tools.level])
@@ -714,13 +713,13 @@ def _draw_wax(drawn: _Drawn, workshop: Workshop, folder: Path) -> _Drawn:
     parting = next((axis for axis in (along, 2, 1, 0) if axis is not None and _parts(core, axis, middle[axis])), None)
     if parting is None:
         raise MouldError(f"the {name} does not leave a mould in two halves in any direction; print it (--core lost)")
-    pour = Pour(
+    pour = actuator.Pour(
         name=name, up=(0.0, 0.0, 1.0), level=peg / MM, lid=False, wax=True, vented=tools.level / MM,
         floor=tools.level / MM if parting == 2 else None,
         sideways=None if parting == 2 else _triple(np.eye(3)[parting]),
     )  # fmt: skip
     own = dataclasses.replace(workshop, shrinkage=workshop.wax_shrinkage)
-    return _draw(LostCore(drawn.file(name)), Recipe(pours=(pour,), why=""), pour, own, folder)
+    return _draw(LostCore(drawn.file(name)), actuator.Recipe(pours=(pour,), why=""), pour, own, folder)
 
 
 def _parts(core: Facets, axis: int, level: float) -> bool:
@@ -730,25 +729,27 @@ def _parts(core: Facets, axis: int, level: float) -> bool:
     return float(lean[np.abs(beyond) > FLUSH].min()) > -SLIP
 
 
-def _extras(drawn: Sequence[_Drawn], workshop: Workshop) -> tuple[MouldBody, ...]:
+def _extras(drawn: Sequence[_Drawn], workshop: settings.Workshop) -> tuple[MouldBody, ...]:
     """Return the jig and the coupon."""
     chord, folder = MM * workshop.chord, drawn[0].folder
-    with private_model():
+    with meshing.private_model():
         own = _Drawn(drawn[0].tools, folder, {}, 0.0, 0.0, 0.0, 0.0)
-        _write_steps(coupon_solids(workshop), own)
+        _write_steps(facets.coupon_solids(workshop), own)
     files = {"bonding jig": drawn[0].file("jig 0")} if drawn[0].counts["jig"] else {}
     files |= {name: own.file(name) for name in ("coupon", "coupon pin")}
-    found = [MouldBody(name, "", file.read_bytes(), facets_of(file, chord), (0.0, 0.0, 0.0), None)
+    found = [MouldBody(name, "", file.read_bytes(), facets.facets_of(file, chord), (0.0, 0.0, 0.0), None)
              for name, file in files.items()]  # fmt: skip
     if leaks := [body.name for body in found if body.facets.open_edges]:
         raise MeshingError(f"the {leaks[0]} is not watertight; change a length slightly")
     return tuple(found)
 
 
-def _draw(device: Castable, recipe: Recipe, pour: Pour, workshop: Workshop, folder: Path) -> _Drawn:
+def _draw(
+    device: actuator.Castable, recipe: actuator.Recipe, pour: actuator.Pour, workshop: settings.Workshop, folder: Path
+) -> _Drawn:
     """Make the mould of one piece, compare its void with the piece, and write its STEP files; `MeshingError` if the mould
     leaves something else than the device."""
-    with private_model():
+    with meshing.private_model():
         tools = tooling(device, recipe, pour, workshop)
         void = left(tools)
         differs = _difference(void, tools.target, tools.size)
@@ -773,11 +774,11 @@ def _draw(device: Castable, recipe: Recipe, pour: Pour, workshop: Workshop, fold
     return found
 
 
-def _piece(device: Actuator | LostCore, drawn: _Drawn, inside: Array, workshop: Workshop) -> _Piece:
+def _piece(device: Actuator | LostCore, drawn: _Drawn, inside: Array, workshop: settings.Workshop) -> _Piece:
     """Measure and check the mould of one piece; ``inside`` are points of closed cavities, shape (n, 3), mm."""
     tools, chord = drawn.tools, MM * workshop.chord
-    named = {body.name: facets_of(drawn.file(body.name), chord) for body in tools.bodies}
-    surfaces = Surfaces(tools, named, facets_of(drawn.file("cast"), CAST_CHORD))
+    named = {body.name: facets.facets_of(drawn.file(body.name), chord) for body in tools.bodies}
+    surfaces = Surfaces(tools, named, facets.facets_of(drawn.file("cast"), CAST_CHORD))
     where = face_namer(device, tools.frame)
     found = {name: check_body(name, surfaces, workshop, where) for name in named}
     overlap = overlaps(surfaces)
@@ -830,7 +831,7 @@ def _difference(one: list[Solid], other: list[Solid], size: float) -> float:
 def _bonded(pieces: Sequence[_Drawn], folder: Path) -> bytes:
     """Return the STEP of the pieces merged, with the tube's hole filled, in the device's own size and place."""
     file = folder / "device.step"
-    with private_model():
+    with meshing.private_model():
         parts: list[Solid] = []
         for piece in pieces:
             for name in ("cast", *(f"plug {k}" for k in range(piece.counts["plug"]))):
@@ -842,7 +843,7 @@ def _bonded(pieces: Sequence[_Drawn], folder: Path) -> bytes:
             raise MeshingError("the CAD kernel cannot merge the pieces; change a length slightly")
         scaled(1.0 / pieces[0].tools.frame.scale)
         gmsh.model.occ.synchronize()
-        write_step(file)
+        meshing.write_step(file)
     return file.read_bytes()
 
 
@@ -853,6 +854,6 @@ def _write_steps(named: Mapping[str, Solid], drawn: _Drawn) -> None:
     gmsh.model.setVisibility(gmsh.model.getEntities(), 0)
     for name, solid in named.items():
         gmsh.model.setVisibility([solid], 1, recursive=True)
-        write_step(drawn.file(name))
+        meshing.write_step(drawn.file(name))
         gmsh.model.setVisibility([solid], 0, recursive=True)
     gmsh.option.setNumber("Geometry.OCCExportOnlyVisible", 0)

@@ -11,15 +11,12 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from geometries.actuator import Pour
-from softmodels.casting.bodies import rotation_up
+from geometries import actuator
+from softmodels.casting import bodies, make
 from softmodels.casting.facets import Facets, Placed, moved
-from softmodels.casting.make import Made, MouldBody, manifold_of
 from softmodels.common.arrays import Array
-from softmodels.pictures.offscreen import Image, Layer, ViewCamera, direction, lines, studio, surface
-from softmodels.pictures.style import DPI, EDGE, Caption, page
-from softmodels.runs.grid import Cells
-from softmodels.runs.labels import number
+from softmodels.pictures import offscreen, style
+from softmodels.runs import grid, labels
 
 PRINTED, SILICONE, LOST = "#b4c3d4", "#e8b796", "#d8d2a8"
 SHARP = np.cos(np.radians(25.0))
@@ -28,27 +25,27 @@ APART = 0.28
 """Gap between bodies in the exploded picture, in sizes of the mould."""
 
 
-def body_picture(body: MouldBody) -> Figure:
+def body_picture(body: make.MouldBody) -> Figure:
     """Draw a body from its silicone side."""
     pull = np.array(body.pull)
     up = np.array([0.0, 0.0, -pull[2] if pull[2] else 1.0])
-    side = direction(-58.0, 38.0, np.array([0.0, 0.0, 1.0]))
+    side = offscreen.direction(-58.0, 38.0, np.array([0.0, 0.0, 1.0]))
     towards = side * (1.0, 1.0, up[2])
     if across := pull[:2].any():
         towards = side - 2.0 * pull * max(0.0, float(side @ pull)) - 0.4 * pull
-    camera = ViewCamera.around([body.facets.points], towards, up, tallest=0.8)
-    with studio(camera) as shoot:
+    camera = offscreen.ViewCamera.around([body.facets.points], towards, up, tallest=0.8)
+    with offscreen.studio(camera) as shoot:
         image = shoot(_layers(body.facets, PRINTED))
-    size = " x ".join(number(length) for length in np.ptp(body.facets.points, axis=0))
+    size = " x ".join(labels.number(length) for length in np.ptp(body.facets.points, axis=0))
     inner = ", its inner side" if across or pull[2] else ""
-    return page(image, Caption(f"{body.name[0].upper()}{body.name[1:]}: {size} mm{inner}"))
+    return style.page(image, style.Caption(f"{body.name[0].upper()}{body.name[1:]}: {size} mm{inner}"))
 
 
-def exploded_picture(made: Made) -> Figure:
+def exploded_picture(made: make.Made) -> Figure:
     """Draw the exploded view of all pieces side by side, as they stand when poured, bodies apart along their pulls."""
-    up, towards = np.array([0.0, 0.0, 1.0]), direction(-58.0, 24.0, np.array([0.0, 0.0, 1.0]))
+    up, towards = np.array([0.0, 0.0, 1.0]), offscreen.direction(-58.0, 24.0, np.array([0.0, 0.0, 1.0]))
     right = np.cross(up, towards) / np.linalg.norm(np.cross(up, towards))
-    layers: list[Layer] = []
+    layers: list[offscreen.Layer] = []
     clouds: list[Array] = []
     edge = 0.0
     for pour in made.recipe.pours:
@@ -60,13 +57,15 @@ def exploded_picture(made: Made) -> Figure:
         for facets, colour in group:
             layers += _layers(moved(facets, np.eye(3), shift), colour)
             clouds.append(facets.points + shift)
-    camera = ViewCamera.around(clouds, towards, up, tallest=1.1)
-    with studio(camera) as shoot:
+    camera = offscreen.ViewCamera.around(clouds, towards, up, tallest=1.1)
+    with offscreen.studio(camera) as shoot:
         image = shoot(layers)
-    return page(image, Caption("Exploded view of the mould: bodies apart along their pulls, with the casts"))
+    return style.page(
+        image, style.Caption("Exploded view of the mould: bodies apart along their pulls, with the casts")
+    )
 
 
-def _exploded(made: Made, pour: Pour) -> list[tuple[Facets, str]]:
+def _exploded(made: make.Made, pour: actuator.Pour) -> list[tuple[Facets, str]]:
     """Return the surfaces and colours of one piece's mould, its bodies apart."""
     bodies, cast = made.of(pour)
     turn = standing(pour)
@@ -76,12 +75,12 @@ def _exploded(made: Made, pour: Pour) -> list[tuple[Facets, str]]:
     return [(moved(facets, turn, turn @ shift), colour) for facets, shift, colour in found]
 
 
-def standing(pour: Pour) -> Array:
+def standing(pour: actuator.Pour) -> Array:
     """Return the rotation, shape (3, 3), that brings a piece's mould as it stands when it is poured."""
     return np.eye(3) if pour.gate is not None else np.diag([1.0, -1.0, -1.0])
 
 
-def shifts(bodies: Sequence[MouldBody], cast: MouldBody) -> dict[str, Array]:
+def shifts(bodies: Sequence[make.MouldBody], cast: make.MouldBody) -> dict[str, Array]:
     """Return by how much each body of a piece is moved along its pull, in mm, to stand clear of the others."""
     size = float(np.linalg.norm(np.ptp(cast.facets.points, axis=0)))
     found, stacked = {}, [cast.facets.points]
@@ -95,19 +94,19 @@ def shifts(bodies: Sequence[MouldBody], cast: MouldBody) -> dict[str, Array]:
     return found
 
 
-def _layers(facets: Facets, colour: str, opacity: float = 1.0) -> list[Layer]:
+def _layers(facets: Facets, colour: str, opacity: float = 1.0) -> list[offscreen.Layer]:
     """Return a body with its sharp edges; its shading is that of the exact surface."""
     corners = facets.corners.reshape(-1, 3)
     cells = np.arange(len(corners)).reshape(-1, 3)
-    solid = surface(corners, cells, facets.normals.reshape(-1, 3))
-    edge = lines(facets.points, sharp_edges(facets))
+    solid = offscreen.surface(corners, cells, facets.normals.reshape(-1, 3))
+    edge = offscreen.lines(facets.points, sharp_edges(facets))
     return [
         (solid, {"color": colour, "smooth_shading": True, "opacity": opacity}),
-        (edge, {"color": EDGE, "line_width": 1.5}),
+        (edge, {"color": style.EDGE, "line_width": 1.5}),
     ]
 
 
-def sharp_edges(facets: Facets, view: Array | None = None) -> Cells:
+def sharp_edges(facets: Facets, view: Array | None = None) -> grid.Cells:
     """Return the edges between faces that meet at an angle, as pairs of vertices, shape (k, 2); with a direction of view also
     the outline of curved faces."""
     pairs, one, other = _neighbours(facets)
@@ -125,7 +124,7 @@ def sharp_edges(facets: Facets, view: Array | None = None) -> Cells:
 TRIANGLE_SIDES: tuple[tuple[int, int], ...] = ((0, 1), (1, 2), (2, 0))
 
 
-def _neighbours(facets: Facets) -> tuple[Cells, Cells, Cells]:
+def _neighbours(facets: Facets) -> tuple[grid.Cells, grid.Cells, grid.Cells]:
     """Return the edges of all triangles, shape (3 m, 2), and where among them the two of each edge are, shape (k,) each."""
     pairs = np.concatenate([facets.triangles[:, side] for side in TRIANGLE_SIDES])
     order = np.lexsort(np.sort(pairs, axis=1).T)
@@ -137,21 +136,21 @@ def _neighbours(facets: Facets) -> tuple[Cells, Cells, Cells]:
 
 
 UP = np.array([0.0, 0.0, 1.0])
-VIEW = direction(-58.0, 24.0, UP)
+VIEW = offscreen.direction(-58.0, 24.0, UP)
 BELOW_RIM = 2e-3
 """Distance of the silicone's level from the rim in mm: in one plane, rounding would leave films on the rim."""
 GHOST = 0.25
 """Opacity of a mould's bodies around what is poured."""
 
 
-def steps_picture(made: Made) -> Figure:
+def steps_picture(made: make.Made) -> Figure:
     """Draw the steps of the work in numbered panels: those of each piece, and the bond."""
     panels = [panel for pour in made.recipe.pours for panel in _piece_steps(made, pour)]
     if len(made.casts) > 1:
         panels.append(("Bond the pieces", _shot(_casts_apart(made))))
     columns = min((3, 4), key=lambda count: (-len(panels) % count, count)) if len(panels) > 2 else 2
     rows = -(-len(panels) // columns)
-    figure = Figure((8.0, 0.2 + 7.6 / columns * rows), dpi=DPI, layout="constrained")
+    figure = Figure((8.0, 0.2 + 7.6 / columns * rows), dpi=style.DPI, layout="constrained")
     for k, axes in enumerate(figure.subplots(rows, columns, squeeze=False).ravel()):
         axes.set_axis_off()
         if k < len(panels):
@@ -161,7 +160,7 @@ def steps_picture(made: Made) -> Figure:
     return figure
 
 
-def _piece_steps(made: Made, pour: Pour) -> list[tuple[str, Image]]:
+def _piece_steps(made: make.Made, pour: actuator.Pour) -> list[tuple[str, offscreen.Image]]:
     """Return the panels of one piece, which show what the sheet says: put together, poured, opened."""
     bodies, cast = made.of(pour)
     turn = standing(pour)
@@ -198,7 +197,7 @@ def _piece_steps(made: Made, pour: Pour) -> list[tuple[str, Image]]:
     ]
 
 
-def _brimful(bodies: Sequence[MouldBody], cast: MouldBody, stays: Mapping[str, bool]) -> Facets:
+def _brimful(bodies: Sequence[make.MouldBody], cast: make.MouldBody, stays: Mapping[str, bool]) -> Facets:
     """Return the silicone in a piece's cup up to the rim: what of the cast's box is in no body that stays."""
     from manifold3d import Manifold
 
@@ -207,7 +206,7 @@ def _brimful(bodies: Sequence[MouldBody], cast: MouldBody, stays: Mapping[str, b
     solid = Manifold.cube(tuple(high - low)).translate(tuple(low))
     for body in bodies:
         if stays[body.name]:
-            solid -= manifold_of(body.facets)
+            solid -= make.manifold_of(body.facets)
     mesh = max(solid.decompose(), key=lambda piece: piece.volume()).to_mesh64()
     points, triangles = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, dtype=np.int64)
     a, b, c = np.moveaxis(points[triangles], 1, 0)
@@ -217,22 +216,22 @@ def _brimful(bodies: Sequence[MouldBody], cast: MouldBody, stays: Mapping[str, b
     return Facets(points, triangles, faces, normals, cast.facets.chord, cast.facets.volume, cast.facets.centre)
 
 
-def _casts_apart(made: Made) -> list[tuple[Facets, str, float]]:
+def _casts_apart(made: make.Made) -> list[tuple[Facets, str, float]]:
     """Return the pieces in the device's own place, apart across their bonds."""
     found = []
     for pour in (pour for pour in made.recipe.pours if not pour.wax):
         _, cast = made.of(pour)
-        turn, up = rotation_up(pour.up).T, np.array(pour.up)
+        turn, up = bodies.rotation_up(pour.up).T, np.array(pour.up)
         size = float(np.linalg.norm(np.ptp(cast.facets.points, axis=0)))
         found.append((moved(cast.facets, turn, 0.12 * size * up), SILICONE, 1.0))
     return found
 
 
-def _shot(group: Sequence[tuple[Facets, str, float]]) -> Image:
+def _shot(group: Sequence[tuple[Facets, str, float]]) -> offscreen.Image:
     """Draw surfaces, each with a colour and an opacity."""
     layers = [layer for facets, colour, opacity in group for layer in _layers(facets, colour, opacity)]
-    camera = ViewCamera.around([facets.points for facets, _, _ in group], VIEW, UP, width=560, tallest=1.0)
-    with studio(camera) as shoot:
+    camera = offscreen.ViewCamera.around([facets.points for facets, _, _ in group], VIEW, UP, width=560, tallest=1.0)
+    with offscreen.studio(camera) as shoot:
         return shoot(layers)
 
 
@@ -240,7 +239,7 @@ def _shot(group: Sequence[tuple[Facets, str, float]]) -> Image:
 # A drawing with dimensions: each body from above and from the front.
 
 
-def drawing(made: Made) -> Figure:
+def drawing(made: make.Made) -> Figure:
     """Draw each body to print from above and from the front, with its outer dimensions in mm."""
     bodies = [*made.printed, *made.extras]
     figure = Figure((8.0, 2.9 * len(bodies)), layout="constrained")
@@ -254,7 +253,7 @@ def drawing(made: Made) -> Figure:
 
 def _view(axes: Axes, edges: Array, points: Array) -> None:
     """Draw edges and the two outer dimensions of one view."""
-    axes.add_collection(LineCollection(list(edges), colors=EDGE, linewidths=0.5))
+    axes.add_collection(LineCollection(list(edges), colors=style.EDGE, linewidths=0.5))
     (x, y), (X, Y) = points.min(axis=0), points.max(axis=0)
     off = 0.07 * max(X - x, Y - y)
     arrow = {"arrowstyle": "<->", "linewidth": 0.6, "shrinkA": 0.0, "shrinkB": 0.0}
@@ -272,10 +271,11 @@ def plates_picture(placed: Sequence[Placed], size: tuple[float, float]) -> Figur
     figure = Figure((8.0, 8.0 * size[1] / size[0] * count), layout="constrained")
     rows = figure.subplots(count, 1, squeeze=False)[:, 0]
     for k, axes in enumerate(rows, 1):
-        axes.add_patch(Rectangle((0, 0), *size, fill=False, edgecolor=EDGE))
+        axes.add_patch(Rectangle((0, 0), *size, fill=False, edgecolor=style.EDGE))
         for one in placed:
             if one.plate == k:
-                axes.add_collection(LineCollection(list(one.facets.points[sharp_edges(one.facets)][:, :, :2]), colors=EDGE,
+                axes.add_collection(LineCollection(list(one.facets.points[sharp_edges(one.facets)][:, :, :2]),
+                colors=style.EDGE,
                                                    linewidths=0.4))  # fmt: skip
                 (x, y, _), (X, Y, _) = one.facets.points.min(axis=0), one.facets.points.max(axis=0)
                 if X - x < 1.2 * len(one.name):
@@ -290,12 +290,12 @@ def plates_picture(placed: Sequence[Placed], size: tuple[float, float]) -> Figur
 EXPLODED, STEPS, DRAWING, PLATES = "exploded.png", "steps.png", "drawing.svg", "plates.svg"
 
 
-def draw_all(folder: Path, made: Made) -> list[tuple[str, str]]:
+def draw_all(folder: Path, made: make.Made) -> list[tuple[str, str]]:
     """Write the rendered pictures; return their names and descriptions, the exploded view first."""
-    exploded_picture(made).savefig(folder / EXPLODED, dpi=DPI)
-    steps_picture(made).savefig(folder / STEPS, dpi=DPI)
+    exploded_picture(made).savefig(folder / EXPLODED, dpi=style.DPI)
+    steps_picture(made).savefig(folder / STEPS, dpi=style.DPI)
     found = [(EXPLODED, "Exploded view of the mould along the pull"), (STEPS, "The steps of the work")]
     for body in made.bodies:
-        body_picture(body).savefig(folder / f"{body.stem}.png", dpi=DPI)
+        body_picture(body).savefig(folder / f"{body.stem}.png", dpi=style.DPI)
         found.append((f"{body.stem}.png", f"The {body.name}"))
     return found

@@ -11,30 +11,15 @@ from typing import Any
 import numpy as np
 import tomli_w
 
-from geometries import Actuator
-from geometries.registry import ACTUATORS, to_table as device_table
+from geometries import Actuator, registry
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
-from softmodels.common.errors import FieldError, Spoken, known_are
+from softmodels.common import errors, schema, units
 from softmodels.common.names import checked
-from softmodels.common.schema import (
-    Quantity,
-    angle_field,
-    choice_field,
-    field_of,
-    from_table,
-    length_field,
-    number_field,
-    settle,
-    shown,
-    text_field,
-    to_table,
-)
 from softmodels.common.tables import TomlError, read_toml
-from softmodels.common.units import UnitError, brief, quantity
 from softmodels.components.fibres import Fibres
-from softmodels.materials.silicones import CASTING, Casting, casting_of, named, product_of
-from softmodels.mechanics.component import names_in
+from softmodels.materials import silicones
+from softmodels.mechanics import component
 
 STEEPEST = 15.0
 """Largest accepted draft in degrees."""
@@ -50,7 +35,7 @@ FINEST_CHORD = 2e-6
 """Smallest accepted chord error in m, finer than any printer."""
 
 
-class MouldError(Spoken, ValueError):
+class MouldError(errors.Spoken, ValueError):
     """The requested mould cannot be made; the message is for the user."""
 
 
@@ -59,55 +44,57 @@ class MouldError(Spoken, ValueError):
 class Workshop:
     """Settings of a mould, lengths in m, angles in degrees; `MouldError` if no mould can be made so."""
 
-    wall: float = length_field(0.005, "thickness of the mould's floors and lids")
-    rim: float = length_field(0.008, "rim of the mould around the part, which holds the pins")
-    draft: float = angle_field(1.0, "draft angle of pins, sockets, pour opening, vents and an upright inlet")
-    shrinkage: float = number_field(
+    wall: float = schema.length_field(0.005, "thickness of the mould's floors and lids")
+    rim: float = schema.length_field(0.008, "rim of the mould around the part, which holds the pins")
+    draft: float = schema.angle_field(1.0, "draft angle of pins, sockets, pour opening, vents and an upright inlet")
+    shrinkage: float = schema.number_field(
         0.0, "linear shrinkage of the silicone during cure, 0.001 for 0.1 %; the mould is enlarged by it"
     )
-    clearance: float = length_field(0.00015, "gap between a pin and its socket", zero=True)
-    least_wall: float = length_field(0.0005, "smallest wall or rib of the printer")
-    least_gap: float = length_field(0.0005, "smallest gap or hole of the printer")
-    pin: float = length_field(0.004, "diameter of the alignment pins at their root")
-    pour: float = length_field(0.0025, "diameter of the pour opening where it meets the silicone")
-    vent: float = length_field(0.001, "diameter of the vents where they meet the silicone")
-    vents: int = choice_field(3, tuple(range(1, 13)), "number of vents of each half")
-    tube: float = length_field(
+    clearance: float = schema.length_field(0.00015, "gap between a pin and its socket", zero=True)
+    least_wall: float = schema.length_field(0.0005, "smallest wall or rib of the printer")
+    least_gap: float = schema.length_field(0.0005, "smallest gap or hole of the printer")
+    pin: float = schema.length_field(0.004, "diameter of the alignment pins at their root")
+    pour: float = schema.length_field(0.0025, "diameter of the pour opening where it meets the silicone")
+    vent: float = schema.length_field(0.001, "diameter of the vents where they meet the silicone")
+    vents: int = schema.choice_field(3, tuple(range(1, 13)), "number of vents of each half")
+    tube: float = schema.length_field(
         0.002, "outer diameter of the tube into the cavity, or of the barb; 0 for no inlet", zero=True
     )
-    inlet: str = choice_field(
+    inlet: str = schema.choice_field(
         "tube", ("tube", "barb", "luer"),
         "hole for the tube itself, 0.8 of it to grip a barb, or the cone of a male Luer slip (ISO 80369-7)",
     )  # fmt: skip
-    core: str = choice_field(
+    core: str = schema.choice_field(
         "as needed", ("as needed", "rigid", "lost", "wax"),
         "cores that are pulled; lost, which are printed to be dissolved; or wax, cast in moulds of their own to be melted out",
     )  # fmt: skip
-    wax_shrinkage: float = number_field(
+    wax_shrinkage: float = schema.number_field(
         0.0, "linear shrinkage of a wax core as it sets, 0.01 for 1 %; its mould is enlarged by it"
     )
-    thread: float = length_field(
+    thread: float = schema.length_field(
         0.0, "diameter of the thread around a tube; grooves as wide and half as deep hold it; 0 for none", zero=True
     )
-    spacing: float = length_field(0.004, "distance along the tube of neighbouring threads, at most about")
-    lay: str = text_field(
+    spacing: float = schema.length_field(0.004, "distance along the tube of neighbouring threads, at most about")
+    lay: str = schema.text_field(
         "",
         "angles of the threads from the tube's axis, such as '75 deg, -75 deg'; default: those of the case's fibres",
     )
-    bolt: float = length_field(0.0034, "diameter of the bolts' holes; 0 for clamps only", zero=True)
-    bed_width: float = length_field(0.192, "width of the printer's plate")
-    bed_depth: float = length_field(0.120, "depth of the printer's plate")
-    layer: float = length_field(0.00005, "thickness of a printed layer")
-    layer_time: float = field_of(Quantity("s"), "time that the printer takes for a layer", 8.0)
-    chord: float = length_field(0.00002, "largest distance of the STL from the exact surface")
-    surplus: float = number_field(0.15, "surplus of mixed silicone, for sprues and the mixing cup, 0.15 for 15 %")
-    pull: str = text_field("", "direction in which the mould of an imported part opens, such as '0, 0, 1'")
-    split: str = text_field(
+    bolt: float = schema.length_field(0.0034, "diameter of the bolts' holes; 0 for clamps only", zero=True)
+    bed_width: float = schema.length_field(0.192, "width of the printer's plate")
+    bed_depth: float = schema.length_field(0.120, "depth of the printer's plate")
+    layer: float = schema.length_field(0.00005, "thickness of a printed layer")
+    layer_time: float = schema.field_of(schema.Quantity("s"), "time that the printer takes for a layer", 8.0)
+    chord: float = schema.length_field(0.00002, "largest distance of the STL from the exact surface")
+    surplus: float = schema.number_field(
+        0.15, "surplus of mixed silicone, for sprues and the mixing cup, 0.15 for 15 %"
+    )
+    pull: str = schema.text_field("", "direction in which the mould of an imported part opens, such as '0, 0, 1'")
+    split: str = schema.text_field(
         "", "position of the parting plane along the pull, such as '2 mm'; default: the middle of the cavities"
     )
 
     def __post_init__(self) -> None:
-        settle(self, MouldError)
+        schema.settle(self, MouldError)
         self._check_shares()
         self._check_pins()
         self._check_printer()
@@ -115,7 +102,9 @@ class Workshop:
 
     def _check_shares(self) -> None:
         if not 0.0 <= self.draft <= STEEPEST:
-            raise MouldError(f"draft is {shown(self.draft, 'degree')}; it must be between 0 and {STEEPEST:g} deg")
+            raise MouldError(
+                f"draft is {schema.shown(self.draft, 'degree')}; it must be between 0 and {STEEPEST:g} deg"
+            )
         for name, what in (("shrinkage", "silicones shrink"), ("wax_shrinkage", "waxes shrink")):
             if not 0.0 <= (value := getattr(self, name)) <= MOST_SHRINKAGE:
                 raise MouldError(
@@ -124,54 +113,62 @@ class Workshop:
         if not 0.0 <= self.surplus <= 5.0:
             raise MouldError(f"surplus is {self.surplus:g}; it must be between 0 and 5 (0.15 is 15 %)")
         if self.chord < FINEST_CHORD:
-            raise MouldError(f"chord is {shown(self.chord, 'm')}; it must be at least {shown(FINEST_CHORD, 'm')}")
+            raise MouldError(
+                f"chord is {schema.shown(self.chord, 'm')}; it must be at least {schema.shown(FINEST_CHORD, 'm')}"
+            )
 
     def _check_pins(self) -> None:
         left = self.wall - self.pin_length - self.clearance
         if left < self.least_wall:
             raise MouldError(
-                f"wall is {shown(self.wall, 'm')}; its sockets, {shown(self.pin_length + self.clearance, 'm')} deep, leave "
-                f"{shown(max(left, 0.0), 'm')} but the printer's smallest wall is {shown(self.least_wall, 'm')} (least_wall)"
+                f"wall is {schema.shown(self.wall, 'm')}; its sockets, "
+                f"{schema.shown(self.pin_length + self.clearance, 'm')} deep, leave "
+                f"{schema.shown(max(left, 0.0), 'm')} but the printer's smallest wall is "
+                f"{schema.shown(self.least_wall, 'm')} (least_wall)"
             )
         if self.rim < self.pin + 2.0 * (self.clearance + self.least_wall):
             raise MouldError(
-                f"rim is {shown(self.rim, 'm')}; a pin of {shown(self.pin, 'm')} with walls of {shown(self.least_wall, 'm')} "
-                f"on both sides needs {shown(self.pin + 2.0 * (self.clearance + self.least_wall), 'm')}"
+                f"rim is {schema.shown(self.rim, 'm')}; a pin of {schema.shown(self.pin, 'm')} with walls of "
+                f"{schema.shown(self.least_wall, 'm')} "
+                f"on both sides needs {schema.shown(self.pin + 2.0 * (self.clearance + self.least_wall), 'm')}"
             )
         if self.bolt and self.rim < self.bolt + 2.0 * self.least_wall:
             raise MouldError(
-                f"bolt is {shown(self.bolt, 'm')}; in a rim of {shown(self.rim, 'm')} it leaves walls thinner than the "
-                f"printer's {shown(self.least_wall, 'm')} (least_wall); 0 omits the holes"
+                f"bolt is {schema.shown(self.bolt, 'm')}; in a rim of {schema.shown(self.rim, 'm')} it leaves "
+                "walls thinner than the "
+                f"printer's {schema.shown(self.least_wall, 'm')} (least_wall); 0 omits the holes"
             )
         if self.tip(self.pin, self.pin_length) < self.least_wall:
             raise MouldError(
-                f"draft is {shown(self.draft, 'degree')}; it leaves a pin of {shown(self.pin, 'm')} a tip of "
-                f"{shown(max(self.tip(self.pin, self.pin_length), 0.0), 'm')}, but the printer's smallest rib is "
-                f"{shown(self.least_wall, 'm')} (least_wall)"
+                f"draft is {schema.shown(self.draft, 'degree')}; it leaves a pin of {schema.shown(self.pin, 'm')} a tip of "
+                f"{schema.shown(max(self.tip(self.pin, self.pin_length), 0.0), 'm')}, but the printer's smallest rib is "
+                f"{schema.shown(self.least_wall, 'm')} (least_wall)"
             )
 
     def _check_printer(self) -> None:
         for name in ("vent", "pour"):
             if getattr(self, name) < self.least_gap:
                 raise MouldError(
-                    f"{name} is {shown(getattr(self, name), 'm')}; the printer's smallest hole is {shown(self.least_gap, 'm')} "
+                    f"{name} is {schema.shown(getattr(self, name), 'm')}; the printer's smallest hole is "
+                    f"{schema.shown(self.least_gap, 'm')} "
                     "(least_gap)"
                 )
         if self.pour < self.vent:
             raise MouldError(
-                f"pour is {shown(self.pour, 'm')} and vent {shown(self.vent, 'm')}; the pour opening must be wider"
+                f"pour is {schema.shown(self.pour, 'm')} and vent {schema.shown(self.vent, 'm')}; the pour opening "
+                "must be wider"
             )
         if self.tube and self.inlet_width < self.least_wall:
             raise MouldError(
-                f"tube is {shown(self.tube, 'm')}; its core is thinner than the printer's "
-                f"{shown(self.least_wall, 'm')} (least_wall); 0 omits the inlet"
+                f"tube is {schema.shown(self.tube, 'm')}; its core is thinner than the printer's "
+                f"{schema.shown(self.least_wall, 'm')} (least_wall); 0 omits the inlet"
             )
         if self.layer_time <= 0.0:
-            raise MouldError(f"layer_time is {shown(self.layer_time, 's')}; it must be larger than 0")
+            raise MouldError(f"layer_time is {schema.shown(self.layer_time, 's')}; it must be larger than 0")
         if self.chord > 0.25 * self.least_gap:
             raise MouldError(
-                f"chord is {shown(self.chord, 'm')}; it must be at most a quarter of the printer's gap, "
-                f"{shown(0.25 * self.least_gap, 'm')}"
+                f"chord is {schema.shown(self.chord, 'm')}; it must be at most a quarter of the printer's gap, "
+                f"{schema.shown(0.25 * self.least_gap, 'm')}"
             )
 
     @property
@@ -220,8 +217,8 @@ class Workshop:
     def angles(self) -> tuple[float, ...]:
         """The given angles of threads from the axis in degrees; empty if not given."""
         try:
-            return tuple(float(quantity(text, "degree")) for text in self.lay.split(",") if text.strip())
-        except UnitError as error:
+            return tuple(float(units.quantity(text, "degree")) for text in self.lay.split(",") if text.strip())
+        except units.UnitError as error:
             raise MouldError(f"lay: {error}") from None
 
     @property
@@ -230,8 +227,8 @@ class Workshop:
         if not self.split.strip():
             return None
         try:
-            return float(quantity(self.split, "m"))
-        except UnitError as error:
+            return float(units.quantity(self.split, "m"))
+        except units.UnitError as error:
             raise MouldError(f"split: {error}") from None
 
 
@@ -249,15 +246,19 @@ class Asked:
     name: str
 
     @property
-    def casting(self) -> Casting | None:
+    def casting(self) -> silicones.Casting | None:
         """Data sheet values of the silicone; None if it is not in the table."""
-        return casting_of(self.silicone)
+        return silicones.casting_of(self.silicone)
 
     def to_toml(self) -> str:
         """Return the text of a file that requests the same mould."""
         silicone = {"silicone": self.silicone} if self.silicone else {}
         return tomli_w.dumps(
-            {"name": self.name, "geometry": device_table(self.device), "mould": {**silicone, **to_table(self.workshop)}}
+            {
+                "name": self.name,
+                "geometry": registry.to_table(self.device),
+                "mould": {**silicone, **schema.to_table(self.workshop)},
+            }
         )
 
 
@@ -272,7 +273,7 @@ def asked_of(device: Actuator | Case | str | Path, silicone: str | None = None, 
     if isinstance(device, Case):
         return _asked(device.actuator, device.name, device, {}, silicone, settings)
     if not isinstance(device, str | Path):
-        raise MouldError(f"a mould needs a device, a case or a case file, not {brief(device)}")
+        raise MouldError(f"a mould needs a device, a case or a case file, not {units.brief(device)}")
     case, table = _read(Path(device))
     try:
         return _asked(case.actuator, case.name, case, table, silicone, settings)
@@ -292,16 +293,17 @@ def _asked(
     table = dict(table)
     product = _product(silicone if silicone is not None else table.pop("silicone", None), case)
     table.pop("silicone", None)
-    casting = casting_of(product)
+    casting = silicones.casting_of(product)
     values: dict[str, Any] = {"shrinkage": casting.shrinkage} if casting and casting.shrinkage else {}
     try:
-        values |= from_table(Workshop, table, "[mould]")
-    except FieldError as error:
+        values |= schema.from_table(Workshop, table, "[mould]")
+    except errors.FieldError as error:
         raise MouldError(str(error)) from None
     unknown = given.keys() - {field.name for field in dataclasses.fields(Workshop)}
     if unknown:
         raise MouldError(
-            f"{min(unknown)!r} is not a setting of a mould; {known_are(min(unknown), sorted(Workshop.__dataclass_fields__))}"
+            f"{min(unknown)!r} is not a setting of a mould; "
+            f"{errors.known_are(min(unknown), sorted(Workshop.__dataclass_fields__))}"
         )
     values |= given
     workshop = Workshop(**values)
@@ -314,7 +316,7 @@ def _lay_of(case: Case) -> str:
     """Return the angles of a case's fibres on the face "outer"; `MouldError` for ones around another axis than z."""
     angles: list[float] = []
     for part in case.components:
-        if isinstance(part, Fibres) and "outer" in names_in(part.on):
+        if isinstance(part, Fibres) and "outer" in component.names_in(part.on):
             if part.axis[0] or part.axis[1]:
                 raise MouldError(f"{part.where}: axis is not along z; threads are wound around the tube's axis")
             angles += [part.angle, -part.angle][: part.helices if part.angle < 90.0 else 1]
@@ -325,11 +327,11 @@ def _product(name: object, case: Case | None) -> str:
     """Return the silicone's product: the requested one (`MouldError` if there is none), or the case's if its material is a
     named silicone."""
     if name is None:
-        material = named(case.material) if case else None
-        return product_of(material) if material else ""
-    product = product_of(name) if isinstance(name, str) else ""
-    if product not in CASTING:
-        raise MouldError(f"silicone {brief(name)} is unknown; {known_are(name, CASTING)}")
+        material = silicones.named(case.material) if case else None
+        return silicones.product_of(material) if material else ""
+    product = silicones.product_of(name) if isinstance(name, str) else ""
+    if product not in silicones.CASTING:
+        raise MouldError(f"silicone {units.brief(name)} is unknown; {errors.known_are(name, silicones.CASTING)}")
     return product
 
 
@@ -345,7 +347,7 @@ def _read(file: Path) -> tuple[Case, dict[str, object]]:
         raise MouldError(f"{file}: mould is {table!r}; it must be a table, starting with a line [mould]")
     geometry = tables.get("geometry")
     device = geometry.get("device") if isinstance(geometry, dict) else None
-    solid = isinstance(device, str) and device in ACTUATORS and ACTUATORS[device].ratios == ()
+    solid = isinstance(device, str) and device in registry.ACTUATORS and registry.ACTUATORS[device].ratios == ()
     load = {"gravity": {"direction": "-z"}, "load": {"share": [1.0]}} if solid else {"load": {"pressure_cm": [1.0]}}
     try:
         return Case.from_toml(tomli_w.dumps({**({} if "load" in tables else load), **tables}), file.parent), table

@@ -14,66 +14,22 @@ import click
 import numpy as np
 import numpy.typing as npt
 
-from geometries import Actuator, HollowDisk
-from geometries.registry import QuantityType, check_meaning, device_options, device_told, to_table
+from geometries import Actuator, HollowDisk, registry
+from softmodels.case import entries, load, materials
 from softmodels.case.case import Case
-from softmodels.case.entries import CaseError, SeriesError, one_of_text, split_text
-from softmodels.case.load import steps_of
-from softmodels.case.materials import material_from
-from softmodels.cli.options import (
-    DEVICE,
-    CaseOptions,
-    Command,
-    Values,
-    by_device,
-    case_of_file,
-    command,
-    fail,
-    law_taken,
-    material_options,
-    write_into,
-)
-from softmodels.common.commands import (
-    Provenance,
-    ResultFolder,
-    flag_option,
-    open_folder,
-    option,
-    options,
-    output_option,
-    quiet_option,
-)
-from softmodels.common.files import csv_text, image_uri, read_text, write_bytes, write_text
+from softmodels.case.entries import CaseError
+from softmodels.cli import options
+from softmodels.common import commands, files, pages, processes, schema, units
 from softmodels.common.lazy import MPI
-from softmodels.common.pages import Bullets, Cell, Charts, Fact, Folded, Listing, Page, Picture, Table, Text
-from softmodels.common.processes import say
-from softmodels.common.schema import shown
-from softmodels.common.units import WATER_DENSITY, UnitError, column_unit, quantity, readable
+from softmodels.common.pages import Page
+from softmodels.materials import silicones, specimens
 from softmodels.materials.laws import Material
-from softmodels.materials.silicones import extrapolated, publications
-from softmodels.materials.specimens import check_rest, weakest, weakness
-from softmodels.mechanics.component import direction as unit_vector
-from softmodels.mechanics.mpi import is_root, kept_on_root, start
-from softmodels.path.steps import PRESSURE, one_step
-from softmodels.runs.analyses import (
-    LARGEST_STRETCH,
-    MOST_MODES,
-    Limit,
-    NaturalFrequencies,
-    Tolerance,
-    band_texts,
-    case_for_modes,
-    check_hold,
-    check_varied,
-    find_frequencies,
-    find_limit,
-    samples,
-    scatter,
-    with_sources,
-)
-from softmodels.runs.grasp import STEPS, Grasp, Held, grasp
+from softmodels.mechanics import component, mpi
+from softmodels.path import steps
+from softmodels.runs import analyses, grasp, simulation
+from softmodels.runs.analyses import Limit, NaturalFrequencies
+from softmodels.runs.grasp import Grasp
 from softmodels.runs.notes import NEAR_STRETCH_LIMIT, sentences, unseen
-from softmodels.runs.simulation import AtRest
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -102,7 +58,7 @@ class LimitColumn:
 class Scatter:
     """The sampled devices within the tolerances."""
 
-    tolerances: Sequence[Tolerance]
+    tolerances: Sequence[analyses.Tolerance]
     sampled: Sequence[Sampled]
 
     @property
@@ -112,7 +68,7 @@ class Scatter:
         stretched = [one for one in self.sampled if one[1].kind == "none"]
         if found or not stretched:
             return "limit pressure", found
-        return f"pressure at a stretch of {LARGEST_STRETCH:g}", stretched
+        return f"pressure at a stretch of {analyses.LARGEST_STRETCH:g}", stretched
 
 
 def row_of(name: str, found: Limit, column: LimitColumn) -> Row:
@@ -132,11 +88,11 @@ def sentence(name: str, found: Limit, column: LimitColumn) -> str:
     place = f"largest stretch {found.stretch:.3g}, {radius:.3g} mm from the axis at height {height:.3g} mm"
     rises = ", ".join(f"{name} {rise * 1e3:+.4g} mm" for name, rise in found.rises.items())
     state = f"{rises}, {found.added_volume * 1e6:+.4g} ml; {place}"
-    at = f"{found.pressure / column.cm:.4g} {column_unit(column.cm)} ({found.pressure / 1e3:.4g} kPa)"
+    at = f"{found.pressure / column.cm:.4g} {units.column_unit(column.cm)} ({found.pressure / 1e3:.4g} kPa)"
     what = {
         "limit": f"limit pressure {at}: {state}",
         "bifurcation": f"bifurcation at {at}: {state}",
-        "none": f"no limit up to a stretch of {LARGEST_STRETCH:g}, reached at {at}: {state}"
+        "none": f"no limit up to a stretch of {analyses.LARGEST_STRETCH:g}, reached at {at}: {state}"
         if found.pressure > 0.0
         else f"no limit down to {at}: {state}",
         "lost": f"no limit up to {at}, where the path was lost ({found.why}): {state}",
@@ -158,7 +114,7 @@ def scatter_text(scatter: Scatter, column: LimitColumn) -> str:
         return f"none of the {count} devices within the tolerances has a limit"
     pressures = np.array([found.pressure / column.cm for _, found in counted])
     quantiles = np.percentile(pressures, PERCENTILES)
-    text = f"{count} devices within the tolerances: {what} ({column_unit(column.cm)}) " + ", ".join(
+    text = f"{count} devices within the tolerances: {what} ({units.column_unit(column.cm)}) " + ", ".join(
         f"{q:.4g} cm ({p} %)" for p, q in zip(PERCENTILES, quantiles, strict=True)
     )
     text += f"; lowest {pressures.min():.4g} cm, highest {pressures.max():.4g} cm"
@@ -172,40 +128,42 @@ def scatter_text(scatter: Scatter, column: LimitColumn) -> str:
 
 
 def _effects(
-    tolerances: Sequence[Tolerance], counted: Sequence[Sampled], pressures: npt.NDArray[np.float64], what: str
+    tolerances: Sequence[analyses.Tolerance], counted: Sequence[Sampled], pressures: npt.NDArray[np.float64], what: str
 ) -> str:
     """Return the effect of each parameter, fitted jointly so that none absorbs the scatter of another."""
     values = [[_regressor(t, changes[t.name]) for t in tolerances] for changes, _ in counted]
     slopes = np.linalg.lstsq(values - np.mean(values, axis=0), np.log(pressures / pressures.mean()), rcond=None)[0]
     text = ""
     for t, slope in zip(tolerances, slopes, strict=True):
-        more = shown(t.half, t.unit) if t.signed else "one percent"
+        more = schema.shown(t.half, t.unit) if t.signed else "one percent"
         effect = 100 * np.expm1(slope) if t.signed else slope
         text += f"\n  {t.name.replace('_', ' ')}: {more} more changes the {what} by about {effect:+.2g} %"
     return text
 
 
-def _regressor(tolerance: Tolerance, value: float) -> float:
+def _regressor(tolerance: analyses.Tolerance, value: float) -> float:
     return (value - tolerance.middle) / tolerance.half if tolerance.signed else float(np.log(value))
 
 
 def write(folder: Path, limits: Mapping[str, Limit], scatter: Scatter, column: LimitColumn) -> Figure | None:
     """Write ``limit.json`` and ``limit.csv``, and of a scatter its table and picture, which is returned."""
     table = [row_of(name, found, column) for name, found in limits.items()]
-    write_text(folder / "limit.json", json.dumps(table, indent=2) + "\n")
-    write_text(folder / "limit.csv", csv_text(table[0], table))
+    files.write_text(folder / "limit.json", json.dumps(table, indent=2) + "\n")
+    files.write_text(folder / "limit.csv", files.csv_text(table[0], table))
     if not scatter.sampled:
         return None
     rows = [{**changes, **row_of("", found, column)} for changes, found in scatter.sampled]
-    write_text(folder / "scatter.csv", csv_text(rows[0], rows))
+    files.write_text(folder / "scatter.csv", files.csv_text(rows[0], rows))
     what, counted = scatter.borne
     if not counted:
         return None
-    from softmodels.pictures.analyses import scatter_figure
+    from softmodels.pictures import analyses
 
     pressures = [(changes, found.pressure / column.cm) for changes, found in counted]
     nominal = next(iter(limits.values())).pressure / column.cm
-    figure = scatter_figure(pressures, scatter.tolerances, what, nominal, column.working, column_unit(column.cm))
+    figure = analyses.scatter_figure(
+        pressures, scatter.tolerances, what, nominal, column.working, units.column_unit(column.cm)
+    )
     figure.savefig(folder / "scatter.png")
     return figure
 
@@ -218,11 +176,11 @@ def write_page(
     folder: Path, question: LimitRequest, limits: Mapping[str, Limit], scatter: Scatter, notes: Sequence[str]
 ) -> None:
     """Write the tables and their report, with notes in sentences."""
-    from softmodels.pictures.curves import drawing
+    from softmodels.pictures import curves
 
     figure = write(folder, limits, scatter, question.column)
     column, device = question.column, question.case.actuator
-    facts, told = [], to_table(device, readable)
+    facts, told = [], registry.to_table(device, units.readable)
     for name, found in limits.items():
         margin = math.inf if column.working is None else abs(found.pressure) / column.cm / column.working
         notes_of_it = (
@@ -230,27 +188,27 @@ def write_page(
         )
         kind = KINDS[found.kind] if found.pressure > 0.0 else KINDS[found.kind].replace("up to", "down to")
         what = f"borne for {found.held:g} s" if found.held else kind
-        pressure = f"{found.pressure / column.cm:.4g} {column_unit(column.cm)} ({found.pressure / 1e3:.4g} kPa)"
+        pressure = f"{found.pressure / column.cm:.4g} {units.column_unit(column.cm)} ({found.pressure / 1e3:.4g} kPa)"
         note = "; ".join([*notes_of_it, f"largest stretch there {found.stretch:.4g}"])
-        facts.append(Fact(f"{name}: {what}", pressure, note, margin < 1 or found.kind == "lost"))
+        facts.append(pages.Fact(f"{name}: {what}", pressure, note, margin < 1 or found.kind == "lost"))
     sentences = [f"{sentence(name, found, column)}." for name, found in limits.items()]
     names = ("limit.csv", "scatter.csv")
     page = Page(
         f"Limit of {type(device).__name__}", sentences[0],
         [
-            ("Other materials", [Bullets(sentences[1:])]),
+            ("Other materials", [pages.Bullets(sentences[1:])]),
             ("Scatter within the tolerances", [
-                Charts([("scatter.svg", drawing(figure, column.cm))] if figure else []),
-                Bullets(scatter_text(scatter, column).split("\n  ") if scatter.sampled else []),
+                pages.Charts([("scatter.svg", curves.drawing(figure, column.cm))] if figure else []),
+                pages.Bullets(scatter_text(scatter, column).split("\n  ") if scatter.sampled else []),
             ]),
-            ("Convergence", [Text(NO_MESH_ERROR)]),
-            ("Device", [Table([(name.replace("_", " "), str(value)) for name, value in told.items()], numbers=False)]),
+            ("Convergence", [pages.Text(NO_MESH_ERROR)]),
+            ("Device", [pages.Table([(name.replace("_", " "), str(value)) for name, value in told.items()], numbers=False)]),
         ],
-        Provenance.now(), facts, [note.removeprefix("note: ") for note in notes],
-        [text for material in question.materials.values() for text in publications(material)],
-        {name: read_text(folder / name) for name in names if (folder / name).exists()}, column.cm,
+        commands.Provenance.now(), facts, [note.removeprefix("note: ") for note in notes],
+        [text for material in question.materials.values() for text in silicones.publications(material)],
+        {name: files.read_text(folder / name) for name in names if (folder / name).exists()}, column.cm,
     )  # fmt: skip
-    write_text(folder / "report.html", page.html())
+    files.write_text(folder / "report.html", page.html())
 
 
 SAMPLES = 32
@@ -260,23 +218,27 @@ SAMPLES = 32
 class LimitOptions:
     """The options of the command except those of devices and laws."""
 
-    working_pressure: str | None = option(metavar="PRESSURE", help="Working pressure, for the margin: cm of column (20), or "
+    working_pressure: str | None = commands.option(metavar="PRESSURE",
+    help="Working pressure, for the margin: cm of column (20), or "
                                           "with a unit (2kPa).")  # fmt: skip
-    vacuum: bool = flag_option("How much vacuum it can take, instead of pressure.")
-    hold: float | None = option(type=QuantityType("s"), help="Time for which the pressure, applied at once, must be borne by "
+    vacuum: bool = commands.flag_option("How much vacuum it can take, instead of pressure.")
+    hold: float | None = commands.option(type=registry.QuantityType("s"),
+    help="Time for which the pressure, applied at once, must be borne by "
                                 "a silicone with a memory; default: for ever.")  # fmt: skip
-    vary: tuple[str, ...] = option(multiple=True, metavar="NAME=VALUE+-HALF", help="A tolerance, such as "
+    vary: tuple[str, ...] = commands.option(multiple=True, metavar="NAME=VALUE+-HALF", help="A tolerance, such as "
                                    "membrane=2mm+-0.2mm (a thickness) or offset=0mm+-0.2mm (the cavity's height in the part); "
                                    "may be repeated.")  # fmt: skip
-    count: int | None = option("--samples", type=click.IntRange(2, 4096),
+    count: int | None = commands.option("--samples", type=click.IntRange(2, 4096),
                                help=f"Number of sampled devices.  [default: {SAMPLES}]")  # fmt: skip
-    normal: bool = flag_option("Tolerances are two standard deviations of a normal distribution; default: uniform.")
-    output: Path | None = output_option(  # noqa: RUF009
+    normal: bool = commands.flag_option(
+        "Tolerances are two standard deviations of a normal distribution; default: uniform."
+    )
+    output: Path | None = commands.output_option(  # noqa: RUF009
         "Folder for tables and picture.  [default: with --vary results/limit, or results/limit-2 and so on]"
     )
-    water_density: float | None = option(
-        type=QuantityType("kg/m^3"),
-        help=f"Density of the column's liquid.  [default: the case's, or {WATER_DENSITY:g}kg/m^3]",
+    water_density: float | None = commands.option(
+        type=registry.QuantityType("kg/m^3"),
+        help=f"Density of the column's liquid.  [default: the case's, or {units.WATER_DENSITY:g}kg/m^3]",
     )
 
 
@@ -294,7 +256,7 @@ class LimitRequest:
 
     case: Case
     materials: Mapping[str, Material]
-    tolerances: Sequence[Tolerance]
+    tolerances: Sequence[analyses.Tolerance]
     count: int
     normal: bool
     column: LimitColumn
@@ -302,18 +264,18 @@ class LimitRequest:
 
     @classmethod
     def from_options(
-        cls, kind: type[Actuator], file: Path | None, how: LimitOptions, names: Sequence[str], values: Values
+        cls, kind: type[Actuator], file: Path | None, how: LimitOptions, names: Sequence[str], values: options.Values
     ) -> LimitRequest:
         """Make it from the command's options, of a case file or else a device, and those of device and law, None where not
         given; `CaseError`, `GeometryError` or `MaterialError` for invalid input."""
-        case = None if file is None else AtRest.from_file(file)
+        case = None if file is None else simulation.AtRest.from_file(file)
         device, materials = _asked(kind, case, file, names, dict(values))
         for material in materials.values():
-            check_rest(material)
-        tolerances = [Tolerance.parse(text, type(device)) for text in how.vary]
+            specimens.check_rest(material)
+        tolerances = [analyses.Tolerance.parse(text, type(device)) for text in how.vary]
         if not tolerances and (how.normal or how.count is not None):
             raise CaseError("--samples and --normal need a tolerance; give one with --vary")
-        hold = check_hold(how.hold or 0.0, list(materials.values()))
+        hold = analyses.check_hold(how.hold or 0.0, list(materials.values()))
         for other in ("vary", "vacuum"):
             if hold and getattr(how, other):
                 raise CaseError(f"--hold and --{other} cannot be combined; leave out one of them")
@@ -328,11 +290,13 @@ def _working_cm(text: str | None, pascal_in_cm: float) -> float | None:
     if text is None:
         return None
     try:
-        plain = not split_text(text)[1]
+        plain = not entries.split_text(text)[1]
         value = (
-            quantity(text, "") if plain else one_of_text("cm", text, "working pressure", pascal_in_cm) / pascal_in_cm
+            units.quantity(text, "")
+            if plain
+            else entries.one_of_text("cm", text, "working pressure", pascal_in_cm) / pascal_in_cm
         )
-    except (SeriesError, UnitError) as error:
+    except (entries.SeriesError, units.UnitError) as error:
         raise CaseError(f"--working-pressure: {error}") from None
     if not value > 0:
         raise CaseError(f"--working-pressure {text}: the working pressure must be above zero")
@@ -340,7 +304,7 @@ def _working_cm(text: str | None, pascal_in_cm: float) -> float | None:
 
 
 def limit(
-    kind: type[Actuator], case_file: Path | None, how: LimitOptions, material: tuple[str, ...], values: Values
+    kind: type[Actuator], case_file: Path | None, how: LimitOptions, material: tuple[str, ...], values: options.Values
 ) -> None:
     """Find the largest pressure a device can take, and the place of its largest strain.
 
@@ -363,27 +327,29 @@ def limit(
       softmodels limit results/seminar/case.toml --vary thickness=8mm+-0.2mm --vary offset=-1mm+-0.2mm --samples 8
     """
     question = LimitRequest.from_options(kind, case_file, how, material, values)
-    comm = start()
+    comm = mpi.start()
     folder = None
     if how.output is not None or question.tolerances:
         asked = {**values, **vars(how), "material": material, "cm": question.column.cm}
         files = [path for path in (case_file, *map(Path, material)) if path is not None and path.is_file()]
-        folder = kept_on_root(comm, lambda: open_folder(how.output, Path("results/limit"), "limits", asked, files))
-    named, bands = with_sources(dict(question.materials))
+        folder = mpi.kept_on_root(
+            comm, lambda: commands.open_folder(how.output, Path("results/limit"), "limits", asked, files)
+        )
+    named, bands = analyses.with_sources(dict(question.materials))
     with sentences():
         limits, scattered = _answered(question, named, comm)
-    if not is_root(comm):
+    if not mpi.is_root(comm):
         return
     notes = list(_notes(question, named, limits, scattered))
     for text in [
         *(sentence(name, found, question.column) for name, found in limits.items()),
-        *band_texts(bands, limits, question.column.cm), *notes,
+        *analyses.band_texts(bands, limits, question.column.cm), *notes,
         *([scatter_text(scattered, question.column)] if scattered.sampled else []),
     ]:  # fmt: skip
-        say(text)
+        processes.say(text)
     if folder is not None:
-        write_into(folder, lambda place: write_page(place, question, limits, scattered, notes), "the tables")
-        say(f"tables and report.html in {folder.path}")
+        options.write_into(folder, lambda place: write_page(place, question, limits, scattered, notes), "the tables")
+        processes.say(f"tables and report.html in {folder.path}")
 
 
 def _answered(
@@ -391,11 +357,11 @@ def _answered(
 ) -> tuple[dict[str, Limit], Scatter]:
     """Return the limits by material and of the devices within the tolerances."""
     case, sampled = question.case, list[Sampled]()
-    check_varied(case.actuator, question.tolerances, comm)
-    limits = find_limit(case, list(materials.values()), comm, question.hold)
+    analyses.check_varied(case.actuator, question.tolerances, comm)
+    limits = analyses.find_limit(case, list(materials.values()), comm, question.hold)
     if question.tolerances:
-        values = samples(question.tolerances, question.count, question.normal)
-        sampled = scatter(case, next(iter(materials.values())), question.tolerances, values, comm)
+        values = analyses.samples(question.tolerances, question.count, question.normal)
+        sampled = analyses.scatter(case, next(iter(materials.values())), question.tolerances, values, comm)
     return dict(zip(materials, limits, strict=True)), Scatter(question.tolerances, sampled)
 
 
@@ -405,14 +371,15 @@ def _notes(
     """Yield warnings about the limits."""
     device = question.case.actuator
     for name, found in limits.items():
-        weak = weakest(materials[name])
+        weak = specimens.weakest(materials[name])
         if weak is not None and found.stretch >= NEAR_STRETCH_LIMIT * weak.stretch:
             yield (
-                f"note: {weakness(materials[name])}, and the state reaches stretch {found.stretch:.3g}: the limit may "
+                f"note: {specimens.weakness(materials[name])}, and the state reaches stretch {found.stretch:.3g}: "
+                "the limit may "
                 f"come from the law, not from the device; use a law that is stable over these stretches (softmodels curve "
                 f"shows them)"
             )
-        if text := extrapolated(materials[name], found.stretch):
+        if text := silicones.extrapolated(materials[name], found.stretch):
             yield f"note: {name}: {text}"
         if materials[name].misread:
             yield f"note: {materials[name].misread}"
@@ -433,19 +400,19 @@ def _as_asked(
 ) -> Case:
     """Return a case of the device with a dummy pressure in Pa, to check the input as any case is checked."""
     for material in materials.values():
-        around = case or Case("limit", device, material, one_step(PRESSURE, [dummy]))
+        around = case or Case("limit", device, material, steps.one_step(steps.PRESSURE, [dummy]))
         made = dataclasses.replace(
             around, name="limit", actuator=device, material=material, load_unload=False,
-            steps=one_step(PRESSURE, [dummy]), supply=None, inertia=False,
+            steps=steps.one_step(steps.PRESSURE, [dummy]), supply=None, inertia=False,
             water_density=around.water_density if water_density is None else water_density,
         )  # fmt: skip
     return made
 
 
 def _asked(
-    kind: type[Actuator], case: Case | None, file: Path | None, names: Sequence[str], values: Values
+    kind: type[Actuator], case: Case | None, file: Path | None, names: Sequence[str], values: options.Values
 ) -> tuple[Actuator, dict[str, Material]]:
-    law = law_taken(values)
+    law = options.law_taken(values)
     given = any(value is not None for value in law.values())
     if case is not None:
         device, default = case.actuator, case.material
@@ -454,36 +421,36 @@ def _asked(
         if values.get("variant") or unknown:
             raise CaseError(f"{file} already names the device; leave out --variant and options of other devices")
         device = dataclasses.replace(device, **changes)
-        check_meaning(device, changes)
+        registry.check_meaning(device, changes)
         if not names and not given:
             return device, {default.name: default}
     else:
         variant = kind.variants[str(values.get("variant") or "default")]
         if "section" in values and values["section"] is None and "section" not in variant:
             values["section"] = "axisymmetric"
-        device = device_told(kind, values)
+        device = registry.device_told(kind, values)
     if len(names) > 1 and given:
         raise CaseError(
             "parameters such as --shear-modulus belong to one --material; with several, leave the parameters out"
         )
     if not names:
-        made = material_from(kind.silicone if case is None else None, law)
+        made = materials.material_from(kind.silicone if case is None else None, law)
         return device, {made.name: made}
-    return device, {name: material_from(name, law) for name in names}
+    return device, {name: materials.material_from(name, law) for name in names}
 
 
-def _limit_command(kind: type[Actuator] = HollowDisk, cls: type[click.Command] = Command) -> click.Command:
+def _limit_command(kind: type[Actuator] = HollowDisk, cls: type[click.Command] = options.Command) -> click.Command:
     @click.argument("case_file", metavar="[FILE]", required=False, type=click.Path(path_type=Path))
-    @options(LimitOptions)
+    @commands.options(LimitOptions)
     def of_kind(case_file: Path | None, how: LimitOptions, material: tuple[str, ...], **values: object) -> None:
         limit(kind, case_file, how, material, values)  # a device may have a field "file"
 
-    made = device_options(kind)(material_options(of_kind, kind.silicone, several=True))
-    return command("limit", cls=cls, help=limit.__doc__)(made)
+    made = registry.device_options(kind)(options.material_options(of_kind, kind.silicone, several=True))
+    return options.command("limit", cls=cls, help=limit.__doc__)(made)
 
 
 limit_command = _limit_command(
-    cls=by_device(_limit_command, "A device, with options of its own: {}.  [default: HollowDisk]")
+    cls=options.by_device(_limit_command, "A device, with options of its own: {}.  [default: HollowDisk]")
 )
 
 
@@ -495,15 +462,17 @@ limit_command = _limit_command(
 class ModesOptions:
     """The options of how to find modes."""
 
-    count: int = option(type=click.IntRange(1, MOST_MODES), default=4, show_default=True, help="Number of modes.")
-    sealed: bool = flag_option(
+    count: int = commands.option(
+        type=click.IntRange(1, analyses.MOST_MODES), default=4, show_default=True, help="Number of modes."
+    )
+    sealed: bool = commands.flag_option(
         "Close each cavity, with air that keeps its temperature; without it they keep their pressures."
     )
-    output: Path | None = output_option(  # noqa: RUF009
+    output: Path | None = commands.output_option(  # noqa: RUF009
         "Folder for the results.  [default: results/modes, or results/modes-2 and so on]"
     )
-    quiet: bool = quiet_option()
-    no_pictures: bool = flag_option("Draw nothing.")
+    quiet: bool = commands.quiet_option()
+    no_pictures: bool = commands.flag_option("Draw nothing.")
 
 
 MODES_HELP = """Find the natural frequencies of a device at rest and while it is inflated, and their modes.
@@ -530,66 +499,72 @@ Examples:
 
 def _modes_of(device: type[Actuator]) -> click.Command:
     """Return the command for a registered device."""
-    given = CaseOptions(device, device.silicone)
+    given = options.CaseOptions(device, device.silicone)
 
-    @options(ModesOptions)
+    @commands.options(ModesOptions)
     def of_device(how: ModesOptions, **values: object) -> None:
         asked = {**values, **vars(how)}
-        _find_modes(case_for_modes(given.case(values, AtRest)), how, asked, [])
+        _find_modes(analyses.case_for_modes(given.case(values, simulation.AtRest)), how, asked, [])
 
-    return command(f"softmodels modes {DEVICE} {device.__name__}", help=MODES_HELP)(given.add(of_device))
+    return options.command(f"softmodels modes {options.DEVICE} {device.__name__}", help=MODES_HELP)(
+        given.add(of_device)
+    )
 
 
-@command(
-    "modes", cls=by_device(_modes_of, "A device, with options of its own, instead of a FILE: {}."), help=MODES_HELP
+@options.command(
+    "modes",
+    cls=options.by_device(_modes_of, "A device, with options of its own, instead of a FILE: {}."),
+    help=MODES_HELP,
 )
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--material", metavar="NAME", help="Material, instead of the case's [material]: a silicone, a law "
               "with its numbers (yeoh:c1=8kPa,c2=90Pa), or a TOML file.")  # fmt: skip
 @click.option("--pressure-cm", "pressures", metavar="SERIES", help="Pressures in cm of the column, instead of the "
               "case's load: 0:40, 0:40:10 or 0,10,40; 0: at rest.")  # fmt: skip
-@options(ModesOptions)
+@commands.options(ModesOptions)
 def modes_command(file: Path, how: ModesOptions, material: str | None, pressures: str | None) -> None:
-    case = case_of_file(file, material, kind=AtRest)
-    steps = None if pressures is None else steps_of(pressure_cm=pressures, water_density=case.water_density)
+    case = options.case_of_file(file, material, kind=simulation.AtRest)
+    steps = None if pressures is None else load.steps_of(pressure_cm=pressures, water_density=case.water_density)
     asked = {**vars(how), "material": material, "pressures": pressures}
-    _find_modes(case_for_modes(case, steps), how, asked, [file])
+    _find_modes(analyses.case_for_modes(case, steps), how, asked, [file])
 
 
 def _find_modes(case: Case, how: ModesOptions, asked: Mapping[str, object], files: Sequence[Path]) -> None:
     """Find the modes of a case, write and print them, and exit with the status."""
-    comm = start()
-    folder = kept_on_root(comm, lambda: open_folder(how.output, Path("results/modes"), "modes", asked, files))
+    comm = mpi.start()
+    folder = mpi.kept_on_root(
+        comm, lambda: commands.open_folder(how.output, Path("results/modes"), "modes", asked, files)
+    )
     with sentences():
-        found = find_frequencies(case, how.count, how.sealed, comm)
-    if is_root(comm) and folder is not None:
+        found = analyses.find_frequencies(case, how.count, how.sealed, comm)
+    if mpi.is_root(comm) and folder is not None:
         _report_modes(case, found, how, folder)
     if found.ended.status:
-        fail(found.ended.message, found.ended.status)
+        options.fail(found.ended.message, found.ended.status)
 
 
-def _report_modes(case: Case, found: NaturalFrequencies, how: ModesOptions, folder: ResultFolder) -> None:
+def _report_modes(case: Case, found: NaturalFrequencies, how: ModesOptions, folder: commands.ResultFolder) -> None:
     def write(place: Path) -> None:
-        write_text(place / "modes.csv", modes_table(found, case.cm))
+        files.write_text(place / "modes.csv", modes_table(found, case.cm))
         if not how.no_pictures:
-            write_text(
+            files.write_text(
                 place / "report.html", _modes_page(case, found, _draw_modes(case, found, how.sealed, place), place)
             )
 
-    write_into(folder, write, "the results")
+    options.write_into(folder, write, "the results")
     if how.quiet:
         return
     shown = [*np.flatnonzero(found.requested), *([] if found.requested[-1] else [len(found.pressure) - 1])]
     for state in shown:
         values = ", ".join(f"{value:.4g}" for value in found.frequency[state])
-        say(f"{_pressure_text(found, state, case.cm)}: {values} Hz")
+        processes.say(f"{_pressure_text(found, state, case.cm)}: {values} Hz")
     for text in [*found.unstable, *(f"note: {note}" for note in found.notes), f"results in {folder.path}"]:
-        say(text)
+        processes.say(text)
 
 
 def _pressure_text(found: NaturalFrequencies, state: int, cm: float) -> str:
     pressure = found.pressure[state]
-    return f"{pressure / cm:.4g} {column_unit(cm)} ({pressure / 1e3:.4g} kPa)" if pressure else "no pressure"
+    return f"{pressure / cm:.4g} {units.column_unit(cm)} ({pressure / 1e3:.4g} kPa)" if pressure else "no pressure"
 
 
 def modes_table(found: NaturalFrequencies, cm: float) -> str:
@@ -601,63 +576,65 @@ def modes_table(found: NaturalFrequencies, cm: float) -> str:
     for pressure, volume, requested, frequencies in states:
         numbers = [pressure / cm, pressure, volume * 1e6]
         rows.append([*(f"{x:.9g}" for x in numbers), str(int(requested)), *(f"{x:.9g}" for x in frequencies)])
-    return csv_text(head, rows)
+    return files.csv_text(head, rows)
 
 
 def _modes_page(case: Case, found: NaturalFrequencies, figure: Figure, place: Path) -> str:
     """Return the report; ``place`` has the tables and the shapes already, ``figure`` are the frequencies."""
-    from softmodels.pictures.curves import drawing
+    from softmodels.pictures import curves
 
     shapes, asked = place / "shapes.png", [0, *np.flatnonzero(found.requested)[-1:]]
     facts = [
-        Fact(f"Lowest frequency, {_pressure_text(found, state, case.cm)}", f"{found.frequency[state, 0]:.4g} Hz"
+        pages.Fact(f"Lowest frequency, {_pressure_text(found, state, case.cm)}", f"{found.frequency[state, 0]:.4g} Hz"
              if np.isfinite(found.frequency[state, 0]) else "unstable", "", not np.isfinite(found.frequency[state, 0]))
         for state in dict.fromkeys(asked)
     ]  # fmt: skip
-    rows: list[list[str | Cell]] = [
-        [Cell(f"{p / case.cm:.5g}", f"{p} Pa", p), f"{V * 1e6:.5g}", *(f"{f:.5g}" for f in values)]
+    rows: list[list[str | pages.Cell]] = [
+        [pages.Cell(f"{p / case.cm:.5g}", f"{p} Pa", p), f"{V * 1e6:.5g}", *(f"{f:.5g}" for f in values)]
         for p, V, values in zip(found.pressure, found.added_volume, found.frequency, strict=True)
     ]
-    head: list[str | Cell] = [
-        Cell("pressure (cm)", unit="cm"),
+    head: list[str | pages.Cell] = [
+        pages.Cell("pressure (cm)", unit="cm"),
         "added volume (ml)",
         *(f"f{k + 1} (Hz)" for k in range(found.frequency.shape[1])),
     ]
     return Page(
         f"Natural frequencies of {case.name}", f"{found.ended.message}." if found.ended.message else "",
         [
-            ("Pictures", [Charts([("frequencies.svg", drawing(figure, case.cm))]),
-                          Picture(image_uri(shapes), "The modes of the last state") if shapes.exists() else None]),
-            ("Frequencies", [Table(rows, head)]),
-            ("Notes", [Bullets([*found.notes, NO_MESH_ERROR])]),
-            ("The case", [Folded("case.toml", [Listing(case.to_toml())])]),
+            ("Pictures", [pages.Charts([("frequencies.svg", curves.drawing(figure, case.cm))]),
+                          pages.Picture(files.image_uri(shapes), "The modes of the last state") if shapes.exists() else None]),
+            ("Frequencies", [pages.Table(rows, head)]),
+            ("Notes", [pages.Bullets([*found.notes, NO_MESH_ERROR])]),
+            ("The case", [pages.Folded("case.toml", [pages.Listing(case.to_toml())])]),
         ],
-        Provenance.now(), facts, found.unstable, publications(case.material),
-        {"modes.csv": read_text(place / "modes.csv")}, case.cm,
+        commands.Provenance.now(), facts, found.unstable, silicones.publications(case.material),
+        {"modes.csv": files.read_text(place / "modes.csv")}, case.cm,
     ).html()  # fmt: skip
 
 
 def _draw_modes(case: Case, found: NaturalFrequencies, sealed: bool, place: Path) -> Figure:
     """Draw the frequencies, which are returned, and the modes of the last state; say so if that fails."""
-    from softmodels.cli.run import drawn_aside
-    from softmodels.pictures.analyses import DRAWN, frequency_figure, section_shapes, solid_shapes
-    from softmodels.pictures.style import png
+    from softmodels.cli import run
+    from softmodels.pictures import analyses, style
 
-    figure = frequency_figure(found.pressure / case.cm, found.frequency, sealed, column_unit(case.cm))
-    write_bytes(place / "frequencies.png", png(figure))
-    last, state = found.modes[-1][:DRAWN], len(found.modes) - 1
+    figure = analyses.frequency_figure(found.pressure / case.cm, found.frequency, sealed, units.column_unit(case.cm))
+    files.write_bytes(place / "frequencies.png", style.png(figure))
+    last, state = found.modes[-1][: analyses.DRAWN], len(found.modes) - 1
     at = _pressure_text(found, state, case.cm)
     titles = [f"f{k} = {mode.frequency:.4g} Hz" if mode.stable else f"f{k}: unstable" for k, mode in enumerate(last, 1)]
     titles[0] += f", {at}"
     moved, shapes = found.points + found.displacement[-1], [mode.displacement for mode in last]
     if case.actuator.dimension == 2:
-        write_bytes(place / "shapes.png", png(section_shapes(moved, shapes, found.cells, titles)))
+        files.write_bytes(place / "shapes.png", style.png(analyses.section_shapes(moved, shapes, found.cells, titles)))
         return figure
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "shapes.npz"
-        np.savez(file, **vars(solid_shapes(found.points, found.cells, found.cell_name, case.actuator, moved, shapes)))
+        np.savez(
+            file,
+            **vars(analyses.solid_shapes(found.points, found.cells, found.cell_name, case.actuator, moved, shapes)),
+        )
         words = "softmodels.pictures.analyses", str(file), str(place / "shapes.png"), *titles
-        drawn_aside(case, "the frequencies are complete", *words)
+        run.drawn_aside(case, "the frequencies are complete", *words)
     return figure
 
 
@@ -673,29 +650,31 @@ USED_UP = 1e-2
 class GraspOptions:
     """The options of `grasp_command`."""
 
-    fingers: int = option(type=int, default=3, show_default=True, help="Number of equal fingers around the object.")
-    load: float = option(
-        type=QuantityType("N"), default=0.0, help="Force on the object, reached in steps, such as 5mN."
+    fingers: int = commands.option(
+        type=int, default=3, show_default=True, help="Number of equal fingers around the object."
     )
-    direction: str = option(
+    load: float = commands.option(
+        type=registry.QuantityType("N"), default=0.0, help="Force on the object, reached in steps, such as 5mN."
+    )
+    direction: str = commands.option(
         default="-z", show_default=True, help="Direction of that force, as the first finger sees it."
     )
-    label: str = option(
+    label: str = commands.option(
         "--object", default="", help="Name of the object's [contact.NAME], if the case has several shapes."
     )
-    steps: int = option(
-        type=click.IntRange(1, 1000), default=STEPS, show_default=True,
+    steps: int = commands.option(
+        type=click.IntRange(1, 1000), default=grasp.STEPS, show_default=True,
         help="Steps to each pressure and to the load; with friction more of them are more accurate.",
     )  # fmt: skip
-    output: Path | None = output_option(  # noqa: RUF009
+    output: Path | None = commands.output_option(  # noqa: RUF009
         "Folder for the results.  [default: results/grasp, or results/grasp-2 …]"
     )
-    quiet: bool = quiet_option()
+    quiet: bool = commands.quiet_option()
 
 
-@command("grasp")
+@options.command("grasp")
 @click.argument("file", type=click.Path(path_type=Path))
-@options(GraspOptions)
+@commands.options(GraspOptions)
 def grasp_command(file: Path, how: GraspOptions) -> None:
     """Close equal fingers around an object that is free in their plane, and load it.
 
@@ -714,35 +693,36 @@ def grasp_command(file: Path, how: GraspOptions) -> None:
       softmodels grasp examples/grasp.toml --load 8mN
       softmodels grasp examples/grasp.toml --fingers 4 --load 5mN --direction x
     """
-    case, way = case_of_file(file, None), np.array(unit_vector(how.direction, "--direction"))
-    comm = start()
+    case, way = options.case_of_file(file, None), np.array(component.direction(how.direction, "--direction"))
+    comm = mpi.start()
     asked = {"file": file, **vars(how)}
-    folder = kept_on_root(comm, lambda: open_folder(how.output, Path("results/grasp"), "grasp", asked, [file]))
+    folder = mpi.kept_on_root(
+        comm, lambda: commands.open_folder(how.output, Path("results/grasp"), "grasp", asked, [file])
+    )
     with sentences():
-        made, found = grasp(case, how.fingers, how.load, way, how.label, how.steps)
+        made, found = grasp.grasp(case, how.fingers, how.load, way, how.label, how.steps)
     outlines = [made.outlines(held) for held in found]
-    if is_root(comm) and folder is not None:
+    if mpi.is_root(comm) and folder is not None:
 
         def write(place: Path) -> None:
-            from softmodels.pictures.analyses import grasp_figure
-            from softmodels.pictures.style import png
+            from softmodels.pictures import analyses, style
 
-            write_text(place / "grasp.csv", grasp_table(made, found))
-            write_bytes(place / "grasp.png", png(grasp_figure(made, found, outlines)))
+            files.write_text(place / "grasp.csv", grasp_table(made, found))
+            files.write_bytes(place / "grasp.png", style.png(analyses.grasp_figure(made, found, outlines)))
 
-        write_into(folder, write, "the results")
+        options.write_into(folder, write, "the results")
         if not how.quiet:
             for text in [*told(made, found), f"results in {folder.path}: grasp.csv, grasp.png"]:
-                say(text)
+                processes.say(text)
     if found[-1].load < how.load * (1 - 1e-9):
-        fail(
+        options.fail(
             f"no equilibrium of the object at a load of {how.load:.4g} N: beyond {found[-1].load:.4g} N it leaves the fingers; "
             "use a higher pressure, more friction or more fingers",
             3,
         )
 
 
-def grasp_table(made: Grasp, found: Sequence[Held]) -> str:
+def grasp_table(made: Grasp, found: Sequence[grasp.Held]) -> str:
     """Return ``grasp.csv``."""
     fingers = range(1, len(made.angles) + 1)
     parts = ("along_N", "across_N", "press_N", "sliding")
@@ -757,16 +737,16 @@ def grasp_table(made: Grasp, found: Sequence[Held]) -> str:
         for force, press, sliding in zip(held.forces, held.press, held.sliding, strict=True):
             numbers += [*force, press, sliding]
         rows.append([f"{number:.9g}" for number in numbers])
-    return csv_text(head, rows)
+    return files.csv_text(head, rows)
 
 
-def told(made: Grasp, found: Sequence[Held]) -> list[str]:
+def told(made: Grasp, found: Sequence[grasp.Held]) -> list[str]:
     """Return what a user wants to know, as sentences."""
     friction, lines = made.shape.friction, [f"note: {note}" for note in made.model.notes]
     for held in found if not found[-1].load else [held for held in found if not held.load] + [found[-1]]:
         forces = ", ".join(f"{force:.4g}" for force in held.press)
         closed = "force closure" if held.closed(friction) else "no force closure"
-        pressure = f"{held.pressure / made.case.cm:.4g} {column_unit(made.case.cm)}"
+        pressure = f"{held.pressure / made.case.cm:.4g} {units.column_unit(made.case.cm)}"
         lines.append(
             f"{pressure}, load {held.load:.4g} N: the fingers press with {forces} N, {closed}; the "
             f"object has moved {_zero(held.moved[0] * 1e3):.4g} mm along and {_zero(held.moved[1] * 1e3):.4g} mm across the "

@@ -11,34 +11,19 @@ from typing import TYPE_CHECKING
 import click
 
 from geometries import MeshFileError, MeshingError
-from softmodels.cli.options import command, fail, rank_asked_to_stop
-from softmodels.cli.run import drawn_aside, run
-from softmodels.common.commands import (
-    COLORMAP_OPTION,
-    STOPPED,
-    RunOptions,
-    flag_option,
-    option,
-    options,
-    output_option,
-    quiet_option,
-    status_of,
-    stoppable,
-)
-from softmodels.common.errors import reason
-from softmodels.common.files import write_bytes, write_text
+from softmodels.cli import options, run
+from softmodels.common import commands, errors, files, processes
 from softmodels.common.folders import OwnFolderError
 from softmodels.common.lazy import MPI, PETSc
-from softmodels.common.processes import say
+from softmodels.design import study
 from softmodels.design.problem import DesignProblem, SearchOptions
-from softmodels.design.study import DATASET, PAGE, Study, StudyFolder, StudyPlan, open_folder, solve_into
+from softmodels.design.study import Study
 from softmodels.design.trials import DesignError
-from softmodels.mechanics.mpi import is_root, launched, on_root, petsc_reason, speaks, start
-from softmodels.runs.labels import StateLabels
-from softmodels.runs.outcomes import DONE, FAILED, NO_EQUILIBRIUM, Progress, no_memory
+from softmodels.mechanics import mpi
+from softmodels.runs import labels, outcomes
 
 if TYPE_CHECKING:
-    from softmodels.design.model import DesignFolder
+    from softmodels.design import model
     from softmodels.design.result import DesignResult
 
 
@@ -50,24 +35,27 @@ FINER = 2.0
 class DesignOptions:
     """The options of `design`."""
 
-    output: Path | None = output_option(  # noqa: RUF009
+    output: Path | None = commands.output_option(  # noqa: RUF009
         "Folder for the results.  [default: results/NAME; results/NAME-2 and so on if that holds another problem]"
     )
-    resume: bool = flag_option("Resume an interrupted run; no design is evaluated again.")
-    starts: int = option(type=click.IntRange(1, 50), default=1, show_default=True, help="Number of searches: the first from "
+    resume: bool = commands.flag_option("Resume an interrupted run; no design is evaluated again.")
+    starts: int = commands.option(type=click.IntRange(1, 50), default=1, show_default=True,
+    help="Number of searches: the first from "
                          "the given device, the others from points spread over the bounds.")  # fmt: skip
-    evaluations: int = option(type=click.IntRange(1, 1000), default=40, show_default=True,
+    evaluations: int = commands.option(type=click.IntRange(1, 1000), default=40, show_default=True,
                               help="Maximum number of designs per start.")  # fmt: skip
-    seed: int = option(type=click.IntRange(0), default=1, show_default=True, help="Seed of the further starts.")
-    confirm_finer: bool = flag_option("Confirm the design on a finer mesh, with cells half as large.")
-    no_pictures: bool = flag_option("Skip the runs before and after, the pictures and the report.")
-    colormap: str = option(**COLORMAP_OPTION)
-    quiet: bool = quiet_option()
+    seed: int = commands.option(
+        type=click.IntRange(0), default=1, show_default=True, help="Seed of the further starts."
+    )
+    confirm_finer: bool = commands.flag_option("Confirm the design on a finer mesh, with cells half as large.")
+    no_pictures: bool = commands.flag_option("Skip the runs before and after, the pictures and the report.")
+    colormap: str = commands.option(**commands.COLORMAP_OPTION)
+    quiet: bool = commands.quiet_option()
 
 
-@command("design")
+@options.command("design")
 @click.argument("file", type=click.Path(path_type=Path))
-@options(DesignOptions)
+@commands.options(DesignOptions)
 def design(file: Path, how: DesignOptions) -> None:
     """Find the device that best meets the objective of a problem FILE, within its limits.
 
@@ -89,17 +77,17 @@ def design(file: Path, how: DesignOptions) -> None:
     """
     try:
         problem = DesignProblem.from_file(file)
-        with stoppable("softmodels", speaks):
-            from softmodels.design.optimise import open_folder as open_designs
+        with commands.stoppable("softmodels", mpi.speaks):
+            from softmodels.design import optimise
 
-            comm = start()
+            comm = mpi.start()
         search: SearchOptions = {
             "starts": how.starts, "evaluations": how.evaluations, "seed": how.seed, "resume": how.resume,
             "finer": FINER if how.confirm_finer else 1.0, "inputs": [file],
         }  # fmt: skip
-        folder = open_designs(problem, how.output, comm, search)
+        folder = optimise.open_folder(problem, how.output, comm, search)
     except DesignError as error:
-        fail(str(error))
+        options.fail(str(error))
     try:
         status = _design(problem, folder, comm, search, how)
     finally:
@@ -109,60 +97,73 @@ def design(file: Path, how: DesignOptions) -> None:
 
 
 def _design(
-    problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Comm, search: SearchOptions, how: DesignOptions
+    problem: DesignProblem, folder: model.DesignFolder | None, comm: MPI.Comm, search: SearchOptions, how: DesignOptions
 ) -> int:
     """Optimise, report, draw; return the exit status."""
-    from softmodels.design.optimise import run_in
+    from softmodels.design import optimise
 
-    quiet = how.quiet or not is_root(comm)
-    progress = Progress(1.0, "", StateLabels(""), quiet)
+    quiet = how.quiet or not mpi.is_root(comm)
+    progress = outcomes.Progress(1.0, "", labels.StateLabels(""), quiet)
     if folder is not None:
         progress.say(f"writing results to {folder.path}")
     for note in problem.notes:
         progress.say(f"note: {note}")
     try:
-        with rank_asked_to_stop() as stopped:
+        with options.rank_asked_to_stop() as stopped:
             search["progress"], search["stopped"] = progress.say, stopped
-            result = run_in(problem, folder, comm, **search)
+            result = optimise.run_in(problem, folder, comm, **search)
     except DesignError as error:
-        fail(str(error))
+        options.fail(str(error))
     except (MeshingError, MeshFileError) as error:
-        fail(str(error), FAILED)
+        options.fail(str(error), outcomes.FAILED)
     except PETSc.Error as error:
-        fail(f"PETSc stopped ({petsc_reason(error)}); the evaluated designs are kept; continue with --resume", FAILED)
+        options.fail(
+            f"PETSc stopped ({mpi.petsc_reason(error)}); the evaluated designs are kept; continue with --resume",
+            outcomes.FAILED,
+        )
     except MemoryError as error:
-        fail(no_memory(error), FAILED)
+        options.fail(outcomes.no_memory(error), outcomes.FAILED)
     except (OwnFolderError, OSError) as error:
-        fail(f"the designs cannot be written ({error}); continue with --resume", FAILED)
+        options.fail(f"the designs cannot be written ({error}); continue with --resume", outcomes.FAILED)
     return _close(result, folder, comm, quiet, None if how.no_pictures else how.colormap)
 
 
-def _close(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, quiet: bool, colormap: str | None) -> int:
+def _close(
+    result: DesignResult, folder: model.DesignFolder | None, comm: MPI.Comm, quiet: bool, colormap: str | None
+) -> int:
     """Write the summary, run the initial and the final device, draw, and print how the search ended."""
     from softmodels.design.result import FILE, notes, summary
 
     if folder is not None:
         folder.write({FILE: summary(result)})
     drawn = colormap is not None and not result.stopped and _drawn(result, folder, comm, quiet, colormap)
-    status = STOPPED if result.stopped else FAILED if result.trouble else DONE if result.feasible else NO_EQUILIBRIUM
-    if not is_root(comm) or folder is None:
+    status = (
+        commands.STOPPED
+        if result.stopped
+        else outcomes.FAILED
+        if result.trouble
+        else outcomes.DONE
+        if result.feasible
+        else outcomes.NO_EQUILIBRIUM
+    )
+    if not mpi.is_root(comm) or folder is None:
         return status
     if result.trouble or not result.feasible:
-        say(f"softmodels: {result.trouble or result.reasons[0]}", err=True)
+        processes.say(f"softmodels: {result.trouble or result.reasons[0]}", err=True)
     if not quiet:
-        say(result.headline)
+        processes.say(result.headline)
         for text in [
             *(result.recovered.sentences if result.recovered else []), *result.missed,
             *result.reasons[0 if result.feasible else 1 :], *result.margins, *result.confirmation,
             *filter(None, [result.agreement]), *(f"note: {note}" for note in notes(result)),
         ]:  # fmt: skip
-            say(f"  {text}")
+            processes.say(f"  {text}")
         more = "; before/ and after/ are the runs, report.html has the pictures" if drawn else ""
-        say(f"{folder.path}: design.toml is the optimised device, iterates.csv lists all designs{more}")
+        processes.say(f"{folder.path}: design.toml is the optimised device, iterates.csv lists all designs{more}")
     return status
 
 
-def _drawn(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, quiet: bool, colormap: str) -> bool:
+def _drawn(result: DesignResult, folder: model.DesignFolder | None, comm: MPI.Comm, quiet: bool, colormap: str) -> bool:
     """Run the initial and the final device and draw both; return whether there are pictures."""
     from softmodels.design.result import FILES
 
@@ -170,15 +171,18 @@ def _drawn(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, qu
     if folder is not None:
         folder.own.claim(["before/", "after/", *FILES])
         if not quiet:
-            say("running and drawing the initial and the final device (skip with --no-pictures)", err=True)
+            processes.say("running and drawing the initial and the final device (skip with --no-pictures)", err=True)
     for name, case in (("before", result.given), ("after", result.case)):
-        status = run(
-            case, result.folder / name, RunOptions(quiet=True, no_pictures=True), interrupts=rank_asked_to_stop
+        status = run.run(
+            case,
+            result.folder / name,
+            commands.RunOptions(quiet=True, no_pictures=True),
+            interrupts=options.rank_asked_to_stop,
         )
-        if status not in (DONE, NO_EQUILIBRIUM):
+        if status not in (outcomes.DONE, outcomes.NO_EQUILIBRIUM):
             return False
     words = "softmodels.pictures.draw_design", str(result.folder), "--colormap", colormap
-    return on_root(comm, lambda: drawn_aside(result.problem.case, "the design is complete", *words))
+    return mpi.on_root(comm, lambda: run.drawn_aside(result.problem.case, "the design is complete", *words))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -189,21 +193,21 @@ def _drawn(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, qu
 class StudyOptions:
     """The options of `study_command`."""
 
-    output: Path | None = output_option(  # noqa: RUF009
+    output: Path | None = commands.output_option(  # noqa: RUF009
         "Folder for the results.  [default: results/NAME; results/NAME-2 and so on if that holds another study]"
     )
-    resume: bool = flag_option("Resume an interrupted study; no sample is solved again.")
-    jobs: int | None = option(type=click.IntRange(1, 256),
+    resume: bool = commands.flag_option("Resume an interrupted study; no sample is solved again.")
+    jobs: int | None = commands.option(type=click.IntRange(1, 256),
                               help="Samples solved at a time.  [default: the number of cores]")  # fmt: skip
-    scheduler: str = option(default="", metavar="ADDRESS", help="Solve on the workers of a dask scheduler, such as "
+    scheduler: str = commands.option(default="", metavar="ADDRESS", help="Solve on the workers of a dask scheduler, such as "
                             "tcp://10.0.0.1:8786.")  # fmt: skip
-    no_pictures: bool = flag_option("Skip the pictures and the report.")
-    quiet: bool = quiet_option()
+    no_pictures: bool = commands.flag_option("Skip the pictures and the report.")
+    quiet: bool = commands.quiet_option()
 
 
-@command("study")
+@options.command("study")
 @click.argument("file", type=click.Path(path_type=Path))
-@options(StudyOptions)
+@commands.options(StudyOptions)
 def study_command(file: Path, how: StudyOptions) -> None:
     """Solve the case of a study FILE many times with some of its fields varied.
 
@@ -223,57 +227,62 @@ def study_command(file: Path, how: StudyOptions) -> None:
     Exit status: 0 done; 1 failed; 2 bad input; 130 stopped (continue with --resume).
     """
     begun = time.monotonic()
-    if (launched() or 1) > 1:
-        fail("a study shares its samples among its own processes (--jobs, --scheduler); start it without mpirun")
-    plan = StudyPlan.from_file(file)
-    kept = open_folder(plan, how.output, how.resume, [file])
+    if (mpi.launched() or 1) > 1:
+        options.fail(
+            "a study shares its samples among its own processes (--jobs, --scheduler); start it without mpirun"
+        )
+    plan = study.StudyPlan.from_file(file)
+    kept = study.open_folder(plan, how.output, how.resume, [file])
     assert kept.own is not None
     folder = kept.own.path
     try:
         found = _solved(kept, plan, how, folder)
         try:
-            found.save(folder / DATASET)
+            found.save(folder / study.DATASET)
             if not how.no_pictures:
                 _draw_study(found, folder, time.monotonic() - begun)
         except OSError as error:
-            fail(f"the results cannot be written into {folder} ({reason(error)})", status_of(error))
+            options.fail(
+                f"the results cannot be written into {folder} ({errors.reason(error)})", commands.status_of(error)
+            )
     finally:
         kept.leave()
     if not how.quiet:
         for name, text in found._figures():
-            say(f"{name}: {text}")
+            processes.say(f"{name}: {text}")
         for k, text in list(found.failures.items())[:5]:
-            say(f"sample {k} has no result: {text}")
-        say(f"{folder}: {DATASET} has all results" + ("" if how.no_pictures else f", {PAGE} the pictures"))
-    sys.exit(DONE)
+            processes.say(f"sample {k} has no result: {text}")
+        processes.say(
+            f"{folder}: {study.DATASET} has all results" + ("" if how.no_pictures else f", {study.PAGE} the pictures")
+        )
+    sys.exit(outcomes.DONE)
 
 
-def _solved(kept: StudyFolder, plan: StudyPlan, how: StudyOptions, folder: Path) -> Study:
+def _solved(kept: study.StudyFolder, plan: study.StudyPlan, how: StudyOptions, folder: Path) -> Study:
     """Solve the study; exit with a sentence if that fails."""
     before, started = len(kept.answers), time.monotonic()
     if not how.quiet:
-        say(f"writing results to {folder}" + (f"; {before} samples are there" if before else ""), err=True)
+        processes.say(f"writing results to {folder}" + (f"; {before} samples are there" if before else ""), err=True)
 
     def progress(text: str) -> None:
         done = len(kept.answers) - before
         left = (len(plan.points) - len(kept.answers)) * (time.monotonic() - started) / max(done, 1)
-        say(f"{text}, about {left:.0f} s left", err=True)
+        processes.say(f"{text}, about {left:.0f} s left", err=True)
 
     try:
-        return solve_into(kept, plan, how.jobs or 0, how.scheduler, None if how.quiet else progress)
+        return study.solve_into(kept, plan, how.jobs or 0, how.scheduler, None if how.quiet else progress)
     except OSError as error:
-        fail(f"a sample cannot be written ({reason(error)}); continue with --resume", FAILED)
+        options.fail(f"a sample cannot be written ({errors.reason(error)}); continue with --resume", outcomes.FAILED)
     except KeyboardInterrupt:
-        fail("stopped by the user; continue with --resume", STOPPED)
+        options.fail("stopped by the user; continue with --resume", commands.STOPPED)
 
 
 def _draw_study(found: Study, folder: Path, seconds: float) -> None:
     """Write the table, the report and its pictures."""
-    from softmodels.pictures.analyses import study_page, study_table
-    from softmodels.pictures.style import png
+    from softmodels.pictures import analyses, style
 
-    html, figures = study_page(found, seconds)
-    write_text(folder / "study.csv", study_table(found))
-    write_text(folder / PAGE, html)
+    html, figures = analyses.study_page(found, seconds)
+    files.write_text(folder / "study.csv", analyses.study_table(found))
+    files.write_text(folder / study.PAGE, html)
     if "parallel" in figures:
-        write_bytes(folder / "parallel.png", png(figures["parallel"]))
+        files.write_bytes(folder / "parallel.png", style.png(figures["parallel"]))

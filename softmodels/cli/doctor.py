@@ -18,14 +18,12 @@ import click
 import numpy as np
 
 from geometries import HollowDisk
+from softmodels.case import materials
 from softmodels.case.case import Case
-from softmodels.case.materials import DEFAULT
-from softmodels.cli.options import command, fail
-from softmodels.common.commands import status_of
-from softmodels.common.errors import reason, required
+from softmodels.cli import options
+from softmodels.common import commands, errors
 from softmodels.common.lazy import MPI, PETSc
-from softmodels.mechanics.compiling import compiler
-from softmodels.mechanics.mpi import mpich_file, start
+from softmodels.mechanics import compiling, mpi
 
 PACKAGES = {
     "gmsh": "gmsh",
@@ -43,7 +41,7 @@ EXPECTED_MM = 1.305
 """Apex rise in mm of the default disk at 54.15 cm of water on a coarse section; the solve must come within 2 %."""
 
 
-@command("doctor")
+@options.command("doctor")
 def doctor() -> None:
     """Check the installation: list versions and what is missing (MPI, compiler), and solve a small case."""
     checks: list[tuple[str, Callable[[], str]]] = [
@@ -80,7 +78,7 @@ def _version(name: str, module: str) -> str:
 
 
 def _dolfinx() -> str:
-    start()
+    mpi.start()
     import dolfinx
 
     if not dolfinx.__version__.startswith("0.11"):
@@ -89,7 +87,7 @@ def _dolfinx() -> str:
 
 
 def _petsc() -> str:
-    start()  # without shared memory an import would end the process
+    mpi.start()  # without shared memory an import would end the process
     matrix = PETSc.Mat().createAIJ((1, 1), comm=PETSc.COMM_SELF)
     matrix.setUp()
     matrix.setValue(0, 0, 1.0)
@@ -103,14 +101,14 @@ def _petsc() -> str:
 
 
 def _mpi() -> str:
-    start()
+    mpi.start()
     version = MPI.Get_library_version().splitlines()[0].strip().rstrip("\0")
-    library = mpich_file("libmpi.so.12")
+    library = mpi.mpich_file("libmpi.so.12")
     return f"{version}, {library}" if library else version
 
 
 def _mpirun() -> str:
-    own = mpich_file("mpirun")
+    own = mpi.mpich_file("mpirun")
     return _program("mpirun", str(Path(sys.executable).with_name("mpirun")), *([str(own)] if own else []), "mpirun")
 
 
@@ -125,7 +123,7 @@ def _compiler() -> str:
     import cffi  # type: ignore[import-untyped]
 
     try:
-        words = compiler()
+        words = compiling.compiler()
     except cffi.VerificationError as error:
         raise RuntimeError(
             f"no C compiler ({error}); the equations are compiled at run time, so install one (Debian: apt-get install gcc; "
@@ -144,12 +142,13 @@ def _cache() -> str:
 
 def _solve() -> str:
     """Inflate the default disk's section to about a third of its working pressure."""
-    from softmodels.runs.simulation import SMALL_PRESSURE, Model, meshed
+    from softmodels.runs import simulation
+    from softmodels.runs.simulation import Model
 
     disk = HollowDisk(section="axisymmetric")
-    body = meshed(disk, start())
+    body = simulation.meshed(disk, mpi.start())
     started = time.perf_counter()
-    model = Model.of(Case("doctor", disk, DEFAULT, SMALL_PRESSURE), body)
+    model = Model.of(Case("doctor", disk, materials.DEFAULT, simulation.SMALL_PRESSURE), body)
     prepared = time.perf_counter()
     rise = model.solve(pressure=5150.0).rises["apex"] * 1e3
     if abs(rise / EXPECTED_MM - 1) > 0.02:
@@ -164,7 +163,7 @@ def _solve() -> str:
 # The command ``app``.
 
 
-@command("app", context_settings={"help_option_names": ["-h", "--help"]})
+@options.command("app", context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("project", type=click.Path(path_type=Path, file_okay=False), default=Path("project"))
 @click.option("--port", type=click.IntRange(1, 65535), help="Port of the page.  [default: a free one from 8700]")
 @click.option("--no-browser", is_flag=True, help="Only print the address.")
@@ -178,11 +177,11 @@ def app(project: Path, port: int | None, no_browser: bool, lan: bool) -> None:
     served on this machine only, to those who hold the key in its address; it needs no network.
     """
     for package in ("nicegui", "segno"):
-        required(package, "app")
-    from softmodels.app.server import serve
+        errors.required(package, "app")
+    from softmodels.app import server
 
     try:
-        serve(project, port, browser=not no_browser, lan=lan)
+        server.serve(project, port, browser=not no_browser, lan=lan)
     except OSError as error:
         where = f"port {port}" if port and not isinstance(error, FileNotFoundError | PermissionError) else str(project)
-        fail(f"{where} cannot be used ({reason(error)}); give another one", status_of(error))
+        options.fail(f"{where} cannot be used ({errors.reason(error)}); give another one", commands.status_of(error))

@@ -25,28 +25,23 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries import HollowDisk
-from geometries.meshing import private_model, write_step
-from measurement.photographer import FLOOR, SCENE, Scene, chessboard, photograph, save
+from geometries import HollowDisk, meshing
+from measurement import photographer
+from softmodels.case import load, materials
 from softmodels.case.case import Case
-from softmodels.case.load import steps_of
-from softmodels.case.materials import DEFAULT
-from softmodels.cli.options import command, fail, unwritable
+from softmodels.cli import options
+from softmodels.common import commands, files, processes, units
 from softmodels.common.arrays import Array
-from softmodels.common.commands import FolderType, open_folder, open_place, trouble
-from softmodels.common.files import write_bytes
 from softmodels.common.lazy import MPI, gmsh
-from softmodels.common.processes import python, say
-from softmodels.common.units import pascal_per_cm
-from softmodels.fitting.curves.residuals import spectrum
+from softmodels.fitting import problem
+from softmodels.fitting.curves import residuals
+from softmodels.fitting.outlines import shapes
 from softmodels.fitting.outlines.device import DeviceModel, MeasuredDevice
 from softmodels.fitting.outlines.residuals import readings_of
-from softmodels.fitting.outlines.shapes import half_outline
-from softmodels.fitting.problem import LawChoice
-from softmodels.materials.laws import RUBBER, Material
-from softmodels.materials.specimens import nominal_stress, stress_in_time
-from softmodels.mechanics.mpi import start
-from softmodels.runs.outcomes import DONE, FAILED
+from softmodels.materials import laws, specimens
+from softmodels.materials.laws import Material
+from softmodels.mechanics import mpi
+from softmodels.runs import outcomes
 
 WRITTEN = ("case.toml", "photographs/", "setup.toml", "setup.png", "outlines/", "fit/", "compared.json")
 """Files that the demonstration writes into its folder."""
@@ -71,16 +66,17 @@ class DemoTruth:
 
 TRUTH = DemoTruth(
     HollowDisk(section="axisymmetric"), "yeoh", {"c1": 14e3, "c2": 900.0, "c3": 0.0},
-    tuple(cm * pascal_per_cm() for cm in np.linspace(20.0, 177.0, 9)),
+    tuple(cm * units.pascal_per_cm() for cm in np.linspace(20.0, 177.0, 9)),
 )  # fmt: skip
 
 
-def scene_of(megapixels: float) -> Scene:
+def scene_of(megapixels: float) -> photographer.Scene:
     """Return the demo bench with a sensor of another size in megapixels; 18 is the thesis' camera."""
-    factor = (megapixels * 1e6 / (SCENE.width * SCENE.height)) ** 0.5
+    factor = (megapixels * 1e6 / (photographer.SCENE.width * photographer.SCENE.height)) ** 0.5
     return dataclasses.replace(
-        SCENE, width=round(SCENE.width * factor), height=round(SCENE.height * factor),
-        focal_px=SCENE.focal_px * factor, pixel_size=SCENE.pixel_size / factor, blur=SCENE.blur * factor**0.5,
+        photographer.SCENE, width=round(photographer.SCENE.width * factor), height=round(photographer.SCENE.height * factor),
+        focal_px=photographer.SCENE.focal_px * factor, pixel_size=photographer.SCENE.pixel_size / factor,
+        blur=photographer.SCENE.blur * factor**0.5,
     )  # fmt: skip
 
 
@@ -90,13 +86,13 @@ def inflated(truth: DemoTruth, comm: MPI.Comm) -> tuple[DeviceModel, list[Array]
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
 
-    choice = LawChoice.from_text(truth.law)
+    choice = problem.LawChoice.from_text(truth.law)
     with tempfile.TemporaryDirectory() as folder:
         body = Body.from_file(truth.actuator, truth.actuator.write(Path(folder) / "disk.msh"), comm)
     device = DeviceModel(Solver(System(body, choice.material(truth.values))), choice)
     states = device.states(truth.values, truth.pressures, "pressure")
     device.set_parameters(truth.values)
-    return device, [half_outline(device.curve(state), 2e-5, 0.0)[0] for state in states]
+    return device, [shapes.half_outline(device.curve(state), 2e-5, 0.0)[0] for state in states]
 
 
 def polygon(half: Array) -> Array:
@@ -104,17 +100,17 @@ def polygon(half: Array) -> Array:
     places = np.vstack([half[:0:-1] * [-1.0, 1.0], half])
     places[:, 1] = np.maximum(places[:, 1], 0.0)
     sides = [[HALF_WIDTH, 0.0], [HALF_WIDTH, -HALF_WIDTH], [-HALF_WIDTH, -HALF_WIDTH], [-HALF_WIDTH, 0.0]]
-    return np.vstack([places, sides]) + np.array([CENTRE, FLOOR])
+    return np.vstack([places, sides]) + np.array([CENTRE, photographer.FLOOR])
 
 
 def take_photographs(
     folder: Path,
     truth: DemoTruth,
     halves: Sequence[Array],
-    scene: Scene,
+    scene: photographer.Scene,
     tell: Callable[[str], None] = lambda text: None,
     times: Sequence[str] = (),
-    keep: Callable[[Path, NDArray[np.uint8]], Path] = save,
+    keep: Callable[[Path, NDArray[np.uint8]], Path] = photographer.save,
 ) -> None:
     """Write the grid's photograph (number 100, or 200 with times), one at rest, one per pressure, and ``photos.csv`` with the
     column's levels and the columns hold and rise of ``times``; ``halves`` are the right halves of the outline in m; ``keep``
@@ -125,15 +121,15 @@ def take_photographs(
     """
     folder.mkdir(parents=True, exist_ok=True)
     rng, first = np.random.default_rng(2013), 200 if times else 100
-    keep(folder / f"IMG_{first:04d}.JPG", photograph(scene, None, seed=first)[0])
+    keep(folder / f"IMG_{first:04d}.JPG", photographer.photograph(scene, None, seed=first)[0])
     rest = np.array([[0.0, 0.0], [truth.actuator.outer_radius, 0.0]])
     readings = [0.0, *readings_of(np.array(truth.pressures), {"leak": LEAK})]
     rows, before, levels = ["file,left,right" + (",hold,rise" if times else "")], math.nan, ""
     columns = ["", *times] if times else [""] * len(readings)
     for number, (half, reading, column) in enumerate(zip([rest, *halves], readings, columns, strict=True), first + 1):
         tell(f"photograph {number - first} of {len(readings)}")
-        keep(folder / f"IMG_{number:04d}.JPG", photograph(scene, polygon(half), seed=number)[0])
-        half_column = reading / pascal_per_cm() / 2.0
+        keep(folder / f"IMG_{number:04d}.JPG", photographer.photograph(scene, polygon(half), seed=number)[0])
+        half_column = reading / units.pascal_per_cm() / 2.0
         if reading != before:
             left, right = (100.0 + sign * half_column + 0.05 * rng.standard_normal() for sign in (1.0, -1.0))
             before, levels = reading, f"{left:.2f} cm,{right:.2f} cm"
@@ -141,7 +137,7 @@ def take_photographs(
     (folder / "photos.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
 
 
-def commands(folder: Path, truth: DemoTruth) -> list[tuple[str, list[str]]]:
+def demo_commands(folder: Path, truth: DemoTruth) -> list[tuple[str, list[str]]]:
     """Return what a user types: module or program, and its arguments."""
     setup, outlines = folder / "setup.toml", folder / "outlines"
     photographs = folder / "photographs"
@@ -156,8 +152,8 @@ def commands(folder: Path, truth: DemoTruth) -> list[tuple[str, list[str]]]:
 
 def write_case(folder: Path, truth: DemoTruth) -> None:
     """Write the case a user would have: device and pressures, with a silicone other than the true one."""
-    heights = tuple(p / pascal_per_cm() for p in truth.pressures)
-    text = Case("disk", truth.actuator, DEFAULT, steps_of(pressure_cm=heights)).to_toml()
+    heights = tuple(p / units.pascal_per_cm() for p in truth.pressures)
+    text = Case("disk", truth.actuator, materials.DEFAULT, load.steps_of(pressure_cm=heights)).to_toml()
     (folder / "case.toml").write_text(text, encoding="utf-8")
 
 
@@ -176,8 +172,8 @@ def compared(folder: Path, truth: DemoTruth) -> tuple[list[str], bool]:
     return lines, good
 
 
-@command("demo")
-@click.option("-o", "--output", type=FolderType(), help="Folder for all files.  [default: loop; loop-2 and "
+@options.command("demo")
+@click.option("-o", "--output", type=commands.FolderType(), help="Folder for all files.  [default: loop; loop-2 and "
               "so on if that exists]")  # fmt: skip
 @click.option("--megapixels", type=click.FloatRange(1.0, 50.0), default=18.0, show_default=True,
               help="Size of the photographs; 18 is the thesis' camera.")  # fmt: skip
@@ -186,29 +182,31 @@ def demo(output: Path | None, megapixels: float) -> None:
 
     Takes a few minutes with 18 megapixels. Exit status: 0 if every 95 % interval contains the truth, else 1.
     """
-    comm = start()
+    comm = mpi.start()
     if comm.size > 1:
-        fail("the demonstration runs on one process only; start it without mpirun")
-    with unwritable("the demonstration"):
-        place = open_place(output, Path("loop"), "demonstration of the whole workflow", WRITTEN)
+        options.fail("the demonstration runs on one process only; start it without mpirun")
+    with options.unwritable("the demonstration"):
+        place = commands.open_place(output, Path("loop"), "demonstration of the whole workflow", WRITTEN)
         write_case(place, TRUTH)
         click.echo("simulating the true device")
         _, halves = inflated(TRUTH, comm)
-        photographs = open_folder(place / "photographs", place, "photographs", {})
+        photographs = commands.open_folder(place / "photographs", place, "photographs", {})
         with photographs.writing() as folder:
             take_photographs(folder, TRUTH, halves, scene_of(megapixels), click.echo)
         photographs.leave()
-    for module, words in commands(place, TRUTH):
+    for module, words in demo_commands(place, TRUTH):
         click.echo(f"$ python -m {module} {' '.join(words)}")
-        line, environment = python(module, *words)
+        line, environment = processes.python(module, *words)
         status = subprocess.run(line, env=environment, check=False).returncode
-        if status != DONE:
-            fail(f"{module} {words[0]} ended with exit status {status}; the files so far are in {place}", FAILED)
+        if status != outcomes.DONE:
+            options.fail(
+                f"{module} {words[0]} ended with exit status {status}; the files so far are in {place}", outcomes.FAILED
+            )
     lines, good = compared(place, TRUTH)
     click.echo("\n".join(["compared with the truth:", *lines]))
     report = {"good": good, "lines": lines}
     (place / "compared.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
-    sys.exit(DONE if good else FAILED)
+    sys.exit(outcomes.DONE if good else outcomes.FAILED)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -237,7 +235,7 @@ HELD = {"share_10s": 0.15, "share_100s": 0.1}
 LEVELS, RISE, HOLDS = (80.0, 170.0), 3.0, (5.0, 60.0, 600.0)
 """These pressures in cm of the column; time in s that each takes to reach, and when it is photographed."""
 
-shipped = functools.partial(save, quality=65, subsampling=2)
+shipped = functools.partial(photographer.save, quality=65, subsampling=2)
 """Writes a photograph that comes with the package: with all of them smaller than 3 MB, as most phones compress theirs."""
 
 FILES = Path(__file__).parent / "files"
@@ -270,16 +268,16 @@ class Folder:
             self.kept.append(path)
             return
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_bytes(path, source.read_bytes())
+        files.write_bytes(path, source.read_bytes())
         self.written.append(path)
 
 
-def bench() -> Scene:
+def bench() -> photographer.Scene:
     """Return the demo's camera with a smaller sensor and a distorting lens."""
     return dataclasses.replace(scene_of(MEGAPIXELS), distortion=LENS)
 
 
-def board_scenes() -> Iterator[Scene]:
+def board_scenes() -> Iterator[photographer.Scene]:
     """Place the same camera in front of a board, close enough that the poses together fill the picture."""
     scene = bench()
     for tilt, pan in POSES:
@@ -290,9 +288,9 @@ def board_scenes() -> Iterator[Scene]:
 
 def tensile_curve() -> str:
     """Return a noisy tensile test of the device's silicone up to stretch 3, as a machine's table."""
-    law = LawChoice.from_text(TRUTH.law).material(TRUTH.values)
+    law = problem.LawChoice.from_text(TRUTH.law).material(TRUTH.values)
     stretch = np.linspace(1.0, 3.0, 201)[1:]
-    noisy = nominal_stress(law, stretch) + NOISE * np.random.default_rng(30).standard_normal(len(stretch))
+    noisy = specimens.nominal_stress(law, stretch) + NOISE * np.random.default_rng(30).standard_normal(len(stretch))
     lines = [f"{100 * (x - 1):.1f},{y / 1e3:.4f}" for x, y in zip(stretch, noisy, strict=True)]
     about = f"# computed, not measured: {told_truth()}; noise of {NOISE:g} Pa, seed 30"
     return "\n".join([about, "strain (%),stress (kPa)", *lines]) + "\n"
@@ -304,7 +302,7 @@ def memory_curve(corners: Sequence[tuple[float, float]], seed: int) -> str:
     time = np.arange(0.0, corners[-1][0] + SAMPLING / 2, SAMPLING)
     stretch = np.interp(time, *np.transpose(corners))
     noise = MEMORY_NOISE * np.random.default_rng(seed).standard_normal(len(time))
-    noisy = stress_in_time(remembering(), time, stretch)[0] + noise
+    noisy = specimens.stress_in_time(remembering(), time, stretch)[0] + noise
     rows = (f"{t:.2f},{100 * (x - 1):.3f},{y / 1e3:.4f}" for t, x, y in zip(time, stretch, noisy, strict=True))
     about = f"# computed, not measured: {told_memory()}; noise of {MEMORY_NOISE:g} Pa, seed {seed}"
     return "\n".join([about, "time (s),strain (%),stress (kPa)", *rows]) + "\n"
@@ -312,7 +310,7 @@ def memory_curve(corners: Sequence[tuple[float, float]], seed: int) -> str:
 
 def remembering() -> Material:
     """Return the silicone of the tests with times."""
-    law = LawChoice.from_text("yeoh").material({"c1": 8e3, "c2": 90.0, "c3": 0.5})
+    law = problem.LawChoice.from_text("yeoh").material({"c1": 8e3, "c2": 90.0, "c3": 0.5})
     return law.with_memory(BRANCHES, SOFTENED)
 
 
@@ -327,7 +325,7 @@ def told_memory() -> str:
 def told_truth() -> str:
     """Return the example's silicone in words."""
     values = ", ".join(f"{name} = {value / 1e3:g} kPa" for name, value in TRUTH.values.items())
-    return f"{TRUTH.law}, {values}, Poisson's ratio {RUBBER:g}"
+    return f"{TRUTH.law}, {values}, Poisson's ratio {laws.RUBBER:g}"
 
 
 def finger(path: Path) -> None:
@@ -391,10 +389,10 @@ def _square_tower(occ: gmsh.model.occ, profile: Sequence[tuple[float, float]]) -
 
 def _write_step(path: Path, draw: Callable[[gmsh.model.occ], None]) -> None:
     """Write what ``draw(gmsh.model.occ)`` draws in mm as a STEP file."""
-    with private_model():
+    with meshing.private_model():
         draw(gmsh.model.occ)
         gmsh.model.occ.synchronize()
-        write_step(path)
+        meshing.write_step(path)
 
 
 def write_examples(path: Path) -> Folder:
@@ -424,8 +422,8 @@ def make_files(folder: Path, tell: Callable[[str], None]) -> None:
         draw(folder / f"{name}.step")
     for number, scene in enumerate(board_scenes(), 1):
         tell(f"board {number}")
-        shipped(folder / "boards" / f"board{number:02d}.jpg", chessboard(scene, side=SIDE, seed=number))
-    _, halves = inflated(TRUTH, start())
+        shipped(folder / "boards" / f"board{number:02d}.jpg", photographer.chessboard(scene, side=SIDE, seed=number))
+    _, halves = inflated(TRUTH, mpi.start())
     photographs = folder / "photographs"
     take_photographs(photographs, TRUTH, halves, bench(), tell, keep=shipped)
     (photographs / "IMG_0100.JPG").rename(photographs / "grid.jpg")
@@ -436,26 +434,26 @@ def make_files(folder: Path, tell: Callable[[str], None]) -> None:
 
 def creeping() -> tuple[DemoTruth, list[Array], list[str]]:
     """Return the disk at the pressures of the photographs of `held`, half its outline in each, and their times."""
-    from softmodels.fitting.outlines.creeping import Creep, Timetable
+    from softmodels.fitting.outlines import creeping
 
-    choice = LawChoice.from_text(TRUTH.law)
-    model = MeasuredDevice.of(TRUTH.actuator).model(choice, start(), spectrum([], HOLDS))
+    choice = problem.LawChoice.from_text(TRUTH.law)
+    model = MeasuredDevice.of(TRUTH.actuator).model(choice, mpi.start(), residuals.spectrum([], HOLDS))
     corners, histories = [(0.0, 0.0)], []
     for level in LEVELS:
-        reached, pressure = corners[-1][0] + RISE, level * pascal_per_cm()
+        reached, pressure = corners[-1][0] + RISE, level * units.pascal_per_cm()
         corners.append((reached, pressure))
         for hold in HOLDS:
             corners.append((reached + hold, pressure))
             histories.append(tuple(corners))
-    timetable = Timetable.of(histories)
+    timetable = creeping.Timetable.of(histories)
     values = TRUTH.values | HELD | {name: histories[i][-1][1] for name, i in timetable.levels.items()}
-    states = Creep(model, timetable).photographs(values, ())
-    halves = [half_outline(model.curve(states[i][0]), 2e-5, 0.0)[0] for i in range(len(histories))]
+    states = creeping.Creep(model, timetable).photographs(values, ())
+    halves = [shapes.half_outline(model.curve(states[i][0]), 2e-5, 0.0)[0] for i in range(len(histories))]
     truth = dataclasses.replace(TRUTH, pressures=tuple(one[-1][1] for one in histories))
     return truth, halves, [f",{hold:g} s,{RISE:g} s" for _ in LEVELS for hold in HOLDS]
 
 
-@command("examples")
+@options.command("examples")
 @click.option("-o", "--output", default=Path("examples"), show_default=True, type=click.Path(path_type=Path))
 def examples(output: Path) -> None:
     """Write small files to try every command with: photographs, boards, a tensile curve, a STEP part, cases.
@@ -463,15 +461,15 @@ def examples(output: Path) -> None:
     Existing files are kept.
     Exit status: 0 written, 1 failed, 2 the folder cannot be written.
     """
-    if why := trouble(output):
-        fail(f"the folder {output} cannot be written ({why})")
-    with unwritable("the examples"):
+    if why := commands.trouble(output):
+        options.fail(f"the folder {output} cannot be written ({why})")
+    with options.unwritable("the examples"):
         folder = write_examples(output)
     for path in folder.kept:
-        say(f"{path} exists and is kept")
+        processes.say(f"{path} exists and is kept")
     count = len(folder.written) + len(folder.kept)
-    say(f"wrote {len(folder.written)} of {count} examples; {output}/README.txt describes them")
+    processes.say(f"wrote {len(folder.written)} of {count} examples; {output}/README.txt describes them")
 
 
 if __name__ == "__main__":
-    make_files(MADE, say)
+    make_files(MADE, processes.say)

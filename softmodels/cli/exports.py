@@ -10,25 +10,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from geometries.registry import field_option
-from softmodels.api.calls import export, load
+from geometries import registry
+from softmodels.api import calls
 from softmodels.casting.settings import Workshop, asked_of
-from softmodels.cli.options import command, unwritable, write_into
-from softmodels.common.commands import (
-    check_output_file,
-    flag_option,
-    open_folder,
-    option,
-    options,
-    output_option,
-    quiet_option,
-)
-from softmodels.common.processes import say
-from softmodels.common.schema import about
-from softmodels.mechanics.mpi import launched, speaks, start
+from softmodels.cli import options
+from softmodels.common import commands, processes, schema
+from softmodels.mechanics import mpi
 
 if TYPE_CHECKING:
-    from softmodels.casting.make import Made
+    from softmodels.casting import make
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The command ``mould``.
@@ -38,12 +28,12 @@ if TYPE_CHECKING:
 class MouldOptions:
     """The options of the command except those of the workshop."""
 
-    output: Path | None = output_option(  # noqa: RUF009
+    output: Path | None = commands.output_option(  # noqa: RUF009
         "Folder for the mould.  [default: results/NAME-mould, or results/NAME-mould-2 and so on]"
     )
-    silicone: str | None = option(help="Silicone product, such as ecoflex-00-30.  [default: the case's]")
-    quiet: bool = quiet_option()
-    no_pictures: bool = flag_option("Skip the pictures.")
+    silicone: str | None = commands.option(help="Silicone product, such as ecoflex-00-30.  [default: the case's]")
+    quiet: bool = commands.quiet_option()
+    no_pictures: bool = commands.flag_option("Skip the pictures.")
 
 
 def mould(file: Path, how: MouldOptions, settings: Mapping[str, object]) -> None:
@@ -66,12 +56,12 @@ def mould(file: Path, how: MouldOptions, settings: Mapping[str, object]) -> None
     """
     asked = asked_of(file, how.silicone, **settings)
     files = [file, *map(Path, asked.device.files.values())]
-    if not speaks():
+    if not mpi.speaks():
         return
     given = {"silicone": how.silicone, **settings}
-    folder = open_folder(how.output, Path("results") / f"{asked.name}-mould", "mould", given, files)
+    folder = commands.open_folder(how.output, Path("results") / f"{asked.name}-mould", "mould", given, files)
+    from softmodels.casting import make
     from softmodels.casting.files import write_bodies, write_sheet
-    from softmodels.casting.make import made
 
     drawn = False
 
@@ -80,17 +70,17 @@ def mould(file: Path, how: MouldOptions, settings: Mapping[str, object]) -> None
         write_bodies(place, asked, found)
         drawn = write_sheet(place, asked, found, not how.no_pictures)
 
-    found = made(asked.device, asked.workshop)
-    write_into(folder, write, "the mould")
+    found = make.made(asked.device, asked.workshop)
+    options.write_into(folder, write, "the mould")
     if not how.quiet:
         for text in mould_summary(found):
-            say(text)
+            processes.say(text)
         if not drawn and not how.no_pictures:
-            say("no pictures: this machine cannot render; see softmodels doctor")
-        say(f"mould in {folder.path}; sheet.html is the casting sheet")
+            processes.say("no pictures: this machine cannot render; see softmodels doctor")
+        processes.say(f"mould in {folder.path}; sheet.html is the casting sheet")
 
 
-def mould_summary(found: Made) -> list[str]:
+def mould_summary(found: make.Made) -> list[str]:
     """Return a summary of the mould, line by line."""
     lines = []
     for body in found.bodies:
@@ -111,14 +101,14 @@ def mould_summary(found: Made) -> list[str]:
 
 def _mould_command() -> click.Command:
     @click.argument("file", type=click.Path(path_type=Path))
-    @options(MouldOptions)
+    @commands.options(MouldOptions)
     def made(file: Path, how: MouldOptions, **settings: object) -> None:
         mould(file, how, settings)
 
-    for name, field in reversed(list(about(Workshop).items())):
+    for name, field in reversed(list(schema.about(Workshop).items())):
         default = getattr(Workshop, name)
-        made = field_option(name, field, None if default == "" else default)(made)
-    return command("mould", help=mould.__doc__)(made)
+        made = registry.field_option(name, field, None if default == "" else default)(made)
+    return options.command("mould", help=mould.__doc__)(made)
 
 
 mould_command = _mould_command()
@@ -128,7 +118,7 @@ mould_command = _mould_command()
 # The command ``export``.
 
 
-@command("export")
+@options.command("export")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Deck: NAME.inp.")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
@@ -146,25 +136,27 @@ def export_command(file: Path, output: Path, quiet: bool) -> None:
     \b
     Exit status: 0 done; 1 failed; 2 bad input; 130 stopped.
     """
-    if launched() is not None:  # dead loads start MPI, which waits for all ranks of a launcher
-        start()
-    if not speaks():
+    if mpi.launched() is not None:  # dead loads start MPI, which waits for all ranks of a launcher
+        mpi.start()
+    if not mpi.speaks():
         return
-    with unwritable(output):
-        deck = export(file, output)
+    with options.unwritable(output):
+        deck = calls.export(file, output)
     if not quiet:
         steps, mesh = len(deck.pressures), deck.mesh
-        say(f"{output}: {len(mesh.cells)} cells, {len(mesh.points)} nodes, {steps} pressure{'s' * (steps > 1)}")
+        processes.say(
+            f"{output}: {len(mesh.cells)} cells, {len(mesh.points)} nodes, {steps} pressure{'s' * (steps > 1)}"
+        )
         remarks = [*(text for silicone in deck.silicones for text in silicone.remarks[2:]), deck.overlapping]
         for text in filter(None, dict.fromkeys(remarks)):
-            say(f"note: {text}")
+            processes.say(f"note: {text}")
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The command ``reduce``.
 
 
-@command("reduce")
+@options.command("reduce")
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="File: NAME.csv, NAME.json, NAME.xml "
               "(MuJoCo) or NAME.fmu.")  # fmt: skip
@@ -188,15 +180,15 @@ def reduce_command(folder: Path, output: Path, kind: str, face: str, quiet: bool
     \b
     Exit status: 0 done; 1 failed; 2 bad input.
     """
-    from softmodels.decks.chains import is_own, kind_of
+    from softmodels.decks import chains
 
-    with unwritable(output):
-        kind_of(output, kind)
-        check_output_file(output, [], is_own, "a reduced model", "--output")
-        made = load(folder).reduce(output, kind=kind, face=face)
+    with options.unwritable(output):
+        chains.kind_of(output, kind)
+        commands.check_output_file(output, [], chains.is_own, "a reduced model", "--output")
+        made = calls.load(folder).reduce(output, kind=kind, face=face)
     if not quiet:
-        say(f"{output}: {made._line()}, tip {made.face}")
+        processes.say(f"{output}: {made._line()}, tip {made.face}")
         for name, text in made._figures():
-            say(f"{name}: {text}")
+            processes.say(f"{name}: {text}")
         for text in made.notes:
-            say(f"note: {text}")
+            processes.say(f"note: {text}")

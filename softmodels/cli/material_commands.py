@@ -14,59 +14,23 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
-from geometries.registry import QuantityType
+from geometries import registry
 from softmodels.case.case import Case
 from softmodels.case.materials import MaterialErrors, material_from
-from softmodels.cli.options import command, fail, write_into
-from softmodels.common.commands import (
-    Choice,
-    Provenance,
-    flag_option,
-    open_folder,
-    option,
-    options,
-    output_option,
-    quiet_option,
-)
-from softmodels.common.errors import known_are
+from softmodels.cli import options
+from softmodels.common import commands, errors, pages, processes
 from softmodels.common.files import csv_text, read_text, write_text
-from softmodels.common.pages import Fact, Page, Table
-from softmodels.common.processes import say
+from softmodels.common.pages import Page
 from softmodels.common.units import UnitError, brief, exact_text, number, quantity, with_prefix
-from softmodels.fitting.comparison import (
-    FitReport,
-    as_json,
-    as_text,
-    material_toml,
-    name_of,
-    retire,
-    separate_file,
-    write_curves,
-    write_materials,
-)
+from softmodels.fitting import comparison, problem, scoring
+from softmodels.fitting.curves import residuals
 from softmodels.fitting.curves.curve import EQUILIBRIUM, Specimen, TensileCurve, TensileError, read_curve
 from softmodels.fitting.curves.fit import fit_curves, prepared
-from softmodels.fitting.curves.residuals import ORIGIN, StressError
+from softmodels.fitting.outlines import fit, shapes
 from softmodels.fitting.outlines.device import MeasuredDevice
-from softmodels.fitting.outlines.fit import device_names, fit, fit_heights
-from softmodels.fitting.outlines.shapes import OutlineFitError, read_outlines
-from softmodels.fitting.problem import (
-    BENCH,
-    FREE,
-    HEIGHTS_FROM,
-    USUAL_GAUGE_ERROR,
-    CannotEvaluate,
-    Change,
-    FitError,
-    FitOptions,
-    LawChoice,
-    Prior,
-    UnsoundError,
-    all_parameters,
-    known_laws,
-    law_choices,
-)
-from softmodels.fitting.scoring import Score, against_outlines, error_of, score_curve, write_scores
+from softmodels.fitting.problem import FitError, FitOptions
+from softmodels.fitting.scoring import Score
+from softmodels.materials import specimens
 from softmodels.materials.laws import RUBBER, Material, MaterialError
 from softmodels.materials.silicones import (
     MAKERS_ELONGATION,
@@ -81,11 +45,8 @@ from softmodels.materials.silicones import (
     publications,
     spread_sentence,
 )
-from softmodels.materials.specimens import FLOW, MODE_NAMES, SOFTENING, MaterialCurves, nominal_stress
-from softmodels.mechanics.mpi import kept_on_root, speaks, start
-from softmodels.runs.labels import StateLabels
-from softmodels.runs.notes import sentences
-from softmodels.runs.outcomes import DONE, FAILED, Progress
+from softmodels.mechanics import mpi
+from softmodels.runs import labels, notes, outcomes
 
 if TYPE_CHECKING:
     from measurement.outline.outline import Outline
@@ -102,16 +63,20 @@ MATERIAL = "NAME[:KEY=VALUE,...]"
 class CurveFiles:
     """Tests, and what their files do not contain."""
 
-    tensile: tuple[str, ...] = option(multiple=True, metavar=TENSILE, help="Curve of a test, FILE[:TEST][:RATE], CSV or Excel "
+    tensile: tuple[str, ...] = commands.option(multiple=True, metavar=TENSILE,
+    help="Curve of a test, FILE[:TEST][:RATE], CSV or Excel "
                                       "(.xlsx); may be given several times.")  # fmt: skip
-    columns: str = option(default="", metavar="KIND=COLUMN[UNIT],...", help="Columns of the files, if the headers do not name "
+    columns: str = commands.option(default="", metavar="KIND=COLUMN[UNIT],...",
+    help="Columns of the files, if the headers do not name "
                           "them: 'strain=1[%],stress=Load[kPa]'.")  # fmt: skip
-    gauge_length: float | None = option(type=QuantityType("m"), help="Undeformed length, for files with extensions.")
-    cross_section: float | None = option(
-        type=QuantityType("m^2"), help="Undeformed cross-section, such as 18mm^2, for files with forces."
+    gauge_length: float | None = commands.option(
+        type=registry.QuantityType("m"), help="Undeformed length, for files with extensions."
     )
-    radius: float | None = option(type=QuantityType("m"), help="A balloon's undeformed radius.")
-    thickness: float | None = option(type=QuantityType("m"), help="Its undeformed thickness.")
+    cross_section: float | None = commands.option(
+        type=registry.QuantityType("m^2"), help="Undeformed cross-section, such as 18mm^2, for files with forces."
+    )
+    radius: float | None = commands.option(type=registry.QuantityType("m"), help="A balloon's undeformed radius.")
+    thickness: float | None = commands.option(type=registry.QuantityType("m"), help="Its undeformed thickness.")
 
     def check_given(self, *more: str) -> None:
         """Raise `TensileError` for the first option about curves, ``more`` of a command's own among them, if no curve is
@@ -203,9 +168,9 @@ def stretch_range(text: str) -> tuple[float, float]:
 class OutlineOptions:
     """How outlines are read."""
 
-    untrusted: bool = flag_option("Also use outlines that the measurement flags as untrusted.")
-    height_datum: str | None = option(
-        type=Choice(HEIGHTS_FROM),
+    untrusted: bool = commands.flag_option("Also use outlines that the measurement flags as untrusted.")
+    height_datum: str | None = commands.option(
+        type=commands.Choice(problem.HEIGHTS_FROM),
         help="Zero of the heights if the case has gravity or forces, or a top that is not flat (balloon, bellows): the "
         "upper edge of the shadow at zero pressure, the apex there, or the undeformed top.  [default: the shadow; if the "
         "undeformed top is not flat the apex, which outlines have to name]",
@@ -224,53 +189,60 @@ BENCH_UNITS = {"pressure_offset": "Pa", "zero": "m", "centre": "m"}
 class FitGiven(OutlineOptions, CurveFiles):
     """The options of `fit_material`."""
 
-    heights: Path | None = option(  # noqa: RUF009
+    heights: Path | None = commands.option(  # noqa: RUF009
         type=click.Path(path_type=Path), metavar="HEIGHTS.csv",
         help="Fit the largest deflections at each pressure, as in the thesis, instead of outlines.",
     )  # fmt: skip
-    free: tuple[str, ...] = option(multiple=True, metavar="NAME", help="With a case: free poisson too.")
-    exclude: tuple[str, ...] = option(
+    free: tuple[str, ...] = commands.option(multiple=True, metavar="NAME", help="With a case: free poisson too.")
+    exclude: tuple[str, ...] = commands.option(
         multiple=True, metavar="PHOTOGRAPH", help="Exclude a photograph, such as 4.jpg; may be repeated."
     )
-    silicone: str | None = option(
+    silicone: str | None = commands.option(
         metavar="NAME", help="Silicone the part was cast from, such as ecoflex-00-30: its published moduli reveal pressures in "
         "a wrong unit. any: unlisted.  [default: the case's material]",
     )  # fmt: skip
-    laws: str = option("--material", default="yeoh", show_default=True, metavar="LAW,...",
-                       help=f"Laws to compare: {known_laws()}, or all.")  # fmt: skip
-    memory: bool = flag_option(
+    laws: str = commands.option("--material", default="yeoh", show_default=True, metavar="LAW,...",
+                       help=f"Laws to compare: {problem.known_laws()}, or all.")  # fmt: skip
+    memory: bool = commands.flag_option(
         "Fit relaxation too, and softening where the data show it, to tests with a column of times, or a RATE such as 0.05/s, "
         "50mm/min or equilibrium."
     )
-    stretch: str | None = option(metavar="FROM:TO", help="Range of stretch to fit over.  [default: the whole curves]")
-    stress_error: str = option(
+    stretch: str | None = commands.option(
+        metavar="FROM:TO", help="Range of stretch to fit over.  [default: the whole curves]"
+    )
+    stress_error: str = commands.option(
         default="auto", show_default=True, metavar="ERROR", help="2%+0.5kPa; constant (unweighted); auto weights by 2 % and "
         "the curve's noise. The last two are scaled by the scatter.",
     )  # fmt: skip
-    gauge_error: str = option(
+    gauge_error: str = commands.option(
         default="auto", show_default=True, metavar="SHARE", help="Standard error of a factor on each test (cross-section, load "
         "cell), such as 5%; auto takes 3 % and 1 %, 3.2 % together; none omits it, which makes the intervals much too narrow.",
     )  # fmt: skip
-    poisson: float = option(
-        type=QuantityType(""), default=RUBBER, show_default=True, help="Poisson's ratio of the fitted material."
+    poisson: float = commands.option(
+        type=registry.QuantityType(""),
+        default=RUBBER,
+        show_default=True,
+        help="Poisson's ratio of the fitted material.",
     )
-    fix: tuple[str, ...] = option(multiple=True, metavar="NAME=VALUE", help="Fix a parameter, such as c3=0.")
-    bounds: tuple[str, ...] = option(
+    fix: tuple[str, ...] = commands.option(multiple=True, metavar="NAME=VALUE", help="Fix a parameter, such as c3=0.")
+    bounds: tuple[str, ...] = commands.option(
         multiple=True, metavar="NAME=FROM:TO", help="Bound a parameter; an end may be empty."
     )
-    prior: tuple[str, ...] = option(multiple=True, metavar="NAME=VALUE+-ERROR", help="Prior knowledge of a parameter.")
-    robust: bool = flag_option("Robust loss: outliers count by their size, not its square.")
-    no_profiles: bool = flag_option("Skip the profile likelihoods: intervals from the covariance only.")
-    no_pictures: bool = flag_option("Skip the pictures and the report.")
-    quiet: bool = quiet_option()
-    output: Path | None = output_option(  # noqa: RUF009
+    prior: tuple[str, ...] = commands.option(
+        multiple=True, metavar="NAME=VALUE+-ERROR", help="Prior knowledge of a parameter."
+    )
+    robust: bool = commands.flag_option("Robust loss: outliers count by their size, not its square.")
+    no_profiles: bool = commands.flag_option("Skip the profile likelihoods: intervals from the covariance only.")
+    no_pictures: bool = commands.flag_option("Skip the pictures and the report.")
+    quiet: bool = commands.quiet_option()
+    output: Path | None = commands.output_option(  # noqa: RUF009
         "Folder for the results.  [default: results/fit; results/fit-2 and so on if that holds another fit]"
     )
 
-    def fit_options(self, changes: Mapping[str, Change]) -> FitOptions:
+    def fit_options(self, changes: Mapping[str, problem.Change]) -> FitOptions:
         """Return them as `FitOptions`; `FitError` for a gauge error that is no share, or a parameter that is to be both free
         and fixed."""
-        gauge = {"auto": USUAL_GAUGE_ERROR, "none": 0.0}
+        gauge = {"auto": problem.USUAL_GAUGE_ERROR, "none": 0.0}
         return FitOptions(
             poisson=self.poisson, changes=changes, robust=self.robust, profiles=not self.no_profiles,
             silicone=self.silicone, stress_error=self.stress_error,
@@ -285,11 +257,11 @@ class FitGiven(OutlineOptions, CurveFiles):
         to be both."""
         fixed = {text.partition("=")[0].strip() for text in self.fix}
         if both := [name for name in self.free if name in fixed]:
-            raise OutlineFitError(f"{both[0]} cannot be both free (--free) and fixed (--fix)")
-        return tuple(dict.fromkeys(name for name in (*FREE, *self.free) if name not in fixed))
+            raise shapes.OutlineFitError(f"{both[0]} cannot be both free (--free) and fixed (--fix)")
+        return tuple(dict.fromkeys(name for name in (*problem.FREE, *self.free) if name not in fixed))
 
 
-def curve_changes(options: FitGiven, choices: Sequence[LawChoice]) -> dict[str, Change]:
+def curve_changes(options: FitGiven, choices: Sequence[problem.LawChoice]) -> dict[str, problem.Change]:
     """Return the changes that ``--fix``, ``--bounds`` and ``--prior`` make to parameters of laws fitted to curves; `FitError`
     for a text that is none, or an unknown name."""
     units = {name: choice.unit(name) for choice in choices for name in choice.names}
@@ -297,10 +269,10 @@ def curve_changes(options: FitGiven, choices: Sequence[LawChoice]) -> dict[str, 
     return _changes(options, units, lambda name: f"{laws}: no parameter {name!r}; there is {known}", value_needed=True)
 
 
-def device_changes(options: FitGiven, lengths: Mapping[str, Sequence[str]]) -> dict[str, Change]:
+def device_changes(options: FitGiven, lengths: Mapping[str, Sequence[str]]) -> dict[str, problem.Change]:
     """Return the same for devices, with variable lengths by name; ``--fix leak`` keeps its nominal value. Of several devices
     ``leak`` is that of each, and ``NAME.leak`` that of one. `FitError` as of `curve_changes`."""
-    bench = {name: BENCH_UNITS.get(name, "") for name in BENCH}
+    bench = {name: BENCH_UNITS.get(name, "") for name in problem.BENCH}
     of = {device: {**bench, **dict.fromkeys(names, "m")} for device, names in lengths.items()}
     own = {"poisson": "", **{name: unit for units in of.values() for name, unit in units.items()}}
     known = ", ".join(own)
@@ -309,7 +281,7 @@ def device_changes(options: FitGiven, lengths: Mapping[str, Sequence[str]]) -> d
         known += f", each of them also of one device, such as {next(reversed(of))}.leak"
     return _changes(
         options,
-        {**all_parameters(), **own},
+        {**problem.all_parameters(), **own},
         lambda name: f"there is no parameter {name!r}; the bench and the device have {known}",
         value_needed=False,
     )
@@ -317,15 +289,15 @@ def device_changes(options: FitGiven, lengths: Mapping[str, Sequence[str]]) -> d
 
 def _changes(
     options: FitGiven, units: Mapping[str, str], unknown: Callable[[str], str], value_needed: bool
-) -> dict[str, Change]:
+) -> dict[str, problem.Change]:
     """Return the changes by parameter; the curves' own ``gauge1``, ``slack1`` and so on are known to all laws, and with
     ``--memory`` the weights of its branches, its softening and what its viscosity depends on."""
-    changes: dict[str, Change] = {}
-    remembered = ("share_", *SOFTENING, *FLOW) if options.memory else ()
+    changes: dict[str, problem.Change] = {}
+    remembered = ("share_", *specimens.SOFTENING, *specimens.FLOW) if options.memory else ()
     if remembered:
-        units = {**units, SOFTENING[1]: "Pa"}
-    of_tests = ("gauge", *ORIGIN)
-    kinds: tuple[tuple[tuple[str, ...], Callable[[str, str], Change]], ...] = (
+        units = {**units, specimens.SOFTENING[1]: "Pa"}
+    of_tests = ("gauge", *residuals.ORIGIN)
+    kinds: tuple[tuple[tuple[str, ...], Callable[[str, str], problem.Change]], ...] = (
         (options.fix, _read_fixed), (options.bounds, read_bounds), (options.prior, read_prior),
     )  # fmt: skip
     for texts, read in kinds:
@@ -335,7 +307,7 @@ def _changes(
                 raise FitError(unknown(name))
             if value_needed and not equals:
                 raise FitError(f"{text!r} is not NAME=VALUE")
-            unit = units.get(name, "Pa" if name.startswith(ORIGIN[1]) else "")
+            unit = units.get(name, "Pa" if name.startswith(residuals.ORIGIN[1]) else "")
             try:
                 changes.setdefault(name, {}).update(read(value, unit) if equals or read is not _read_fixed
                                                     else {"fixed": True})  # fmt: skip
@@ -344,16 +316,16 @@ def _changes(
     return changes
 
 
-def _read_fixed(value: str, unit: str) -> Change:
+def _read_fixed(value: str, unit: str) -> problem.Change:
     return {"start": quantity(value, unit), "fixed": True}
 
 
-def read_bounds(value: str, unit: str) -> Change:
+def read_bounds(value: str, unit: str) -> problem.Change:
     """Read ``FROM:TO``; an end may be empty."""
     low, colon, high = value.partition(":")
     if not colon:
         raise FitError(f"{value!r} is not FROM:TO")
-    change: Change = {}
+    change: problem.Change = {}
     if low.strip():
         change["lower"] = quantity(low, unit)
     if high.strip():
@@ -361,17 +333,17 @@ def read_bounds(value: str, unit: str) -> Change:
     return change
 
 
-def read_prior(value: str, unit: str) -> Change:
+def read_prior(value: str, unit: str) -> problem.Change:
     """Read ``VALUE+-ERROR``."""
     mean, separator, error = value.partition("+-")
     if not separator:
         raise FitError(f"{value!r} is not VALUE+-ERROR")
-    return {"prior": Prior(quantity(mean, unit), quantity(error, unit))}
+    return {"prior": problem.Prior(quantity(mean, unit), quantity(error, unit))}
 
 
-@command("fit")
+@options.command("fit")
 @click.argument("files", metavar="[CASE.toml [OUTLINES...]]...", nargs=-1, type=click.Path(path_type=Path))
-@options(FitGiven)
+@commands.options(FitGiven)
 def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
     """Fit laws to measurements: parameters with 95 % intervals, and a material file for a simulation.
 
@@ -411,84 +383,86 @@ def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
     Exit status: 0 done; 1 no law was accepted: the reason is reported, and the rejected fit is in unsound.toml, not
     in fitted.toml; 2 bad input.
     """
-    comm = start() if files else None
+    comm = mpi.start() if files else None
     read = [*files, *how.files_read, *([how.heights] if how.heights else [])]
     given = how.output, Path("results/fit"), "fit", {**vars(how), "files": files}, read
     folder = (
-        kept_on_root(comm, lambda: open_folder(*given))
+        mpi.kept_on_root(comm, lambda: commands.open_folder(*given))
         if comm is not None
-        else open_folder(*given)
-        if speaks()
+        else commands.open_folder(*given)
+        if mpi.speaks()
         else None
     )
     try:
-        with sentences() if files else contextlib.nullcontext():
+        with notes.sentences() if files else contextlib.nullcontext():
             report = _device_report(files, how) if files else _curves_report(how)
-    except (UnsoundError, CannotEvaluate) as error:
+    except (problem.UnsoundError, problem.CannotEvaluate) as error:
         if folder is not None:  # the files of an earlier fit are not mistaken for this one's
             with contextlib.suppress(OSError):
-                retire(folder.path)
-        fail(str(error), FAILED)
+                comparison.retire(folder.path)
+        options.fail(str(error), outcomes.FAILED)
     if folder is None:
-        sys.exit(DONE if report.chosen.sound else FAILED)
-    write_into(folder, lambda place: _write_fit(report, folder.path, place, how), "the results")
+        sys.exit(outcomes.DONE if report.chosen.sound else outcomes.FAILED)
+    options.write_into(folder, lambda place: _write_fit(report, folder.path, place, how), "the results")
     if not how.quiet:
-        say(as_text(report))
+        processes.say(comparison.as_text(report))
     if report.separate:
-        say(f"softmodels: {report.separate.pairs[0].sentence}; {report.separate.spread}", err=True)
+        processes.say(f"softmodels: {report.separate.pairs[0].sentence}; {report.separate.spread}", err=True)
     if not how.quiet:
         for text in [*report.chosen.judgement.notes, _closing(report, folder.path)]:
-            say(text)
+            processes.say(text)
     if not report.chosen.sound:
-        say(f"softmodels: {report.chosen.choice.name}: {report.chosen.warnings[0]}", err=True)
-    sys.exit(DONE if report.chosen.sound else FAILED)
+        processes.say(f"softmodels: {report.chosen.choice.name}: {report.chosen.warnings[0]}", err=True)
+    sys.exit(outcomes.DONE if report.chosen.sound else outcomes.FAILED)
 
 
-def _closing(report: FitReport, folder: Path) -> str:
-    file = folder / name_of(report.chosen)
+def _closing(report: comparison.FitReport, folder: Path) -> str:
+    file = folder / comparison.name_of(report.chosen)
     if report.chosen.sound:
         return f"written to {folder}; use it with --material {file}"
     return f"written to {folder}; no fitted.toml, because the fit was rejected: inspect {file}, do not simulate with it"
 
 
-def _curves_report(how: FitGiven) -> FitReport:
+def _curves_report(how: FitGiven) -> comparison.FitReport:
     if how.heights or how.free or how.untrusted or how.exclude or how.height_datum:
         raise FitError(
             "--heights, --free, --untrusted, --exclude and --height-datum need a device; give its case file first"
         )
     curves = how.read(how.stretch, how.memory)
-    choices = law_choices(how.laws, how.poisson)
-    StressError.from_text(how.stress_error)
-    progress = Progress(len(choices), "laws", StateLabels(""), how.quiet or not speaks())
+    choices = problem.law_choices(how.laws, how.poisson)
+    residuals.StressError.from_text(how.stress_error)
+    progress = outcomes.Progress(len(choices), "laws", labels.StateLabels(""), how.quiet or not mpi.speaks())
     return fit_curves(curves, how.laws, how.fit_options(curve_changes(how, choices)), progress=progress.say)
 
 
-def _device_report(files: Sequence[Path], how: FitGiven) -> FitReport:
+def _device_report(files: Sequence[Path], how: FitGiven) -> comparison.FitReport:
     how.check_given("stretch", "radius", "thickness", "stress_error", "gauge_error")
     curves = how.read(how.stretch, how.memory) if how.tensile else []
-    StressError.from_text(how.stress_error)
+    residuals.StressError.from_text(how.stress_error)
     pairs = _devices(files)
     if how.heights is not None and (len(pairs) > 1 or pairs[0][1]):
-        raise OutlineFitError("fit either outlines or --heights, not both: the same data would count twice")
+        raise shapes.OutlineFitError("fit either outlines or --heights, not both: the same data would count twice")
     if how.heights is not None and how.tensile:
-        raise OutlineFitError(
+        raise shapes.OutlineFitError(
             "heights without outlines have no errors to weigh tensile curves with; add outlines, or fit the two separately"
         )
     devices = []
     for file, outlines in pairs:
         devices.append((Case.from_file(file), outlines))
         if how.heights is None and not outlines:
-            raise OutlineFitError(f"{file} describes only the device; add its outlines, or --heights heights.csv")
+            raise shapes.OutlineFitError(
+                f"{file} describes only the device; add its outlines, or --heights heights.csv"
+            )
     cases = [case for case, _ in devices]
     lengths = {
         name: case.actuator.variable
-        for name, case in zip(device_names([case.name for case in cases]), cases, strict=True)
+        for name, case in zip(fit.device_names([case.name for case in cases]), cases, strict=True)
     }
     chosen = how.fit_options(device_changes(how, lengths))
-    comm = start()
+    comm = mpi.start()
     if how.heights is not None:
-        return fit_heights(cases[0], how.heights, how.laws, chosen, comm=comm)
-    return fit(devices, material=how.laws, options=chosen, curves=curves, comm=comm)
+        return fit.fit_heights(cases[0], how.heights, how.laws, chosen, comm=comm)
+    return fit.fit(devices, material=how.laws, options=chosen, curves=curves, comm=comm)
 
 
 def _devices(files: Sequence[Path]) -> list[tuple[Path, list[Path]]]:
@@ -502,26 +476,25 @@ def _devices(files: Sequence[Path]) -> list[tuple[Path, list[Path]]]:
     return pairs
 
 
-def _write_fit(report: FitReport, folder: Path, place: Path, how: FitGiven) -> None:
+def _write_fit(report: comparison.FitReport, folder: Path, place: Path, how: FitGiven) -> None:
     """Write the material files, every number, the curves, the pictures and the page; put away those of an earlier fit."""
     own: dict[str, str] = {}
     if report.separate:
         for curve, one in zip(report.separate.curves, report.separate.own, strict=True):
             alone = dataclasses.replace(report, curves=(curve,), separate=None)
-            own[separate_file(report.separate, curve)] = material_toml(one, alone)
-    write_materials(report, place, own)
-    (place / "fit.json").write_text(as_json(report), encoding="utf-8")
-    write_curves(place / "curves.csv", report.laws, report.curves)
+            own[comparison.separate_file(report.separate, curve)] = comparison.material_toml(one, alone)
+    comparison.write_materials(report, place, own)
+    (place / "fit.json").write_text(comparison.as_json(report), encoding="utf-8")
+    comparison.write_curves(place / "curves.csv", report.laws, report.curves)
     if not how.no_pictures:
-        from softmodels.pictures.fits import figures, page
-        from softmodels.pictures.style import png
+        from softmodels.pictures import fits, style
 
-        drawn = figures(report)
+        drawn = fits.figures(report)
         for name, figure in drawn.items():
-            (place / f"{name}.png").write_bytes(png(figure))
+            (place / f"{name}.png").write_bytes(style.png(figure))
         tables = {file.name: read_text(file) for file in [place / "curves.csv"] if file.exists()}
-        (place / "report.html").write_text(page(report, drawn, tables), encoding="utf-8")
-    retire(folder, {file.name for file in place.iterdir()})
+        (place / "report.html").write_text(fits.page(report, drawn, tables), encoding="utf-8")
+    comparison.retire(folder, {file.name for file in place.iterdir()})
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -536,26 +509,29 @@ TABLE_POINTS = 11
 class CurveOptions(CurveFiles):
     """The options of `curve`."""
 
-    tensile: tuple[str, ...] = option(
+    tensile: tuple[str, ...] = commands.option(
         multiple=True, metavar=TENSILE, help="Measured curve to plot for comparison, FILE[:TEST]."
     )
-    radius: float = option(
-        type=QuantityType("m"), default=0.02, help="The balloon's undeformed radius.  [default: 20mm]"
+    radius: float = commands.option(
+        type=registry.QuantityType("m"), default=0.02, help="The balloon's undeformed radius.  [default: 20mm]"
     )
-    thickness: float = option(type=QuantityType("m"), default=0.001, help="Its undeformed thickness.  [default: 1mm]")
-    material: tuple[str, ...] = option(multiple=True, metavar=MATERIAL, help="Silicone, TOML file, or law with numbers "
+    thickness: float = commands.option(
+        type=registry.QuantityType("m"), default=0.001, help="Its undeformed thickness.  [default: 1mm]"
+    )
+    material: tuple[str, ...] = commands.option(multiple=True, metavar=MATERIAL,
+    help="Silicone, TOML file, or law with numbers "
                                        "(yeoh:c1=8kPa,c2=90Pa); several are compared.")  # fmt: skip
-    stretch: str = option(default="1:4", show_default=True, metavar="FROM:TO", help="Range of stretch.")
-    incompressible: bool = flag_option("Use a Poisson's ratio of 0.5 instead of the material's.")
-    no_pictures: bool = flag_option("Do not draw the picture.")
-    quiet: bool = quiet_option()
-    output: Path | None = output_option(  # noqa: RUF009
+    stretch: str = commands.option(default="1:4", show_default=True, metavar="FROM:TO", help="Range of stretch.")
+    incompressible: bool = commands.flag_option("Use a Poisson's ratio of 0.5 instead of the material's.")
+    no_pictures: bool = commands.flag_option("Do not draw the picture.")
+    quiet: bool = commands.quiet_option()
+    output: Path | None = commands.output_option(  # noqa: RUF009
         "Folder for the results.  [default: results/curve; results/curve-2 and so on if that holds other curves]"
     )
 
 
-@command("curve")
-@options(CurveOptions)
+@options.command("curve")
+@commands.options(CurveOptions)
 def curve(how: CurveOptions) -> None:
     """Show materials in uniaxial tension, pure shear and equibiaxial tension, and as a balloon.
 
@@ -578,14 +554,18 @@ def curve(how: CurveOptions) -> None:
     materials = [material_from(text, beside) for text in how.material]
     how.check_given()
     files = [*map(Path, how.material), *how.files_read]
-    folder = open_folder(how.output, Path("results/curve"), "curves", vars(how), files) if speaks() else None
+    folder = (
+        commands.open_folder(how.output, Path("results/curve"), "curves", vars(how), files) if mpi.speaks() else None
+    )
     measured = how.read() if how.tensile else []
     if min(how.radius, how.thickness) <= 0.0 or how.thickness > how.radius:
         raise TensileError(
             "the balloon's radius and thickness must be above zero, and the thickness less than the radius"
         )
     stretches = np.linspace(low, high, POINTS)
-    many = [MaterialCurves.of(name, one, stretches) for name, one in zip(how.material, materials, strict=True)]
+    many = [
+        specimens.MaterialCurves.of(name, one, stretches) for name, one in zip(how.material, materials, strict=True)
+    ]
     ratio = how.thickness / how.radius
     if folder is None:
         return
@@ -593,25 +573,25 @@ def curve(how: CurveOptions) -> None:
     def write(place: Path) -> None:
         write_text(place / "curves.csv", _curves_csv(many, ratio))
         if not how.no_pictures:
-            from softmodels.pictures.fits import draw
+            from softmodels.pictures import fits
 
-            (place / "curves.png").write_bytes(draw(many, measured, how.radius, how.thickness))
+            (place / "curves.png").write_bytes(fits.draw(many, measured, how.radius, how.thickness))
 
-    write_into(folder, write, "the results")
+    options.write_into(folder, write, "the results")
     if not how.quiet:
         for one in many:
-            say(table_of(one, ratio))
-        say(f"written to {folder.path}")
+            processes.say(table_of(one, ratio))
+        processes.say(f"written to {folder.path}")
 
 
-def table_of(one: MaterialCurves, thickness_over_radius: float) -> str:
+def table_of(one: specimens.MaterialCurves, thickness_over_radius: float) -> str:
     """Return a material's table for the terminal."""
     modulus, unit = with_prefix(one.material.shear_modulus_0, "Pa")
     nu = one.material.poisson
     lines = [f"{one.name}: {one.material.name}, shear modulus {modulus} {unit}, Poisson's ratio {nu:g}"]
     lines.append("  stretch   nominal stress (kPa)                      balloon (kPa)")
     lines.append("            uniaxial     planar       equibiaxial")
-    columns = [*(one.responses[mode].stress for mode in MODE_NAMES), one.balloon(thickness_over_radius)]
+    columns = [*(one.responses[mode].stress for mode in specimens.MODE_NAMES), one.balloon(thickness_over_radius)]
     for i in np.linspace(0, len(one.stretch) - 1, TABLE_POINTS).astype(int):
         lines.append(f"  {one.stretch[i]:7.3f} " + "".join(f"  {column[i] / 1e3:11.5g}" for column in columns))
     lines += [f"  warning: {text}" for text in one.verdict.flags]
@@ -619,11 +599,11 @@ def table_of(one: MaterialCurves, thickness_over_radius: float) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _curves_csv(many: list[MaterialCurves], thickness_over_radius: float) -> str:
-    stresses = [f"{mode}_{kind}_Pa" for mode in MODE_NAMES for kind in ("nominal", "true")]
+def _curves_csv(many: list[specimens.MaterialCurves], thickness_over_radius: float) -> str:
+    stresses = [f"{mode}_{kind}_Pa" for mode in specimens.MODE_NAMES for kind in ("nominal", "true")]
     rows = []
     for one in many:
-        columns = [c for mode in MODE_NAMES for c in (one.responses[mode].stress, one.true_stress(mode))]
+        columns = [c for mode in specimens.MODE_NAMES for c in (one.responses[mode].stress, one.true_stress(mode))]
         columns.append(one.balloon(thickness_over_radius))
         nu = exact_text(one.material.poisson, "")
         for i, stretch in enumerate(one.stretch):
@@ -640,20 +620,24 @@ def _curves_csv(many: list[MaterialCurves], thickness_over_radius: float) -> str
 class ScoreOptions(OutlineOptions, CurveFiles):
     """The options of `score`."""
 
-    material: tuple[str, ...] = option(multiple=True, metavar=MATERIAL, help="Silicone, TOML file such as fitted.toml, or law "
+    material: tuple[str, ...] = commands.option(multiple=True, metavar=MATERIAL,
+    help="Silicone, TOML file such as fitted.toml, or law "
                                        "with numbers; several are compared.")  # fmt: skip
-    stretch: str | None = option(metavar="FROM:TO", help="Range of stretch of the curves.  [default: the whole curves]")
-    stress_error: str = option(default="auto", show_default=True, metavar="ERROR", help="Standard error of the measured "
+    stretch: str | None = commands.option(
+        metavar="FROM:TO", help="Range of stretch of the curves.  [default: the whole curves]"
+    )
+    stress_error: str = commands.option(default="auto", show_default=True, metavar="ERROR",
+    help="Standard error of the measured "
                                "stress, 2%+0.5kPa; auto is 2 % and the curve's noise.")  # fmt: skip
-    quiet: bool = quiet_option()
-    output: Path | None = output_option(  # noqa: RUF009
+    quiet: bool = commands.quiet_option()
+    output: Path | None = commands.output_option(  # noqa: RUF009
         "Folder for the table scores.csv.  [default: results/score; results/score-2 and so on if that holds other scores]"
     )
 
 
-@command("score")
+@options.command("score")
 @click.argument("files", metavar="[CASE.toml OUTLINES...]", nargs=-1, type=click.Path(path_type=Path))
-@options(ScoreOptions)
+@commands.options(ScoreOptions)
 def score(files: tuple[Path, ...], how: ScoreOptions) -> None:
     """Score materials against held-out tensile curves, or against outlines of a device.
 
@@ -678,35 +662,37 @@ def score(files: tuple[Path, ...], how: ScoreOptions) -> None:
         raise TensileError("nothing to score against; give a curve with --tensile FILE, or a case with its outlines")
     if len(files) == 1:
         raise TensileError(f"{files[0]} describes only the device; add its outlines")
-    error = error_of(how.stress_error)
+    error = scoring.error_of(how.stress_error)
     curves = []
     if how.tensile:
         curves = how.read(how.stretch, any(one.memory is not None for one in materials.values()))
     device, outlines = _device(files, how) if files else (None, [])
     read = [*files, *map(Path, how.material), *how.files_read]
     asked = {**vars(how), "files": [str(file) for file in files]}
-    folder = open_folder(how.output, Path("results/score"), "scores", asked, read) if speaks() else None
+    folder = commands.open_folder(how.output, Path("results/score"), "scores", asked, read) if mpi.speaks() else None
     errors = _errors(how.material)
     scores = [
-        score_curve(name, one, curve, error, errors.get(name)) for curve in curves for name, one in materials.items()
+        scoring.score_curve(name, one, curve, error, errors.get(name))
+        for curve in curves
+        for name, one in materials.items()
     ]
     if device is not None:
-        comm = start()
+        comm = mpi.start()
         try:
-            scores += against_outlines(materials, device, outlines, comm, errors)
+            scores += scoring.against_outlines(materials, device, outlines, comm, errors)
         except FitError as trouble:
-            fail(str(trouble), FAILED)
+            options.fail(str(trouble), outcomes.FAILED)
     if folder is None:
         return
 
     def write(place: Path) -> None:
-        write_scores(place / "scores.csv", scores)
+        scoring.write_scores(place / "scores.csv", scores)
         write_text(place / "report.html", score_page(scores, materials, read_text(place / "scores.csv")))
 
-    write_into(folder, write, "the results")
+    options.write_into(folder, write, "the results")
     if not how.quiet:
-        say(score_table(scores))
-        say(f"written to {folder.path}")
+        processes.say(score_table(scores))
+        processes.say(f"written to {folder.path}")
 
 
 def _materials(names: tuple[str, ...]) -> dict[str, Material]:
@@ -719,7 +705,7 @@ def _materials(names: tuple[str, ...]) -> dict[str, Material]:
 
 def _device(files: tuple[Path, ...], how: ScoreOptions) -> tuple[MeasuredDevice, list[Outline]]:
     device = MeasuredDevice.of(Case.from_file(files[0])).counting_from(how.height_datum or "")
-    return device, read_outlines(files[1:], how.untrusted)
+    return device, shapes.read_outlines(files[1:], how.untrusted)
 
 
 def _errors(names: tuple[str, ...]) -> dict[str, MaterialErrors]:
@@ -752,12 +738,13 @@ def score_page(scores: list[Score], materials: Mapping[str, Material], table: st
              f"{one.chi2_material:.3g}" if math.isfinite(one.chi2_material) else "unknown", f"{one.coverage:.1%}", one.worst)
             for one in ranked
         ]  # fmt: skip
-        sections.append((data, [Table(rows, head)]))
-        facts.append(Fact(f"Best for {data}", ranked[0].material, f"chi squared per value {ranked[0].chi2:.4g} (1: as exact as "
+        sections.append((data, [pages.Table(rows, head)]))
+        facts.append(pages.Fact(f"Best for {data}", ranked[0].material,
+        f"chi squared per value {ranked[0].chi2:.4g} (1: as exact as "
                           f"the measurement), rms {_rms(ranked[0])}"))  # fmt: skip
     sources = [f"{name}: {text}" for name, material in materials.items() for text in publications(material)]
     answer = "Materials against measurements they were not fitted to, the best one first."
-    return Page("Scores", answer, sections, Provenance.now(), facts, (), sources, {"scores.csv": table}).html()
+    return Page("Scores", answer, sections, commands.Provenance.now(), facts, (), sources, {"scores.csv": table}).html()
 
 
 def _rms(one: Score) -> str:
@@ -790,7 +777,7 @@ PLAIN = "*"
 """Mark of the source used for the plain name."""
 
 
-@command("silicones")
+@options.command("silicones")
 @click.argument("products", nargs=-1, metavar="[PRODUCT...]")
 def silicones(products: tuple[str, ...]) -> None:
     """List the named silicones: shear modulus at small strain, stresses in uniaxial tension, range and source.
@@ -805,27 +792,29 @@ def silicones(products: tuple[str, ...]) -> None:
     names = [product_of(name) for name in products]
     for name in names:
         if name not in PRODUCTS:
-            fail(f"{name!r} is not a silicone of the library; {known_are(name, PRODUCTS)}")
-    say(HEAD)
+            options.fail(f"{name!r} is not a silicone of the library; {errors.known_are(name, PRODUCTS)}")
+    processes.say(HEAD)
     for name in names or PRODUCTS:
         for one in PRODUCTS[name]:
-            say(_silicone_line(name, one))
+            processes.say(_silicone_line(name, one))
             if names:
-                say(_origin(one))
+                processes.say(_origin(one))
         if names:
-            say(f"  {spread_sentence(name)}")
-            say(f"  {_weight(name)}")
-            say(f"  {_break(name)}")
+            processes.say(f"  {spread_sentence(name)}")
+            processes.say(f"  {_weight(name)}")
+            processes.say(f"  {_break(name)}")
     if not names:
-        say(f"{PLAIN} source used for the plain name: the median one by tensile stress at stretch "
+        processes.say(f"{PLAIN} source used for the plain name: the median one by tensile stress at stretch "
                    "1.5 (the stiffer of the middle two)")  # fmt: skip
-        say("softmodels silicones PRODUCT prints how each source was measured")
+        processes.say("softmodels silicones PRODUCT prints how each source was measured")
 
 
 def _silicone_line(product: str, one: Silicone) -> str:
     stresses = "only in compression"
     if one.pulled:
-        stresses = ", ".join(f"{stress / 1e3:.4g}" for stress in nominal_stress(one.material, [1.5, 2.0])) + " kPa"
+        stresses = (
+            ", ".join(f"{stress / 1e3:.4g}" for stress in specimens.nominal_stress(one.material, [1.5, 2.0])) + " kPa"
+        )
     span = "not published" if one.stretches is None else f"{one.stretches[0]:g} to {one.stretches[1]:g}"
     modulus = f"{one.material.shear_modulus_0 / 1e3:.4g} kPa"
     mark = PLAIN if one is SILICONES[product] else " "

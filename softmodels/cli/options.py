@@ -20,40 +20,25 @@ from typing import Any, NoReturn
 
 import click
 
-from geometries import ACTUATORS, Actuator, GeometryError, MeshFileError, MeshingError, MeshingStopped, meshing
-from geometries.registry import device_options, device_told, field_option, flag
-from softmodels.case.case import Case, entries
-from softmodels.case.entries import MISSING, CaseError
-from softmodels.case.materials import (
-    DEFAULT,
-    OwnModuleError,
-    import_own_modules,
-    material_from,
-    material_options_of,
-    to_table,
+from geometries import (
+    ACTUATORS,
+    Actuator,
+    GeometryError,
+    MeshFileError,
+    MeshingError,
+    MeshingStopped,
+    meshing,
+    registry,
 )
-from softmodels.common.commands import (
-    STOPPED,
-    STOPS,
-    Choice,
-    ResultFolder,
-    RunOptions,
-    asked_to_stop,
-    bounded,
-    options,
-    status_of,
-    stoppable,
-    usage_sentence,
-    written,
-)
-from softmodels.common.errors import Spoken, meant, reason
-from softmodels.common.processes import COLUMNS, columns, cores, end_with_parent, say
-from softmodels.common.units import UnitError, exact_text
+from softmodels.case import case, entries, materials
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
+from softmodels.common import commands, errors, processes, units
+from softmodels.materials import silicones
 from softmodels.materials.laws import LAWS
-from softmodels.materials.silicones import PRODUCTS, product_of, silicone_called
-from softmodels.mechanics.mpi import StartError, ends_with_others, exits_together, launched, mpich_file, speaks, start
-from softmodels.mechanics.solver import METHODS
-from softmodels.runs.outcomes import FAILED, Ended, no_memory
+from softmodels.mechanics import mpi, solver
+from softmodels.mechanics.mpi import StartError
+from softmodels.runs import outcomes
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Command-line options of a case, generated from the entries of its fields.
@@ -68,21 +53,21 @@ def material_options[Command: Callable[..., object]](
 ) -> Command:
     """Add ``--material``, perhaps several times, and an option for every parameter of every law to a click command;
     ``default`` is the silicone in the help, None for the default law."""
-    for name, (text, laws) in reversed(material_options_of().items()):
+    for name, (text, laws) in reversed(materials.material_options_of().items()):
         of = "all laws" if len(laws) == len(LAWS) else ", ".join(laws)
-        command = click.option(flag(name), name, help=f"{text[0].upper()}{text[1:]} ({of}).")(command)
+        command = click.option(registry.flag(name), name, help=f"{text[0].upper()}{text[1:]} ({of}).")(command)
     text = (
         f"A law ({', '.join(LAWS)}), perhaps with its numbers (yeoh:c1=8kPa,c2=90Pa), a silicone "
-        f"({', '.join(PRODUCTS)}; perhaps with its source, such as "
+        f"({', '.join(silicones.PRODUCTS)}; perhaps with its source, such as "
         "ecoflex-00-30/liao-2021: see softmodels silicones) or a TOML file with a [material] table.  "
-        f"[default: {default or f'neo-hookean, shear modulus {exact_text(DEFAULT.shear_modulus, "Pa")}'}]"
+        f"[default: {default or f'neo-hookean, shear modulus {units.exact_text(materials.DEFAULT.shear_modulus, "Pa")}'}]"
     )
     return click.option("--material", "material", metavar="NAME", multiple=several, help=text)(command)
 
 
 def law_taken(values: Values) -> dict[str, object]:
     """Pop the material parameters from a command's values; None where not given."""
-    return {name: values.pop(name) for name in material_options_of()}
+    return {name: values.pop(name) for name in materials.material_options_of()}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -94,13 +79,13 @@ class CaseOptions:
 
     def add[Command: Callable[..., object]](self, command: Command) -> Command:
         """Add to a click command the options of the load, the device, its material and all other fields of a case."""
-        groups = {name: list(entry.options()) for name, entry in entries().items()}
+        groups = {name: list(entry.options()) for name, entry in case.entries().items()}
         first = groups.pop("steps")
         for option in reversed([option for group in groups.values() for option in group]):
-            command = field_option(option.name, option.about, option.default, option.metavar)(command)
-        command = device_options(self.device)(material_options(command, self.silicone))
+            command = registry.field_option(option.name, option.about, option.default, option.metavar)(command)
+        command = registry.device_options(self.device)(material_options(command, self.silicone))
         for option in reversed(first):
-            command = field_option(option.name, option.about, option.default, option.metavar)(command)
+            command = registry.field_option(option.name, option.about, option.default, option.metavar)(command)
         return command
 
     def case(self, values: Values, kind: type[Case] = Case) -> Case:
@@ -108,12 +93,12 @@ class CaseOptions:
         `softmodels.case.entries.INPUT_ERRORS` for invalid ones."""
         law, named = law_taken(values), values.pop("material")
         assert named is None or isinstance(named, str)
-        read = {name: entry.take(values) for name, entry in entries().items()}
-        given = {name: value for name, value in read.items() if value is not MISSING}
+        read = {name: entry.take(values) for name, entry in case.entries().items()}
+        given = {name: value for name, value in read.items() if value is not entries.MISSING}
         return kind(
             name=self.device.stem,
-            actuator=device_told(self.device, values),
-            material=material_from(self.silicone if named is None else named, law),
+            actuator=registry.device_told(self.device, values),
+            material=materials.material_from(self.silicone if named is None else named, law),
             **given,
         )
 
@@ -136,13 +121,13 @@ PER_NODE = 3.2
 def ranks_for(case: Case, wanted: int | None, quiet: bool = False) -> int:
     """Return the number of ranks for a case, unless a launcher has decided it: as wanted, or as many of the cores as have
     `EACH` unknowns or more. `StartError` if a launcher has started another number, or there is none to start them."""
-    if (size := launched()) is not None:
+    if (size := mpi.launched()) is not None:
         if wanted and size and wanted != size:
             raise StartError(f"--ranks {wanted} differs from the {size} ranks that mpirun has started; leave it out")
         return 1
     if wanted is None:
-        paying = _unknowns(case, quiet) // EACH if cores() > 1 and _launcher() else 1
-        return max(1, min(cores(), paying))
+        paying = _unknowns(case, quiet) // EACH if processes.cores() > 1 and _launcher() else 1
+        return max(1, min(processes.cores(), paying))
     if wanted > 1 and not _launcher():
         raise StartError(
             f"--ranks {wanted} needs mpirun, which was not found beside {sys.executable} or on the PATH", 1
@@ -159,14 +144,14 @@ def _unknowns(case: Case, quiet: bool) -> int:
     if device.dimension != 3:
         return 0
     if not quiet and not meshing.is_mesh_cached(device):
-        say(meshing.mesh_label(device), err=True)
-    with tempfile.TemporaryDirectory() as folder, asked_to_stop() as stopped:
+        processes.say(meshing.mesh_label(device), err=True)
+    with tempfile.TemporaryDirectory() as folder, commands.asked_to_stop() as stopped:
         file = Path(folder) / "mesh.msh"
         try:
             device.write(file, stopped)
             return int(PER_NODE * _nodes(file))
         except MeshingStopped:
-            raise StartError("stopped by the user during meshing; nothing was solved", STOPPED) from None
+            raise StartError("stopped by the user during meshing; nothing was solved", commands.STOPPED) from None
         except (GeometryError, MeshingError, MeshFileError, OSError):
             return 0  # occurs again in the run, which reports it
 
@@ -182,7 +167,7 @@ def _nodes(file: Path) -> int:
 
 def _launcher() -> str | None:
     """Return the launcher of the MPI in use: the wheel's is beside Python."""
-    own = mpich_file("mpirun")
+    own = mpi.mpich_file("mpirun")
     beside = shutil.which("mpirun", path=str(Path(sys.executable).parent))
     return beside or (str(own) if own else None) or shutil.which("mpirun")
 
@@ -190,15 +175,15 @@ def _launcher() -> str | None:
 def start_again(ranks: int) -> int:
     """Run this command again on several ranks; return its exit status, or raise `StartError`."""
     environment = dict(os.environ)
-    for stream, variable in COLUMNS.items():  # the ranks see pipes of the launcher's
-        if (width := columns(stream)) is not None:
+    for stream, variable in processes.COLUMNS.items():  # the ranks see pipes of the launcher's
+        if (width := processes.columns(stream)) is not None:
             environment[variable] = str(width)
     try:
         process = subprocess.Popen(
             [str(_launcher()), "-n", str(ranks), sys.executable, *sys.orig_argv[1:]],
             env=environment,
             start_new_session=True,
-            preexec_fn=end_with_parent,
+            preexec_fn=processes.end_with_parent,
         )
     except OSError as error:
         raise StartError(f"mpirun cannot be started ({error.strerror or error}); use --ranks 1", 1) from None
@@ -209,7 +194,7 @@ def start_again(ranks: int) -> int:
             with contextlib.suppress(OSError):
                 os.kill(receiver, number)
 
-    before = {number: signal.signal(number, forward) for number in STOPS}
+    before = {number: signal.signal(number, forward) for number in commands.STOPS}
     try:
         returned = process.wait()
         return 128 - returned if returned < 0 else returned
@@ -220,7 +205,7 @@ def start_again(ranks: int) -> int:
 
 def rank_asked_to_stop() -> contextlib.AbstractContextManager[Callable[[], bool]]:
     """As `asked_to_stop`, in a process that may be one of several ranks, which wait for each other."""
-    return asked_to_stop(launched() not in (None, 1), speaks())
+    return commands.asked_to_stop(mpi.launched() not in (None, 1), mpi.speaks())
 
 
 def _children(parents: list[int]) -> list[int]:
@@ -263,8 +248,8 @@ def device_command(
     pressures are those of the help."""
     given = CaseOptions(device, device.silicone)
 
-    @options(RunOptions)
-    def run_device(how: RunOptions, **values: object) -> None:
+    @commands.options(commands.RunOptions)
+    def run_device(how: commands.RunOptions, **values: object) -> None:
         execute(lambda: given.case(values), how)
 
     what = (device.__doc__ or "").strip().split("\n")[0].rstrip(".").lower()
@@ -285,15 +270,15 @@ def case_of_file(
     """Return a case file's case, as the class given, with the given material, band or solver."""
     more: dict[str, Mapping[str, object]] = {}
     if material is not None:
-        more["material"] = to_table(material_from(material, {}))
+        more["material"] = materials.to_table(materials.material_from(material, {}))
     if band is not None:
-        product = product_of(band) if silicone_called(band) else ""
+        product = silicones.product_of(band) if silicones.silicone_called(band) else ""
         more["band"] = {"silicone": product} if product else {"file": str(Path(band).absolute())}
     case = kind.from_file(file, more)
     return case if solver is None else dataclasses.replace(case, solver=solver)
 
 
-def execute(case: Callable[[], Case], how: RunOptions, inputs: Sequence[Path] = ()) -> None:
+def execute(case: Callable[[], Case], how: commands.RunOptions, inputs: Sequence[Path] = ()) -> None:
     """Build a case, run it and exit with its status; see `softmodels.cli.run.run`."""
     ready = case()
     _check_words(how.petsc)
@@ -302,14 +287,14 @@ def execute(case: Callable[[], Case], how: RunOptions, inputs: Sequence[Path] = 
     if how.film and not how.draws:
         raise CaseError("--film has no effect without pictures; leave out --no-pictures and --pictures none")
     try:
-        with stoppable("softmodels", speaks):
-            from softmodels.cli.run import run
+        with commands.stoppable("softmodels", mpi.speaks):
+            from softmodels.cli import run
 
         if (ranks := ranks_for(ready, how.ranks, how.quiet)) > 1:
             sys.exit(start_again(ranks))
-        with stoppable("softmodels", speaks):
-            start(how.petsc)
-        sys.exit(run(ready, how.output, how, inputs, rank_asked_to_stop))
+        with commands.stoppable("softmodels", mpi.speaks):
+            mpi.start(how.petsc)
+        sys.exit(run.run(ready, how.output, how, inputs, rank_asked_to_stop))
     except ImportError as error:
         fail(f"{error}; the simulation needs FEniCSx (softmodels doctor lists what is missing)", 1)
 
@@ -326,7 +311,7 @@ def _check_words(petsc: tuple[str, ...]) -> None:
 
 def fail(message: str, status: int = 2) -> NoReturn:
     """Print an error message on one rank, whichever has it, and exit."""
-    _tell(message, only_here=not ends_with_others())
+    _tell(message, only_here=not mpi.ends_with_others())
     sys.exit(status)
 
 
@@ -337,13 +322,13 @@ class Command(click.Command):
         try:
             return super().invoke(ctx)
         except MemoryError as error:
-            fail(no_memory(error), FAILED)
-        except (StartError, OwnModuleError) as error:
+            fail(outcomes.no_memory(error), outcomes.FAILED)
+        except (StartError, materials.OwnModuleError) as error:
             fail(str(error), getattr(error, "status", 2))
         except Exception as error:
-            if not isinstance(error, Spoken | UnitError):
+            if not isinstance(error, errors.Spoken | units.UnitError):
                 raise
-            fail(str(error), Ended.by(error).status)
+            fail(str(error), outcomes.Ended.by(error).status)
 
 
 command = functools.partial(click.command, cls=Command)
@@ -356,19 +341,19 @@ def unwritable(what: str | Path, does: str = "cannot be written") -> Iterator[No
     try:
         yield
     except OSError as error:
-        fail(f"{what} {does} ({reason(error)})", status_of(error))
+        fail(f"{what} {does} ({errors.reason(error)})", commands.status_of(error))
 
 
-def write_into(folder: ResultFolder, write: Callable[[Path], None], what: str) -> None:
+def write_into(folder: commands.ResultFolder, write: Callable[[Path], None], what: str) -> None:
     """Write all results (``what``, such as "the tables") into a folder at once; exit with a sentence if that fails."""
     with unwritable(what, f"cannot be written into {folder.path}"), folder.writing() as place:
         write(place)
 
 
 def _tell(message: str, only_here: bool = False) -> None:
-    if only_here or speaks():
+    if only_here or mpi.speaks():
         with contextlib.suppress(OSError):  # stderr is closed
-            say(f"softmodels: {bounded(message)}", err=True)
+            processes.say(f"softmodels: {commands.bounded(message)}", err=True)
 
 
 def _missing(error: click.MissingParameter) -> str:
@@ -385,23 +370,23 @@ def _missing(error: click.MissingParameter) -> str:
 
 def main(command: click.Command) -> None:
     """Run a click command; usage errors print one sentence on one rank; exit status 2."""
-    if not speaks():
+    if not mpi.speaks():
         sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  (help is printed once too, and the stream stays open)
-    with exits_together(), written(_tell):
+    with mpi.exits_together(), commands.written(_tell):
         try:
-            import_own_modules()
+            materials.import_own_modules()
             command.main(standalone_mode=False)
-        except OwnModuleError as error:
+        except materials.OwnModuleError as error:
             fail(str(error))
         except (click.exceptions.Abort, KeyboardInterrupt):
-            fail("stopped by the user", STOPPED)
+            fail("stopped by the user", commands.STOPPED)
         except click.exceptions.NoArgsIsHelpError as error:
             print(error.format_message())
             sys.exit(2)
         except click.MissingParameter as error:
             fail(_missing(error))
         except click.ClickException as error:
-            fail(f"{usage_sentence(error)} (see --help)")
+            fail(f"{commands.usage_sentence(error)} (see --help)")
         finally:
             gc.unfreeze()  # for callers whose process continues
 
@@ -418,7 +403,7 @@ def device_named(name: str) -> type[Actuator]:
     known = _known_device(name)
     if known is None:
         raise click.UsageError(
-            f"{DEVICE} is {name!r}; it must be one of {', '.join(ACTUATORS)}{meant(name, ACTUATORS)}"
+            f"{DEVICE} is {name!r}; it must be one of {', '.join(ACTUATORS)}{errors.meant(name, ACTUATORS)}"
         )
     return ACTUATORS[known]
 
@@ -491,10 +476,10 @@ def _named(args: list[str]) -> str | None:
 @click.option("--band", metavar="FILE|NAME", help="fitted.toml of a fitted material, instead of the case's [band]: "
               "adds the 95 % band from its errors to path.csv and the curves. Or a silicone's name: each of its sources "
               "is solved, and the curves show the band they span.")  # fmt: skip
-@click.option("--solver", type=Choice(METHODS), help="Linear solver, instead of the case's: direct "
+@click.option("--solver", type=commands.Choice(solver.METHODS), help="Linear solver, instead of the case's: direct "
               "(factorisation), iterative (multigrid), or auto by the available memory.")  # fmt: skip
-@options(RunOptions)
-def run(file: Path, how: RunOptions, material: str | None, band: str | None, solver: str | None) -> None:
+@commands.options(commands.RunOptions)
+def run(file: Path, how: commands.RunOptions, material: str | None, band: str | None, solver: str | None) -> None:
     """Run a case FILE, such as the case.toml in a folder of results, or a device by its options.
 
     Results are written to --output, by default results/NAME with the case's name. Words after -- go to PETSc.

@@ -12,13 +12,11 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
-from softmodels.case.materials import import_own_modules
-from softmodels.cli.options import command, fail, unwritable
-from softmodels.common.commands import DrawingOptions, check_output_file, options, unswept
-from softmodels.common.errors import near_paths
-from softmodels.common.files import check_file, csv_text, is_drawn, read_file, write_bytes, write_text
-from softmodels.common.processes import say
-from softmodels.runs.states import POINTS, Line
+from softmodels.case import materials
+from softmodels.cli import options
+from softmodels.common import commands, errors, files, processes
+from softmodels.runs import states
+from softmodels.runs.states import Line
 
 if TYPE_CHECKING:
     from softmodels.api.run import SolvedState
@@ -39,7 +37,7 @@ TABLES = (
 MARK = b'<meta name="generator" content="softmodels">'
 
 
-@command("open")
+@options.command("open")
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--no-browser", is_flag=True, help="Only print the address.")
 def open_command(folder: Path, no_browser: bool) -> None:
@@ -51,9 +49,9 @@ def open_command(folder: Path, no_browser: bool) -> None:
     \b
     Exit status: 0 opened; 2 the folder holds no results.
     """
-    with unwritable(folder, "cannot be read"):
+    with options.unwritable(folder, "cannot be read"):
         address = report_of(folder).resolve().as_uri()
-    say(address)
+    processes.say(address)
     if not no_browser:
         webbrowser.open(address)
 
@@ -61,15 +59,15 @@ def open_command(folder: Path, no_browser: bool) -> None:
 def report_of(folder: Path) -> Path:
     """Return the report of a folder of results, made if need be; exit with a sentence where there are none."""
     if not folder.is_dir():
-        near = "" if folder.exists() else near_paths(folder)
-        fail(f"{folder} is not a folder{near or '; give a folder of results, such as results/disk'}")
+        near = "" if folder.exists() else errors.near_paths(folder)
+        options.fail(f"{folder} is not a folder{near or '; give a folder of results, such as results/disk'}")
     for attempt in (False, True):
         if attempt and not _made(folder):
             break
         if found := next((folder / name for name in PAGES if (folder / name).is_file()), None):
             return found
     if found := next((folder / name for name in TABLES if (folder / name).is_file()), None):
-        say(f"softmodels: {folder} has no report, and its results are not enough to make one", err=True)
+        processes.say(f"softmodels: {folder} has no report, and its results are not enough to make one", err=True)
         return found
     inside = sorted(
         path for path in folder.iterdir() if path.is_dir() and any((path / name).exists() for name in (*PAGES, *TABLES))
@@ -79,39 +77,39 @@ def report_of(folder: Path) -> Path:
         if inside
         else "give another, such as results/disk"
     )
-    fail(f"{folder} holds no results; {near}")
+    options.fail(f"{folder} holds no results; {near}")
 
 
 def _made(folder: Path) -> bool:
     """Make the report of a run or a design; return whether there was something to make it from."""
     if (folder / "design.json").is_file() and (folder / "before" / "case.toml").is_file():
-        from softmodels.pictures.draw_design import draw
+        from softmodels.pictures import draw_design
 
-        import_own_modules()
-        draw(folder)
+        materials.import_own_modules()
+        draw_design.draw(folder)
         return True
     if (folder / "case.toml").is_file() and any(folder.glob("*.h5")):
-        from softmodels.pictures.draw import draw_folder
+        from softmodels.pictures import draw
 
-        say(f"softmodels: making the report of {folder} (softmodels draw makes all pictures)", err=True)
+        processes.say(f"softmodels: making the report of {folder} (softmodels draw makes all pictures)", err=True)
         with contextlib.redirect_stdout(sys.stderr):  # the names of the files it draws
-            draw_folder(folder, wanted=DrawingOptions("few"))
+            draw.draw_folder(folder, wanted=commands.DrawingOptions("few"))
         return True
     return False
 
 
-@command("draw")
+@options.command("draw")
 @click.argument("folder", type=click.Path(path_type=Path))
-@options(DrawingOptions, "wanted")
-def draw_command(folder: Path, wanted: DrawingOptions) -> None:
+@commands.options(commands.DrawingOptions, "wanted")
+def draw_command(folder: Path, wanted: commands.DrawingOptions) -> None:
     """Redraw the pictures and the report of the results in FOLDER."""
-    with unswept():
-        from softmodels.pictures.draw import draw_folder
+    with commands.unswept():
+        from softmodels.pictures import draw
 
-        draw_folder(folder, wanted=wanted)
+        draw.draw_folder(folder, wanted=wanted)
 
 
-@command("compare")
+@options.command("compare")
 @click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Write a report as HTML to this file.")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
@@ -129,22 +127,22 @@ def compare_command(folders: Sequence[Path], output: Path | None, quiet: bool) -
     \b
     Exit status: 0 compared; 2 a folder holds no results, or they cannot be compared.
     """
-    from softmodels.pictures.comparison import Compared, compared
+    from softmodels.pictures import comparison
 
-    with unwritable(output or folders[0], "cannot be read or written"):
-        import_own_modules()
+    with options.unwritable(output or folders[0], "cannot be read or written"):
+        materials.import_own_modules()
         if output is not None:
-            check_output_file(output, folders, _is_page, "a report", "--output")
-        found = compared([Compared.from_folder(folder) for folder in folders])
+            commands.check_output_file(output, folders, _is_page, "a report", "--output")
+        found = comparison.compared([comparison.Compared.from_folder(folder) for folder in folders])
         if output is not None:
             found.save(output)
     if not quiet:
-        say(str(found))
+        processes.say(str(found))
         if output is not None:
-            say(f"report in {output}")
+            processes.say(f"report in {output}")
 
 
-@command("line")
+@options.command("line")
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option(
     "--from", "begin", metavar="PLACE", help="Where the line begins: a place such as '0, 0, 10 mm', or a probe."
@@ -156,7 +154,7 @@ def compare_command(folders: Sequence[Path], output: Path | None, quiet: bool) -
 @click.option(
     "--at", "value", metavar="VALUE", help="State, by its load, such as 70cm, 7kPa or 40ml.  [default: the last]"
 )
-@click.option("--points", type=click.IntRange(2), default=POINTS, show_default=True, help="Number of points.")
+@click.option("--points", type=click.IntRange(2), default=states.POINTS, show_default=True, help="Number of points.")
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), help="Write all values to this CSV file, and a PNG beside it."
 )
@@ -177,27 +175,29 @@ def line_command(
     \b
     Exit status: 0 done; 2 no results, no such state, or a line beside the body.
     """
-    from softmodels.api.calls import load
+    from softmodels.api import calls
 
     begin, end, through = (places[name] for name in ("begin", "end", "through"))
     if (begin is None, end is None, through is None) not in ((False, False, True), (True, True, False)):
-        fail("give the line's ends (--from and --to), or a place whose wall it goes through (--through)")
-    with unwritable(output or folder, "cannot be read or written"):
-        import_own_modules()
+        options.fail("give the line's ends (--from and --to), or a place whose wall it goes through (--through)")
+    with options.unwritable(output or folder, "cannot be read or written"):
+        materials.import_own_modules()
         if output is not None and output.suffix.lower() != ".csv":
-            fail(f"{output} ends in {output.suffix or 'nothing'}; values along a line are written as .csv (--output)")
+            options.fail(
+                f"{output} ends in {output.suffix or 'nothing'}; values along a line are written as .csv (--output)"
+            )
         if output is not None:
-            check_output_file(output, [], _is_line, "a table of values along a line", "--output")
-            check_output_file(output.with_suffix(".png"), [], is_drawn, "a picture", "--output")
-        run = load(folder)
+            commands.check_output_file(output, [], _is_line, "a table of values along a line", "--output")
+            commands.check_output_file(output.with_suffix(".png"), [], files.is_drawn, "a picture", "--output")
+        run = calls.load(folder)
         state = run.last if value is None else run.at(value)
         line = state.through(through, points) if through is not None else state.along(begin or "", end or "", points)
         if output is not None:
             _write_line(output, line, state)
     if not quiet:
-        say(line_text(line))
+        processes.say(line_text(line))
         if output is not None:
-            say(f"values in {output}, picture in {output.with_suffix('.png')}")
+            processes.say(f"values in {output}, picture in {output.with_suffix('.png')}")
 
 
 def line_text(line: Line) -> str:
@@ -224,21 +224,23 @@ def _write_line(output: Path, line: Line, state: SolvedState) -> None:
     """Write the values along a line as CSV, and their picture beside it."""
     import matplotlib
 
-    from softmodels.api.run import headline
-    from softmodels.pictures.curves import along_line
-    from softmodels.pictures.style import DPI, STYLE, drawn, encoded
+    from softmodels.api import run
+    from softmodels.pictures import curves, style
 
     columns = line.columns
-    with matplotlib.rc_context(STYLE):
-        picture = encoded(drawn(along_line(line, f"{state.case.name} at {headline(state.case, state.variables)}")), DPI)
-    write_text(output, csv_text(columns, np.array([*columns.values()]).T.tolist()))
-    write_bytes(output.with_suffix(".png"), picture)
+    with matplotlib.rc_context(style.STYLE):
+        picture = style.encoded(
+            style.drawn(curves.along_line(line, f"{state.case.name} at {run.headline(state.case, state.variables)}")),
+            style.DPI,
+        )
+    files.write_text(output, files.csv_text(columns, np.array([*columns.values()]).T.tolist()))
+    files.write_bytes(output.with_suffix(".png"), picture)
 
 
 def _is_line(path: Path) -> bool:
     """Return whether a file is a table of values along a line."""
     try:
-        return read_file(path).startswith(b"distance_mm,")
+        return files.read_file(path).startswith(b"distance_mm,")
     except OSError:
         return False
 
@@ -246,7 +248,7 @@ def _is_line(path: Path) -> bool:
 def _is_page(path: Path) -> bool:
     """Return whether a file is a report of this program."""
     try:
-        check_file(path)
-        return MARK in read_file(path)[:1000]
+        files.check_file(path)
+        return MARK in files.read_file(path)[:1000]
     except OSError:
         return False

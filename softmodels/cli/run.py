@@ -17,19 +17,13 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from softmodels.case import materials
 from softmodels.case.case import Case
-from softmodels.case.materials import VARIABLE, own_modules
-from softmodels.common.commands import ALL_PICTURES, USUAL, DrawingOptions, RunOptions, bounded
+from softmodels.common import commands, processes
 from softmodels.common.errors import reason, spoken
 from softmodels.common.lazy import MPI, PETSc, consoles, progress
-from softmodels.common.processes import COLUMNS, columns, cores, python, say
-from softmodels.mechanics.mpi import is_root, on_root, petsc_reason, start
-from softmodels.runs.fields import OUTPUTS
-from softmodels.runs.labels import state_labels
-from softmodels.runs.notes import closing
-from softmodels.runs.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM, Ended, Progress
-from softmodels.runs.recording import Observer, ResultsPlace, Summary, solved_into, unstopped
-from softmodels.runs.store import Results
+from softmodels.mechanics import mpi
+from softmodels.runs import fields, labels, notes, outcomes, recording, store
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The process that draws the pictures of a run; it starts with the run to hide its start-up time.
@@ -38,8 +32,8 @@ from softmodels.runs.store import Results
 def start_drawing(case: Case, module: str, *words: str) -> subprocess.Popen[str]:
     """Start a drawing module with words in a separate process, without MPI's environment variables, importing the case's own
     modules there too; `OSError` if no process can be started."""
-    command, environment = python(module, *words)
-    environment[VARIABLE] = own_modules(case, *OUTPUTS.values())
+    command, environment = processes.python(module, *words)
+    environment[materials.VARIABLE] = materials.own_modules(case, *fields.OUTPUTS.values())
     pipe = subprocess.PIPE
     return subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
 
@@ -54,7 +48,7 @@ def end(process: subprocess.Popen[str]) -> None:
 def tell_not_drawn(out: str, errors: str, status: int, left: str) -> None:
     """Report that drawing failed, why, and what is left."""
     reason = (errors or out).strip().splitlines() or [f"exit status {status}"]
-    say(f"softmodels: the pictures could not be drawn ({reason[-1]}); {left}", err=True)
+    processes.say(f"softmodels: the pictures could not be drawn ({reason[-1]}); {left}", err=True)
 
 
 def drawn_aside(case: Case, left: str, module: str, *words: str) -> bool:
@@ -72,12 +66,16 @@ def drawn_aside(case: Case, left: str, module: str, *words: str) -> bool:
 @contextlib.contextmanager
 def _counter(quiet: bool) -> Iterator[Callable[[str], None]]:
     """Show the current step and the elapsed time on a terminal; nothing elsewhere."""
-    width = columns("stderr")
+    width = processes.columns("stderr")
     if quiet or width is None:
         yield lambda text: None
         return
     console = consoles.Console(
-        stderr=True, force_terminal=COLUMNS["stderr"] in os.environ or None, width=width, markup=False, highlight=False
+        stderr=True,
+        force_terminal=processes.COLUMNS["stderr"] in os.environ or None,
+        width=width,
+        markup=False,
+        highlight=False,
     )
     parts = progress.TextColumn("{task.description}", markup=False), progress.TimeElapsedColumn()
     with progress.Progress(*parts, console=console, transient=True) as shown:
@@ -92,7 +90,7 @@ class DrawingProcess:
     draws the device at rest there. All else has one camera and one colour scale for all states, and so waits for the last.
     """
 
-    def __init__(self, case: Case, wanted: DrawingOptions = ALL_PICTURES):
+    def __init__(self, case: Case, wanted: commands.DrawingOptions = commands.ALL_PICTURES):
         self.case, self.wanted = case, wanted
         self._process: subprocess.Popen[str] | None = None
 
@@ -112,7 +110,7 @@ class DrawingProcess:
     def get_ready(self, ranks: int) -> None:
         """Start the process, if there are more cores than ranks."""
         with contextlib.suppress(OSError):  # tried again, and reported, when drawing starts
-            if cores() > ranks:
+            if processes.cores() > ranks:
                 self._process = self._started()
 
     def _started(self) -> subprocess.Popen[str]:
@@ -120,18 +118,18 @@ class DrawingProcess:
         words = ["--pictures", wanted.pictures, "--colormap", wanted.colormap, *(["--film"] if wanted.film else [])]
         return start_drawing(self.case, "softmodels.pictures.draw", *words)
 
-    def begin(self, results: Results) -> None:
+    def begin(self, results: store.Results) -> None:
         """Draw the pictures of the first state, if the process runs; called once that state is stored."""
         if self._process is not None and not self.wanted.few:
             self._order(results, complete=False)
 
-    def _order(self, results: Results, complete: bool) -> None:
+    def _order(self, results: store.Results, complete: bool) -> None:
         assert self._process is not None and self._process.stdin is not None
         with contextlib.suppress(BrokenPipeError):  # the process has died, which is reported at the end
             self._process.stdin.write(json.dumps([str(results.folder.absolute()), results.name, complete]) + "\n")
             self._process.stdin.flush()
 
-    def draw(self, results: Results, quiet: bool = False) -> float | None:
+    def draw(self, results: store.Results, quiet: bool = False) -> float | None:
         """Draw the results; return the seconds it took, or None if it failed, which is reported.
 
         On a terminal the files are counted as they are drawn, beside the time, unless ``quiet``.
@@ -177,9 +175,9 @@ class DrawingProcess:
 def run(
     case: Case,
     folder: Path | None,
-    how: RunOptions = USUAL,
+    how: commands.RunOptions = commands.USUAL,
     inputs: Sequence[Path] = (),
-    interrupts: Callable[[], contextlib.AbstractContextManager[Callable[[], bool]]] = unstopped,
+    interrupts: Callable[[], contextlib.AbstractContextManager[Callable[[], bool]]] = recording.unstopped,
 ) -> int:
     """Run a case and return the exit status; all messages go to standard error, the summary to standard output. May be called
     in any thread. `StartError` if PETSc cannot take the words.
@@ -192,9 +190,11 @@ def run(
         interrupts: Entered while states are solved; gives whether to stop, asked between them. No signal is handled unless
             here, as a command does by `asked_to_stop`.
     """
-    comm = start(how.petsc)
-    progress = Progress(case.values[-1], case.unit, state_labels(case), how.quiet or not is_root(comm))
-    drawing = DrawingProcess(case, how) if how.draws and is_root(comm) else None
+    comm = mpi.start(how.petsc)
+    progress = outcomes.Progress(
+        case.values[-1], case.unit, labels.state_labels(case), how.quiet or not mpi.is_root(comm)
+    )
+    drawing = DrawingProcess(case, how) if how.draws and mpi.is_root(comm) else None
     teller = Teller(case, progress, drawing, comm.size, how)
 
     @contextlib.contextmanager
@@ -202,38 +202,45 @@ def run(
         with progress, interrupts() as stopped:
             yield stopped
 
-    place = ResultsPlace(folder, how.resume, inputs, how.draws)
+    place = recording.ResultsPlace(folder, how.resume, inputs, how.draws)
     try:
-        solved_into(place, case, comm, progress, branch=how.branch, observer=teller, solving=solving)
+        recording.solved_into(place, case, comm, progress, branch=how.branch, observer=teller, solving=solving)
     finally:
         if drawing is not None:
             drawing.leave()
-    return on_root(comm, lambda: teller.status)
+    return mpi.on_root(comm, lambda: teller.status)
 
 
-class Teller(Observer):
+class Teller(recording.Observer):
     """Prints how a run goes on, and has its results drawn at the end; on rank 0. ``status`` is the exit status, once it has
     ended."""
 
-    def __init__(self, case: Case, progress: Progress, drawing: DrawingProcess | None, ranks: int, how: RunOptions):
+    def __init__(
+        self,
+        case: Case,
+        progress: outcomes.Progress,
+        drawing: DrawingProcess | None,
+        ranks: int,
+        how: commands.RunOptions,
+    ):
         self.case, self.progress, self.drawing, self.ranks = case, progress, drawing, ranks
-        self.quiet, self.petsc, self.status = how.quiet, bool(how.petsc), DONE
+        self.quiet, self.petsc, self.status = how.quiet, bool(how.petsc), outcomes.DONE
 
-    def opened(self, results: Results) -> None:
+    def opened(self, results: store.Results) -> None:
         self.progress.say(f"writing results to {results.own.path}")
         if self.drawing is not None:
             self.drawing.get_ready(self.ranks)
 
-    def begun(self, results: Results) -> None:
+    def begun(self, results: store.Results) -> None:
         if self.drawing is not None:
             self.drawing.begin(results)
 
-    def closed(self, results: Results | None, ended: Ended, summary: Summary) -> None:
+    def closed(self, results: store.Results | None, ended: outcomes.Ended, summary: recording.Summary) -> None:
         self.status, message = self._outcome(results, ended)
         if results is None:
-            say(f"softmodels: {bounded(message)}", err=True)
+            processes.say(f"softmodels: {commands.bounded(message)}", err=True)
             return
-        good = bool(results.stored) and self.status != BAD_INPUT
+        good = bool(results.stored) and self.status != outcomes.BAD_INPUT
         took = self._drawn(results) if good else None
         drawn = (
             "" if self.drawing is None or took is None else f"{self.drawing.made(results.own.path)}, in {took:.1f} s"
@@ -241,40 +248,40 @@ class Teller(Observer):
         if message:
             states = "1 state" if len(results.stored) == 1 else f"{len(results.stored)} states"
             where = f". The results up to this point ({states}) are in {results.own.path}" if good else ""
-            say(f"softmodels: {message}{where}{f': {drawn}' if drawn and not self.quiet else ''}", err=True)
+            processes.say(f"softmodels: {message}{where}{f': {drawn}' if drawn and not self.quiet else ''}", err=True)
         if self.quiet:
             return
         for note in summary.get("notes", ()):
-            say(f"softmodels: note: {note}", err=True)
+            processes.say(f"softmodels: note: {note}", err=True)
         if not message:
             _summarise(self.case, results, drawn, summary["stability"])
 
-    def _outcome(self, results: Results | None, ended: Ended) -> tuple[int, str]:
+    def _outcome(self, results: store.Results | None, ended: outcomes.Ended) -> tuple[int, str]:
         """Exit status and sentence; what PETSc refuses before anything is solved are the words it was given."""
         cause = ended.error and ended.error.__cause__
         if not isinstance(cause, PETSc.Error):
             return ended.status, spoken(ended.message)
         if self.petsc and not (results and results.stored):
-            return BAD_INPUT, f"PETSc stopped ({petsc_reason(cause)}); check the options after --"
+            return outcomes.BAD_INPUT, f"PETSc stopped ({mpi.petsc_reason(cause)}); check the options after --"
         more = "rerun with -- -snes_monitor -ksp_error_if_not_converged for details"
-        return FAILED, f"PETSc stopped ({petsc_reason(cause)}); {more}"
+        return outcomes.FAILED, f"PETSc stopped ({mpi.petsc_reason(cause)}); {more}"
 
-    def _drawn(self, results: Results) -> float | None:
+    def _drawn(self, results: store.Results) -> float | None:
         """Draw a run that has not failed; the seconds it took, None where there are no pictures."""
-        if self.drawing is None or self.status not in (DONE, NO_EQUILIBRIUM):
+        if self.drawing is None or self.status not in (outcomes.DONE, outcomes.NO_EQUILIBRIUM):
             return None
         if not self.quiet:
-            say(self.drawing.begins, err=True)
+            processes.say(self.drawing.begins, err=True)
         return self.drawing.draw(results, self.quiet)
 
 
-def _summarise(case: Case, results: Results, drawn: str, stability: str) -> None:
+def _summarise(case: Case, results: store.Results, drawn: str, stability: str) -> None:
     """Print the last state of a run that has reached all its values, its stability, and what there is in its folder."""
-    for text in (*closing(case, results.rows[-1]), stability):
+    for text in (*notes.closing(case, results.rows[-1]), stability):
         if text:
-            say(text)
+            processes.say(text)
     drawn = f"; {drawn}" if drawn else ""
-    say(
+    processes.say(
         f"{len(results.stored)} states in {results.folder}: path.csv, {results.name}.vtkhdf for ParaView{drawn}{_solved_on()}"
     )
 

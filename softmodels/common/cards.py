@@ -5,8 +5,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Iterable
 
-from softmodels.common.errors import Spoken, spoken
-from softmodels.common.files import data_uri, render
+from softmodels.common import errors, files
 
 PICTURES = "softmodels.api.views"
 """Draws the pictures. It stands above every room that has results, so it is imported by its name, and only by a notebook."""
@@ -39,10 +38,12 @@ class Shown:
         remarks: list[str] = []
         try:
             title, figures = f"{title} {self._line()}", self._figures()
-            remarks += map(spoken, self._remarks())
+            remarks += map(errors.spoken, self._remarks())
             if drawn := importlib.import_module(PICTURES).picture(self):
-                picture = data_uri(drawn, "image/webp")
+                picture = files.data_uri(drawn, "image/webp")
         except Exception as error:  # whatever it is, the result is there and the notebook goes on
-            known = isinstance(error, Spoken | OSError)
+            known = isinstance(error, errors.Spoken | OSError)
             remarks.append(f"not all can be shown: {error if known else f'{type(error).__name__}: {error}'}")
-        return render("card.html", "softmodels.common", title=title, figures=figures, remarks=remarks, picture=picture)
+        return files.render(
+            "card.html", "softmodels.common", title=title, figures=figures, remarks=remarks, picture=picture
+        )

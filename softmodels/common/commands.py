@@ -24,10 +24,9 @@ from typing import Any
 
 import click
 
-from softmodels.common.errors import meant, reason
+from softmodels.common import errors, folders, processes
 from softmodels.common.files import fingerprint, is_same, version
-from softmodels.common.folders import InUseError, OwnFolder, OwnFolderError, take_default
-from softmodels.common.processes import GRACE, ended_after_signal, say
+from softmodels.common.folders import InUseError, OwnFolderError
 
 # ----------------------------------------------------------------------------------------------------------------------
 # End commands cleanly when stopped or if the output fails: one sentence and a status, no traceback.
@@ -35,7 +34,10 @@ from softmodels.common.processes import GRACE, ended_after_signal, say
 
 FAILED, STOPPED = 1, 130
 STOPS = (signal.SIGINT, signal.SIGTERM)
-BLOCKED = f"softmodels: stopped by the user; the step under way had not ended {GRACE} s after the signal, earlier ones are kept"
+BLOCKED = (
+    f"softmodels: stopped by the user; the step under way had not ended {processes.GRACE} s after the signal, "
+    "earlier ones are kept"
+)
 LONGEST_SENTENCE = 1000
 """Characters of a sentence on standard error; a user's own text in it may be a whole file's content."""
 
@@ -124,7 +126,7 @@ class ColormapType(click.ParamType):
             import matplotlib
 
             if value not in matplotlib.colormaps:
-                near = meant(value, matplotlib.colormaps)
+                near = errors.meant(value, matplotlib.colormaps)
                 self.fail(f"matplotlib has no colour map {value!r}{near or f'; {COLORMAP} is the default'}", param, ctx)
         return str(value)
 
@@ -133,7 +135,7 @@ class Choice(click.Choice[str]):
     """One of some names; a sentence names the nearest one."""
 
     def get_invalid_choice_message(self, value: Any, ctx: click.Context | None) -> str:
-        return super().get_invalid_choice_message(value, ctx).rstrip(".") + meant(value, self.choices)
+        return super().get_invalid_choice_message(value, ctx).rstrip(".") + errors.meant(value, self.choices)
 
 
 class FolderType(click.Path):
@@ -273,7 +275,7 @@ def asked_to_stop(waits: bool = False, speaks: bool = True) -> Iterator[Callable
         received.append(number)
 
     before = {number: signal.signal(number, note) for number in STOPS}
-    guarded = ended_after_signal(BLOCKED if speaks else "") if waits else contextlib.nullcontext()
+    guarded = processes.ended_after_signal(BLOCKED if speaks else "") if waits else contextlib.nullcontext()
     try:
         with guarded:
             yield lambda: bool(received)
@@ -320,7 +322,7 @@ def usage_sentence(error: click.ClickException) -> str:
     if not isinstance(error, click.NoSuchOption) or error.ctx is None:
         return error.format_message()
     known = (name for param in error.ctx.command.params for name in param.opts if isinstance(param, click.Option))
-    return f"there is no option {error.option_name}{meant(error.option_name, known)}"
+    return f"there is no option {error.option_name}{errors.meant(error.option_name, known)}"
 
 
 class CommandGroup(click.Group):
@@ -333,7 +335,7 @@ class CommandGroup(click.Group):
         if name.lower().endswith(CASES) and "run" in known:
             raise click.UsageError(f"{name!r} is not a command; did you mean softmodels run {name}?", ctx)
         if not name.startswith("-") and self.get_command(ctx, name) is None:
-            near = meant(name, known) or f"; there are {', '.join(known)}"
+            near = errors.meant(name, known) or f"; there are {', '.join(known)}"
             raise click.UsageError(f"there is no command {name!r}{near}", ctx)
         return super().resolve_command(ctx, args)
 
@@ -385,7 +387,7 @@ def run_command(command: click.Command, name: str) -> None:
     1."""
 
     def tell(sentence: str) -> None:
-        say(f"Error: {bounded(sentence)}", err=True)
+        processes.say(f"Error: {bounded(sentence)}", err=True)
 
     with written(tell):
         try:
@@ -436,9 +438,9 @@ class ResultFolder:
         }
         try:
             if output is None:
-                self._own = take_default(default, kind, self._inputs)
+                self._own = folders.take_default(default, kind, self._inputs)
             else:
-                self._own = OwnFolder(output, kind)
+                self._own = folders.OwnFolder(output, kind)
                 self._own.take()
             try:
                 self._own.check_inputs(files)
@@ -448,7 +450,7 @@ class ResultFolder:
         except InUseError as error:
             raise OwnFolderError(str(error)) from None
         except OSError as error:
-            raise OwnFolderError(f"the folder {output or default} cannot be written ({reason(error)})") from None
+            raise OwnFolderError(f"the folder {output or default} cannot be written ({errors.reason(error)})") from None
 
     @property
     def path(self) -> Path:
@@ -483,7 +485,7 @@ def open_place(output: Path | None, default: Path, kind: str, names: Iterable[st
     somebody else's files of these names.
     """
     try:
-        own = take_default(default, kind, {}) if output is None else OwnFolder(output, kind)
+        own = folders.take_default(default, kind, {}) if output is None else folders.OwnFolder(output, kind)
         own.take()
     except InUseError as error:
         raise OwnFolderError(str(error)) from None

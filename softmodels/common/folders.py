@@ -20,7 +20,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from softmodels.common.errors import Spoken
+from softmodels.common import errors
 from softmodels.common.files import (
     HIDDEN,
     counts,
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP)  # answers of file systems without locks
 
 
-class InUseError(Spoken, RuntimeError):
+class InUseError(errors.Spoken, RuntimeError):
     """Another program writes in the folder; the message is for the user."""
 
 
@@ -189,7 +189,7 @@ def remove_recorded(folder: Path, names: Iterable[str]) -> None:
 PATIENCE = 600.0  # seconds to wait for a program that draws into a folder which is to be replaced
 
 
-class OwnFolderError(Spoken, RuntimeError):
+class OwnFolderError(errors.Spoken, RuntimeError):
     """A folder or a file that is not a program's own, so that it must not be written; the message is a sentence."""
 
 

@@ -19,9 +19,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
 
-from softmodels.common import errors
-from softmodels.common.errors import Spoken, known_are, meant
-from softmodels.common.units import UnitError, brief, numbers, plain
+from softmodels.common import errors, units
 
 if TYPE_CHECKING:
     import numpy as np
@@ -32,7 +30,7 @@ _OWN_FILES = tuple(str(Path(__file__).parents[2] / package) for package in error
 """Files of the project: a warning names the line that called into them."""
 
 
-class ArgumentError(Spoken, TypeError):
+class ArgumentError(errors.Spoken, TypeError):
     """An argument that a function or a class does not take; the message is for the user."""
 
 
@@ -105,9 +103,9 @@ MAX_NAME_BYTES = 200
 def unusable_name(name: object) -> str:
     """Return why results cannot have a name, which is that of their files and their default folder; empty if they can."""
     if not isinstance(name, str) or not re.fullmatch(r"\w[\w.+-]*", name):
-        return f"name {brief(name)} is not a valid file name; use letters, digits, '_', '-', '+' and '.'"
+        return f"name {units.brief(name)} is not a valid file name; use letters, digits, '_', '-', '+' and '.'"
     if (size := len(name.encode())) > MAX_NAME_BYTES:
-        return f"name {brief(name)} has {size} bytes, and names of results at most {MAX_NAME_BYTES}; shorten it"
+        return f"name {units.brief(name)} has {size} bytes, and names of results at most {MAX_NAME_BYTES}; shorten it"
     return ""
 
 
@@ -123,7 +121,7 @@ def _refusal(name: str, signature: inspect.Signature, args: Sequence[object], kw
     by_place = [p.name for p in known if p.kind in (kinds.POSITIONAL_ONLY, kinds.POSITIONAL_OR_KEYWORD)]
     for key in kwargs:
         if key not in signature.parameters:
-            return f"{name} has no argument {key!r}; {known_are(key, [p.name for p in known])}"
+            return f"{name} has no argument {key!r}; {errors.known_are(key, [p.name for p in known])}"
     if len(args) > len(by_place):
         named = [p.name for p in known if p.kind is kinds.KEYWORD_ONLY]
         order = f"{', '.join(by_place)} in this order" if by_place else "none without its name"
@@ -141,7 +139,7 @@ def _refusal(name: str, signature: inspect.Signature, args: Sequence[object], kw
 def wrong(name: str, value: object, wanted: str) -> ArgumentError:
     """Return what is raised for an argument of another kind than is wanted, such as ``"a device, such as sm.HollowDisk()"``."""
     hint = f"; write {value.__name__}(...), with its arguments" if isinstance(value, type) else ""
-    return ArgumentError(f"{name} is {brief(value)}; it must be {wanted}{hint}")
+    return ArgumentError(f"{name} is {units.brief(value)}; it must be {wanted}{hint}")
 
 
 def one_of(name: str, value: object, kinds: type | tuple[type, ...], wanted: str) -> Any:
@@ -185,11 +183,11 @@ def span(name: str, value: object) -> tuple[float, float] | None:
         return None
     wanted = "two numbers, from and to, such as (1.0, 2.5)"
     try:
-        ends = plain(value)
+        ends = units.plain(value)
         if not isinstance(ends, list | tuple) or len(ends) != 2:
             raise wrong(name, value, wanted)
-        low, high = numbers(ends)
-    except UnitError as error:
+        low, high = units.numbers(ends)
+    except units.UnitError as error:
         raise ArgumentError(f"{name}: {error}; it must be {wanted}") from None
     if not low < high:
         raise ArgumentError(f"{name} goes from {low:g} to {high:g}; give the smaller number first")
@@ -199,8 +197,8 @@ def span(name: str, value: object) -> tuple[float, float] | None:
 def whole(name: str, value: object, least: int) -> int:
     """Return a whole number that is no smaller than another; `ArgumentError` for anything else."""
     try:
-        count = plain(value)
-    except UnitError:
+        count = units.plain(value)
+    except units.UnitError:
         count = None
     if isinstance(count, bool) or not isinstance(count, int) or count < least:
         raise wrong(name, value, f"a whole number from {least} up")
@@ -320,7 +318,7 @@ def lazy_names(package: str) -> tuple[list[str], Callable[[str], object], Callab
 
     def load(name: str) -> object:
         if name not in module_of:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}{meant(name, module_of)}")
+            raise AttributeError(f"module {package!r} has no attribute {name!r}{errors.meant(name, module_of)}")
         namespace[name] = value = getattr(importlib.import_module(module_of[name]), name)
         return value
 

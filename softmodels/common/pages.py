@@ -14,9 +14,8 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from softmodels.common.commands import Provenance
-from softmodels.common.files import render
-from softmodels.common.units import FACTORS, column_unit, pascal_per_cm, quantity
+from softmodels.common import commands, files, units
+from softmodels.common.units import pascal_per_cm
 
 UNITS = {"kPa": "kPa", "mbar": "mbar", "psi": "psi"}
 """Units of pressure beside the cm of a column, by their names in `softmodels.common.units`."""
@@ -170,7 +169,7 @@ class Page:
     title: str
     answer: str
     sections: Sequence[Section]
-    provenance: Provenance
+    provenance: commands.Provenance
     facts: Sequence[Fact] = ()
     warnings: Sequence[str] = ()
     sources: Sequence[str] = ()
@@ -186,15 +185,16 @@ class Page:
             for name, text in self.downloads.items()
         ]
         factors = json.dumps({"cm": self.pascal_per_cm, **{unit: pascal(unit) for unit in UNITS}})
-        return render(
-            "page.html", "softmodels.common", page=self, links=links, factors=factors, column=column_unit(self.pascal_per_cm),
+        return files.render(
+            "page.html", "softmodels.common", page=self, links=links, factors=factors,
+            column=units.column_unit(self.pascal_per_cm),
             sections=[(heading, parts) for heading, parts in sections if parts],
         )  # fmt: skip
 
 
 def pascal(unit: str) -> float:
     """Return how many Pa one of a unit of pressure has."""
-    return FACTORS["Pa"].get(unit) or quantity(f"1 {unit}", "Pa")
+    return units.FACTORS["Pa"].get(unit) or units.quantity(f"1 {unit}", "Pa")
 
 
 def _filled(part: Part | None) -> bool:

@@ -22,7 +22,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from multiprocessing.connection import Connection
 from typing import Any, TextIO
 
-from softmodels.common.errors import reason
+from softmodels.common import errors
 
 
 def cores() -> int:
@@ -249,7 +249,10 @@ class Worker:
         try:
             order = pickle.dumps((function, args))
         except (pickle.PicklingError, AttributeError, TypeError) as error:
-            return False, f"this cannot be sent to another process ({reason(error)}); define its classes in a module"
+            return (
+                False,
+                f"this cannot be sent to another process ({errors.reason(error)}); define its classes in a module",
+            )
         try:
             self.start()
             self._line.send_bytes(order)
@@ -323,7 +326,7 @@ def serve(module: str, line: Connection) -> None:
                 function, args = pickle.loads(order)
                 line.send((True, getattr(functions, function)(*args)))
             except Exception as error:
-                line.send((False, reason(error)))
+                line.send((False, errors.reason(error)))
 
 
 if __name__ == "__main__":

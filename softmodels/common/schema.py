@@ -14,9 +14,8 @@ import numbers
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
-from softmodels.common import errors
-from softmodels.common.errors import FieldError, GeometryError, known_are, meant
-from softmodels.common.units import UnitError, brief, exact_text, example, plain, quantity, readable
+from softmodels.common import errors, units
+from softmodels.common.errors import GeometryError
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Kinds of values: reading from text or tables, writing, and checking.
@@ -48,20 +47,20 @@ def shown(value: object, unit: str) -> str:
     """Return a value as a person would write it, for example ``"20 mm"`` for 0.02 in ``"m"``."""
     if not isinstance(value, int | float):
         return repr(value)
-    return readable(value, unit)
+    return units.readable(value, unit)
 
 
 def _plain(name: str, value: object) -> Any:
     """Return NumPy's numbers and arrays as Python's; `FieldError` for masked values."""
     try:
-        return plain(value)
-    except UnitError as error:
-        raise FieldError(f"{name}: {error}") from None
+        return units.plain(value)
+    except units.UnitError as error:
+        raise errors.FieldError(f"{name}: {error}") from None
 
 
 def _given(value: object) -> str:
     """Return an invalid value's text for its message."""
-    return brief(value)
+    return units.brief(value)
 
 
 class Kind(abc.ABC):
@@ -95,29 +94,31 @@ class Quantity(Kind):
         if isinstance(value, str):
             return Quantity.read(self, name, value)
         if not isinstance(value, numbers.Real) or isinstance(value, bool):
-            raise FieldError(f"{name} is {_given(value)}; it must be {self._wanted}")
+            raise errors.FieldError(f"{name} is {_given(value)}; it must be {self._wanted}")
         try:
             finite = float(value)
         except OverflowError:
             finite = math.inf
         if not math.isfinite(finite):
-            raise FieldError(f"{name} is {_given(value)}; it must be a finite number")
+            raise errors.FieldError(f"{name} is {_given(value)}; it must be a finite number")
         return finite
 
     @property
     def _wanted(self) -> str:
         if not self.unit:
             return "a number"
-        return f"a number in {self.unit}, or a text with a unit such as '{example(self.unit)}'"
+        return f"a number in {self.unit}, or a text with a unit such as '{units.example(self.unit)}'"
 
     def read(self, name: str, value: object) -> float:
         value = _plain(name, value)
         if isinstance(value, bool) or not isinstance(value, str | int | float):
-            raise FieldError(f"{name} is {brief(value)}; it must be a {'text with a unit' if self.unit else 'number'}")
+            raise errors.FieldError(
+                f"{name} is {units.brief(value)}; it must be a {'text with a unit' if self.unit else 'number'}"
+            )
         try:
-            return quantity(value, self.unit)
-        except UnitError as error:
-            raise FieldError(f"{name}: {error}") from None
+            return units.quantity(value, self.unit)
+        except units.UnitError as error:
+            raise errors.FieldError(f"{name}: {error}") from None
 
     def write(self, value: object, text: Text) -> object:
         return text(value, self.unit) if self.unit and isinstance(value, int | float) else value
@@ -137,13 +138,15 @@ class Length(Quantity):
         if self.zero and size == 0.0:
             return length
         if size <= 0.0:
-            raise FieldError(
+            raise errors.FieldError(
                 f"{name} is {shown(size, 'm')}; it must be {'0 or more' if self.zero else 'larger than 0'}"
             )
         if size < SHORTEST * (1 - ROUNDING):
-            raise FieldError(f"{name} is {size * 1e6:.6g} um; lengths below {SHORTEST * 1e6:g} um cannot be modelled")
+            raise errors.FieldError(
+                f"{name} is {size * 1e6:.6g} um; lengths below {SHORTEST * 1e6:g} um cannot be modelled"
+            )
         if size > LONGEST * (1 + ROUNDING):
-            raise FieldError(f"{name} is {shown(size, 'm')}; above {LONGEST:g} m this suggests a wrong unit")
+            raise errors.FieldError(f"{name} is {shown(size, 'm')}; above {LONGEST:g} m this suggests a wrong unit")
         return length
 
 
@@ -182,10 +185,10 @@ class Choice(Kind):
             if isinstance(value, str | numbers.Real) and value == known and not isinstance(value, bool):
                 return known
         if ends := self.ends:
-            raise FieldError(f"{name} is {_given(value)}; it must be a whole number from {ends[0]} to {ends[1]}")
+            raise errors.FieldError(f"{name} is {_given(value)}; it must be a whole number from {ends[0]} to {ends[1]}")
         names = [str(known) for known in self.choices]
-        more = meant(value, names) if isinstance(value, str) else ""
-        raise FieldError(f"{name} is {_given(value)}; it must be one of {', '.join(names)}{more}")
+        more = errors.meant(value, names) if isinstance(value, str) else ""
+        raise errors.FieldError(f"{name} is {_given(value)}; it must be one of {', '.join(names)}{more}")
 
     @property
     def ends(self) -> tuple[int, int] | None:
@@ -202,7 +205,7 @@ class Words(Kind):
 
     def settled(self, name: str, value: object) -> str:
         if not isinstance(value, str):
-            raise FieldError(f"{name} is {_given(value)}; it must be a text")
+            raise errors.FieldError(f"{name} is {_given(value)}; it must be a text")
         return value
 
 
@@ -213,7 +216,7 @@ class Flag(Kind):
     def settled(self, name: str, value: object) -> bool:
         value = _plain(name, value)
         if not isinstance(value, bool):
-            raise FieldError(f"{name} is {_given(value)}; it must be true or false")
+            raise errors.FieldError(f"{name} is {_given(value)}; it must be true or false")
         return value
 
 
@@ -255,9 +258,9 @@ class Several(Kind):
     def _wanted(self) -> tuple[type, ...]:
         return (str,) if isinstance(self.of, Words) else (numbers.Real, str)
 
-    def _refused(self, name: str, value: object) -> FieldError:
+    def _refused(self, name: str, value: object) -> errors.FieldError:
         what = "texts" if isinstance(self.of, Words) else f"numbers in {self.unit}" if self.unit else "numbers"
-        return FieldError(f"{name} is {_given(value)}; it must be a list of {what}, such as [...]")
+        return errors.FieldError(f"{name} is {_given(value)}; it must be a list of {what}, such as [...]")
 
 
 __all__ = ["LONGEST", "About", "about", "angle_field", "angles_field", "choice_field", "field_of", "length_field",
@@ -312,7 +315,10 @@ def doubt_of(thing: Any) -> str:
         value, unit = getattr(thing, name), field.kind.unit
         if isinstance(value, float) and abs(value) > field.usual:
             of = f"{type(thing).__name__}: {name.replace('_', ' ')}"
-            return f"{of} is {value:g} {unit}; numbers are in {unit}, so write another unit as a text such as '{example(unit)}'"
+            return (
+                f"{of} is {value:g} {unit}; numbers are in {unit}, so write another unit as a text such as "
+                f"'{units.example(unit)}'"
+            )
     return ""
 
 
@@ -367,7 +373,7 @@ def settle(thing: Any, error: type[ValueError] = GeometryError) -> None:
     for name, field in about(thing).items():
         try:
             object.__setattr__(thing, name, field.kind.settled(name, getattr(thing, name)))
-        except FieldError as wrong:
+        except errors.FieldError as wrong:
             raise error(str(wrong)) from None
 
 
@@ -375,7 +381,7 @@ def settle(thing: Any, error: type[ValueError] = GeometryError) -> None:
 # Lossless conversion between dataclasses and tables of a settings file.
 
 
-def to_table(thing: Any, text: Text = exact_text) -> dict[str, Any]:
+def to_table(thing: Any, text: Text = units.exact_text) -> dict[str, Any]:
     """Return the fields of a value for a TOML table: lengths and the like as texts with a unit ("20 mm"), pure numbers,
     choices, texts and lists as they are. What is left open is left out.
 
@@ -399,8 +405,8 @@ def from_table(kind: type, table: Mapping[str, Any], where: str, what: str = "")
     values = {}
     for key, value in table.items():
         if key not in names:
-            known = known_are(key, (field.key or name for name, field in fields.items()))
-            raise FieldError(f"{where} has an unknown entry {key!r}; {known}")
+            known = errors.known_are(key, (field.key or name for name, field in fields.items()))
+            raise errors.FieldError(f"{where} has an unknown entry {key!r}; {known}")
         if value is not None:
             name, factor = names[key]
             read = fields[name].kind.read(what + key.replace("_", " ") if what else key, value)

@@ -18,9 +18,7 @@ from typing import IO, Any
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.common.errors import reason
-from softmodels.common.files import CHUNK, TEXT, UserFileError, read_file, read_text
-from softmodels.common.units import UnitError, brief, number
+from softmodels.common import errors, files, units
 
 LARGEST = 2_000_000
 """Bytes: a setup with a thousand crossings of its grid has a hundred thousand."""
@@ -40,11 +38,11 @@ def read_toml(path: Path) -> dict[str, Any]:
     """Read a TOML file; a byte order mark is left out. `TomlError` if it is no text or TOML, cannot be read, or is larger than
     any file of ours."""
     try:
-        text = read_text(path, LARGEST)
+        text = files.read_text(path, LARGEST)
     except UnicodeDecodeError:
         raise TomlError("cannot be read (it is not UTF-8 text; save it in that encoding)") from None
     except (OSError, ValueError) as error:  # a name with a zero byte in it is a ValueError
-        raise TomlError(f"cannot be read ({reason(error)})") from None
+        raise TomlError(f"cannot be read ({errors.reason(error)})") from None
     return parse_toml(text)
 
 
@@ -92,7 +90,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, dict | list):
         return None
     if isinstance(value, int) and not -(2**63) <= value < 2**63:
-        raise TomlError(f"is not valid TOML (the whole number {brief(value)} does not fit into 64 bits)")
+        raise TomlError(f"is not valid TOML (the whole number {units.brief(value)} does not fit into 64 bits)")
     return value
 
 
@@ -100,13 +98,13 @@ def numbers(value: Any) -> npt.NDArray[np.float64]:
     """Return a list of numbers, or of lists of them, as an array; `UnitError` for an entry that is none, such as a text or
     true, `ValueError` for lists of unlike lengths."""
     if not isinstance(value, list):
-        raise ValueError(f"{brief(value)} is not a list of numbers")
+        raise ValueError(f"{units.brief(value)} is not a list of numbers")
     if value and all(isinstance(part, list) for part in value):
         return np.array([numbers(part) for part in value], dtype=np.float64)
     for part in value:
         if isinstance(part, str):
-            raise UnitError(f"{brief(part)} is a text; it must be a number")
-    return np.array([number(part) for part in value], dtype=np.float64)
+            raise units.UnitError(f"{units.brief(part)} is a text; it must be a number")
+    return np.array([units.number(part) for part in value], dtype=np.float64)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -158,11 +156,11 @@ def read_sheets(path: Path) -> list[Worksheet]:
     Text is UTF-8, UTF-16 with its mark, or else Latin-1, which older test machines write. Cells come as spreadsheets show
     them: a number in a cell of percents is ``"12.5 %"``. A formula that was never evaluated comes as ``"=A1*2"``.
     """
-    data = read_file(path)
+    data = files.read_file(path)
     if data.startswith(ZIP):
         return _workbook(path, data)
     if data.startswith(OLE):
-        raise UserFileError(
+        raise files.UserFileError(
             path, "it is an Excel workbook with a password or in the format before 2007; save it as .xlsx or as CSV"
         )
     lines = [pair for pair in enumerate(_text(path, data).splitlines(), 1) if pair[1].strip()]
@@ -187,13 +185,13 @@ def pick[Found](
             if not sheet.name:
                 break
     if len(found) > 1:
-        raise UserFileError(
+        raise files.UserFileError(
             path,
             f"there is a table on each of {named([sheet for sheet, _ in found])}; save the right sheet as CSV, "
             "or as a separate workbook",
         )
     if not found and trouble is not None:
-        raise UserFileError(path, f"it is not a table ({trouble})")
+        raise files.UserFileError(path, f"it is not a table ({trouble})")
     return found[0] if found else None
 
 
@@ -224,7 +222,9 @@ def _text(path: Path, data: bytes) -> str:
     except UnicodeDecodeError:
         text = data.decode("latin-1")  # the numbers are the same
     if "\0" in text:
-        raise UserFileError(path, "this is not a text file and not an Excel workbook; save the sheet as CSV or .xlsx")
+        raise files.UserFileError(
+            path, "this is not a text file and not an Excel workbook; save the sheet as CSV or .xlsx"
+        )
     return text
 
 
@@ -236,25 +236,26 @@ def _cells(lines: Sequence[tuple[int, str]], separator: str) -> Iterator[Line]:
 
 
 def _workbook(path: Path, data: bytes) -> list[Worksheet]:
-    broken = UserFileError(
+    broken = files.UserFileError(
         path,
         "it is not an Excel workbook (.xlsx), or a damaged one; save it again with a spreadsheet program, or as CSV",
     )
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             size = sum(member.file_size for member in archive.infolist())
-            if size > TEXT:
-                raise UserFileError(
+            if size > files.TEXT:
+                raise files.UserFileError(
                     path,
-                    f"unpacked, its sheets have {size / 1e6:.4g} MB, but at most {TEXT / 1e6:g} MB are read; save it as CSV",
+                    f"unpacked, its sheets have {size / 1e6:.4g} MB, but at most {files.TEXT / 1e6:g} MB are read; "
+                    "save it as CSV",
                 )
             for member in archive.infolist():
                 with archive.open(member) as part:
                     if _is_too_dense(part):
-                        raise UserFileError(
+                        raise files.UserFileError(
                             path, f"a row of its sheets, or its styles, have over {MAX_TAGS:g} parts; save it as CSV"
                         )
-    except UserFileError:
+    except files.UserFileError:
         raise
     except (zipfile.BadZipFile, zlib.error, EOFError, ValueError, RuntimeError, OSError):
         raise broken from None
@@ -275,7 +276,7 @@ def _workbook(path: Path, data: bytes) -> list[Worksheet]:
 def _is_too_dense(part: IO[bytes]) -> bool:
     """Return whether a part of a workbook has so many tags and attributes in a row that its tree would fill the memory."""
     count = 0
-    while chunk := part.read(CHUNK):
+    while chunk := part.read(files.CHUNK):
         *rows, rest = _ENDS.split(chunk)
         for row in rows:
             if count + row.count(b"<") + row.count(b"=") > MAX_TAGS:

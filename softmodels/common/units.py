@@ -14,7 +14,7 @@ import re
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from softmodels.common.errors import meant
+from softmodels.common import errors
 
 if TYPE_CHECKING:
     import pint
@@ -223,7 +223,9 @@ def _converted(read: float, written: str, unit: str, shown: str, hint: str) -> f
 
     known = _unit(written)
     if known is None:
-        raise UnitError(f"{shown} has an unknown unit, {brief(written)}{hint}{meant(written, FACTORS.get(unit, ()))}")
+        raise UnitError(
+            f"{shown} has an unknown unit, {brief(written)}{hint}{errors.meant(written, FACTORS.get(unit, ()))}"
+        )
     try:
         if bool(_ANGLES & set(known._units)) != (unit == "degree"):  # to Pint an angle is a pure number
             raise pint.DimensionalityError(known, unit)

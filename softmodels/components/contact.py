@@ -29,64 +29,16 @@ from typing import ClassVar, Self
 import numpy as np
 import numpy.typing as npt
 
-from geometries import Actuator, GeometryError
-from geometries.actuator import AXES, Vector, cavity_roles, reflected
+from geometries import Actuator, GeometryError, actuator
+from geometries.actuator import Vector
 from geometries.faces import UNITS, FaceNumberError, faces as plane_faces
+from softmodels.common import errors, schema
 from softmodels.common.arrays import Array
-from softmodels.common.errors import reason, whole_path
 from softmodels.common.lazy import Expr, fem, scipy, ufl
-from softmodels.common.schema import (
-    Flag,
-    Length,
-    Quantity,
-    Several,
-    Words,
-    choice_field,
-    field_of,
-    length_field,
-    list_field,
-)
-from softmodels.components.pressing import (
-    MOST_IMAGES,
-    FixedWall,
-    GivingWay,
-    Grip,
-    HardeningPenalty,
-    Near,
-    Pairs,
-    Penalty,
-    Pressed,
-    PressedByDistance,
-    PressedOn,
-    PressedSamples,
-    Rubbed,
-    Rubbing,
-    Stand,
-    Surface,
-    TooFineError,
-    components_of,
-    facing,
-    scattered,
-    together,
-)
-from softmodels.mechanics.assembly import AssembledTerm, FaceNodes, RememberingTerm, check_mesh_faces
+from softmodels.components import pressing
+from softmodels.mechanics import assembly, component, mpi
 from softmodels.mechanics.body import Body, in_section, in_space
-from softmodels.mechanics.component import (
-    ALONG,
-    Component,
-    ComponentError,
-    EnergyComponent,
-    EnergyTerm,
-    Equations,
-    FormContext,
-    PathFailure,
-    Sealing,
-    check_on_mesh,
-    direction,
-    names_in,
-    register_component,
-)
-from softmodels.mechanics.mpi import largest
+from softmodels.mechanics.component import Component, ComponentError, direction
 
 STIFFNESS = 300.0
 """Shear moduli of pressure per penetration of one size of the device: a contact pressure of one shear modulus, more than
@@ -101,7 +53,7 @@ NEAR = 1e-6
 """Distance relative to the size up to which a point counts as in the plane."""
 
 
-class ContactPart(EnergyComponent):
+class ContactPart(component.EnergyComponent):
     """Contact of faces; each kind is a dataclass with the fields below.
 
     Attributes:
@@ -117,7 +69,7 @@ class ContactPart(EnergyComponent):
 
     @property
     def roles(self) -> list[str]:
-        return names_in(self.faces)
+        return component.names_in(self.faces)
 
     def try_other(self, pressed: str) -> str:
         """Return advice if contact may have ended a path; ``pressed`` describes the contact and its depth, as a clause."""
@@ -164,7 +116,7 @@ Of a plane a point, its normal, and no radius.
 """
 
 
-@register_component
+@component.register_component
 @dataclasses.dataclass(frozen=True)
 class RigidShape(ContactPart):
     """A rigid shape, and the faces in contact with it.
@@ -190,47 +142,51 @@ class RigidShape(ContactPart):
         seal: Whether the faces close the first cavity where they press on this plane, see `SealingTerm`.
     """
 
-    shape: str = choice_field(
+    shape: str = schema.choice_field(
         "sphere",
         SHAPES,
         "a sphere, a cylinder without ends, a capsule (a cylinder with round ends), a plane, or an STL file",
     )
-    faces: str = field_of(Words(), "faces in contact with it, such as outer or 'top, outer'", "")
-    at: tuple[float, ...] = field_of(
-        Several(Length(zero=True, signed=True)),
+    faces: str = schema.field_of(schema.Words(), "faces in contact with it, such as outer or 'top, outer'", "")
+    at: tuple[float, ...] = schema.field_of(
+        schema.Several(schema.Length(zero=True, signed=True)),
         "centre of a sphere or capsule, a point on a cylinder's axis or in a plane, or the position of an STL file's origin",
         (),
     )
-    radius: float = length_field(0.0, "radius of the shape", zero=True)
-    along: tuple[float, ...] = list_field(
+    radius: float = schema.length_field(0.0, "radius of the shape", zero=True)
+    along: tuple[float, ...] = schema.list_field(
         (0.0, 1.0, 0.0),
         "direction of a cylinder's or capsule's axis, or of a plane's normal to the device's side",
         numbers=True,
     )
-    length: float = length_field(0.0, "distance between the centres of a capsule's round ends", zero=True)
-    hollow: bool = field_of(Flag(), "the device is inside the shape, as in a tube", False)
-    file: str = field_of(Words(), "STL file of the shape's closed surface", "")
-    unit: str = choice_field("mm", tuple(UNITS), "unit of the STL file's lengths, which such files do not store")
-    rounding: float = length_field(
+    length: float = schema.length_field(0.0, "distance between the centres of a capsule's round ends", zero=True)
+    hollow: bool = schema.field_of(schema.Flag(), "the device is inside the shape, as in a tube", False)
+    file: str = schema.field_of(schema.Words(), "STL file of the shape's closed surface", "")
+    unit: str = schema.choice_field("mm", tuple(UNITS), "unit of the STL file's lengths, which such files do not store")
+    rounding: float = schema.length_field(
         0.0, "length over which an STL file's edges are rounded; 0 for 0.4 of a facet's edge", zero=True
     )
-    stiffness: float = field_of(
-        Quantity(), "shear moduli of contact pressure per sinking in by one size of the device", STIFFNESS
+    stiffness: float = schema.field_of(
+        schema.Quantity(), "shear moduli of contact pressure per sinking in by one size of the device", STIFFNESS
     )
-    guide: str = field_of(Words(), "direction along which the shape can move, such as z; default: fixed", "")
-    spring: float = field_of(Quantity("N/m"), "spring that holds a shape with a guide", 0.0)
-    mass: float = field_of(
-        Quantity("kg"),
+    guide: str = schema.field_of(
+        schema.Words(), "direction along which the shape can move, such as z; default: fixed", ""
+    )
+    spring: float = schema.field_of(schema.Quantity("N/m"), "spring that holds a shape with a guide", 0.0)
+    mass: float = schema.field_of(
+        schema.Quantity("kg"),
         "mass of a shape with a guide, on which gravity acts: it rests on a stand until it is lifted",
         0.0,
     )
-    friction: float = field_of(Quantity(), "coefficient of Coulomb friction of the faces on a fixed shape", 0.0)
+    friction: float = schema.field_of(
+        schema.Quantity(), "coefficient of Coulomb friction of the faces on a fixed shape", 0.0
+    )
 
-    slip: float = length_field(
+    slip: float = schema.length_field(
         0.0, "elastic slip over which friction sets in; 0 for a thousandth of the device's size", zero=True
     )
-    seal: bool = field_of(
-        Flag(), "the cavity ends where the faces press on this plane, as under a suction cup's lip", False
+    seal: bool = schema.field_of(
+        schema.Flag(), "the cavity ends where the faces press on this plane, as under a suction cup's lip", False
     )
 
     table: ClassVar[str] = "contact"
@@ -281,7 +237,7 @@ class RigidShape(ContactPart):
     def _check_file(self) -> None:
         if not self.file:
             raise self.error("an STL shape needs its file (file = 'hand.stl')")
-        object.__setattr__(self, "file", whole_path(self.file))
+        object.__setattr__(self, "file", errors.whole_path(self.file))
         if self.radius or self.length:
             raise self.error("the file defines the size of an STL shape; leave out radius and length")
 
@@ -317,17 +273,17 @@ class RigidShape(ContactPart):
 
     @property
     def variable(self) -> Mapping[str, str]:
-        return dict.fromkeys(AXES, "m")
+        return dict.fromkeys(actuator.AXES, "m")
 
     def number(self, name: str) -> float:
-        return self.at[AXES.index(name)]
+        return self.at[actuator.AXES.index(name)]
 
     def varied(self, name: str, value: float) -> Self:
         return dataclasses.replace(self, at=self.nudged(name, value - self.number(name)).at)
 
     def nudged(self, name: str, by: complex) -> Self:
         made = copy.copy(self)
-        at = [place + by * (axis == name) for axis, place in zip(AXES, self.at, strict=True)]
+        at = [place + by * (axis == name) for axis, place in zip(actuator.AXES, self.at, strict=True)]
         object.__setattr__(made, "at", tuple(at))
         return made
 
@@ -347,7 +303,7 @@ class RigidShape(ContactPart):
         if (
             self.mass
             and not self.spring
-            and self.weight_against(gravity) <= ALONG * self.mass * float(np.linalg.norm(gravity))
+            and self.weight_against(gravity) <= component.ALONG * self.mass * float(np.linalg.norm(gravity))
         ):
             raise self.error(
                 f"gravity along ({', '.join(f'{x:.3g}' for x in gravity)}) m/s^2 does not press the mass "
@@ -384,10 +340,10 @@ class RigidShape(ContactPart):
         return ONSET_PRESSURE / self.stiffness
 
     @property
-    def sealing(self) -> Sealing | None:
+    def sealing(self) -> component.Sealing | None:
         x, y, z = self.at
         i, j, k = map(float, self.direction)
-        return Sealing(tuple(self.roles), (x, y, z), (i, j, k)) if self.seal else None
+        return component.Sealing(tuple(self.roles), (x, y, z), (i, j, k)) if self.seal else None
 
     def half(self, size: float) -> float:
         """Return half the length of the line in its middle, in sizes of the device."""
@@ -411,7 +367,7 @@ class RigidShape(ContactPart):
         return [normal for normal in normals if abs(np.asarray(self.at) @ normal) < self.radius]
 
     def check_on(self, actuator: Actuator) -> None:
-        check_on_mesh(self.where, actuator, self.roles)
+        component.check_on_mesh(self.where, actuator, self.roles)
         if self.file:
             self._check_file_on(actuator)
         else:
@@ -466,9 +422,9 @@ class RigidShape(ContactPart):
 
     def _check_guide_on(self, actuator: Actuator) -> None:
         guide = self.gives_way
-        if actuator.dimension == 2 and abs(guide[2]) < 1 - ALONG:
+        if actuator.dimension == 2 and abs(guide[2]) < 1 - component.ALONG:
             raise self.error("with an axisymmetric section the guide must be z or -z")
-        if any(abs(float(normal @ guide)) > ALONG for normal in self.crossed(actuator)):
+        if any(abs(float(normal @ guide)) > component.ALONG for normal in self.crossed(actuator)):
             raise self.error(
                 f"along {self.guide} the shape would leave its cut plane; use a guide "
                 f"in that plane, or {actuator.fuller}"
@@ -488,8 +444,8 @@ class RigidShape(ContactPart):
         depth = 1e3 * figure(f"{self.label}_depth")
         return self.try_other(f"faces press on {self.where} with a penetration of {depth:.3g} mm") if depth else ""
 
-    def term(self, setting: FormContext) -> EnergyTerm:
-        check_mesh_faces(setting.body, self.roles, self.where)
+    def term(self, setting: component.FormContext) -> component.EnergyTerm:
+        assembly.check_mesh_faces(setting.body, self.roles, self.where)
         if self.seal:
             return SealingTerm(self, SampledShapeTerm(self, setting), setting)
         if self.guide or self.friction:
@@ -504,7 +460,7 @@ def surface_of(shape: RigidShape) -> tuple[Array, Indices]:
     try:
         points, triangles = _read(shape.file, UNITS[shape.unit], Path(shape.file).stat().st_mtime_ns)
     except OSError as error:
-        raise shape.error(f"file {shape.file} cannot be read ({reason(error)})") from None
+        raise shape.error(f"file {shape.file} cannot be read ({errors.reason(error)})") from None
     except GeometryError as error:
         raise shape.error(f"{error}") from None
     return points + np.asarray(shape.at), triangles
@@ -512,9 +468,9 @@ def surface_of(shape: RigidShape) -> tuple[Array, Indices]:
 
 @functools.lru_cache(maxsize=8)
 def _read(file: str, unit: float, changed: int) -> tuple[Array, Indices]:
-    from geometries.imported import read_surfaces  # reads many formats, which a run without such a shape has no use for
+    from geometries import imported  # reads many formats, which a run without such a shape has no use for
 
-    points, triangles = read_surfaces(file, unit)
+    points, triangles = imported.read_surfaces(file, unit)
     edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     if len(np.unique(edges, axis=0)) < len(edges):
         raise GeometryError(
@@ -534,7 +490,7 @@ def _same(points: Array) -> float:
 # A plane given by its place, without friction.
 
 
-@register_component
+@component.register_component
 @dataclasses.dataclass(frozen=True)
 class Obstacle(ContactPart):
     """A rigid plane without friction, and the faces that it stops: ``[contact]``, without a name.
@@ -549,16 +505,16 @@ class Obstacle(ContactPart):
         ComponentError: No such plane, or a stiffness out of `SOFTEST` to `STIFFEST`.
     """
 
-    faces: str = field_of(
-        Words(), "faces that a rigid plane without friction stops, such as top; its force is in path.csv"
+    faces: str = schema.field_of(
+        schema.Words(), "faces that a rigid plane without friction stops, such as top; its force is in path.csv"
     )
-    plane: str = field_of(
-        Words(),
+    plane: str = schema.field_of(
+        schema.Words(),
         "the rigid plane: 'z = 9mm', 'normal 0.6, 0, 0.8 at 9 mm', or a cut plane's name for walls that meet their mirror "
         "image",
     )
-    stiffness: float = field_of(
-        Quantity(), "shear moduli of contact pressure per sinking in by one size of the device", STIFFNESS
+    stiffness: float = schema.field_of(
+        schema.Quantity(), "shear moduli of contact pressure per sinking in by one size of the device", STIFFNESS
     )
 
     table: ClassVar[str] = "contact"
@@ -579,7 +535,7 @@ class Obstacle(ContactPart):
             self._written()
 
     def check_on(self, actuator: Actuator) -> None:
-        check_on_mesh("contact", actuator, self.roles)
+        component.check_on_mesh("contact", actuator, self.roles)
         self.place(actuator)
 
     def undesigned(self, actuator: Actuator) -> str:
@@ -635,7 +591,7 @@ class Obstacle(ContactPart):
             )
         return point, normal
 
-    def term(self, setting: FormContext) -> PlaneTerm:
+    def term(self, setting: component.FormContext) -> PlaneTerm:
         return PlaneTerm(self, setting)
 
 
@@ -658,7 +614,7 @@ WALL_STIFFNESS = 2000.0
 """Shear moduli of pressure per overlap of one size of the device; seven times that of a rigid plane, because walls are thin."""
 
 
-@register_component
+@component.register_component
 @dataclasses.dataclass(frozen=True)
 class Walls(ContactPart):
     """Frictionless self-contact of walls.
@@ -670,14 +626,14 @@ class Walls(ContactPart):
         stiffness: Contact pressure per overlap, in shear moduli over `Actuator.size`.
     """
 
-    faces: str = field_of(
-        Words(),
+    faces: str = schema.field_of(
+        schema.Words(),
         "faces in frictionless contact with each other and themselves: auto (chosen by the "
         "device; under vacuum 'auto, cavity'), none, or names separated by commas",
         AUTO,
     )
-    stiffness: float = field_of(
-        Quantity(),
+    stiffness: float = schema.field_of(
+        schema.Quantity(),
         "penalty stiffness: contact pressure in shear moduli per overlap of one size of the device",
         WALL_STIFFNESS,
     )
@@ -729,7 +685,7 @@ class Walls(ContactPart):
             return (self.roles,)
         if actuator.meeting is None:
             return None
-        chosen = [names_in(group) for group in actuator.meeting]
+        chosen = [component.names_in(group) for group in actuator.meeting]
         return (*chosen, *self._beside({role for group in chosen for role in group}))
 
     def _beside(self, chosen: Set[str]) -> list[list[str]]:
@@ -739,7 +695,7 @@ class Walls(ContactPart):
 
     def check_on(self, actuator: Actuator) -> None:
         for group in self.groups(actuator) or ():
-            check_on_mesh(self.where, actuator, group)
+            component.check_on_mesh(self.where, actuator, group)
 
     def undesigned(self, actuator: Actuator) -> str:
         return ""
@@ -749,26 +705,30 @@ class Walls(ContactPart):
         pressed = f"{self.words} are in contact{f' and overlap by {1e3 * depth:.3g} mm' if depth else ''}"
         return self.try_other(pressed) if depth or force else ""
 
-    def term(self, setting: FormContext) -> EnergyTerm:
+    def term(self, setting: component.FormContext) -> component.EnergyTerm:
         body = setting.body
         groups = self.groups(body.actuator)
         if groups is None:
             outside = _outside(body)
             groups = (outside, *self._beside(set(outside)))
         else:
-            check_mesh_faces(body, [role for group in groups for role in group], self.where)
+            assembly.check_mesh_faces(body, [role for group in groups for role in group], self.where)
         if not any(groups):
-            return EnergyTerm([])
-        nodes = FaceNodes(body, setting.w.function_space, [role for group in groups for role in group])
+            return component.EnergyTerm([])
+        nodes = assembly.FaceNodes(body, setting.w.function_space, [role for group in groups for role in group])
         if self.automatic:
             nodes = _clear(nodes, body, groups, found=body.actuator.meeting is None)
-        return WallTerm(self, body, nodes, groups) if len(nodes.facets) else EnergyTerm([])
+        return WallTerm(self, body, nodes, groups) if len(nodes.facets) else component.EnergyTerm([])
 
 
 def _outside(body: Body) -> list[str]:
     """Return all faces of a mesh around the device, except cut or held ones."""
     device, facets = body.actuator, body.mesh.topology.dim - 1
-    others = {*cavity_roles(device), *(plane.name for plane in device.cut_planes), *(hold.role for hold in body.holds)}
+    others = {
+        *actuator.cavity_roles(device),
+        *(plane.name for plane in device.cut_planes),
+        *(hold.role for hold in body.holds),
+    }
     return [role for role, (dimension, _) in body.entities.items() if dimension == facets and role not in others]
 
 
@@ -777,11 +737,11 @@ def _images(body: Body) -> Array:
     d = body.actuator.dimension
     mirrors = [in_section(plane.normal, d) for plane in body.actuator.cut_planes]
     mirrors += [np.array([1.0, 0.0])] if body.axisymmetric else []  # a section meets its other half at the axis
-    return reflected(mirrors, MOST_IMAGES, d)
+    return actuator.reflected(mirrors, pressing.MOST_IMAGES, d)
 
 
-def _surface(nodes: FaceNodes, body: Body) -> Surface:
-    return Surface(nodes.places, nodes.facets, nodes.faces, nodes.inside, body.axisymmetric)
+def _surface(nodes: assembly.FaceNodes, body: Body) -> pressing.Surface:
+    return pressing.Surface(nodes.places, nodes.facets, nodes.faces, nodes.inside, body.axisymmetric)
 
 
 def _meets(groups: Sequence[Sequence[str]]) -> npt.NDArray[np.bool_]:
@@ -790,16 +750,16 @@ def _meets(groups: Sequence[Sequence[str]]) -> npt.NDArray[np.bool_]:
     return np.asarray(number[:, None] == number)
 
 
-def _clear(nodes: FaceNodes, body: Body, groups: Sequence[Sequence[str]], found: bool) -> FaceNodes:
+def _clear(nodes: assembly.FaceNodes, body: Body, groups: Sequence[Sequence[str]], found: bool) -> assembly.FaceNodes:
     """Return those automatically chosen facets, by group, that face others and are apart when undeformed; ``found`` if they
     are the whole outside of the device. The smooth distance of a wall that is curved more sharply than its cells resolve
     may be below zero at rest."""
     images = _images(body)
     if found:
-        nodes = nodes.only(facing(_surface(nodes, body), images, 1.0))
+        nodes = nodes.only(pressing.facing(_surface(nodes, body), images, 1.0))
     while len(nodes.facets):
         surface = _surface(nodes, body)
-        gaps = Near.of(Pairs(surface, _meets(groups), images), *surface.rest).gaps(len(surface.owner))
+        gaps = pressing.Near.of(pressing.Pairs(surface, _meets(groups), images), *surface.rest).gaps(len(surface.owner))
         apart = (gaps.reshape(len(nodes.facets), -1) > APART).all(axis=1)
         if apart.all():
             break
@@ -807,30 +767,30 @@ def _clear(nodes: FaceNodes, body: Body, groups: Sequence[Sequence[str]], found:
     return nodes
 
 
-class WallTerm(AssembledTerm[Pressed]):
+class WallTerm(assembly.AssembledTerm[pressing.Pressed]):
     """Contact of deformable walls, their faces by group; see `softmodels.components.pressing`."""
 
-    def __init__(self, part: Walls, body: Body, nodes: FaceNodes, groups: Sequence[Sequence[str]]):
+    def __init__(self, part: Walls, body: Body, nodes: assembly.FaceNodes, groups: Sequence[Sequence[str]]):
         super().__init__(nodes)
         self.part = part
-        self.pairs = Pairs(_surface(nodes, body), _meets(groups), _images(body))
+        self.pairs = pressing.Pairs(_surface(nodes, body), _meets(groups), _images(body))
         surface, self.copies = self.pairs.surface, body.actuator.copies
-        apart = float(Near.of(self.pairs, *surface.rest).gaps(len(surface.owner)).min(initial=math.inf))
+        apart = float(pressing.Near.of(self.pairs, *surface.rest).gaps(len(surface.owner)).min(initial=math.inf))
         if apart < -1e-6:
             raise part.error(
                 f"the undeformed walls {part.faces} overlap by "
                 f"{-apart * body.actuator.size * 1e3:.3g} mm; leave room between them, or name others"
             )
         ahead = min(AHEAD, max(apart / 2, 0.0))  # no contact when undeformed
-        self.penalty = Penalty(part.stiffness, ONSET_PRESSURE / part.stiffness, ahead=ahead)
+        self.penalty = pressing.Penalty(part.stiffness, ONSET_PRESSURE / part.stiffness, ahead=ahead)
 
-    def pressed(self, places: Array) -> Pressed:
-        return Pressed(self.pairs, self.penalty, places)
+    def pressed(self, places: Array) -> pressing.Pressed:
+        return pressing.Pressed(self.pairs, self.penalty, places)
 
     def admits(self, before: Array, after: Array) -> bool:
         return not passes(self.pairs, self.nodes.moved(before), self.nodes.moved(after))
 
-    def figures(self, equations: Equations) -> dict[str, float]:
+    def figures(self, equations: component.Equations) -> dict[str, float]:
         self._take(equations.w.x.array)
         pressed, label, mm = self._pressed, self.part.label, equations.length_unit * 1e3
         force = pressed.pressed_force * equations.stress_unit * equations.length_unit**2 * self.copies
@@ -855,7 +815,7 @@ WALL_STRIDE = 2.0
 MOST_LOOKS = 60
 
 
-def passes(pairs: Pairs, before: Array, after: Array) -> bool:
+def passes(pairs: pressing.Pairs, before: Array, after: Array) -> bool:
     """Return whether a point gets deeper than `DEEPEST` behind a wall on straight ways between two shapes, places of the nodes
     of shape (n, d). A point that has jumped over a wall is nowhere near it any more and would feel nothing."""
     surface = pairs.surface
@@ -872,7 +832,7 @@ def passes(pairs: Pairs, before: Array, after: Array) -> bool:
     return False
 
 
-def _deeper(pairs: Pairs, shapes: list[Array], slack: float) -> bool:
+def _deeper(pairs: pressing.Pairs, shapes: list[Array], slack: float) -> bool:
     """Return whether a point crosses the surface at `DEEPEST` behind a sample's own part of a wall between two near shapes."""
     surface, count = pairs.surface, len(pairs.surface.owner)
     (a, b), (m, n) = ([surface.places(x) for x in shapes], [pairs.of_all(surface.areas(x)) for x in shapes])
@@ -1001,7 +961,7 @@ def check_rest(shape: RigidShape, body: Body) -> None:
     """Raise `ComponentError` for a shape that penetrates the undeformed device."""
     size = body.actuator.size
     points = body.mesh.geometry.x[:, : body.mesh.topology.dim]
-    deepest = largest(body.mesh.comm, -float(distances(points, shape.numbers(size)).min(initial=math.inf)))
+    deepest = mpi.largest(body.mesh.comm, -float(distances(points, shape.numbers(size)).min(initial=math.inf)))
     if deepest > NEAR:
         side = "outside of the hollow" if shape.hollow else "in the"
         raise shape.error(
@@ -1010,10 +970,10 @@ def check_rest(shape: RigidShape, body: Body) -> None:
         )
 
 
-class ShapeTerm(EnergyTerm):
+class ShapeTerm(component.EnergyTerm):
     """A fixed shape, with the force on it; `ComponentError` if the device lies in it."""
 
-    def __init__(self, shape: RigidShape, setting: FormContext):
+    def __init__(self, shape: RigidShape, setting: component.FormContext):
         super().__init__([])
         self.shape, self.body = shape, setting.body
         body, mesh, size = self.body, self.body.mesh, self.body.actuator.size
@@ -1034,7 +994,7 @@ class ShapeTerm(EnergyTerm):
             area = body.sheet_face(role)[0]
             self.energies.append(energy * body.hoop * area)
             self.pushes.append([push[c] * body.hoop * area for c in range(mesh.topology.dim)])
-        self.nodes = FaceNodes(body, setting.w.function_space, shape.roles)
+        self.nodes = assembly.FaceNodes(body, setting.w.function_space, shape.roles)
 
     def _check_rest(self, body: Body) -> None:
         check_rest(self.shape, body)
@@ -1050,19 +1010,19 @@ class ShapeTerm(EnergyTerm):
     def follow_mesh(self) -> None:
         self.nodes.follow_mesh()
 
-    def compile(self, equations: Equations) -> None:
+    def compile(self, equations: component.Equations) -> None:
         self._compiled: list[list[fem.Form]] = [[equations.form(force) for force in forces] for forces in self.pushes]
 
-    def figures(self, equations: Equations) -> dict[str, float]:
+    def figures(self, equations: component.Equations) -> dict[str, float]:
         actuator, depth = self.body.actuator, self.depth(equations) * equations.length_unit
         return shape_figures(self.shape.label, actuator, self.shape.crossed(actuator), self.force(equations), depth)
 
-    def force(self, equations: Equations) -> Array:
+    def force(self, equations: component.Equations) -> Array:
         """Return the force of the slice on the shape in N, in the mesh's coordinates, shape (d,)."""
         by_role = [[equations.integral(form) for form in forces] for forces in self._compiled]
         return np.asarray(equations.stress_unit * equations.length_unit**2 * np.sum(by_role, axis=0))
 
-    def depth(self, equations: Equations) -> float:
+    def depth(self, equations: component.Equations) -> float:
         """Return the penetration of the faces, in sizes of the device; negative where none touches."""
         return -float(distances(self.nodes.moved(equations.w.x.array), self.numbers).min())
 
@@ -1086,11 +1046,11 @@ class PlaneTerm(ShapeTerm):
     """An obstacle's contact; only the faces it stops keep to their side of it. `ComponentError` for a face that the mesh
     lacks, or faces on both sides of the plane."""
 
-    def __init__(self, obstacle: Obstacle, setting: FormContext):
+    def __init__(self, obstacle: Obstacle, setting: component.FormContext):
         body = setting.body
-        check_mesh_faces(body, obstacle.roles, "contact")
+        assembly.check_mesh_faces(body, obstacle.roles, "contact")
         point, normal = (np.asarray(vector, dtype=float) for vector in obstacle.place(body.actuator))
-        nodes = FaceNodes(body, setting.w.function_space, obstacle.roles)
+        nodes = assembly.FaceNodes(body, setting.w.function_space, obstacle.roles)
         along = _side(obstacle, body, nodes.places, point, normal) * normal
         plane = _StandingPlane(
             "plane", obstacle.faces, tuple(point), along=tuple(along), stiffness=obstacle.stiffness, name=obstacle.table
@@ -1100,7 +1060,7 @@ class PlaneTerm(ShapeTerm):
     def _check_rest(self, body: Body) -> None:
         """Other parts of the device may lie beyond the plane."""
 
-    def figures(self, equations: Equations) -> dict[str, float]:
+    def figures(self, equations: component.Equations) -> dict[str, float]:
         d, size = self.body.actuator.dimension, self.body.actuator.size
         along = in_section(self.numbers[1], d)
         force = -float(self.force(equations) @ along) * self.body.actuator.copies
@@ -1114,7 +1074,7 @@ def _side(obstacle: Obstacle, body: Body, places: Array, point: Array, normal: A
 
     def span(x: Array) -> list[float]:
         gaps = in_space(x) @ normal - point @ normal / size
-        return [largest(body.mesh.comm, float(values.max(initial=-math.inf))) for values in (gaps, -gaps)]
+        return [mpi.largest(body.mesh.comm, float(values.max(initial=-math.inf))) for values in (gaps, -gaps)]
 
     above, below = span(places)
     if min(above, below) > NEAR:
@@ -1128,15 +1088,15 @@ def _side(obstacle: Obstacle, body: Body, places: Array, point: Array, normal: A
     return 1.0 if above > below else -1.0
 
 
-class StandingTerm[P: PressedSamples](AssembledTerm[P]):
+class StandingTerm[P: pressing.PressedSamples](assembly.AssembledTerm[P]):
     """A shape in its first place, by sums over samples of the faces: ``surface``; ``crossed`` are normals of the cut planes
     that it crosses. `ComponentError` if the device lies in it."""
 
-    penalty: Penalty
+    penalty: pressing.Penalty
 
-    def __init__(self, shape: RigidShape, setting: FormContext):
+    def __init__(self, shape: RigidShape, setting: component.FormContext):
         body = setting.body
-        super().__init__(FaceNodes(body, setting.w.function_space, shape.roles))
+        super().__init__(assembly.FaceNodes(body, setting.w.function_space, shape.roles))
         self.shape, self.actuator, self.crossed = shape, body.actuator, shape.crossed(body.actuator)
         self.surface = _surface(self.nodes, body)
 
@@ -1156,33 +1116,33 @@ class StandingTerm[P: PressedSamples](AssembledTerm[P]):
     def admits(self, before: Array, after: Array) -> bool:
         return self.clear(self.nodes.moved(before), self.nodes.moved(after))
 
-    def figures(self, equations: Equations) -> dict[str, float]:
+    def figures(self, equations: component.Equations) -> dict[str, float]:
         self._take(equations.w.x.array)
         return self.figures_of(equations, self._pressed)
 
-    def figures_of(self, equations: Equations, pressed: PressedSamples) -> dict[str, float]:
+    def figures_of(self, equations: component.Equations, pressed: pressing.PressedSamples) -> dict[str, float]:
         """Return force and depth of pressed nodes, in the columns' units."""
         size = equations.length_unit
         force = equations.stress_unit * size**2 * pressed.forces.sum(axis=0)
         return shape_figures(self.shape.label, self.actuator, self.crossed, force, pressed.depth * size)
 
 
-class SampledShapeTerm(StandingTerm[PressedByDistance]):
+class SampledShapeTerm(StandingTerm[pressing.PressedByDistance]):
     """The energy of `ShapeTerm`."""
 
-    def __init__(self, shape: RigidShape, setting: FormContext):
+    def __init__(self, shape: RigidShape, setting: component.FormContext):
         check_rest(shape, setting.body)
         super().__init__(shape, setting)
         size = self.actuator.size
         self.numbers, self.deepest = shape.numbers(size), shape.deepest(size)
-        self.penalty = HardeningPenalty(shape.stiffness, shape.onset, HARDENS * self.deepest, HARDER)
+        self.penalty = pressing.HardeningPenalty(shape.stiffness, shape.onset, HARDENS * self.deepest, HARDER)
         self.move(self.nodes.places)
 
     def put(self, at: Array) -> None:
         self.numbers = (at, *self.numbers[1:])
 
-    def pressed(self, places: Array) -> PressedByDistance:
-        return PressedByDistance(self.surface, lambda x: slopes(x, self.numbers), self.penalty, SOON, places)
+    def pressed(self, places: Array) -> pressing.PressedByDistance:
+        return pressing.PressedByDistance(self.surface, lambda x: slopes(x, self.numbers), self.penalty, SOON, places)
 
     def clear(self, start: Array, end: Array) -> bool:
         return clear(self.numbers, self.deepest, start, end)
@@ -1198,23 +1158,23 @@ PROBED = 50
 """Number of nodes checked by the winding number; touching surfaces are found by the gap."""
 
 
-class FileShapeTerm(StandingTerm[PressedOn]):
+class FileShapeTerm(StandingTerm[pressing.PressedOn]):
     """The energy of contact with an STL file's shape."""
 
-    def __init__(self, shape: RigidShape, setting: FormContext):
+    def __init__(self, shape: RigidShape, setting: component.FormContext):
         super().__init__(shape, setting)
         size, (points, triangles) = self.actuator.size, surface_of(shape)
         self._at = np.asarray(shape.at) / size
         edges, measure = self.surface.edges, self.surface.measure
         radius = shape.rounding / size or ROUNDING * float(edges @ measure / measure.sum())
         try:
-            self.wall = FixedWall.of(points / size, triangles[:, ::-1] if shape.hollow else triangles, radius)
-        except TooFineError:
+            self.wall = pressing.FixedWall.of(points / size, triangles[:, ::-1] if shape.hollow else triangles, radius)
+        except pressing.TooFineError:
             raise shape.error(
                 f"{shape.file} is large against a rounding of {radius * size * 1e3:.3g} mm; use a "
                 "larger rounding, or cut off the parts far from the device"
             ) from None
-        self.penalty = Penalty(shape.stiffness, ONSET_PRESSURE / shape.stiffness)
+        self.penalty = pressing.Penalty(shape.stiffness, ONSET_PRESSURE / shape.stiffness)
         self.move(self.nodes.places)
         self._check_rest(points / size, triangles)
 
@@ -1230,8 +1190,8 @@ class FileShapeTerm(StandingTerm[PressedOn]):
     def put(self, at: Array) -> None:
         self.wall, self._at = dataclasses.replace(self.wall, places=self.wall.places + at - self._at), at
 
-    def pressed(self, places: Array) -> PressedOn:
-        return PressedOn(self.surface, self.wall, self.penalty, places)
+    def pressed(self, places: Array) -> pressing.PressedOn:
+        return pressing.PressedOn(self.surface, self.wall, self.penalty, places)
 
     def clear(self, start: Array, end: Array) -> bool:
         farthest = float(np.linalg.norm(end - start, axis=1).max(initial=0.0))
@@ -1264,23 +1224,25 @@ def _winding(places: Array, corners: Array) -> Array:
 # does not rotate.
 
 
-class GuidedShapeTerm(AssembledTerm[GivingWay]):
+class GuidedShapeTerm(assembly.AssembledTerm[pressing.GivingWay]):
     """The energy of contact with such a shape and of its spring or weight; ``standing`` is its term in its first place."""
 
-    def __init__(self, shape: RigidShape, standing: StandingTerm, setting: FormContext):
+    def __init__(self, shape: RigidShape, standing: StandingTerm, setting: component.FormContext):
         super().__init__(standing.nodes)
         self.shape, self.standing, self.setting, self.actuator = shape, standing, setting, setting.body.actuator
         self.along = in_section(shape.gives_way, self.actuator.dimension)
         self._per_pascal, self._s = 0.0, 0.0
 
-    def _stand(self) -> Stand:
+    def _stand(self) -> pressing.Stand:
         """Return its spring or weight for the modelled slice, with forces in shear moduli times squared sizes."""
         size, share = self.actuator.size, copies_around(self.actuator, self.standing.crossed)
         unit = float(self.setting.per_pascal.value) / size / share
-        return Stand(self.shape.spring * unit, self.shape.weight_against(self.setting.gravity) * unit / size, ONSET)
+        return pressing.Stand(
+            self.shape.spring * unit, self.shape.weight_against(self.setting.gravity) * unit / size, ONSET
+        )
 
-    def pressed(self, places: Array) -> GivingWay:
-        found = GivingWay(self.standing.pressed, self._stand(), self.along, places, self._s)
+    def pressed(self, places: Array) -> pressing.GivingWay:
+        found = pressing.GivingWay(self.standing.pressed, self._stand(), self.along, places, self._s)
         self._s = found.s
         return found
 
@@ -1302,23 +1264,23 @@ class GuidedShapeTerm(AssembledTerm[GivingWay]):
         moved = [places - self.pressed(places).s * self.along for places in (start, end)]
         return self.standing.clear(*moved)
 
-    def figures(self, equations: Equations) -> dict[str, float]:
+    def figures(self, equations: component.Equations) -> dict[str, float]:
         self._take(equations.w.x.array)
         travel = self._pressed.s * equations.length_unit * 1e3
         return self.standing.figures_of(equations, self._pressed.here) | {f"{self.shape.label}_travel_mm": travel}
 
 
-class RubbingShapeTerm(RememberingTerm[Rubbed]):
+class RubbingShapeTerm(assembly.RememberingTerm[pressing.Rubbed]):
     """The energy of contact with such a shape, and its friction; ``standing`` is its term without."""
 
-    def __init__(self, shape: RigidShape, standing: StandingTerm, setting: FormContext):
+    def __init__(self, shape: RigidShape, standing: StandingTerm, setting: component.FormContext):
         super().__init__(standing.nodes)
         self.shape, self.standing, self.actuator = shape, standing, setting.body.actuator
-        self.rubbing = Rubbing(shape.friction, shape.slip / self.actuator.size or ONSET)
+        self.rubbing = pressing.Rubbing(shape.friction, shape.slip / self.actuator.size or ONSET)
         self._begin(standing.nodes.places)
 
     def _begin(self, places: Array) -> None:
-        self.grip = Grip.of_free(self.standing.pressed(places))
+        self.grip = pressing.Grip.of_free(self.standing.pressed(places))
 
     def take(self, part: Component) -> None:
         """Where the shape moves, what sticks to it moves with it."""
@@ -1330,8 +1292,8 @@ class RubbingShapeTerm(RememberingTerm[Rubbed]):
         self.standing.take(part)
         self.forget_state()
 
-    def pressed(self, places: Array) -> Rubbed:
-        return Rubbed(self.standing.pressed(places), self.rubbing, self.grip)
+    def pressed(self, places: Array) -> pressing.Rubbed:
+        return pressing.Rubbed(self.standing.pressed(places), self.rubbing, self.grip)
 
     def whole_stiffness_here(self) -> scipy.sparse.csr_array:
         return self._pressed.whole_stiffness
@@ -1344,11 +1306,11 @@ class RubbingShapeTerm(RememberingTerm[Rubbed]):
             self.grip = self._pressed.kept()
         self.forget_state()  # the following calls use the current history
 
-    def remembered(self) -> Grip:
+    def remembered(self) -> pressing.Grip:
         return self.grip
 
     def recall(self, remembered: object) -> None:
-        assert isinstance(remembered, Grip)
+        assert isinstance(remembered, pressing.Grip)
         self.grip = remembered
         self.forget_state()
 
@@ -1373,7 +1335,7 @@ class RubbingShapeTerm(RememberingTerm[Rubbed]):
     def admits(self, before: Array, after: Array) -> bool:
         return self.standing.admits(before, after)
 
-    def figures(self, equations: Equations) -> dict[str, float]:
+    def figures(self, equations: component.Equations) -> dict[str, float]:
         self._take(equations.w.x.array)
         pressed, size, label = self._pressed, equations.length_unit, self.shape.label
         lost = pressed.grip.lost * equations.stress_unit * size**3 * self.actuator.copies
@@ -1414,7 +1376,7 @@ class SealingTerm(RubbingShapeTerm):
 
     standing: SampledShapeTerm
 
-    def __init__(self, shape: RigidShape, standing: SampledShapeTerm, setting: FormContext):
+    def __init__(self, shape: RigidShape, standing: SampledShapeTerm, setting: component.FormContext):
         super().__init__(shape, standing, setting)
         body, nodes = setting.body, standing.nodes
         assert body.seal is not None
@@ -1440,14 +1402,14 @@ class SealingTerm(RubbingShapeTerm):
     def _resting(self) -> scipy.sparse.csr_array:
         surface, d = self.standing.surface, self.nodes.places.shape[1]
         held = RESTING * self.shape.stiffness * surface.measure
-        dofs = components_of(surface.facets[surface.owner], d)
+        dofs = pressing.components_of(surface.facets[surface.owner], d)
         blocks = np.einsum("sa,sb,s,ij->saibj", surface.shapes, surface.shapes, held, np.eye(d))
         size = d * len(self.nodes.places)
-        return scattered(blocks.reshape(len(held), dofs.shape[1], -1), dofs, dofs, size, size)
+        return pressing.scattered(blocks.reshape(len(held), dofs.shape[1], -1), dofs, dofs, size, size)
 
     def coupled(self) -> scipy.sparse.csr_array:
         facets = self.standing.surface.facets
-        return together(np.arange(len(facets)), facets, (len(facets), len(self.nodes.places)))
+        return pressing.together(np.arange(len(facets)), facets, (len(facets), len(self.nodes.places)))
 
     # -- the share of the pressure -------------------------------------------------------------------------------------
 
@@ -1461,7 +1423,7 @@ class SealingTerm(RubbingShapeTerm):
             return False  # just lifted off: the share stays what it was
         pressure = self.standing.penalty.rates(depth)[1][self._ring.pieces].mean(axis=1)
         blocks = self._ring.conductances / (pressure + SEEPS * (pressure.max() or 1.0))[:, None, None]
-        K = scattered(blocks, self._ring.pieces, self._ring.pieces, n, n).tocsr()
+        K = pressing.scattered(blocks, self._ring.pieces, self._ring.pieces, n, n).tocsr()
         share = np.zeros(n)
         share[inside] = 1.0
         free = np.setdiff1d(np.arange(n), np.concatenate([inside, outside]))
@@ -1479,13 +1441,13 @@ class SealingTerm(RubbingShapeTerm):
 
     # -- what a user reads -----------------------------------------------------------------------------------------------
 
-    def compile(self, equations: Equations) -> None:
+    def compile(self, equations: component.Equations) -> None:
         seal, body = self.body.seal, self.body
         assert seal is not None
         flow = body.flow(self._displacement, ufl.as_vector(list(map(float, seal.normal))))
         self._sealed = equations.form(body.on_walls(-flow * body.hoop, 0))
 
-    def figures(self, equations: Equations) -> dict[str, float]:
+    def figures(self, equations: component.Equations) -> dict[str, float]:
         label, size, copies = self.shape.label, equations.length_unit, self.actuator.copies
         found = super().figures(equations)
         if not self.shape.friction:
@@ -1501,7 +1463,7 @@ class SealingTerm(RubbingShapeTerm):
             found[f"{label}_shear_N"] = self.shape.friction * normal * equations.stress_unit * size**2 * copies
         return found
 
-    def margin(self, equations: Equations) -> float:
+    def margin(self, equations: component.Equations) -> float:
         """Return the depth that gas has to pass on its easiest way through the contact, in sizes, less `OPENS`."""
         self._take(equations.w.x.array)
         n, (inside, outside) = len(self.nodes.places), self._edges
@@ -1525,12 +1487,12 @@ class SealingTerm(RubbingShapeTerm):
             most, here = max(most, float(tree[here, before[here]])), int(before[here])
         return min(float(np.sort(lowest)[round(most) - 1]), self._pressed.depth) - OPENS
 
-    def opened(self, equations: Equations) -> PathFailure:
+    def opened(self, equations: component.Equations) -> component.PathFailure:
         figures, label = self.figures(equations), self.shape.label
         last = self._pressed.nodes[[int(self._depths(self._pressed.nodes).argmax())]] * self.actuator.size
         x, y, _ = self.actuator.device_points(in_space(last))[0] * 1e3
         pressure = equations.pressures[0] * equations.stress_unit / 1e3
-        return PathFailure(
+        return component.PathFailure(
             f"the seal of {self.shape.where} opens at {pressure:.4g} kPa over {figures[f'{label}_sealed_mm2']:.4g} mm2, a "
             f"holding force of {figures[f'{label}_hold_N']:.4g} N: leak ({self.shape.faces} touches last at a radius of "
             f"{math.hypot(x, y):.4g} mm)",
@@ -1538,17 +1500,19 @@ class SealingTerm(RubbingShapeTerm):
         )
 
 
-def _seal_edges(shape: RigidShape, body: Body, space: fem.FunctionSpace, nodes: FaceNodes) -> tuple[Indices, Indices]:
+def _seal_edges(
+    shape: RigidShape, body: Body, space: fem.FunctionSpace, nodes: assembly.FaceNodes
+) -> tuple[Indices, Indices]:
     """Return the numbers of the nodes of faces on the cavity's edge, and on all other edges."""
     tree = scipy.spatial.cKDTree(nodes.places)
 
     def shared(roles: Sequence[str]) -> Indices:
-        places = FaceNodes(body, space, roles).places if roles else np.empty((0, nodes.places.shape[1]))
+        places = assembly.FaceNodes(body, space, roles).places if roles else np.empty((0, nodes.places.shape[1]))
         far, found = tree.query(places, distance_upper_bound=NEAR)
         return np.asarray(np.unique(found[np.isfinite(far)]), dtype=np.int64)
 
     others = [name for name in body.faces if name not in shape.roles]
-    walls = cavity_roles(body.actuator)
+    walls = actuator.cavity_roles(body.actuator)
     inside, outside = shared(walls[:1]), shared([name for name in others if name != walls[0]])
     if not len(inside):
         raise shape.error(
@@ -1567,7 +1531,7 @@ class _Ring:
     conductances: Array
 
     @classmethod
-    def of(cls, surface: Surface) -> _Ring:
+    def of(cls, surface: pressing.Surface) -> _Ring:
         d = surface.dimension
         parts = [[0, 2], [2, 1]] if d == 2 else [[0, 5, 4], [5, 1, 3], [4, 3, 2], [3, 4, 5]]
         pieces = surface.facets[:, parts].reshape(-1, d)

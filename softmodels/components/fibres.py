@@ -27,38 +27,14 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
+from softmodels.common import names, schema
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import Expr, fem, meshes, ufl
-from softmodels.common.names import Registry
-from softmodels.common.schema import (
-    Flag,
-    Quantity,
-    Words,
-    angle_field,
-    choice_field,
-    field_of,
-    list_field,
-    number_field,
-    shown,
-)
-from softmodels.materials.laws import HomogeneousStrain, Material
-from softmodels.materials.memory import Expression
+from softmodels.materials import laws, memory
+from softmodels.materials.laws import Material
+from softmodels.mechanics import compiling, component
 from softmodels.mechanics.body import Body, cell_measure
-from softmodels.mechanics.compiling import JIT
-from softmodels.mechanics.component import (
-    Component,
-    ComponentError,
-    EnergyComponent,
-    EnergyTerm,
-    Equations,
-    FormContext,
-    MixedPointStress,
-    PathFailure,
-    check_faces,
-    check_regions,
-    names_in,
-    register_component,
-)
+from softmodels.mechanics.component import Component, ComponentError
 
 # ----------------------------------------------------------------------------------------------------------------------
 # A thin sheet bonded to a face of the silicone: fabric or film that limits its stretch.
@@ -86,9 +62,9 @@ HARDLY_STRETCHES = 50e3
 """Stiffness in N/m with which the seminar actuator still reaches 177 cm."""
 
 
-@register_component
+@component.register_component
 @dataclasses.dataclass(frozen=True)
-class Sheet(EnergyComponent):
+class Sheet(component.EnergyComponent):
     """A sheet on a face.
 
     Attributes:
@@ -100,9 +76,9 @@ class Sheet(EnergyComponent):
         ComponentError: A stiffness that no sheet has.
     """
 
-    face: str = field_of(Words(), "bond a thin sheet to a face of the device, such as top")
-    stiffness: float = field_of(
-        Quantity("N/m"),
+    face: str = schema.field_of(schema.Words(), "bond a thin sheet to a face of the device, such as top")
+    stiffness: float = schema.field_of(
+        schema.Quantity("N/m"),
         "Young's modulus times thickness of the sheet, such as 50kN/m; this one is nearly inextensible on silicone",
     )
 
@@ -122,7 +98,7 @@ class Sheet(EnergyComponent):
 
     def check_on(self, actuator: Actuator) -> None:
         """Raise `ComponentError` if a device has no such face."""
-        check_faces(self.where, actuator, [self.face])
+        component.check_faces(self.where, actuator, [self.face])
 
     def undesigned(self, actuator: Actuator) -> str:
         return ""
@@ -137,14 +113,14 @@ class Sheet(EnergyComponent):
             f"one (--sheet-stiffness){locking(self.stiffness, actuator)}"
         )
 
-    def term(self, setting: FormContext) -> SheetTerm:
+    def term(self, setting: component.FormContext) -> SheetTerm:
         return SheetTerm(self, setting)
 
 
-class SheetTerm(EnergyTerm):
+class SheetTerm(component.EnergyTerm):
     """A sheet's membrane energy; its stress in Newton's matrix is the one of `MixedPointStress`."""
 
-    def __init__(self, sheet: Sheet, setting: FormContext):
+    def __init__(self, sheet: Sheet, setting: component.FormContext):
         self._setting = setting
         body = setting.body
         self._on_face, self._normal = body.sheet_face(sheet.face)
@@ -164,7 +140,7 @@ class SheetTerm(EnergyTerm):
     def stiffness(self) -> float:
         return float(self._pa.value)
 
-    def tangent(self, foresight: MixedPointStress) -> list[ufl.Form]:
+    def tangent(self, foresight: component.MixedPointStress) -> list[ufl.Form]:
         body, w = self._setting.body, self._setting.w
         displacements = self._setting.displacement, foresight.displacement
         C, known = (surface_metric(body.deformation_gradient(u), self._normal) for u in displacements)
@@ -254,13 +230,13 @@ def change_along(F: Expr, direction: Expr) -> Expr:
     return (ufl.dot(moved, moved) - square) / (square + NOWHERE)
 
 
-class StrainTerm(EnergyTerm):
+class StrainTerm(component.EnergyTerm):
     """An energy per undeformed volume or area, ``density`` of a vector of ``strains`` of the deformation gradient and a place,
     integrated over places."""
 
     def __init__(
         self,
-        setting: FormContext,
+        setting: component.FormContext,
         where: Sequence[StrainSite],
         strains: Callable[[Expr, StrainSite], Expr],
         density: Callable[[Expr], Expr],
@@ -276,7 +252,7 @@ class StrainTerm(EnergyTerm):
         return self.strains(self.setting.body.deformation_gradient(displacement), place)
 
     def compile_means(
-        self, part: str, helix: Helix, of: Callable[[Expr], Sequence[Expr]], equations: Equations
+        self, part: str, helix: Helix, of: Callable[[Expr], Sequence[Expr]], equations: component.Equations
     ) -> None:
         """Compile the integrals of functions of the strains for `means`.
 
@@ -297,7 +273,7 @@ class StrainTerm(EnergyTerm):
                     f"{part}: its direction is normal to the face {place.name}; use another angle or axis, or another face"
                 )
 
-    def means(self, equations: Equations) -> Array:
+    def means(self, equations: component.Equations) -> Array:
         """Return the means over all places of what `compile_means` has compiled."""
         size, *sums = np.sum([[equations.integral(form) for form in forms] for forms in self._means], axis=0)
         return np.array(sums) / size
@@ -308,7 +284,7 @@ class StrainTerm(EnergyTerm):
         first = ufl.diff(self.density(x), x)
         return first, ufl.diff(first, x)
 
-    def tangent(self, foresight: MixedPointStress) -> list[ufl.Form]:
+    def tangent(self, foresight: component.MixedPointStress) -> list[ufl.Form]:
         """Return the second derivatives of `energies`, with predicted stress; see `EnergyTerm.tangent`."""
         w, test, trial = self.setting.w, foresight.test, foresight.trial
         forms = []
@@ -381,7 +357,7 @@ def check_axis(where: str, axis: Sequence[float], angle: float) -> None:
             f"{where}: axis is {', '.join(f'{a:g}' for a in axis)}; it needs three numbers, not all zero"
         )
     if abs(angle) > 90.0:
-        raise ComponentError(f"{where}: angle is {shown(angle, 'degree')}; it must be between -90 and 90 deg")
+        raise ComponentError(f"{where}: angle is {schema.shown(angle, 'degree')}; it must be between -90 and 90 deg")
 
 
 def check_helix(where: str, actuator: Actuator, axis: Sequence[float], angle: float, mirrored: bool) -> None:
@@ -396,7 +372,7 @@ def check_helix(where: str, actuator: Actuator, axis: Sequence[float], angle: fl
             )
         if crooked and not mirrored:
             raise ComponentError(
-                f"{where}: one helix at {shown(angle, 'degree')} twists the device, but an axisymmetric "
+                f"{where}: one helix at {schema.shown(angle, 'degree')} twists the device, but an axisymmetric "
                 "section cannot twist; use a full solid, or both helices"
             )
     for plane in actuator.cut_planes:
@@ -407,7 +383,7 @@ def check_helix(where: str, actuator: Actuator, axis: Sequence[float], angle: fl
             )
         if actuator.dimension == 3 and crooked and not mirrored:
             raise ComponentError(
-                f"{where}: one helix at {shown(angle, 'degree')} is not symmetric about the plane "
+                f"{where}: one helix at {schema.shown(angle, 'degree')} is not symmetric about the plane "
                 f"{plane.name}; model the whole device, or use both helices"
             )
 
@@ -503,7 +479,7 @@ def _along(material: Material, unit: float, state: Reinforced, normal: Array, m:
 
 def _energy(material: Material, F: Array) -> Array:
     a, b, c = np.linalg.svd(F, compute_uv=False).T
-    return np.asarray(material.shape(HomogeneousStrain((a, b, c)), material))
+    return np.asarray(material.shape(laws.HomogeneousStrain((a, b, c)), material))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -518,7 +494,7 @@ Kink = tuple[float, float, tuple[float, float, float]]
 
 
 def worst_kink(
-    equations: Equations,
+    equations: component.Equations,
     cells: npt.NDArray[np.int32],
     material: Material,
     F: Expr,
@@ -545,7 +521,7 @@ def worst_kink(
     parts += [stress[1][k, k] for k in range(families)]
     place = ufl.SpatialCoordinate(body.mesh)
     parts += [place[i] for i in range(len(place))]
-    table = fem.Expression(ufl.as_vector(parts), equations.points, jit_options=JIT)
+    table = fem.Expression(ufl.as_vector(parts), equations.points, jit_options=compiling.JIT)
     values = np.asarray(table.eval(body.mesh, cells)).reshape(-1, len(parts))  # no cells of this rank: no rows
     ends = np.cumsum([9, 3 * families, families, families, families])
     gradients, directions, changes, stresses, slopes, places = np.split(values, ends, axis=1)
@@ -565,11 +541,11 @@ def worst_kink(
     return worst if math.isfinite(worst[0]) else None
 
 
-def kinked(where: str, kink: Kink) -> PathFailure:
+def kinked(where: str, kink: Kink) -> component.PathFailure:
     """Return the message on kinking fibres of a part."""
     place = ", ".join(f"{1e3 * x:.3g}" for x in kink[2])
     shortened = 1.0 - math.sqrt(1.0 + kink[1])
-    return PathFailure(
+    return component.PathFailure(
         f"the fibres of {where} kink: near {place} mm they are shortened by {shortened:.1%}, and the "
         f"reinforced silicone has lost ellipticity, so the fibres fold in bands as thin as the mesh allows",
         "Let them go slack like threads (slack = true), use softer fibres or a stiffer silicone, or stay below",
@@ -582,9 +558,9 @@ STIFFNESSES, MODULI = (1.0, 1e7), (1.0, 1e12)
 """Accepted stiffnesses in N/m and moduli in Pa."""
 MOST_EXPONENT = 1e4
 
-FibreLaw = Callable[[Expression, Expression, Expression], Expression]
+FibreLaw = Callable[[memory.Expression, memory.Expression, memory.Expression], memory.Expression]
 """Energy as a function of k, q and b; see the module docstring."""
-FIBRE_LAWS: Registry[FibreLaw] = Registry("fibre law")
+FIBRE_LAWS: names.Registry[FibreLaw] = names.Registry("fibre law")
 """By the name of the function."""
 register_fibre_law = FIBRE_LAWS.register
 
@@ -621,9 +597,9 @@ def slope_of(law: str, changes: npt.NDArray[np.float64], exponent: float, slack:
     return np.array(found)
 
 
-@register_component
+@component.register_component
 @dataclasses.dataclass(frozen=True)
-class Fibres(EnergyComponent):
+class Fibres(component.EnergyComponent):
     """One family of fibres, or two that cross.
 
     Attributes:
@@ -638,23 +614,29 @@ class Fibres(EnergyComponent):
         slack: Whether they bear no compression.
     """
 
-    on: str = field_of(
-        Words(),
+    on: str = schema.field_of(
+        schema.Words(),
         "faces or regions with the fibres, such as 'outer' or 'outer, strip'; the whole body if empty",
         "",
     )
-    angle: float = angle_field(54.7, "angle between the fibres and the axis: 0 along it, 90 deg around it")
-    axis: tuple[float, ...] = list_field((0.0, 0.0, 1.0), "direction of the axis, through the origin", numbers=True)
-    helices: int = choice_field(2, (1, 2), "1: a single helix, 2: two families of opposite helices")
-    stiffness: float = field_of(
-        Quantity("N/m"), "stiffness of each family on a face: force per width over strain, such as '10 kN/m'", 0.0
+    angle: float = schema.angle_field(54.7, "angle between the fibres and the axis: 0 along it, 90 deg around it")
+    axis: tuple[float, ...] = schema.list_field(
+        (0.0, 0.0, 1.0), "direction of the axis, through the origin", numbers=True
     )
-    modulus: float = field_of(
-        Quantity("Pa"), "modulus of each family in a region: force per area over strain, such as '5 MPa'", 0.0
+    helices: int = schema.choice_field(2, (1, 2), "1: a single helix, 2: two families of opposite helices")
+    stiffness: float = schema.field_of(
+        schema.Quantity("N/m"),
+        "stiffness of each family on a face: force per width over strain, such as '10 kN/m'",
+        0.0,
     )
-    law: str = field_of(Words(), "fibre law: standard, or exponential (stiffening with stretch)", "standard")
-    exponent: float = number_field(1.0, "exponent of the exponential law (Holzapfel's k2)")
-    slack: bool = field_of(Flag(), "whether they go slack in compression", False)
+    modulus: float = schema.field_of(
+        schema.Quantity("Pa"), "modulus of each family in a region: force per area over strain, such as '5 MPa'", 0.0
+    )
+    law: str = schema.field_of(
+        schema.Words(), "fibre law: standard, or exponential (stiffening with stretch)", "standard"
+    )
+    exponent: float = schema.number_field(1.0, "exponent of the exponential law (Holzapfel's k2)")
+    slack: bool = schema.field_of(schema.Flag(), "whether they go slack in compression", False)
 
     table: ClassVar[str] = "fibres"
     figure_texts: ClassVar = {
@@ -680,7 +662,7 @@ class Fibres(EnergyComponent):
         return ""
 
     def inside(self, actuator: Actuator) -> tuple[str, ...]:
-        return tuple(names_in(self.on)) if self.modulus else ()
+        return tuple(component.names_in(self.on)) if self.modulus else ()
 
     @property
     def variable(self) -> Mapping[str, str]:
@@ -694,9 +676,9 @@ class Fibres(EnergyComponent):
     def check_on(self, actuator: Actuator) -> None:
         check_helix(self.where, actuator, self.axis, self.angle, self.helices == 2)
         if self.modulus:
-            check_regions(self.where, actuator, names_in(self.on))
+            component.check_regions(self.where, actuator, component.names_in(self.on))
         elif self.on:
-            check_faces(self.where, actuator, names_in(self.on))
+            component.check_faces(self.where, actuator, component.names_in(self.on))
         else:
             raise self.error("on is empty; a stiffness in N/m needs a face (on = 'outer')")
 
@@ -719,14 +701,14 @@ class Fibres(EnergyComponent):
             f"{locking(self.stiffness, actuator)}"
         )
 
-    def term(self, setting: FormContext) -> FibreTerm:
+    def term(self, setting: component.FormContext) -> FibreTerm:
         return FibreTerm(self, setting)
 
 
 class FibreTerm(StrainTerm):
     """The term of `Fibres`; the strains are the changes of squared length x of the families."""
 
-    def __init__(self, part: Fibres, setting: FormContext):
+    def __init__(self, part: Fibres, setting: component.FormContext):
         self.label, self.in_face = part.label, part.stiffness > 0.0
         mesh = setting.body.mesh
         self._helix = Helix(mesh, part.axis, part.angle)
@@ -734,7 +716,7 @@ class FibreTerm(StrainTerm):
         self._part = part
         self._unit = setting.body.actuator.size if self.in_face else 1.0
         self.take(part)
-        where = (faces if self.in_face else regions)(setting.body, names_in(part.on))
+        where = (faces if self.in_face else regions)(setting.body, component.names_in(part.on))
         super().__init__(setting, where, self._changes, self._energy)
 
     def constants_of(self, part: Component) -> list[tuple[fem.Constant, Array]]:
@@ -757,7 +739,7 @@ class FibreTerm(StrainTerm):
         squares = [taut(x[i]) if self._part.slack else x[i] ** 2 for i in range(self._part.helices)]
         return sum(law(k, square, self._b) for square in squares)
 
-    def compile(self, equations: Equations) -> None:
+    def compile(self, equations: component.Equations) -> None:
         """Compile the means of stretch and tension, which is the energy's derivative by the stretch; `ComponentError` for a
         face that has no such direction."""
 
@@ -767,7 +749,7 @@ class FibreTerm(StrainTerm):
 
         self.compile_means(self._part.where, self._helix, of, equations)
 
-    def breakdown(self, equations: Equations) -> PathFailure | None:
+    def breakdown(self, equations: component.Equations) -> component.PathFailure | None:
         """Return the kinks of fibres that are compressed in the silicone."""
         if self.in_face or self._part.slack:
             return None
@@ -781,7 +763,7 @@ class FibreTerm(StrainTerm):
         worst = min((kink for kink in found if kink is not None), default=None)
         return None if worst is None or worst[0] >= 0.0 else kinked(self._part.where, worst)
 
-    def figures(self, equations: Equations) -> dict[str, float]:
+    def figures(self, equations: component.Equations) -> dict[str, float]:
         stretch, tension = (self.means(equations) / self._part.helices).tolist()
         mean = tension * equations.stress_unit
         name, value = ("N_per_m", mean * self._unit) if self.in_face else ("kPa", mean / 1e3)
@@ -804,9 +786,9 @@ class FibreTerm(StrainTerm):
 # no bending stiffness, like a sheet, and locks like one on solid meshes: see the sheet above.
 
 
-@register_component
+@component.register_component
 @dataclasses.dataclass(frozen=True)
-class Fabric(EnergyComponent):
+class Fabric(component.EnergyComponent):
     """An orthotropic sheet.
 
     Attributes:
@@ -820,14 +802,20 @@ class Fabric(EnergyComponent):
         slack: Whether its yarns bear no compression.
     """
 
-    on: str = field_of(Words(), "faces to which it is bonded, such as 'outer' or 'outer, strip'")
-    along: float = field_of(Quantity("N/m"), "force per width over strain along its direction, such as '50 kN/m'")
-    across: float = field_of(Quantity("N/m"), "force per width over strain across its direction")
-    shear: float = field_of(Quantity("N/m"), "force per width over shear angle; 0 for loose yarns", 0.0)
-    poisson: float = number_field(0.0, "contraction across over extension along; 0 for yarns that slide on each other")
-    angle: float = angle_field(0.0, "angle between its direction and the axis: 0 along it, 90 deg around it")
-    axis: tuple[float, ...] = list_field((0.0, 0.0, 1.0), "direction of the axis, through the origin", numbers=True)
-    slack: bool = field_of(Flag(), "whether its yarns go slack in compression", False)
+    on: str = schema.field_of(schema.Words(), "faces to which it is bonded, such as 'outer' or 'outer, strip'")
+    along: float = schema.field_of(
+        schema.Quantity("N/m"), "force per width over strain along its direction, such as '50 kN/m'"
+    )
+    across: float = schema.field_of(schema.Quantity("N/m"), "force per width over strain across its direction")
+    shear: float = schema.field_of(schema.Quantity("N/m"), "force per width over shear angle; 0 for loose yarns", 0.0)
+    poisson: float = schema.number_field(
+        0.0, "contraction across over extension along; 0 for yarns that slide on each other"
+    )
+    angle: float = schema.angle_field(0.0, "angle between its direction and the axis: 0 along it, 90 deg around it")
+    axis: tuple[float, ...] = schema.list_field(
+        (0.0, 0.0, 1.0), "direction of the axis, through the origin", numbers=True
+    )
+    slack: bool = schema.field_of(schema.Flag(), "whether its yarns go slack in compression", False)
 
     table: ClassVar[str] = "fabric"
     needs: ClassVar[str] = "a fabric needs its faces (on) and its stiffnesses along and across"
@@ -861,10 +849,10 @@ class Fabric(EnergyComponent):
         return {"along": "N/m", "across": "N/m", **shear, "angle": "degree"}
 
     def check_on(self, actuator: Actuator) -> None:
-        names = names_in(self.on)
+        names = component.names_in(self.on)
         if not names:
             raise self.error("on is empty; name the face to which the fabric is bonded")
-        check_faces(self.where, actuator, names)
+        component.check_faces(self.where, actuator, names)
         check_helix(self.where, actuator, self.axis, self.angle, False)
 
     def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
@@ -874,21 +862,21 @@ class Fabric(EnergyComponent):
             f"{locking(stiffest, actuator)}"
         )
 
-    def term(self, setting: FormContext) -> FabricTerm:
+    def term(self, setting: component.FormContext) -> FabricTerm:
         return FabricTerm(self, setting)
 
 
 class FabricTerm(StrainTerm):
     """The term of a `Fabric`; its strains are 2 E11, 2 E22 and 2 E12."""
 
-    def __init__(self, part: Fabric, setting: FormContext):
+    def __init__(self, part: Fabric, setting: component.FormContext):
         mesh = setting.body.mesh
         self.label, self._slack, self._called = part.label, part.slack, part.where
         self._size = setting.body.actuator.size
         self._helix = Helix(mesh, part.axis, part.angle)
         self._k: fem.Constant = fem.Constant(mesh, np.zeros(4))
         self.take(part)
-        super().__init__(setting, faces(setting.body, names_in(part.on)), self._changes, self._energy)
+        super().__init__(setting, faces(setting.body, component.names_in(part.on)), self._changes, self._energy)
 
     def constants_of(self, part: Component) -> list[tuple[fem.Constant, Array]]:
         assert isinstance(part, Fabric)
@@ -914,10 +902,10 @@ class FabricTerm(StrainTerm):
         pulled = (k[0] * first + 2 * k[2] * x[0] * x[1] + k[1] * second) / 8
         return self.setting.per_pascal * (pulled + k[3] * x[2] ** 2 / 2)
 
-    def compile(self, equations: Equations) -> None:
+    def compile(self, equations: component.Equations) -> None:
         """Compile the mean stretches; raise `ComponentError` for a face without such a direction."""
         self.compile_means(self._called, self._helix, lambda x: [ufl.sqrt(1 + x[0]), ufl.sqrt(1 + x[1])], equations)
 
-    def figures(self, equations: Equations) -> dict[str, float]:
+    def figures(self, equations: component.Equations) -> dict[str, float]:
         along, across = self.means(equations).tolist()
         return {f"{self.label}_stretch_along": along, f"{self.label}_stretch_across": across}

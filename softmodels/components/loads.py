@@ -13,42 +13,20 @@ import numpy.typing as npt
 
 from geometries import Actuator
 from geometries.actuator import Vector
+from softmodels.common import schema
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import fem, ufl
-from softmodels.common.schema import Open, Quantity, Words, field_of
+from softmodels.materials import silicones
 from softmodels.materials.laws import Material
-from softmodels.materials.silicones import density_of
-from softmodels.mechanics.body import BodyError, in_section
-from softmodels.mechanics.component import (
-    ALONG,
-    Component,
-    ComponentError,
-    Equations,
-    check_direction,
-    check_on_mesh,
-    column_texts,
-    direction,
-    register_component,
-)
-from softmodels.mechanics.controls import (
-    LOADS_ENERGY,
-    DistributedLoad,
-    HeavyPart,
-    LoadPart,
-    MeasuredConstant,
-    RequestedValue,
-    Weighed,
-    check_finite,
-    mean_place,
-)
-from softmodels.mechanics.regions import RegionPart
+from softmodels.mechanics import body, component, controls, regions
+from softmodels.mechanics.component import Component, ComponentError, direction
 
 STANDARD_GRAVITY = 9.81
 HEAVIEST = 25e3
 """Density in kg/m3 above which a wrong unit is assumed: no metal is denser."""
 
 
-class DirectedLoad(LoadPart):
+class DirectedLoad(controls.LoadPart):
     """A load with a fixed direction: `softmodels.mechanics.component.direction` reads the field named ``direction_field``."""
 
     direction_field: ClassVar[str] = "direction"
@@ -62,7 +40,7 @@ class DirectedLoad(LoadPart):
         direction(getattr(self, self.direction_field), self.where)
 
     def check_on(self, actuator: Actuator) -> None:
-        check_direction(self.vector, actuator, self.where)
+        component.check_direction(self.vector, actuator, self.where)
 
 
 class FaceLoad(DirectedLoad):
@@ -95,14 +73,14 @@ class FaceLoad(DirectedLoad):
     def check(self) -> None:
         super().check()
         if self.amount:
-            check_finite(self.amount, self.where, "amount")
+            controls.check_finite(self.amount, self.where, "amount")
 
     def check_on(self, actuator: Actuator) -> None:
         super().check_on(actuator)
-        check_on_mesh(self.where, actuator, [self.face])
+        component.check_on_mesh(self.where, actuator, [self.face])
 
 
-@register_component
+@component.register_component
 @dataclasses.dataclass(frozen=True)
 class Gravity(DirectedLoad):
     """The weight of the device and of all masses on it.
@@ -114,13 +92,13 @@ class Gravity(DirectedLoad):
         magnitude: Acceleration.
     """
 
-    direction: str = field_of(Words(), "direction of gravity, such as -z or 0.6, 0, -0.8")
-    density: float | None = field_of(
-        Open(Quantity("kg/m^3")),
+    direction: str = schema.field_of(schema.Words(), "direction of gravity, such as -z or 0.6, 0, -0.8")
+    density: float | None = schema.field_of(
+        schema.Open(schema.Quantity("kg/m^3")),
         "density of the silicone; default: from its data sheet, or 1070 kg/m^3",
         None,
     )
-    magnitude: float = field_of(Quantity("m/s^2"), "acceleration of gravity", STANDARD_GRAVITY)
+    magnitude: float = schema.field_of(schema.Quantity("m/s^2"), "acceleration of gravity", STANDARD_GRAVITY)
 
     table: ClassVar[str] = "gravity"
     optional: ClassVar[bool] = True
@@ -130,14 +108,14 @@ class Gravity(DirectedLoad):
         "sag_mm": ("sag", "mass-weighted mean displacement along gravity, from the undeformed state"),
         "sag_travel_mm": ("sag on the path", "the same from the start of the path"),
         "weight_share": ("share of the weight", "applied share of gravity"),
-        LOADS_ENERGY: (
+        controls.LOADS_ENERGY: (
             "energy of the loads",
             "potential energy of weights and forces: minus their work from the undeformed state at the current magnitude",
         ),
     }
     columns: ClassVar = ("weight_N", "sag_mm", "sag_travel_mm")
-    asked: ClassVar[Mapping[str, RequestedValue]] = {
-        "share": RequestedValue(
+    asked: ClassVar[Mapping[str, controls.RequestedValue]] = {
+        "share": controls.RequestedValue(
             "of the weight", words="shares", help="shares of the weight (--gravity), instead of pressures: 0:1"
         )
     }
@@ -147,7 +125,7 @@ class Gravity(DirectedLoad):
         super().check()
         if self.name:
             raise self.error("a device has only one gravity, without a name; write it as [gravity]")
-        check_finite(self.magnitude, self.where, "magnitude")
+        controls.check_finite(self.magnitude, self.where, "magnitude")
         if self.density is not None:
             check_density(self.density, self.where)
 
@@ -168,29 +146,29 @@ class Gravity(DirectedLoad):
 
     def idle(self, components: Sequence[Component]) -> bool:
         weighing = [part for part in components if part.weighs]
-        if self.density != 0.0 or any(part.own_density for part in components if isinstance(part, RegionPart)):
+        if self.density != 0.0 or any(part.own_density for part in components if isinstance(part, regions.RegionPart)):
             return False
         return bool(weighing) and all(part.lifted for part in weighing)
 
-    def spread(self, on: DistributedLoad, components: Sequence[Component]) -> Weighed:
-        along = in_section(self.vector, on.body.actuator.dimension)
+    def spread(self, on: controls.DistributedLoad, components: Sequence[Component]) -> controls.Weighed:
+        along = body.in_section(self.vector, on.body.actuator.dimension)
         masses = [
-            Weighed([on.mean(along, matter)], density * on.volume(matter))
+            controls.Weighed([on.mean(along, matter)], density * on.volume(matter))
             for matter, density in zip(on.system.matter, densities(on.system, components), strict=True)
             if density
         ]
-        masses += [one for part in components if isinstance(part, HeavyPart) for one in part.masses(on, along)]
+        masses += [one for part in components if isinstance(part, controls.HeavyPart) for one in part.masses(on, along)]
         whole = sum(one.amount for one in masses)
         if not whole > 0.0:
             raise self.error("gravity acts on no mass; give the silicone's density, or add a mass to a face")
         shares = tuple((on.constant(one.amount / whole), one) for one in masses)
         forms = [share * form for share, one in shares for form in one.forms]
-        return Weighed(forms, whole * self.magnitude, shares=shares)
+        return controls.Weighed(forms, whole * self.magnitude, shares=shares)
 
 
-@register_component
+@component.register_component
 @dataclasses.dataclass(frozen=True)
-class Mass(HeavyPart):
+class Mass(controls.HeavyPart):
     """A mass that hangs on a face or an edge, spread evenly over it, undeformed.
 
     Attributes:
@@ -198,26 +176,28 @@ class Mass(HeavyPart):
         amount: The mass on the whole device.
     """
 
-    face: str = field_of(Words(), "face or edge that the mass hangs on, such as tip or 'edge of tip and top'")
-    amount: float = field_of(Quantity("kg"), "mass on the face, of the whole device", usual=20.0)
+    face: str = schema.field_of(
+        schema.Words(), "face or edge that the mass hangs on, such as tip or 'edge of tip and top'"
+    )
+    amount: float = schema.field_of(schema.Quantity("kg"), "mass on the face, of the whole device", usual=20.0)
 
     table: ClassVar[str] = "mass"
     optional: ClassVar[bool] = True
     needs: ClassVar[str] = 'a mass needs a face and an amount (face = "tip", amount = "20 g")'
 
     def check(self) -> None:
-        check_finite(self.amount, self.where, "amount")
+        controls.check_finite(self.amount, self.where, "amount")
 
     def check_on(self, actuator: Actuator) -> None:
-        check_on_mesh(self.where, actuator, [self.face])
+        component.check_on_mesh(self.where, actuator, [self.face])
 
     @property
     def weighs(self) -> float:
         return self.amount
 
-    def masses(self, on: DistributedLoad, along: npt.NDArray[np.float64]) -> list[Weighed]:
+    def masses(self, on: controls.DistributedLoad, along: npt.NDArray[np.float64]) -> list[controls.Weighed]:
         with _on_face(self):
-            return [Weighed([on.mean(along, self.face)], self.amount, self.key)]
+            return [controls.Weighed([on.mean(along, self.face)], self.amount, self.key)]
 
     def undesigned(self, actuator: Actuator) -> str:
         return _off_faces(self.face)
@@ -227,7 +207,7 @@ class Mass(HeavyPart):
         return {"amount": "kg"}
 
 
-@register_component
+@component.register_component
 @dataclasses.dataclass(frozen=True)
 class Force(FaceLoad):
     """A force of fixed direction, spread evenly over an undeformed face.
@@ -240,31 +220,33 @@ class Force(FaceLoad):
         line_load: Instead, the force per undeformed length of an edge.
     """
 
-    face: str = field_of(
-        Words(), "loaded face, piece of one or edge, such as tip, 'tip within z > 4 mm', 'edge of tip and top'"
+    face: str = schema.field_of(
+        schema.Words(), "loaded face, piece of one or edge, such as tip, 'tip within z > 4 mm', 'edge of tip and top'"
     )
-    direction: str = field_of(Words(), "direction of the force, such as -z or 0.6, 0, -0.8")
-    amount: float = field_of(Quantity("N"), "constant force on the whole device; 0 if requested", 0.0, usual=1e3)
-    traction: float = field_of(
-        Quantity("Pa"), "instead, constant force per undeformed area of the face, such as 2kPa", 0.0
+    direction: str = schema.field_of(schema.Words(), "direction of the force, such as -z or 0.6, 0, -0.8")
+    amount: float = schema.field_of(
+        schema.Quantity("N"), "constant force on the whole device; 0 if requested", 0.0, usual=1e3
     )
-    line_load: float = field_of(
-        Quantity("N/m"), "instead, constant force per undeformed length of an edge, such as 2N/m", 0.0
+    traction: float = schema.field_of(
+        schema.Quantity("Pa"), "instead, constant force per undeformed area of the face, such as 2kPa", 0.0
+    )
+    line_load: float = schema.field_of(
+        schema.Quantity("N/m"), "instead, constant force per undeformed length of an edge, such as 2N/m", 0.0
     )
 
     table: ClassVar[str] = "force"
     optional: ClassVar[bool] = True
     needs: ClassVar[str] = 'a force needs its face and its direction (face = "tip", direction = "-z")'
     columns: ClassVar = ("force_N", "moved_mm", "travel_mm")
-    asked: ClassVar[Mapping[str, RequestedValue]] = {
-        "force_N": RequestedValue(
+    asked: ClassVar[Mapping[str, controls.RequestedValue]] = {
+        "force_N": controls.RequestedValue(
             "N", words="forces", help="forces in N on a face (--force), instead of pressures: 0:10 or 0,2,5"
         ),
-        "travel_mm": RequestedValue(
+        "travel_mm": controls.RequestedValue(
             "mm", True, 1e-3, "travels", "travel of the face along the force in mm, instead of forces"
         ),
     }
-    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = column_texts(
+    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = component.column_texts(
         ("force_N", "force", "on the whole device, spread over its undeformed face"),
         (
             "moved_mm",
@@ -284,9 +266,9 @@ class Force(FaceLoad):
             raise ComponentError(f"{self.where} has more than one of amount, traction and line_load; give one of them")
         for name in ("traction", "line_load"):
             if getattr(self, name):
-                check_finite(getattr(self, name), self.where, name)
+                controls.check_finite(getattr(self, name), self.where, name)
 
-    def spread(self, on: DistributedLoad, components: Sequence[Component]) -> Weighed:
+    def spread(self, on: controls.DistributedLoad, components: Sequence[Component]) -> controls.Weighed:
         with _on_face(self):
             edge = on.body.is_edge(self.face)
             if (self.traction and edge) or (self.line_load and not edge):
@@ -300,10 +282,12 @@ class Force(FaceLoad):
                 * on.body.actuator.copies
             )
             amount = self.amount or (self.traction or self.line_load) * size
-            return Weighed([on.mean(in_section(self.vector, on.body.actuator.dimension), self.face)], amount)
+            return controls.Weighed(
+                [on.mean(body.in_section(self.vector, on.body.actuator.dimension), self.face)], amount
+            )
 
 
-@register_component
+@component.register_component
 @dataclasses.dataclass(frozen=True)
 class Moment(FaceLoad):
     """A moment of dead forces on a face: they rise linearly with the distance from its centre and have no resultant.
@@ -318,9 +302,9 @@ class Moment(FaceLoad):
         amount: Its size on the whole device; 0 where a request or a program sets it.
     """
 
-    face: str = field_of(Words(), "loaded face, such as tip")
-    axis: str = field_of(Words(), "axis of the moment through the face's centre, such as y, right-handed")
-    amount: float = field_of(Quantity("N*m"), "constant moment on the whole device; 0 if requested", 0.0)
+    face: str = schema.field_of(schema.Words(), "loaded face, such as tip")
+    axis: str = schema.field_of(schema.Words(), "axis of the moment through the face's centre, such as y, right-handed")
+    amount: float = schema.field_of(schema.Quantity("N*m"), "constant moment on the whole device; 0 if requested", 0.0)
 
     table: ClassVar[str] = "moment"
     optional: ClassVar[bool] = True
@@ -328,15 +312,15 @@ class Moment(FaceLoad):
     direction_field: ClassVar[str] = "axis"
     needs: ClassVar[str] = 'a moment needs its face and its axis (face = "tip", axis = "y")'
     columns: ClassVar = ("moment_Nmm", "rotation_deg", "turn_deg")
-    asked: ClassVar[Mapping[str, RequestedValue]] = {
-        "moment_Nmm": RequestedValue(
+    asked: ClassVar[Mapping[str, controls.RequestedValue]] = {
+        "moment_Nmm": controls.RequestedValue(
             "Nmm", False, 1e-3, "moments", "moments in N mm on a face (--moment), instead of pressures"
         ),
-        "turn_deg": RequestedValue(
+        "turn_deg": controls.RequestedValue(
             "deg", True, math.pi / 180, "turns", "rotation of the face of the moment in degrees, instead of moments"
         ),
     }
-    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = column_texts(
+    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = component.column_texts(
         ("moment_Nmm", "moment", "of dead forces on the whole device that rise linearly over its undeformed face"),
         (
             "rotation_deg",
@@ -349,30 +333,30 @@ class Moment(FaceLoad):
     moved_column_unit: ClassVar[float] = math.pi / 180
 
     def check_on(self, actuator: Actuator) -> None:
-        check_on_mesh(self.where, actuator, [self.face])
+        component.check_on_mesh(self.where, actuator, [self.face])
         if actuator.dimension == 2:
             raise self.error(f"an axisymmetric section cannot take a moment; use {actuator.fuller}")
         for plane in actuator.cut_planes:
-            if 1 - abs(float(np.dot(self.vector, plane.normal))) > ALONG:
+            if 1 - abs(float(np.dot(self.vector, plane.normal))) > component.ALONG:
                 across = ", ".join(f"{x:g}" for x in plane.normal)
                 raise self.error(
                     f"its forces are not symmetric about the symmetry plane normal to "
                     f"({across}) of the half model; use an axis normal to that plane, or {actuator.fuller}"
                 )
 
-    def spread(self, on: DistributedLoad, components: Sequence[Component]) -> Weighed:
+    def spread(self, on: controls.DistributedLoad, components: Sequence[Component]) -> controls.Weighed:
         with _on_face(self):
             axis = np.asarray(self.vector)
-            centre = mean_place(on, self.face)
+            centre = controls.mean_place(on, self.face)
             # Beyond a cut plane lies the mirror image: the whole face's centre lies in the plane, square to the axis.
             middle = on.constant(centre)
             arm = ufl.cross(on.constant(axis), on.places - middle)
             size = on.constant(1 / on.integral(ufl.dot(arm, arm), self.face))
             form = ufl.dot(size * arm, on.test) * on.body.hoop * on.measure(self.face)
             self._measure(on, middle, size, axis)
-            return Weighed([form], self.amount)
+            return controls.Weighed([form], self.amount)
 
-    def _measure(self, on: DistributedLoad, centre: fem.Constant, size: fem.Constant, axis: Array) -> None:
+    def _measure(self, on: controls.DistributedLoad, centre: fem.Constant, size: fem.Constant, axis: Array) -> None:
         """Let the centre and the sum of squares follow a mesh that moves."""
         far = ufl.cross(on.constant(axis), on.places)
         integrands = [on.constant(1.0), *(on.places[i] for i in range(3)), ufl.dot(far, far)]
@@ -382,8 +366,8 @@ class Moment(FaceLoad):
             moved = np.cross(axis, found[1:4])
             return np.asarray(1.0 / (found[4] - moved @ moved / found[0]))
 
-        on.measured.append(MeasuredConstant(centre, integrals, lambda found: found[1:4] / found[0]))
-        on.measured.append(MeasuredConstant(size, integrals, inverse))
+        on.measured.append(controls.MeasuredConstant(centre, integrals, lambda found: found[1:4] / found[0]))
+        on.measured.append(controls.MeasuredConstant(size, integrals, inverse))
 
 
 def _off_faces(face: str) -> str:
@@ -394,19 +378,19 @@ def _off_faces(face: str) -> str:
 def weighed(components: Sequence[Component], material: Material) -> tuple[Component, ...]:
     """Return the parts with the density of gravity set: that of this material, if left out."""
     return tuple(
-        dataclasses.replace(part, density=density_of(material))
+        dataclasses.replace(part, density=silicones.density_of(material))
         if isinstance(part, Gravity) and part.density is None
         else part
         for part in components
     )
 
 
-def densities(system: Equations, components: Sequence[Component]) -> list[float]:
+def densities(system: component.Equations, components: Sequence[Component]) -> list[float]:
     """Return the density in kg/m3 of each of a body's materials, as in ``system.matter``: a region's own, else that of gravity,
     else that of the silicone's data sheet."""
     gravity = next((part.density for part in components if isinstance(part, Gravity)), None)
-    main = density_of(system.material) if gravity is None else gravity
-    own = {part.name: part.own_density for part in components if isinstance(part, RegionPart)}
+    main = silicones.density_of(system.material) if gravity is None else gravity
+    own = {part.name: part.own_density for part in components if isinstance(part, regions.RegionPart)}
     return [main if (known := own.get(matter.name)) is None else known for matter in system.matter]
 
 
@@ -420,5 +404,5 @@ def check_density(density: float, where: str) -> None:
 def _on_face(part: Component) -> Iterator[None]:
     try:
         yield
-    except BodyError as error:
+    except body.BodyError as error:
         raise part.error(f"{error}") from None

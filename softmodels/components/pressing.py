@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import basix, scipy
-from softmodels.mechanics.regions import cross
+from softmodels.mechanics import regions
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Surfaces of walls: quadratic facets, sampled at quadrature points, with the derivatives of positions and areas.
@@ -119,7 +119,7 @@ class Surface:
             rates = np.einsum("fq,qa,ij->fqiaj", factor, slopes[:, :, 0], turned)
             return rates.reshape(-1, 2, self.facets.shape[1], 2)
         along = self._along(nodes)
-        first, second = cross(along[:, :, 0]), cross(along[:, :, 1])
+        first, second = regions.cross(along[:, :, 0]), regions.cross(along[:, :, 1])
         # m = t1 x t2: dm = t1 x dt2 - t2 x dt1
         rates = np.einsum("fq,qa,fqij->fqiaj", factor, slopes[:, :, 1], first)
         rates -= np.einsum("fq,qa,fqij->fqiaj", factor, slopes[:, :, 0], second)
@@ -134,7 +134,7 @@ class Surface:
         pairs = np.einsum("pa,pb->pab", first, second)
         pairs = (pairs - pairs.transpose(0, 2, 1)) * self._factor().ravel()[samples, None, None]
         # along . (e x f) = e . (f x along) = -e . (along x f)
-        return np.asarray(np.einsum("pab,pij->paibj", pairs, -cross(along)))
+        return np.asarray(np.einsum("pab,pij->paibj", pairs, -regions.cross(along)))
 
 
 def _crossed(first: Array, second: Array) -> Array:

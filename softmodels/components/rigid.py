@@ -16,28 +16,17 @@ import numpy.typing as npt
 
 from geometries import Actuator, Hold
 from geometries.actuator import Vector
+from softmodels.common import errors, schema
 from softmodels.common.arrays import Array
-from softmodels.common.errors import known_are
-from softmodels.common.schema import Choice, Quantity, Several, Words, field_of
-from softmodels.mechanics.body import in_section, in_space
-from softmodels.mechanics.component import (
-    ComponentError,
-    bases,
-    check_regions,
-    direction,
-    faces_of,
-    names_in,
-    register_component,
-)
-from softmodels.mechanics.controls import DistributedLoad, HeavyPart, Weighed, check_finite
-from softmodels.mechanics.regions import STILL, Freedom, HoldingPart, RigidPart
+from softmodels.mechanics import body, component, controls, regions
+from softmodels.mechanics.component import ComponentError, direction
 
 KINDS = ("free", "guided", "held")
 
 
-@register_component
+@component.register_component
 @dataclasses.dataclass(frozen=True)
-class Rigid(RigidPart, HeavyPart):
+class Rigid(regions.RigidPart, controls.HeavyPart):
     """A rigid part bonded to a face, or a region that is rigid.
 
     Attributes:
@@ -48,14 +37,14 @@ class Rigid(RigidPart, HeavyPart):
         mass: Of the part, of the whole device; it weighs where the case has gravity, in the middle of the undeformed face.
     """
 
-    face: str = field_of(Words(), "face of the device that the rigid part is bonded to, such as top", "")
-    kind: str = field_of(Choice(KINDS), "whether it is free, guided along a direction, or held", "free")
-    direction: tuple[float, ...] = field_of(
-        Several(Quantity()), "direction of the guide, such as [0, 0, 1]; default: the device's lift", ()
+    face: str = schema.field_of(schema.Words(), "face of the device that the rigid part is bonded to, such as top", "")
+    kind: str = schema.field_of(schema.Choice(KINDS), "whether it is free, guided along a direction, or held", "free")
+    direction: tuple[float, ...] = schema.field_of(
+        schema.Several(schema.Quantity()), "direction of the guide, such as [0, 0, 1]; default: the device's lift", ()
     )
 
-    mass: float = field_of(Quantity("kg"), "mass of the rigid part, on which gravity acts", 0.0)
-    region: str = field_of(Words(), "rigid region of the device, instead of a face", "")
+    mass: float = schema.field_of(schema.Quantity("kg"), "mass of the rigid part, on which gravity acts", 0.0)
+    region: str = schema.field_of(schema.Words(), "rigid region of the device, instead of a face", "")
 
     table: ClassVar[str] = "rigid"
     needs: ClassVar[str] = "a rigid part needs a face, such as face = 'top' in [rigid.plate], or a region"
@@ -88,23 +77,23 @@ class Rigid(RigidPart, HeavyPart):
             raise self.error(f"direction is {list(self.direction)}; it needs three numbers, such as [0, 0, 1]")
 
         if self.mass:
-            check_finite(self.mass, self.where, "mass")
+            controls.check_finite(self.mass, self.where, "mass")
 
     @property
     def weighs(self) -> float:
         return self.mass
 
-    def masses(self, on: DistributedLoad, along: Array) -> list[Weighed]:
-        return [Weighed([on.mean(along, self.face)], self.mass, self.key)] if self.mass else []
+    def masses(self, on: controls.DistributedLoad, along: Array) -> list[controls.Weighed]:
+        return [controls.Weighed([on.mean(along, self.face)], self.mass, self.key)] if self.mass else []
 
     def check_on(self, actuator: Actuator) -> None:
         if self.region:
-            check_regions(self.where, actuator, [self.region])
-        faces = bases(self.where, [self.face], actuator)
-        if other := next((face for face in faces if face not in faces_of(actuator)), ""):
+            component.check_regions(self.where, actuator, [self.region])
+        faces = component.bases(self.where, [self.face], actuator)
+        if other := next((face for face in faces if face not in component.faces_of(actuator)), ""):
             raise self.error(
                 f"{type(actuator).__name__} has no face {other!r} for a rigid part; it has "
-                f"{', '.join(faces_of(actuator)) or 'none'}"
+                f"{', '.join(component.faces_of(actuator)) or 'none'}"
             )
         if any(hold.role in faces for hold in actuator.holds) and self.kind != "held":
             raise self.error(
@@ -124,39 +113,39 @@ class Rigid(RigidPart, HeavyPart):
         turns = len(self.freedom(actuator, np.zeros(actuator.dimension)).axes) > 0
         return "which can rotate about a point that the design moves; guide it (kind = 'guided')" if turns else ""
 
-    def freedom(self, actuator: Actuator, centre: Array) -> Freedom:
+    def freedom(self, actuator: Actuator, centre: Array) -> regions.Freedom:
         """Return the motions left to it about a point; `ComponentError` if the symmetry forbids what it is guided along, or
         leaves no motion."""
         d = actuator.dimension
         if self.kind == "held":
-            return Freedom(centre, np.empty((0, d)), np.empty((0, 3)))
+            return regions.Freedom(centre, np.empty((0, d)), np.empty((0, 3)))
         directions, axes = symmetric_motions(actuator)
         if self.kind == "guided":
             wanted = np.asarray(self.direction or actuator.lift, dtype=float)
             wanted /= np.linalg.norm(wanted)
-            inside = in_section(wanted, d)
+            inside = body.in_section(wanted, d)
             if (
-                np.linalg.norm(inside @ directions.T @ directions - inside) > STILL
-                or np.linalg.norm(inside) < 1 - STILL
+                np.linalg.norm(inside @ directions.T @ directions - inside) > regions.STILL
+                or np.linalg.norm(inside) < 1 - regions.STILL
             ):
                 raise self.error(
                     f"a guide along {_shown(wanted)} breaks the symmetry of the device's model, "
                     f"which allows {_allowed(directions)}; use another direction, or {actuator.fuller}"
                 )
-            return Freedom(centre, inside[None, :], np.empty((0, 3)))
+            return regions.Freedom(centre, inside[None, :], np.empty((0, 3)))
         if not len(directions) + len(axes):
             raise self.error(
                 f"the symmetry of the device's model leaves the rigid part no free motion; use "
                 f"{actuator.fuller}, or kind = 'held'"
             )
-        return Freedom(centre, directions, axes)
+        return regions.Freedom(centre, directions, axes)
 
 
 def symmetric_motions(actuator: Actuator) -> tuple[Array, Array]:
     """Return the rigid motions that keep the device's cut planes where they are: orthonormal directions of translations in the
     mesh's coordinates, shape (k, d), and axes of rotations, shape (m, 3)."""
     d = actuator.dimension
-    normals = [in_section(plane.normal, d) for plane in actuator.cut_planes]
+    normals = [body.in_section(plane.normal, d) for plane in actuator.cut_planes]
     if d == 2:
         normals.append(np.array([1.0, 0.0]))  # off the axis
     directions: list[Array] = []
@@ -191,7 +180,7 @@ def _shown(direction: Array) -> str:
 def _allowed(directions: Array) -> str:
     if not len(directions):
         return "no translation"
-    return "translations along " + " and ".join(_shown(v) for v in in_space(directions))
+    return "translations along " + " and ".join(_shown(v) for v in body.in_space(directions))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -201,9 +190,9 @@ def _allowed(directions: Array) -> str:
 # ``[hold.bench]`` with ``face = "support"`` and ``along = "z"`` lets a glued disk slide on its bench.
 
 
-@register_component
+@component.register_component
 @dataclasses.dataclass(frozen=True)
-class Clamp(HoldingPart):
+class Clamp(regions.HoldingPart):
     """A support of faces, edges or regions.
 
     Attributes:
@@ -212,9 +201,11 @@ class Clamp(HoldingPart):
         slip: The only direction in which they slip; none if empty.
     """
 
-    face: str = field_of(Words(), "faces, edges or regions that are held, such as top")
-    along: str = field_of(Words(), "direction along which they are held, such as z: they slip across it", "")
-    slip: str = field_of(Words(), "direction in which they slip, such as x: they are held across it", "")
+    face: str = schema.field_of(schema.Words(), "faces, edges or regions that are held, such as top")
+    along: str = schema.field_of(
+        schema.Words(), "direction along which they are held, such as z: they slip across it", ""
+    )
+    slip: str = schema.field_of(schema.Words(), "direction in which they slip, such as x: they are held across it", "")
 
     table: ClassVar[str] = "hold"
     needs: ClassVar[str] = "[hold] needs a face, such as face = 'top'"
@@ -229,14 +220,16 @@ class Clamp(HoldingPart):
 
     @property
     def roles(self) -> list[str]:
-        return names_in(self.face)
+        return component.names_in(self.face)
 
     def check_on(self, actuator: Actuator) -> None:
         """Raise `ComponentError` if a device has no such face, or its mesh no such direction."""
-        known = list(dict.fromkeys([*faces_of(actuator), *actuator.regions, *(hold.role for hold in actuator.holds)]))
-        for role in bases(self.where, self.roles, actuator):
+        known = list(
+            dict.fromkeys([*component.faces_of(actuator), *actuator.regions, *(hold.role for hold in actuator.holds)])
+        )
+        for role in component.bases(self.where, self.roles, actuator):
             if role not in known:
-                raise self.error(f"{type(actuator).__name__} has no {role!r}; {known_are(role, known)}")
+                raise self.error(f"{type(actuator).__name__} has no {role!r}; {errors.known_are(role, known)}")
         self.holds(actuator)
 
     def undesigned(self, actuator: Actuator) -> str:

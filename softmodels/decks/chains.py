@@ -19,32 +19,31 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from geometries.actuator import AXES
+from geometries import actuator
 from softmodels.case.entries import CaseError
+from softmodels.common import errors, files
 from softmodels.common.arrays import Array
-from softmodels.common.errors import known_are, required
-from softmodels.common.files import read_file, write_bytes
 from softmodels.components.loads import Gravity
-from softmodels.decks.deck import WRITTEN
-from softmodels.decks.reduction import SAME, ReducedModel, TipState, across
+from softmodels.decks import deck, reduction
+from softmodels.decks.reduction import ReducedModel
 from softmodels.runs.outcomes import RunError
 
-MOTIONS = (*AXES, *(f"turn_{axis}" for axis in AXES))
-LOADS = (*(f"f{axis}" for axis in AXES), *(f"m{axis}" for axis in AXES))
+MOTIONS = (*actuator.AXES, *(f"turn_{axis}" for axis in actuator.AXES))
+LOADS = (*(f"f{axis}" for axis in actuator.AXES), *(f"m{axis}" for axis in actuator.AXES))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Tables: units in the heads of the columns, or beside the values.
 
 
-def columns(model: ReducedModel) -> dict[str, Callable[[TipState], float]]:
+def columns(model: ReducedModel) -> dict[str, Callable[[reduction.TipState], float]]:
     """Return the columns of the table by their heads, which end in the unit."""
-    found: dict[str, Callable[[TipState], float]] = {"pressure_Pa": lambda one: one.pressure}
+    found: dict[str, Callable[[reduction.TipState], float]] = {"pressure_Pa": lambda one: one.pressure}
     device = model.case.actuator
     for k, ratio in enumerate(device.ratios, 1):
         if len(device.ratios) > 1:
             found[f"pressure_cavity{k}_Pa"] = lambda one, ratio=ratio: ratio * one.pressure  # type: ignore[misc]
-    found |= {f"tip_{axis}_m": lambda one, i=i: one.position[i] for i, axis in enumerate(AXES)}  # type: ignore[misc]
+    found |= {f"tip_{axis}_m": lambda one, i=i: one.position[i] for i, axis in enumerate(actuator.AXES)}  # type: ignore[misc]
     found |= {f"tip_q{axis}_1": lambda one, i=i: float(_quaternion(one)[i]) for i, axis in enumerate("wxyz")}  # type: ignore[misc]
     found |= {"added_volume_m3": lambda one: one.volume, "volume_rate_m3_per_Pa": lambda one: one.volume_rate}
     for i, motion in enumerate(MOTIONS):
@@ -69,15 +68,15 @@ def columns(model: ReducedModel) -> dict[str, Callable[[TipState], float]]:
     found["max_stretch_1"] = lambda one: one.stretch
     if np.isfinite(model.states[-1].spread).all():
         heads = [
-            *(f"tip_{axis}_ci95_m" for axis in AXES),
-            *(f"turn_{axis}_ci95_rad" for axis in AXES),
+            *(f"tip_{axis}_ci95_m" for axis in actuator.AXES),
+            *(f"turn_{axis}_ci95_rad" for axis in actuator.AXES),
             "added_volume_ci95_m3",
         ]
         found |= {head: lambda one, i=i: one.spread[i] for i, head in enumerate(heads)}  # type: ignore[misc]
     return found
 
 
-def _quaternion(one: TipState) -> Array:
+def _quaternion(one: reduction.TipState) -> Array:
     return np.asarray(Rotation.from_matrix(one.rotation).as_quat(canonical=True, scalar_first=True))
 
 
@@ -98,7 +97,7 @@ def table_json(model: ReducedModel) -> str:
     known, low_high = columns(model), model.span
     rows = {head: [_plain(float(read(one))) for one in model.states] for head, read in known.items()}
     about = {
-        "written_by": WRITTEN, "case": model.case.name, "device": type(model.case.actuator).__name__, "tip": model.face,
+        "written_by": deck.WRITTEN, "case": model.case.name, "device": type(model.case.actuator).__name__, "tip": model.face,
         "support_m": model.base.tolist(), "length_m": model.length, "from_Pa": low_high[0], "to_Pa": low_high[1],
         "notes": model.notes,
         "errors_between_states": {
@@ -216,7 +215,7 @@ def chain_of(model: ReducedModel) -> Chain:
     along = (model.states[0].position - model.base) / model.length
     turn = model.turns[-1]
     hinges = float(np.linalg.norm(turn)) > MOST_TURN
-    normal = turn / np.linalg.norm(turn) if hinges else across(along)[1]
+    normal = turn / np.linalg.norm(turn) if hinges else reduction.across(along)[1]
     normal = normal - (normal @ along) * along
     normal /= np.linalg.norm(normal)
     axes = np.column_stack([along, np.cross(normal, along), normal])
@@ -263,7 +262,7 @@ def _fitted(shares: Array, numbers: Array) -> tuple[Array, Array]:
     """Return coefficients of the advances, shape (3, 5), and of the numbers over the last of them, shape (numbers, 5), that fit
     the numbers (in columns) best, each by its size."""
     powers = np.arange(1 if abs(shares[0]) < 1e-9 else 0, 5)
-    scaled = numbers / np.maximum(np.abs(numbers).max(axis=0), SAME)
+    scaled = numbers / np.maximum(np.abs(numbers).max(axis=0), reduction.SAME)
 
     def advances(inner: Array) -> Array:
         a, b, c = inner.reshape(-1, 3).T  # x + x (x - 1) (a + b x + c x^2)
@@ -289,7 +288,7 @@ def _stiffness(model: ReducedModel, axes: Array, hinges: bool) -> dict[str, floa
         raise RunError(
             "the stiffness of the tip is not known in the plane of bending; reduce a model of the whole device"
         )
-    known = SAME * max(bending, aside, twisting)
+    known = reduction.SAME * max(bending, aside, twisting)
     soft = {"hinge": bending * hinges, "side": aside, "twist": twisting}
     return {"slide": SEGMENTS / stretching, **{kind: SEGMENTS / C if known < C else 0.0 for kind, C in soft.items()}}
 
@@ -301,7 +300,7 @@ def mjcf(model: ReducedModel) -> str:
     # A weight that is in the table must not act once more in a scene with gravity.
     links = {"gravcomp": "1"} if any(isinstance(part, Gravity) for part in model.case.components) else {}
     root = ElementTree.Element("mujoco", model=model.case.name)
-    text = f" {WRITTEN}: {model.case.name}, {model.span[0] / 1e3:.4g} to {model.span[1] / 1e3:.4g} kPa; tip within " \
+    text = f" {deck.WRITTEN}: {model.case.name}, {model.span[0] / 1e3:.4g} to {model.span[1] / 1e3:.4g} kPa; tip within " \
            f"{100 * chain.error[0]:.2g} % of the length and {chain.error[1]:.2g} degrees of the table "  # fmt: skip
     root.append(ElementTree.Comment(text))
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
@@ -415,7 +414,7 @@ def fmu(model: ReducedModel) -> bytes:
 
     low, high = model.span
     program = PROGRAM.read_bytes()
-    text = f"{WRITTEN}: the tip of {model.case.name}, {low:.6g} to {high:.6g} Pa; SI units"
+    text = f"{deck.WRITTEN}: the tip of {model.case.name}, {low:.6g} to {high:.6g} Pa; SI units"
     table = {"description": text, **model.knots()}
     # Units of one name in a process would share a module, so the name follows from what the unit holds.
     digest = hashlib.sha256(program + json.dumps(table).encode()).hexdigest()[:12]
@@ -452,34 +451,34 @@ def write(model: ReducedModel, file: Path, kind: str = "") -> Path:
         RunError, ImportError: The model cannot be written as that, or what writes it is not installed.
     """
     made = WRITERS[kind_of(file, kind)](model)
-    write_bytes(file, made if isinstance(made, bytes) else made.encode())
+    files.write_bytes(file, made if isinstance(made, bytes) else made.encode())
     return file
 
 
 def is_own(file: Path) -> bool:
     """Return whether a file is a reduced model of this program, which may be replaced."""
     try:
-        content = read_file(file)
+        content = files.read_file(file)
     except OSError:
         return False
     if content.startswith(b"PK"):
         return re.search(rb"resources/softmodels_\w+\.py", content) is not None
     head = content[:4000].decode(errors="replace")
-    return WRITTEN in head or head.startswith("pressure_Pa,")
+    return deck.WRITTEN in head or head.startswith("pressure_Pa,")
 
 
 def kind_of(file: Path, kind: str = "") -> str:
     """Return the kind of a file; `CaseError` or `ImportError` as `write`."""
     chosen = kind or ENDINGS.get(file.suffix.lower(), "")
     if kind and kind not in WRITERS:
-        raise CaseError(f"as {kind!r} no reduced model is written; {known_are(kind, WRITERS)}")
+        raise CaseError(f"as {kind!r} no reduced model is written; {errors.known_are(kind, WRITERS)}")
     if not chosen:
         named = ", ".join(f"{ending} ({name})" for ending, name in ENDINGS.items())
         raise CaseError(f"{file} has no ending of a reduced model; take {named}, or name the kind (kind=..., --as)")
     if file.is_dir():
         raise CaseError(f"{file} is a folder; name a file")
     if chosen == "fmu":
-        required("pythonfmu", EXTRA)
+        errors.required("pythonfmu", EXTRA)
     return chosen
 
 

@@ -13,37 +13,24 @@ from typing import TextIO
 import numpy as np
 import numpy.typing as npt
 
-from geometries import Actuator
-from geometries.actuator import cavity_roles
-from geometries.mesh_arrays import WEIGHTS, Ints, MeshArrays, read_arrays, tetrahedron_slopes, triangle_tables
+from geometries import Actuator, actuator, mesh_arrays
+from geometries.mesh_arrays import MeshArrays
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.materials import Region
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import scipy
-from softmodels.components.contact import (
-    HARDENS,
-    HARDER,
-    ONSET,
-    ONSET_PRESSURE,
-    Obstacle,
-    PlaneTerm,
-    RigidShape,
-    Walls,
-    copies_around,
-    obstacle_of,
-)
-from softmodels.components.fibres import Fabric, Fibres, Sheet, helix_at, slope_of
+from softmodels.components import contact, fibres
+from softmodels.components.contact import Obstacle, RigidShape, Walls
+from softmodels.components.fibres import Fabric, Fibres, Sheet
 from softmodels.components.loads import FaceLoad, Mass
 from softmodels.components.pressing import HardeningPenalty, Penalty, Stand
 from softmodels.components.rigid import Clamp, Rigid
 from softmodels.materials.laws import Material
-from softmodels.mechanics.body import is_plain
+from softmodels.mechanics import body, controls, regions
 from softmodels.mechanics.component import Component, gravity_of, names_in
-from softmodels.mechanics.controls import LoadPart
-from softmodels.mechanics.regions import Freedom, held_with
 from softmodels.mechanics.system import System, nodal_forces
-from softmodels.path.steps import PRESSURE, begins_at_rest, courses
+from softmodels.path import steps
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Materials of a deck and their regions.
@@ -142,7 +129,7 @@ class Rigged:
     of its centre, or of all its nodes where it does not turn; of ``turn``, if there is one, its rotation vector in rad."""
 
     name: str
-    nodes: Ints
+    nodes: mesh_arrays.Ints
     place: int
     turn: int | None = None
 
@@ -152,13 +139,13 @@ class Supports:
     """Supports of a deck's nodes: held displacements (component and nodes, no node twice for a component), displacements that
     depend on others, rigid parts that move, and the places in m of nodes added behind the mesh's, shape (k, 3)."""
 
-    held: dict[int, Ints]
+    held: dict[int, mesh_arrays.Ints]
     tied: tuple[Tie, ...]
     rigged: tuple[Rigged, ...]
     added: Array
 
 
-def supports_of(case: Case, mesh: MeshArrays, freedoms: Mapping[str, Freedom]) -> Supports:
+def supports_of(case: Case, mesh: MeshArrays, freedoms: Mapping[str, regions.Freedom]) -> Supports:
     """Return the supports of a case's mesh; ``freedoms`` are the motions left to each rigid part by its label, its centre in
     m."""
     rows, ties = _held_directions(case, mesh), list[Tie]()
@@ -190,7 +177,7 @@ def supports_of(case: Case, mesh: MeshArrays, freedoms: Mapping[str, Freedom]) -
     )
 
 
-def _within(mesh: MeshArrays, region: str) -> Ints:
+def _within(mesh: MeshArrays, region: str) -> mesh_arrays.Ints:
     """Return the nodes of a region's cells."""
     return np.unique(mesh.cells[mesh.regions[region]])
 
@@ -201,7 +188,7 @@ def _held_directions(case: Case, mesh: MeshArrays) -> Array:
     device, rows = case.actuator, np.zeros((len(mesh.points), 3, 3))
     for role, direction in [
         *((plane.name, plane.normal) for plane in device.cut_planes),
-        *((hold.role, hold.direction) for hold in held_with(device.holds, device, case.components)),
+        *((hold.role, hold.direction) for hold in regions.held_with(device.holds, device, case.components)),
     ]:
         added = np.zeros((len(mesh.points), 3, 3))
         nodes = mesh.nodes[role] if role in mesh.nodes else _within(mesh, role)
@@ -216,7 +203,7 @@ def _left(node: int, ways: Array) -> list[Tie]:
     return _solved_at(node, np.eye(3) - ways.T @ ways)
 
 
-def _as_one(nodes: Ints, place: int, ways: Array) -> Iterator[Tie]:
+def _as_one(nodes: mesh_arrays.Ints, place: int, ways: Array) -> Iterator[Tie]:
     """Yield the ties that make nodes move together, only along orthonormal directions, shape (k, 3)."""
     found = {tie.component: tie.terms for tie in _left(place, ways)}
     terms = [found.get(i, {(place, i): 1.0}) for i in range(3)]
@@ -377,7 +364,7 @@ def pressing(system: System, mesh: MeshArrays, components: Sequence[Component]) 
     """Return the springs of a device's contact."""
     size = system.body.actuator.size
     plane = system.potential.terms.get(Obstacle.table)
-    stops = [_plane(plane)] if isinstance(plane, PlaneTerm) else []
+    stops = [_plane(plane)] if isinstance(plane, contact.PlaneTerm) else []
     stops += [
         _shape(part, system.body.actuator, gravity_of(components))
         for part in components
@@ -386,20 +373,22 @@ def pressing(system: System, mesh: MeshArrays, components: Sequence[Component]) 
     return [_contact_springs(stop, mesh, size, system.stress_unit) for stop in stops]
 
 
-def _plane(term: PlaneTerm) -> ContactStop:
-    depths = np.append(np.linspace(0.0, ONSET, ENTRIES + 1), 0.5)
+def _plane(term: contact.PlaneTerm) -> ContactStop:
+    depths = np.append(np.linspace(0.0, contact.ONSET, ENTRIES + 1), 0.5)
     at, normal = term.numbers[:2]
     ground = (at @ normal - 1.0) * normal  # a spring that touches is one size long
-    penalty = Penalty(term.shape.stiffness, ONSET)
+    penalty = Penalty(term.shape.stiffness, contact.ONSET)
     return ContactStop("the plane", term.shape.roles, ground, np.outer(normal, normal), 1.0, 1.0, penalty, depths)
 
 
 def _shape(shape: RigidShape, actuator: Actuator, gravity: Array) -> ContactStop:
     size = actuator.size
     at, along, radius, _, sign = shape.numbers(size)
-    onset, deepest = ONSET_PRESSURE / shape.stiffness, shape.deepest(size)
-    penalty = HardeningPenalty(shape.stiffness, onset, HARDENS * deepest, HARDER)
-    depths = np.union1d(np.linspace(0.0, onset, ENTRIES + 1), np.linspace(HARDENS * deepest, deepest, HARD_ENTRIES + 1))
+    onset, deepest = contact.ONSET_PRESSURE / shape.stiffness, shape.deepest(size)
+    penalty = HardeningPenalty(shape.stiffness, onset, contact.HARDENS * deepest, contact.HARDER)
+    depths = np.union1d(
+        np.linspace(0.0, onset, ENTRIES + 1), np.linspace(contact.HARDENS * deepest, deepest, HARD_ENTRIES + 1)
+    )
     across = np.outer(along, along)
     onto = np.eye(3) if shape.shape == "sphere" else np.eye(3) - across
     if radius is None:  # a plane: a spring that touches is one size long
@@ -410,8 +399,8 @@ def _shape(shape: RigidShape, actuator: Actuator, gravity: Array) -> ContactStop
 
 def _slide(shape: RigidShape, actuator: Actuator, onto: Array, gravity: Array) -> Slide:
     """Return the guide of a movable shape, for the modelled slice."""
-    share, size = copies_around(actuator, shape.crossed(actuator)), actuator.size
-    stand = Stand(shape.spring / share, shape.weight_against(gravity) / share, ONSET * size)
+    share, size = contact.copies_around(actuator, shape.crossed(actuator)), actuator.size
+    stand = Stand(shape.spring / share, shape.weight_against(gravity) / share, contact.ONSET * size)
     ways = np.concatenate([[-0.9 * size], np.linspace(0.0, SETTLED * stand.onset, LIFTED + 1), [0.9 * size]])
     forces = np.array([stand.force(float(way)) for way in ways])
     return Slide(shape.gives_way, onto @ shape.gives_way, size, ways, forces)
@@ -419,9 +408,9 @@ def _slide(shape: RigidShape, actuator: Actuator, onto: Array, gravity: Array) -
 
 def _contact_springs(stop: ContactStop, mesh: MeshArrays, size: float, stress: float) -> Springs:
     nodes = np.concatenate([mesh.triangles(role) for role in stop.roles])
-    values, along, across = triangle_tables(nodes.shape[1])
+    values, along, across = mesh_arrays.triangle_tables(nodes.shape[1])
     places, a, b = (np.einsum("qn,kni->kqi", table, mesh.points[nodes]) for table in (values, along, across))
-    areas = (np.linalg.norm(np.cross(a, b), axis=2) * WEIGHTS / 2).ravel()
+    areas = (np.linalg.norm(np.cross(a, b), axis=2) * mesh_arrays.WEIGHTS / 2).ravel()
     ground = size * stop.ground
     ends = ground + (places.reshape(-1, 3) - ground) @ stop.onto.T
     lengths = np.linalg.norm(ends - ground, axis=1)
@@ -515,7 +504,7 @@ def threads(mesh: MeshArrays, components: Sequence[object], size: float) -> list
 
 def _fibre_springs(family: Family, mesh: MeshArrays, size: float) -> Springs:
     nodes, places, normals, slopes, weights = (_on_faces if family.on_faces else _in_regions)(family, mesh)
-    along = helix_at(places, family.axis, family.angle, family.hand)
+    along = fibres.helix_at(places, family.axis, family.angle, family.hand)
     if normals is not None:
         along -= np.einsum("ki,ki->k", along, normals)[:, None] * normals
         if family.across:
@@ -533,7 +522,7 @@ def _fibre_springs(family: Family, mesh: MeshArrays, size: float) -> Springs:
             1 + np.geomspace(SMALLEST, LONGEST - 1, LONGER),
         ]
     )
-    slope = family.stiffness * slope_of(family.law, stretches**2 - 1, family.exponent, family.slack)
+    slope = family.stiffness * fibres.slope_of(family.law, stretches**2 - 1, family.exponent, family.slack)
     forces = np.outer(weights[laid], slope * 2 * stretches / size)
     elongations = np.broadcast_to(size * (stretches - 1), forces.shape)
     where = ", ".join(family.roles) or "the body"
@@ -541,20 +530,20 @@ def _fibre_springs(family: Family, mesh: MeshArrays, size: float) -> Springs:
     return Springs(family.label, what, np.zeros(3), size * along, terms, elongations, forces)
 
 
-def _rows(nodes: Ints, factors: Array) -> tuple[Terms, Terms, Terms]:
+def _rows(nodes: mesh_arrays.Ints, factors: Array) -> tuple[Terms, Terms, Terms]:
     """Return what the three components of an end's displacement are the sums of."""
     pairs = [(int(node), float(factor)) for node, factor in zip(nodes, factors, strict=True) if abs(factor) > 1e-12]
     x, y, z = ({(node, i): factor for node, factor in pairs} for i in range(3))
     return x, y, z
 
 
-type Points = tuple[Ints, Array, Array | None, Array, Array]
+type Points = tuple[mesh_arrays.Ints, Array, Array | None, Array, Array]
 """Per integration point: nodes, place, face normal, shape function gradients, volume or area."""
 
 
 def _on_faces(family: Family, mesh: MeshArrays) -> Points:
     nodes = np.concatenate([mesh.triangles(role) for role in family.roles])
-    values, *tables = triangle_tables(nodes.shape[1])
+    values, *tables = mesh_arrays.triangle_tables(nodes.shape[1])
     places, a, b = (np.einsum("qn,kni->kqi", table, mesh.points[nodes]) for table in (values, *tables))
     normals = np.cross(a, b)
     areas = np.linalg.norm(normals, axis=2)
@@ -568,14 +557,14 @@ def _on_faces(family: Family, mesh: MeshArrays) -> Points:
         places.reshape(-1, 3),
         (normals / areas[..., None]).reshape(-1, 3),
         slopes.reshape(k * q, n, 3),
-        (areas * WEIGHTS / 2).ravel(),
+        (areas * mesh_arrays.WEIGHTS / 2).ravel(),
     )
 
 
 def _in_regions(family: Family, mesh: MeshArrays) -> Points:
     chosen = [mesh.regions[name] for name in family.roles] or [np.arange(len(mesh.cells))]
     nodes = mesh.cells[np.concatenate(chosen)]
-    values, tables = tetrahedron_slopes()
+    values, tables = mesh_arrays.tetrahedron_slopes()
     places = np.einsum("qn,kni->kqi", values, mesh.points[nodes])
     jacobians = np.einsum("qnj,kni->kqij", tables, mesh.points[nodes])
     slopes = np.einsum("qnj,kqji->kqni", tables, np.linalg.inv(jacobians))
@@ -586,7 +575,7 @@ def _in_regions(family: Family, mesh: MeshArrays) -> Points:
 
 WRITTEN = "written by softmodels"
 """Mark of a deck: files with it may be overwritten."""
-LOADS = (LoadPart, Mass)
+LOADS = (controls.LoadPart, Mass)
 """Kinds of parts written as nodal forces."""
 ALIKE = 1e-6
 """Distance relative to the device's size below which two places are the same node."""
@@ -614,7 +603,7 @@ class Deck:
     @property
     def walls(self) -> list[str]:
         """Role of each cavity's walls."""
-        return cavity_roles(self.case.actuator)
+        return actuator.cavity_roles(self.case.actuator)
 
     @functools.cached_property
     def points(self) -> Array:
@@ -635,7 +624,7 @@ class Deck:
         return [*self.supports.tied, *(tie for tie in self._of_springs if tie.terms)]
 
     @functools.cached_property
-    def held(self) -> dict[int, Ints]:
+    def held(self) -> dict[int, mesh_arrays.Ints]:
         """Held displacements: component (0 to 2) and nodes at which it vanishes, no node twice for a component."""
         found = {}
         for component in range(3):
@@ -688,10 +677,10 @@ class Deck:
 def deck_of(case: Case, mesh: Path, system: System | None = None) -> Deck:
     """Return the deck of a case that passes `check`; its equations, with displacements only and on one rank, if
     `needs_equations`. `CaseError` for cells or loads that cannot be written, `MeshFileError` for no mesh of tetrahedra."""
-    arrays = read_arrays(mesh)
+    arrays = mesh_arrays.read_arrays(mesh)
     if arrays.cells.shape[1] == 4:
         raise CaseError("the mesh has 4-node tetrahedra, which lock for silicone; use second-order cells")
-    forces, springs, freedoms = None, tuple[Springs, ...](), dict[str, Freedom]()
+    forces, springs, freedoms = None, tuple[Springs, ...](), dict[str, regions.Freedom]()
     if system is not None:
         forces = _by_node(arrays, *nodal_forces(system)) if acting(case) else None
         pressed = pressing(system, arrays, case.components)
@@ -711,7 +700,7 @@ def deck_of(case: Case, mesh: Path, system: System | None = None) -> Deck:
 def _pressures(case: Case) -> Array:
     """Return the requested pressures of each cavity in Pa, without those of the device at rest, shape (steps, cavities)."""
     if case.program:
-        return np.array([one.values for one in courses(case.steps)]).T[begins_at_rest(case.steps) :]
+        return np.array([one.values for one in steps.courses(case.steps)]).T[steps.begins_at_rest(case.steps) :]
     return np.outer([goal for goal in case.goals if goal], case.actuator.ratios)
 
 
@@ -731,7 +720,7 @@ def needs_equations(case: Case) -> bool:
     kinds = (Clamp, Rigid, RigidShape, Fibres, Fabric)
     return (
         bool(acting(case))
-        or obstacle_of(case.components) is not None
+        or contact.obstacle_of(case.components) is not None
         or any(isinstance(part, kinds) for part in case.components)
     )
 
@@ -746,7 +735,7 @@ def _by_node(mesh: MeshArrays, places: Array, forces: Array) -> Array:
 
 def acting(case: Case) -> list[str]:
     """Return the dead loads by the names of their tables, without those of requested amount."""
-    idle = [part for part in case.components if isinstance(part, LoadPart) and part.idle(case.components)]
+    idle = [part for part in case.components if isinstance(part, controls.LoadPart) and part.idle(case.components)]
     loads = [part for part in case.components if isinstance(part, LOADS) and part not in idle]
     return [load.where for load in loads if not isinstance(load, FaceLoad) or load.kept]
 
@@ -758,7 +747,7 @@ def check(case: Case) -> None:
         raise CaseError(
             f'the case has an axisymmetric section of {type(device).__name__}; decks need a solid one (section = "wedge")'
         )
-    unpressed = case.timed or any(one.quantity != PRESSURE for step in case.steps for one in step.prescribed)
+    unpressed = case.timed or any(one.quantity != steps.PRESSURE for step in case.steps for one in step.prescribed)
     if unpressed or case.load_unload:
         raise CaseError(
             f"the case asks for {case.load.requested.words}; a deck takes pressures (pressure_cm), and no unloading"
@@ -777,7 +766,7 @@ def _unknown(case: Case) -> Iterator[str]:
         yield "a sheet"
     for part in case.components:
         named = [name for field in ("face", "faces", "on") for name in names_in(getattr(part, field, ""))]
-        if not isinstance(part, LOADS) and not all(map(is_plain, named)):
+        if not isinstance(part, LOADS) and not all(map(body.is_plain, named)):
             yield f"{part.where} on a piece of a face"
         if isinstance(part, Region) and part.within:
             yield f"{part.where} with cells chosen by within"

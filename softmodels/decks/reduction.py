@@ -19,31 +19,25 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.spatial.transform import Rotation
 
 from geometries import Actuator, Hold
+from softmodels.case import materials
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
-from softmodels.case.materials import MaterialErrors, without_walls
+from softmodels.common import cards, errors
 from softmodels.common.arrays import Array
-from softmodels.common.cards import Shown, Table
-from softmodels.common.errors import known_are
 from softmodels.common.lazy import Expr
+from softmodels.components import loads
 from softmodels.components.contact import Walls
-from softmodels.components.loads import densities
-from softmodels.materials.silicones import density_of, extrapolated
+from softmodels.materials import silicones
+from softmodels.mechanics import controls, mpi, newton, regions
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.component import ComponentError
-from softmodels.mechanics.controls import DistributedLoad, pressure_control
-from softmodels.mechanics.mpi import start
-from softmodels.mechanics.newton import NoConvergence
-from softmodels.mechanics.regions import RegionPart
 from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
-from softmodels.runs.notes import sentences
+from softmodels.runs import notes, recording, table
 from softmodels.runs.outcomes import RunError
-from softmodels.runs.recording import stored_state
 from softmodels.runs.simulation import Simulation
 from softmodels.runs.states import States
-from softmodels.runs.table import PathTable, Row
 
 TOLERANCE = 1e-11
 """Relative tolerance of the linear responses."""
@@ -104,7 +98,7 @@ class TipFace:
     """
 
     def __init__(self, system: System, role: str, of: Actuator | None = None):
-        self.system, on = system, DistributedLoad(system)
+        self.system, on = system, controls.DistributedLoad(system)
         device, d = of or system.body.actuator, system.body.actuator.dimension
         self._odd = of is not None
         area = on.integral(on.constant(1.0), role)
@@ -233,7 +227,7 @@ class TipState:
     stretch: float
 
 
-def usable(rows: PathTable) -> tuple[list[int], str]:
+def usable(rows: table.PathTable) -> tuple[list[int], str]:
     """Return the steps of the first rising piece of a path, and why it ends, if not by the last requested value."""
     chosen, top = list[int](), -math.inf
     way = -1.0 if rows[-1]["pressure"] < 0.0 else 1.0
@@ -262,7 +256,7 @@ def tip_of(case: Case, face: str, roles: Sequence[str]) -> str:
             f"{type(device).__name__} has no tip; name the face (face=..., --face): {', '.join(sorted(roles))}"
         )
     if chosen not in roles:
-        raise CaseError(f"the device has no face {chosen!r}; {known_are(chosen, sorted(roles))}")
+        raise CaseError(f"the device has no face {chosen!r}; {errors.known_are(chosen, sorted(roles))}")
     return chosen
 
 
@@ -281,24 +275,24 @@ def table_of(source: States, face: str = "") -> ReducedModel:
         raise RunError(
             f"the run has {len(steps)} states with rising pressure; a reduced model needs {FEWEST}, so request more pressures"
         )
-    comm = start()
+    comm = mpi.start()
     if comm.size > 1:
         raise RunError("a reduced model is made on one process only; start it without mpirun")
     simulation = Simulation(case, comm)
     try:
         simulation.prepare_on(source.mesh)
-        with sentences():
+        with notes.sentences():
             simulation.model.hanging()
             role = tip_of(case, face, [*simulation.body.entities])
             responses = Responses(simulation, role)
             states = []
             for step in steps:
                 restart = source.restart(step)
-                state = stored_state(source, simulation.fields, comm, step, restart["P"], restart["V"])
+                state = recording.stored_state(source, simulation.fields, comm, step, restart["P"], restart["V"])
                 states.append(responses.at(state, rows[step]))
             base, mass = responses.base(), responses.mass()
             responses.release()
-    except NoConvergence as failure:
+    except newton.NoConvergence as failure:
         raise RunError(f"a stored state could not be solved again ({failure}); run the case again") from failure
     finally:
         simulation.release()
@@ -308,7 +302,7 @@ def table_of(source: States, face: str = "") -> ReducedModel:
     return model
 
 
-def touches(row: Row) -> bool:
+def touches(row: table.Row) -> bool:
     """Return whether surfaces press on each other, or overlap, in a state."""
     forces = [name for name in row if re.search(r"contact", name) and row.unit(name) == "N"]
     return bool(row.get("walls_touch")) or any(abs(row[name]) > 0.0 for name in forces)
@@ -322,13 +316,13 @@ class Responses:
         self.system, self.tip = self.solver.system, TipFace(self.solver.system, role)
         self._sides = [(self.solver, self.tip), *self._against(role)]
         self._sensitivity = None
-        if isinstance(self.case.band, MaterialErrors):
+        if isinstance(self.case.band, materials.MaterialErrors):
             self._sensitivity = Sensitivity(self.solver)
 
     def _against(self, role: str) -> list[tuple[Solver, TipFace]]:
         """Return what solves for motions against the symmetry of half a device; nothing for others."""
-        body, parts = odd_body(self.system.body), without_walls(self.case.components)
-        if body is None or not all(isinstance(part, RegionPart | Walls) for part in parts):
+        body, parts = odd_body(self.system.body), materials.without_walls(self.case.components)
+        if body is None or not all(isinstance(part, regions.RegionPart | Walls) for part in parts):
             return []
         system = System(body, self.case.material, self.case.formulation, parts)
         system.direction = self.system.direction
@@ -352,14 +346,14 @@ class Responses:
 
     def mass(self) -> float:
         """Return what the whole device weighs with the masses on it, kg."""
-        system, parts, on = self.system, self.case.components, DistributedLoad(self.system)
-        amounts = zip(system.matter, densities(system, parts), strict=True)
+        system, parts, on = self.system, self.case.components, controls.DistributedLoad(self.system)
+        amounts = zip(system.matter, loads.densities(system, parts), strict=True)
         return sum(density * on.volume(matter) for matter, density in amounts) + sum(part.weighs for part in parts)
 
-    def at(self, state: State, row: Row) -> TipState:
+    def at(self, state: State, row: table.Row) -> TipState:
         """Return a state of the table, from a guess of it."""
         solver, system = self.solver, self.system
-        control = pressure_control(state.P)
+        control = controls.pressure_control(state.P)
         state = solver.solve(control, state.w, state.P)
         solver.factorise(state)
         along = solver.tangent(state, control, TOLERANCE)
@@ -390,7 +384,7 @@ class Responses:
             acting = [k for k in range(6) if size[k] > SAME * max(size[3 * (k // 3) : 3 * (k // 3) + 3])]
             if solver is not self.solver:
                 solver.factorise(state)
-                solver.tangent(state, pressure_control(state.P), TOLERANCE)
+                solver.tangent(state, controls.pressure_control(state.P), TOLERANCE)
             moved = np.transpose(
                 [tip.vectors @ solver.linear_response(loads[k], 0.0, TOLERANCE).w[: len(loads[k])] for k in acting]
             )
@@ -403,7 +397,7 @@ class Responses:
     def _spread(self, state: State, rates: Array) -> Array:
         """Return the half widths of the 95 % intervals of position, rotation and volume at a fixed pressure."""
         errors, known, system = self.case.band, self._sensitivity, self.system
-        if known is None or not isinstance(errors, MaterialErrors):
+        if known is None or not isinstance(errors, materials.MaterialErrors):
             return np.full(7, np.nan)
         moves = []
         for root in errors.roots.T:
@@ -449,7 +443,7 @@ class TipPose:
         return np.asarray(Rotation.from_matrix(self.rotation).as_quat(canonical=True, scalar_first=True))
 
 
-class ReducedModel(Shown):
+class ReducedModel(cards.Shown):
     """A device reduced to its tip, over one pressure; ``model(5e3)`` is its state at 5 kPa.
 
     Position, rotation and volume are cubic in between, with the exact derivatives at the table's states; compliance is a cubic
@@ -471,7 +465,7 @@ class ReducedModel(Shown):
     ):
         self.case, self.face, self.states, self.base, self.end = case, face, states, base, end
         self.contact: float | None = None
-        self.mass = case.actuator.solid_volume * density_of(case.material) if mass is None else mass
+        self.mass = case.actuator.solid_volume * silicones.density_of(case.material) if mass is None else mass
         self._curves = Curves(states)
         self.errors = self._errors()
 
@@ -479,7 +473,7 @@ class ReducedModel(Shown):
         low, high = self.span
         return f"of {self.case.name}: {len(self.states)} states from {low / 1e3:.4g} to {high / 1e3:.4g} kPa"
 
-    def _figures(self) -> Table:
+    def _figures(self) -> cards.Table:
         last, errors = self(self.states[-1].pressure), self.errors
         angle = math.degrees(float(np.linalg.norm(self.turns[-1])))
         place = ", ".join(f"{1e3 * x:.4g}" for x in last.position)
@@ -503,7 +497,7 @@ class ReducedModel(Shown):
         if self.end:
             found.append(f"the table ends at {high:.4g} kPa, before a {self.end}")
         stretch = max(one.stretch for one in self.states)
-        if text := extrapolated(self.case.material, stretch):
+        if text := silicones.extrapolated(self.case.material, stretch):
             found.append(text)
         if np.isnan(self.states[0].compliance).any():
             found.append(

@@ -12,37 +12,14 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import Expr, basix, fem, la, meshes, scipy, ufl
-from softmodels.design.quantities import (
-    QUANTITIES,
-    Combine,
-    DesignQuantity,
-    FormMeasure,
-    Measure,
-    Slopes,
-    length,
-    register_quantity,
-)
-from softmodels.materials.laws import Strain, eigenvalues
+from softmodels.design import quantities
+from softmodels.materials import laws
+from softmodels.mechanics import mpi
 from softmodels.mechanics.body import cell_measure, in_space
-from softmodels.mechanics.mpi import any_rank, is_root, largest, on_root
-from softmodels.runs.state_values import (
-    LAST_REACH,
-    REACH,
-    ROUNDED,
-    SHARE,
-    FacingWalls,
-    Gaps,
-    Grid,
-    displacement_maps,
-    principal_stretches,
-    shape_stresses,
-    volume_peak,
-    von_mises,
-)
+from softmodels.runs import state_values
 
 if TYPE_CHECKING:
-    from softmodels.design.quantities import DesignedBody
-    from softmodels.mechanics.regions import MaterialRegion
+    from softmodels.mechanics import regions
     from softmodels.mechanics.system import State
 
 
@@ -56,21 +33,23 @@ WORTH_A_NOTE = 0.02
 """Relative excess of the largest point value over the peak above which it is reported."""
 
 
-class PeakMeasure(FormMeasure):
+class PeakMeasure(quantities.FormMeasure):
     """The peak of a field over the body, by its value at rest and its values at the integration points from the principal
     stretches there; see `softmodels.runs.state_values`. The value q from which on the field counts is taken from the latter.
     There the peak is least as a function of q, so its derivatives are those at fixed q."""
 
     def __init__(
-        self, design: DesignedBody, fields: Sequence[FieldPart], values_of: ValuesOf, counted_in_stress: bool,
+        self, design: quantities.DesignedBody, fields: Sequence[FieldPart], values_of: ValuesOf, counted_in_stress: bool,
         rest: float = 0.0,
     ):  # fmt: skip
         self._q = fem.Constant(design.system.body.mesh, 1.0)
 
         def excess(field: Expr) -> Expr:
             x = (field - rest) / self._q - 1.0
-            rounded = ufl.conditional(ufl.gt(x, ROUNDED), x, (x + ROUNDED) ** 2 / (4 * ROUNDED))
-            return ufl.conditional(ufl.gt(x, -ROUNDED), rounded, 0.0)
+            rounded = ufl.conditional(
+                ufl.gt(x, state_values.ROUNDED), x, (x + state_values.ROUNDED) ** 2 / (4 * state_values.ROUNDED)
+            )
+            return ufl.conditional(ufl.gt(x, -state_values.ROUNDED), rounded, 0.0)
 
         forms, combine = over_parts(design, fields, [excess, None], self._peak)
         super().__init__(design, forms, combine, counted_in_stress=counted_in_stress)
@@ -78,24 +57,24 @@ class PeakMeasure(FormMeasure):
 
     def _peak(self, values: Array) -> tuple[float, Array]:
         q, (above, volume) = float(self._q.value), values
-        share = above / (SHARE * volume)
-        return self._rest + q * (1.0 + share), q / (SHARE * volume) * np.array([1.0, -above / volume])
+        share = above / (state_values.SHARE * volume)
+        return self._rest + q * (1.0 + share), q / (state_values.SHARE * volume) * np.array([1.0, -above / volume])
 
     def value(self, state: State | None) -> float:
         self._settle()
         return super().value(state)
 
-    def slopes(self, state: State | None) -> Slopes:
+    def slopes(self, state: State | None) -> quantities.Slopes:
         self._settle()
         return super().slopes(state)
 
     def _settle(self) -> None:
         """Compute q from the loaded state."""
         design, system = self.design, self.design.system
-        values = self._values_of(design, principal_stretches(design.gradients()))
-        _, q = volume_peak(system.comm, values, system.point_volumes(), self._rest)
+        values = self._values_of(design, state_values.principal_stretches(design.gradients()))
+        _, q = state_values.volume_peak(system.comm, values, system.point_volumes(), self._rest)
         self._q.value = q - self._rest or 1.0
-        self._top = largest(system.comm, float(values.max()) if values.size else 0.0)
+        self._top = mpi.largest(system.comm, float(values.max()) if values.size else 0.0)
 
     def note(self, value: float) -> str:
         top = self._top * (self.design.system.stress_unit if self.counted_in_stress else 1.0)
@@ -103,19 +82,22 @@ class PeakMeasure(FormMeasure):
             return ""
         shown = f"{top / 1e3:.4g} kPa" if self.counted_in_stress else f"{top:.4g}"
         return (
-            f"the mean over the {100 * SHARE:g} % of the silicone where it is largest; the largest point value is {shown} "
+            f"the mean over the {100 * state_values.SHARE:g} % of the silicone where it is largest; the largest "
+            f"point value is {shown} "
             f"on this mesh, and grows with refinement at sharp corners and clamped edges"
         )
 
 
-ValuesOf = Callable[["DesignedBody", Array], Array]
+ValuesOf = Callable[["quantities.DesignedBody", Array], Array]
 """A field at the integration points, from the principal stretches there: (cells, points, 3) to (cells, points)."""
 
 
-def _mises(design: DesignedBody, stretches: Array) -> Array:
+def _mises(design: quantities.DesignedBody, stretches: Array) -> Array:
     found = np.empty(stretches.shape[:2])
     for region in design.system.potential.regions:
-        found[region.cells] = von_mises(shape_stresses(region.material, stretches[region.cells]))
+        found[region.cells] = state_values.von_mises(
+            state_values.shape_stresses(region.material, stretches[region.cells])
+        )
     return found / design.system.stress_unit
 
 
@@ -137,7 +119,7 @@ class CellChoice:
     above: float = 0.0
     within: float = 0.0
 
-    def of(self, design: DesignedBody, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+    def of(self, design: quantities.DesignedBody, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
         """Return those of some cells that are chosen; raise ValueError for an unknown region."""
         body = design.system.body
         if self.region and self.region not in body.regions:
@@ -163,17 +145,17 @@ class CellChoice:
 EVERYWHERE = CellChoice()
 
 
-def stretch_field(design: DesignedBody, where: CellChoice = EVERYWHERE) -> list[FieldPart]:
+def stretch_field(design: quantities.DesignedBody, where: CellChoice = EVERYWHERE) -> list[FieldPart]:
     """Return the largest principal stretch in some cells."""
-    return _parts(design, lambda _: ufl.sqrt(eigenvalues(design.strain.C)[0]), where)
+    return _parts(design, lambda _: ufl.sqrt(laws.eigenvalues(design.strain.C)[0]), where)
 
 
-def mises_field(design: DesignedBody, where: CellChoice = EVERYWHERE) -> list[FieldPart]:
+def mises_field(design: quantities.DesignedBody, where: CellChoice = EVERYWHERE) -> list[FieldPart]:
     """Return the von Mises stress in shear moduli, of the deviator of (dW/dF) F^T / J, in some cells."""
 
-    def field(region: MaterialRegion) -> Expr:
+    def field(region: regions.MaterialRegion) -> Expr:
         F = ufl.variable(design.system.body.deformation_gradient(design.system.potential.displacement))
-        strain = Strain(F)
+        strain = laws.Strain(F)
         stress = ufl.diff(region.material.shape(strain, region.parameters), F) * F.T / strain.J
         deviator = stress - ufl.tr(stress) / 3 * ufl.Identity(3)
         return ufl.sqrt(1.5 * ufl.inner(deviator, deviator) + 1e-12)  # the root is not differentiable at zero
@@ -181,11 +163,13 @@ def mises_field(design: DesignedBody, where: CellChoice = EVERYWHERE) -> list[Fi
     return _parts(design, field, where)
 
 
-def _parts(design: DesignedBody, field: Callable[[MaterialRegion], Expr], where: CellChoice) -> list[FieldPart]:
+def _parts(
+    design: quantities.DesignedBody, field: Callable[[regions.MaterialRegion], Expr], where: CellChoice
+) -> list[FieldPart]:
     body, found = design.system.body, []
     for region in design.system.potential.regions:
         cells = where.of(design, region.cells)
-        if any_rank(body.mesh.comm, len(cells) > 0):
+        if mpi.any_rank(body.mesh.comm, len(cells) > 0):
             found.append(
                 FieldPart(field(region), region.dx if where == EVERYWHERE else cell_measure(body, cells), cells)
             )
@@ -195,11 +179,11 @@ def _parts(design: DesignedBody, field: Callable[[MaterialRegion], Expr], where:
 
 
 def over_parts(
-    design: DesignedBody,
+    design: quantities.DesignedBody,
     parts: Sequence[FieldPart],
     integrands: Sequence[Callable[[Expr], Expr] | None],
-    combine: Combine,
-) -> tuple[list[ufl.Form], Combine]:
+    combine: quantities.Combine,
+) -> tuple[list[ufl.Form], quantities.Combine]:
     """Return the integrals of functions of a field (None for 1) over its parts, and a function of each one's sum over them."""
     body, one = design.system.body, fem.Constant(design.system.body.mesh, 1.0)
     values = ((one if function is None else function(part.field), part) for function in integrands for part in parts)
@@ -212,23 +196,23 @@ def over_parts(
     return forms, summed
 
 
-@register_quantity
+@quantities.register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class PeakStretch(DesignQuantity):
+class PeakStretch(quantities.DesignQuantity):
     """Peak of the largest principal stretch: its mean over the 0.5 % of the silicone where it is largest."""
 
     name: ClassVar = "peak_stretch"
     unit: ClassVar = "1"
 
-    def measure(self, design: DesignedBody) -> Measure:
+    def measure(self, design: quantities.DesignedBody) -> quantities.Measure:
         return PeakMeasure(
             design, stretch_field(design), lambda _, stretches: stretches[..., -1], counted_in_stress=False, rest=1.0
         )
 
 
-@register_quantity
+@quantities.register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class PeakVonMises(DesignQuantity):
+class PeakVonMises(quantities.DesignQuantity):
     """Peak of the von Mises stress: its mean over the 0.5 % of the silicone where it is largest."""
 
     name: ClassVar = "peak_von_mises"
@@ -238,11 +222,11 @@ class PeakVonMises(DesignQuantity):
     def title(self) -> str:
         return "peak von Mises stress"
 
-    def measure(self, design: DesignedBody) -> Measure:
+    def measure(self, design: quantities.DesignedBody) -> quantities.Measure:
         return PeakMeasure(design, mises_field(design), _mises, counted_in_stress=True)
 
 
-QUANTITIES.update({"max_stretch": PeakStretch, "von_mises": PeakVonMises})
+quantities.QUANTITIES.update({"max_stretch": PeakStretch, "von_mises": PeakVonMises})
 """Names in problem files of earlier versions, which meant a mean of high powers, fitted to the largest value at a point."""
 
 
@@ -251,7 +235,7 @@ QUANTITIES.update({"max_stretch": PeakStretch, "von_mises": PeakVonMises})
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class OfRegion(DesignQuantity):
+class OfRegion(quantities.DesignQuantity):
     """A quantity of the stress or stretch over a region (the whole device if empty), in cells above a least height along the
     lift and within a largest distance from the axis along it, in m or texts with a unit; 0 for any."""
 
@@ -262,7 +246,7 @@ class OfRegion(DesignQuantity):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("above", "within"):
-            object.__setattr__(self, name, length(name, getattr(self, name)))
+            object.__setattr__(self, name, quantities.length(name, getattr(self, name)))
 
     @property
     def cells(self) -> CellChoice:
@@ -273,7 +257,7 @@ class OfRegion(DesignQuantity):
         return self.name.replace("_", " ").replace("von mises", "von Mises") + self.cells.words
 
 
-@register_quantity
+@quantities.register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class StressDeviation(OfRegion):
     """Standard deviation of the von Mises stress over a region, by volume."""
@@ -282,7 +266,7 @@ class StressDeviation(OfRegion):
     unit: ClassVar = "Pa"
     relative: ClassVar = False
 
-    def measure(self, design: DesignedBody) -> Measure:
+    def measure(self, design: quantities.DesignedBody) -> quantities.Measure:
         def deviation(values: Array) -> tuple[float, Array]:
             volume, first, second = values
             mean = first / volume
@@ -294,10 +278,10 @@ class StressDeviation(OfRegion):
 
         functions = [None, lambda field: field, lambda field: field**2]
         forms, combine = over_parts(design, mises_field(design, self.cells), functions, deviation)
-        return FormMeasure(design, forms, combine, counted_in_stress=not self.relative)
+        return quantities.FormMeasure(design, forms, combine, counted_in_stress=not self.relative)
 
 
-@register_quantity
+@quantities.register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class StressUnevenness(StressDeviation):
     """The same over the mean: 0 of a silicone that is stressed evenly."""
@@ -307,11 +291,16 @@ class StressUnevenness(StressDeviation):
     relative: ClassVar = True
 
 
-class PowerMeasure(FormMeasure):
+class PowerMeasure(quantities.FormMeasure):
     """Power mean of a field over the body, (mean of field^p)^(1/p), counted from its value at rest."""
 
     def __init__(
-        self, design: DesignedBody, fields: Sequence[FieldPart], exponent: float, rest: float, counted_in_stress: bool
+        self,
+        design: quantities.DesignedBody,
+        fields: Sequence[FieldPart],
+        exponent: float,
+        rest: float,
+        counted_in_stress: bool,
     ):
         self._p, self._rest = exponent, rest
         self._scale = fem.Constant(design.system.body.mesh, 1.0)  # of powers, which would not be numbers otherwise
@@ -324,7 +313,7 @@ class PowerMeasure(FormMeasure):
         mean = float(self._scale.value) * (powers / volume) ** (1 / self._p)
         return self._rest + mean, mean / self._p * np.array([1 / powers, -1 / volume])
 
-    def slopes(self, state: State | None) -> Slopes:
+    def slopes(self, state: State | None) -> quantities.Slopes:
         self._scale.value = 1.0
         unit = self.design.system.stress_unit if self.counted_in_stress else 1.0
         self._scale.value = max(self._combined()[0] / unit - self._rest, 1e-12)
@@ -348,7 +337,7 @@ class PowerMean(OfRegion):
             raise ValueError(f"exponent is {self.exponent:g}; it must be from 2 to 40")
 
 
-@register_quantity
+@quantities.register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class StressNorm(PowerMean):
     """Power mean of the von Mises stress over the silicone or a region."""
@@ -356,11 +345,11 @@ class StressNorm(PowerMean):
     name: ClassVar = "von_mises_norm"
     unit: ClassVar = "Pa"
 
-    def measure(self, design: DesignedBody) -> Measure:
+    def measure(self, design: quantities.DesignedBody) -> quantities.Measure:
         return PowerMeasure(design, mises_field(design, self.cells), self.exponent, 0.0, counted_in_stress=True)
 
 
-@register_quantity
+@quantities.register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class StretchNorm(PowerMean):
     """Power mean of the largest principal stretch over the silicone or a region, counted from 1."""
@@ -368,7 +357,7 @@ class StretchNorm(PowerMean):
     name: ClassVar = "stretch_norm"
     unit: ClassVar = "1"
 
-    def measure(self, design: DesignedBody) -> Measure:
+    def measure(self, design: quantities.DesignedBody) -> quantities.Measure:
         return PowerMeasure(design, stretch_field(design, self.cells), self.exponent, 1.0, counted_in_stress=False)
 
 
@@ -390,13 +379,13 @@ SHARPNESS = 50.0
 """rho times the thickness of the thinnest wall: ten places that are equally close take 5 % of that thickness off the gap."""
 
 
-class NodesMeasure(Measure):
+class NodesMeasure(quantities.Measure):
     """A function of the deformed places of all nodes."""
 
-    def __init__(self, design: DesignedBody):
+    def __init__(self, design: quantities.DesignedBody):
         self.design, self.system = design, design.system
-        self._grid = Grid(self.system)
-        skew, _ = displacement_maps(self.system, self._grid)
+        self._grid = state_values.Grid(self.system)
+        skew, _ = state_values.displacement_maps(self.system, self._grid)
         self._skew = skew[: self._grid.owned]
         self._from_nodes = _interpolation(self._grid, design)
         self._made = self._places()
@@ -406,17 +395,19 @@ class NodesMeasure(Measure):
         """Return the value in SI units, a note, and the derivative by the places of the grid's nodes, on rank 0, with these
         shifted from the undeformed mesh as it was made by a shift in m, shape (n, 3)."""
 
-    def slopes(self, state: State | None) -> Slopes:
+    def slopes(self, state: State | None) -> quantities.Slopes:
         system, grid, motion = self.system, self._grid, self.design.motion
         assert state is not None
         moved = in_space(system.w.x.array[self._skew] @ system.body.skew_inverse.T * system.length_unit)
         shift = grid.collect(self._places() - self._made + moved)
-        value, note, rates = on_root(system.comm, lambda: self._smooth(shift))
-        mesh = grid.distribute(rates if is_root(system.comm) else None) * system.length_unit  # by dimensionless places
+        value, note, rates = mpi.on_root(system.comm, lambda: self._smooth(shift))
+        mesh = (
+            grid.distribute(rates if mpi.is_root(system.comm) else None) * system.length_unit
+        )  # by dimensionless places
         mesh = mesh if motion.dimension == 3 else mesh[:, [0, 2]]
         by_w = np.zeros(system.n)
         by_w[self._skew] = mesh @ system.body.skew_inverse
-        return Slopes(value, system.by_unknowns(by_w).copy(), 0.0, self._by_nodes(mesh), note)
+        return quantities.Slopes(value, system.by_unknowns(by_w).copy(), 0.0, self._by_nodes(mesh), note)
 
     def _places(self) -> Array:
         """Return the owned nodes of the grid on the current mesh, device coordinates in m, shape (n, 3)."""
@@ -435,9 +426,9 @@ class NodesMeasure(Measure):
 class GapMeasure(NodesMeasure):
     """The smooth least gap of a meshed design."""
 
-    def __init__(self, design: DesignedBody):
+    def __init__(self, design: quantities.DesignedBody):
         super().__init__(design)
-        self._walls: FacingWalls | None = None  # on rank 0
+        self._walls: state_values.FacingWalls | None = None  # on rank 0
         self._rho = 0.0
 
     def _smooth(self, shift: Array | None) -> tuple[float, str, Array | None]:
@@ -445,10 +436,10 @@ class GapMeasure(NodesMeasure):
         grid = self._grid
         if self._walls is None:
             planes = [plane.normal for plane in self.system.body.actuator.cut_planes]
-            self._walls = FacingWalls(grid.points, grid.cells, grid.cell_name, planes)
+            self._walls = state_values.FacingWalls(grid.points, grid.cells, grid.cell_name, planes)
         gaps, rates = self._near(self._walls, shift), np.zeros_like(shift)
         if not len(gaps.values):  # within the search distance
-            return LAST_REACH * self._walls.size, "no walls are near each other", rates
+            return state_values.LAST_REACH * self._walls.size, "no walls are near each other", rates
         if not self._rho:
             self._rho = SHARPNESS / float(gaps.thickness.min())
         least = float(gaps.values.min())
@@ -459,17 +450,19 @@ class GapMeasure(NodesMeasure):
         return value, f"the smallest gap is {1e3 * least:.4g} mm", rates
 
     @staticmethod
-    def _near(walls: FacingWalls, shift: Array) -> Gaps:
+    def _near(walls: state_values.FacingWalls, shift: Array) -> state_values.Gaps:
         """Return the gaps up to twice the least one, or as far as they are looked for."""
-        reach = REACH * walls.size
+        reach = state_values.REACH * walls.size
         while True:
             gaps = walls.gaps(shift, reach)
-            if np.min(gaps.values, initial=np.inf) < reach / 2 or reach >= LAST_REACH * walls.size:
+            if np.min(gaps.values, initial=np.inf) < reach / 2 or reach >= state_values.LAST_REACH * walls.size:
                 return gaps
             reach *= 2.0
 
 
-def _add_rates(rates: Array, walls: FacingWalls, gaps: Gaps, chosen: npt.NDArray[np.bool_], shares: Array) -> None:
+def _add_rates(
+    rates: Array, walls: state_values.FacingWalls, gaps: state_values.Gaps, chosen: npt.NDArray[np.bool_], shares: Array
+) -> None:
     """Add the derivatives of chosen gaps by the nodes' places, times a share of each."""
     facets, others, normals = gaps.facets[chosen], gaps.others[chosen], gaps.normals[chosen]
     own, other = walls.shapes(gaps.points[chosen]), gaps.weights[chosen]
@@ -480,7 +473,7 @@ def _add_rates(rates: Array, walls: FacingWalls, gaps: Gaps, chosen: npt.NDArray
     np.add.at(rates, walls.facets[others[~plane]], -other[~plane][:, :, None] * along[~plane][:, None])
 
 
-def _interpolation(grid: Grid, design: DesignedBody) -> scipy.sparse.csr_matrix:
+def _interpolation(grid: state_values.Grid, design: quantities.DesignedBody) -> scipy.sparse.csr_matrix:
     """Return the places of the grid's owned nodes from those of the mesh's own local nodes, shape (owned, nodes of
     `MeshMotion.space`)."""
     mesh, space = grid.space.mesh, design.motion.space
@@ -496,15 +489,15 @@ def _interpolation(grid: Grid, design: DesignedBody) -> scipy.sparse.csr_matrix:
     return scipy.sparse.csr_matrix((shapes[local].ravel(), (rows, own[cell].ravel())), shape=size)
 
 
-@register_quantity
+@quantities.register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class LeastGap(DesignQuantity):
+class LeastGap(quantities.DesignQuantity):
     """Smallest gap between facing walls, as a smooth minimum; negative if they overlap."""
 
     name: ClassVar = "least_gap"
     unit: ClassVar = "m"
 
-    def measure(self, design: DesignedBody) -> Measure:
+    def measure(self, design: quantities.DesignedBody) -> quantities.Measure:
         return GapMeasure(design)
 
 
@@ -530,13 +523,13 @@ class _TopMeasure(NodesMeasure):
         return value, f"the highest node is at {1e3 * highest:.5g} mm", np.outer(weights / weights.sum(), lift)
 
 
-@register_quantity
+@quantities.register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class TopHeight(DesignQuantity):
+class TopHeight(quantities.DesignQuantity):
     """Height of the highest point of the deformed device, as a smooth maximum."""
 
     name: ClassVar = "top_height"
     unit: ClassVar = "m"
 
-    def measure(self, design: DesignedBody) -> Measure:
+    def measure(self, design: quantities.DesignedBody) -> quantities.Measure:
         return _TopMeasure(design)

@@ -15,14 +15,15 @@ from pathlib import Path
 import numpy as np
 
 from geometries import Actuator, GeometryError, MeshingError
+from softmodels.case import entries
 from softmodels.case.case import Case, in_equations, of_shape, value_of, varied
-from softmodels.case.entries import INPUT_ERRORS
+from softmodels.common import errors, folders
 from softmodels.common.arrays import Array
-from softmodels.common.errors import reason
 from softmodels.common.files import read_text, write_bytes, write_text
-from softmodels.common.folders import InUseError, OwnFolder, OwnFolderError, take_default
+from softmodels.common.folders import InUseError, OwnFolderError
 from softmodels.common.lazy import MPI
 from softmodels.components.loads import weighed
+from softmodels.design import result, targets
 from softmodels.design.problem import (
     EVALUATIONS,
     KEPT,
@@ -46,9 +47,7 @@ from softmodels.design.quantities import (
     Slopes,
     TargetMeasure,
 )
-from softmodels.design.result import case_of, case_text
 from softmodels.design.states import Adjoint, Bifurcations, Known, Transfer, WorkingStates
-from softmodels.design.targets import CompositeQuantity
 from softmodels.design.trials import (
     PRESSURE,
     DesignError,
@@ -62,12 +61,9 @@ from softmodels.design.trials import (
     factor,
     shown_unit,
 )
+from softmodels.mechanics import compiling, mpi, newton, regions
 from softmodels.mechanics.body import Body
-from softmodels.mechanics.compiling import compiling
 from softmodels.mechanics.component import ComponentError
-from softmodels.mechanics.mpi import is_root, on_root
-from softmodels.mechanics.newton import NoConvergence
-from softmodels.mechanics.regions import relaxed
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 from softmodels.path.stability import Stability
@@ -121,12 +117,12 @@ class MeshedDesign:
         with tempfile.TemporaryDirectory() as folder:
             file = Path(comm.bcast(folder)) / "design.msh"
             try:
-                on_root(comm, lambda: case.actuator.write(file))
+                mpi.on_root(comm, lambda: case.actuator.write(file))
             except MeshingError as error:
                 raise DesignFailure(str(error)) from error
             body = Body.from_file(case.actuator, file, comm)
             comm.barrier()
-        with compiling():
+        with compiling.compiling():
             system = System(body, case.material, case.formulation, case.components)
             system.direction = case.load.direction
             solver = Solver(system, case.solver)
@@ -147,7 +143,7 @@ class MeshedDesign:
             self.states.carry(guess)
             for load in self.question.loads:
                 self._settled(load)
-        except (NoConvergence, DesignFailure):  # possibly due to the interpolation
+        except (newton.NoConvergence, DesignFailure):  # possibly due to the interpolation
             return False
         return True
 
@@ -159,7 +155,7 @@ class MeshedDesign:
         """Move the mesh and the numbers of the equations to a case; GeometryError where the mesh cannot follow."""
         if case.actuator != self.design.motion.device:
             self.design.motion.move(case.actuator)
-        material, components = relaxed(case.material, case.components)
+        material, components = regions.relaxed(case.material, case.components)
         self.design.system.take(material, components, case.actuator.ratios)
         self.case = case
 
@@ -183,7 +179,7 @@ class MeshedDesign:
                 self.show(case if goal == 1.0 else _between(start, case, goal, self.question.names))
                 here = states.known
                 states.carry(here.ahead(earlier[0][1], (goal - way) / (way - earlier[0][0])) if earlier else None)
-            except NoConvergence:
+            except newton.NoConvergence:
                 step /= 2
                 if step < SHORTEST:
                     self._retrace(case, start, first)
@@ -401,7 +397,7 @@ class DesignModel:
         """Return the case with these parameters; DesignFailure if they make no device."""
         try:
             return varied(self.case, dict(zip(self.names, map(float, theta), strict=True)))
-        except INPUT_ERRORS as error:
+        except entries.INPUT_ERRORS as error:
             raise DesignFailure(str(error)) from error
 
     def evaluate(self, theta: Array) -> Evaluation:
@@ -497,7 +493,7 @@ class DesignModel:
         """Return the quantities by key, combined over states; add their notes."""
         own: dict[str, Judged] = {}
         for one in self.quantities:
-            if isinstance(one, CompositeQuantity):
+            if isinstance(one, targets.CompositeQuantity):
                 parts = [found[part.key] for part in one.parts]
                 own[one.key] = _combined(one, parts)
                 if note := one.note(np.array([part.value for part in parts])):
@@ -509,7 +505,7 @@ class DesignModel:
         return own
 
 
-def _combined(one: CompositeQuantity, parts: Sequence[Judged]) -> Judged:
+def _combined(one: targets.CompositeQuantity, parts: Sequence[Judged]) -> Judged:
     values, slopes = np.array([part.value for part in parts]), np.array([part.gradient for part in parts])
     value, weights = one.combined(values)
     gradient = slopes.T @ weights
@@ -543,7 +539,7 @@ def evaluator(problem: DesignProblem, comm: MPI.Comm, how: SearchOptions) -> Jud
 
 def _tell(comm: MPI.Comm, how: SearchOptions, text: str) -> None:
     """Report a line from rank 0."""
-    if is_root(comm) and (listener := how.get("progress")) is not None:
+    if mpi.is_root(comm) and (listener := how.get("progress")) is not None:
         listener(text)
 
 
@@ -575,17 +571,17 @@ class Evaluating:
         self.start, self.mesh = 1, 1
         self.visited: set[int] = set()
         self._seconds: list[float] = []
-        for trial in on_root(comm, lambda: [] if folder is None else folder.trials):
+        for trial in mpi.on_root(comm, lambda: [] if folder is None else folder.trials):
             self.trials.add(trial)
 
     def trial(self, theta: Array) -> Trial:
         """Return a design's values, stored or evaluated; DesignStopped if the user asked to stop, EnoughError if this search
         has used up its evaluations."""
-        theta = on_root(self.comm, lambda: theta)
+        theta = mpi.on_root(self.comm, lambda: theta)
         found = self.trials.find(theta, self.mesh)
         new = found is None
         if found is None:
-            if on_root(self.comm, self.how.get("stopped", bool)):
+            if mpi.on_root(self.comm, self.how.get("stopped", bool)):
                 raise DesignStopped
             if len(self.visited) >= self.how.get("evaluations", EVALUATIONS):
                 raise EnoughError
@@ -594,7 +590,7 @@ class Evaluating:
         if self.form is None and not found.failed:
             self.form = Formulation(self.problem, found)
         if new:
-            on_root(self.comm, self._keep)
+            mpi.on_root(self.comm, self._keep)
         self.visited.add(found.number)
         return found
 
@@ -614,7 +610,7 @@ class Evaluating:
             found = self.model.confirm(np.array(best.theta), self.how.get("finer", 1.0))
         except (DesignFailure, GeometryError, MeshingError) as error:
             return {}, f"the design could not be confirmed on a fresh mesh: {error}"
-        return on_root(self.comm, lambda: {key: float(value) for key, value in found.values.items()}), ""
+        return mpi.on_root(self.comm, lambda: {key: float(value) for key, value in found.values.items()}), ""
 
     def tell(self, text: str) -> None:
         """Report a line from rank 0."""
@@ -633,7 +629,7 @@ class Evaluating:
             if self.trials.all:
                 raise
             raise DesignError(str(error)) from None
-        made = on_root(self.comm, lambda: made)
+        made = mpi.on_root(self.comm, lambda: made)
         self._seconds.append(made.seconds)
         return made
 
@@ -702,13 +698,17 @@ class DesignFolder:
         self._best = 0
         try:
             default = Path("results") / problem.name
-            self.own = take_default(default, KIND, self.identity) if output is None else OwnFolder(output, KIND)
+            self.own = (
+                folders.take_default(default, KIND, self.identity)
+                if output is None
+                else folders.OwnFolder(output, KIND)
+            )
             self.own.take()
         except (InUseError, OwnFolderError) as error:
             raise DesignError(str(error)) from None
         except OSError as error:
-            raise DesignError(f"the folder {output or default} cannot be written ({reason(error)})") from None
-        self._iterates = OwnFolder(self.path / ITERATES, ITERATES)
+            raise DesignError(f"the folder {output or default} cannot be written ({errors.reason(error)})") from None
+        self._iterates = folders.OwnFolder(self.path / ITERATES, ITERATES)
         try:
             self._new = not (resume and self._take_up())
             self.own.check_inputs(inputs)
@@ -752,14 +752,16 @@ class DesignFolder:
         if self._new:
             self.own.remove(self.own.files)
             self.own.claim([TABLE, DESIGN, START, f"{ITERATES}/"], {"inputs": self.identity})
-            write_text(self.path / START, case_text(self.problem, self.problem.case))
+            write_text(self.path / START, result.case_text(self.problem, self.problem.case))
             self._new = False
         (self.path / ITERATES).mkdir(exist_ok=True)
         trial = trials[-1]
         names = [f"{trial.number:04d}.json", f"{trial.number:04d}.toml"]
         self._iterates.claim(names)
-        with contextlib.suppress(*INPUT_ERRORS):  # an invalid device has no case
-            write_text(self.path / ITERATES / names[1], case_text(self.problem, case_of(self.problem, trial)))
+        with contextlib.suppress(*entries.INPUT_ERRORS):  # an invalid device has no case
+            write_text(
+                self.path / ITERATES / names[1], result.case_text(self.problem, result.case_of(self.problem, trial))
+            )
         write_text(self.path / ITERATES / names[0], trial.to_json())
         write_text(self.path / TABLE, table(self.problem, trials, form))
         # Compare only values of one mesh: those of the previous one may satisfy limits that are violated on a fresh one.
@@ -777,7 +779,7 @@ class DesignFolder:
 
     def _write_best(self, best: Trial) -> None:
         if best.number != self._best:
-            write_text(self.path / DESIGN, case_text(self.problem, case_of(self.problem, best)))
+            write_text(self.path / DESIGN, result.case_text(self.problem, result.case_of(self.problem, best)))
             self._best = best.number
 
     def write(self, files: Mapping[str, str | bytes]) -> None:

@@ -15,15 +15,13 @@ import numpy as np
 from scipy.optimize import least_squares, linprog, minimize
 from scipy.stats import qmc
 
-from softmodels.case.case import value_of, varied
-from softmodels.case.entries import INPUT_ERRORS
+from softmodels.case import case, entries
+from softmodels.common import files, names, units
 from softmodels.common.arrays import Array
-from softmodels.common.files import write_text
 from softmodels.common.lazy import MPI
-from softmodels.common.names import callback, checked, flag, place, several, whole as whole_number, wrong
+from softmodels.common.names import checked
 from softmodels.common.processes import one_at_a_time
-from softmodels.common.units import UnitError, quantity
-from softmodels.design.model import DESIGN, START, TABLE, DesignFolder, EnoughError, Evaluating, evaluator, table
+from softmodels.design import model, trials
 from softmodels.design.problem import (
     CLEARANCES,
     EVALUATIONS,
@@ -36,9 +34,10 @@ from softmodels.design.problem import (
     label,
 )
 from softmodels.design.result import MET, DesignResult, StartEnd, case_text, holding
-from softmodels.design.trials import DesignStopped, Trial
-from softmodels.mechanics.mpi import kept_on_root, on_root, start
-from softmodels.runs.outcomes import NO_EQUILIBRIUM, STOPPED, RunError
+from softmodels.design.trials import Trial
+from softmodels.mechanics import mpi
+from softmodels.runs import outcomes
+from softmodels.runs.outcomes import RunError
 
 TRIED = 8
 """Maximum number of points tried for a further start until one has a state."""
@@ -90,14 +89,14 @@ def optimise(
         DesignError: Invalid input.
         RunError: The given device has no state at a requested pressure.
     """
-    output = None if folder is None else place("folder", folder, "a folder")
-    read = several("inputs", inputs, Path, "a file's Path")
+    output = None if folder is None else names.place("folder", folder, "a folder")
+    read = names.several("inputs", inputs, Path, "a file's Path")
     functions = {"progress": progress, "stopped": stopped, "model": model}
     how = _how(starts, evaluations, seed, finer, {"resume": resume, "confirm": confirm}, functions, read)
     whole = problem
     if not isinstance(whole, DesignProblem):
-        whole = DesignProblem.from_file(place("problem", whole, "a problem file"))
-    comm = start()
+        whole = DesignProblem.from_file(names.place("problem", whole, "a problem file"))
+    comm = mpi.start()
     kept = None if output is None else open_folder(whole, output, comm, how)
     try:
         return run_in(whole, kept, comm, **how)
@@ -117,12 +116,12 @@ def _how(
 ) -> SearchOptions:
     """Return the options of a call without those that are None; ArgumentError if one is something else."""
     for name, function in functions.items():
-        callback(name, function)
+        names.callback(name, function)
     given = {name: function for name, function in functions.items() if function is not None}
     how = {
-        "starts": whole_number("starts", starts, 1), "evaluations": whole_number("evaluations", evaluations, 1),
-        "seed": whole_number("seed", seed, 0), "finer": _finer(finer), "inputs": inputs,
-        **{name: flag(name, value) for name, value in flags.items()}, **given,
+        "starts": names.whole("starts", starts, 1), "evaluations": names.whole("evaluations", evaluations, 1),
+        "seed": names.whole("seed", seed, 0), "finer": _finer(finer), "inputs": inputs,
+        **{name: names.flag(name, value) for name, value in flags.items()}, **given,
     }  # fmt: skip
     return cast("SearchOptions", how)
 
@@ -130,33 +129,37 @@ def _how(
 def _finer(value: object) -> float:
     """Return the refinement of the fresh mesh; raise `ArgumentError` if it is below 1."""
     try:
-        finer = quantity(cast("float", value), "")
-    except UnitError:
+        finer = units.quantity(cast("float", value), "")
+    except units.UnitError:
         finer = 0.0
     if isinstance(value, str) or not 1.0 <= finer <= 10.0:
-        raise wrong("finer", value, "a number from 1 to 10")
+        raise names.wrong("finer", value, "a number from 1 to 10")
     return finer
 
 
-def open_folder(problem: DesignProblem, output: Path | None, comm: MPI.Comm, how: SearchOptions) -> DesignFolder | None:
+def open_folder(
+    problem: DesignProblem, output: Path | None, comm: MPI.Comm, how: SearchOptions
+) -> model.DesignFolder | None:
     """Return the folder of an optimisation on rank 0, None elsewhere; DesignError, on all ranks, if it cannot be used."""
-    return kept_on_root(comm, lambda: DesignFolder(problem, output, how.get("resume", False), how.get("inputs", ())))
+    return mpi.kept_on_root(
+        comm, lambda: model.DesignFolder(problem, output, how.get("resume", False), how.get("inputs", ()))
+    )
 
 
 def run_in(
-    problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Comm, **how: Unpack[SearchOptions]
+    problem: DesignProblem, folder: model.DesignFolder | None, comm: MPI.Comm, **how: Unpack[SearchOptions]
 ) -> DesignResult:
     """Optimise into a folder that is already open, and stays open; see `open_folder`."""
     if problem.counts:
         return run_variants(problem, folder, comm, **how)
-    under_way = Evaluating(problem, evaluator(problem, comm, how), folder, comm, how)
+    under_way = model.Evaluating(problem, model.evaluator(problem, comm, how), folder, comm, how)
     try:
         return _run(under_way)
     finally:
         under_way.release()
 
 
-def _run(under_way: Evaluating) -> DesignResult:
+def _run(under_way: model.Evaluating) -> DesignResult:
     """Search from every start, and return the best result."""
     problem, ends = under_way.problem, list[StartEnd]()
     try:
@@ -165,32 +168,32 @@ def _run(under_way: Evaluating) -> DesignResult:
             if ends[-1].stopped:
                 break
         stopped = ends[-1].stopped
-    except DesignStopped:  # before the first design, or while searching for a start
+    except trials.DesignStopped:  # before the first design, or while searching for a start
         stopped = True
     judged = [end for end in ends if end.best is not None]
     if not judged:
-        raise RunError("stopped by the user before any design was evaluated", STOPPED)
+        raise RunError("stopped by the user before any design was evaluated", outcomes.STOPPED)
     end = min(judged, key=StartEnd.order)
     best, folder = end.best, under_way.folder
     assert best is not None
-    where = on_root(under_way.comm, lambda: None if folder is None else folder.settle(best, under_way.trials.all))
+    where = mpi.on_root(under_way.comm, lambda: None if folder is None else folder.settle(best, under_way.trials.all))
     return DesignResult(
         problem, end, tuple(under_way.trials.all), tuple(ends), holding(end.form, best),
         under_way.how.get("finer", 1.0), stopped, where,
     )  # fmt: skip
 
 
-def _starts(under_way: Evaluating) -> Iterator[Array]:
+def _starts(under_way: model.Evaluating) -> Iterator[Array]:
     """Yield the starting points of searches, each on its own mesh; after the first, those that have a state. RunError if the
     device as given has none where it is asked."""
     problem = under_way.problem
-    theta = np.array([value_of(problem.case, name) for name in problem.names])
+    theta = np.array([case.value_of(problem.case, name) for name in problem.names])
     trial = under_way.trial(theta)
     if trial.failed:
         raise RunError(
             f"the given device cannot be evaluated: {trial.failure}; start from one that reaches the requested "
             f"pressures, such as with thicker walls",
-            NO_EQUILIBRIUM,
+            outcomes.NO_EQUILIBRIUM,
         )
     yield theta
     assert under_way.form is not None
@@ -499,7 +502,7 @@ WASTED = 0.02
 """Relative slack of a limit on the fresh mesh, active in the search, above which the search continues."""
 
 
-def follow(under_way: Evaluating, theta: Array) -> StartEnd:
+def follow(under_way: model.Evaluating, theta: Array) -> StartEnd:
     """Search from a design, values of the problem's `names`, and confirm the result; a design was judged before."""
     form = under_way.form
     assert form is not None
@@ -524,7 +527,7 @@ def follow(under_way: Evaluating, theta: Array) -> StartEnd:
             why = _searched(under_way, form, np.array(again.theta), seen)
             best = form.best(seen) or again
             ends.append(StartEnd(under_way.start, best, form, *under_way.confirmed(best), why))
-    except DesignStopped:
+    except trials.DesignStopped:
         found = form.best(seen)
         end = ends[-1] if ends and found is None else StartEnd(under_way.start, found, form)
         return dataclasses.replace(end, why="because the user stopped it", stopped=True)
@@ -548,7 +551,7 @@ def _differs(end: StartEnd, rounds: int) -> bool:
     return unused or not end.feasible
 
 
-def _searched(under_way: Evaluating, form: Formulation, theta: Array, seen: list[Trial]) -> str:
+def _searched(under_way: model.Evaluating, form: Formulation, theta: Array, seen: list[Trial]) -> str:
     """Search repeatedly until the standard deviations converge; return why it ended early. ``seen`` gets every trial."""
     start = form.x(theta)
 
@@ -580,7 +583,7 @@ def _searched(under_way: Evaluating, form: Formulation, theta: Array, seen: list
             change = np.abs(form.allowances(judged(end)) - allowances) / np.array([row.scale for row in form.rows])
             if change.max(initial=0.0) <= SETTLED:
                 break
-    except EnoughError:
+    except model.EnoughError:
         return f"after {len(under_way.visited)} evaluations"
     return ""
 
@@ -603,8 +606,8 @@ def further_starts(problem: DesignProblem, seed: int) -> Iterator[Array]:
 def _is_device(problem: DesignProblem, x: Array) -> bool:
     values = {one.name: one.low + share * one.width for one, share in zip(problem.free, x, strict=True)}
     try:
-        device = varied(problem.case, values).actuator
-    except INPUT_ERRORS:
+        device = case.varied(problem.case, values).actuator
+    except entries.INPUT_ERRORS:
         return False
     least = max([keep.at_least or 0.0 for keep in problem.limits if keep.quantity.name == CLEARANCES], default=0.0)
     return min(device.clearances.values(), default=least) >= least
@@ -647,20 +650,20 @@ class Variant:
 
 
 def run_variants(
-    problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Comm, **how: Unpack[SearchOptions]
+    problem: DesignProblem, folder: model.DesignFolder | None, comm: MPI.Comm, **how: Unpack[SearchOptions]
 ) -> DesignResult:
     """Optimise for each choice of the whole numbers, each in a folder of its own; return the result of the best, with all in
     its `DesignResult.variants`. RunError if none of them has a state where it is asked."""
     tell, found = how.get("progress"), list[Variant]()
-    on_root(comm, lambda: _begin(problem, folder, how))
+    mpi.on_root(comm, lambda: _begin(problem, folder, how))
     for words, one in problem.variants():
         if tell is not None:
-            on_root(comm, lambda words=words: tell(f"{words}:"))  # type: ignore[misc]
-        own = kept_on_root(comm, functools.partial(_opened, one, words, folder, how))
+            mpi.on_root(comm, lambda words=words: tell(f"{words}:"))  # type: ignore[misc]
+        own = mpi.kept_on_root(comm, functools.partial(_opened, one, words, folder, how))
         try:
             found.append(Variant(words, one, run_in(one, own, comm, **how)))
         except RunError as error:
-            if error.status == STOPPED:
+            if error.status == outcomes.STOPPED:
                 raise
             found.append(Variant(words, one, None, str(error)))
         finally:
@@ -673,7 +676,7 @@ def run_variants(
     if best.result is None:
         raise RunError(f"no choice of {', '.join(problem.counts)} can be evaluated: {found[0].sentence}")
     made = dataclasses.replace(best.result, variants=tuple(one.sentence for one in found))
-    where = on_root(comm, lambda: None if folder is None else _settle(folder, best, found))
+    where = mpi.on_root(comm, lambda: None if folder is None else _settle(folder, best, found))
     return dataclasses.replace(made, folder=where)
 
 
@@ -681,26 +684,28 @@ def _name(words: str) -> str:
     return words.replace(", ", "-").replace(" ", "-")
 
 
-def _begin(problem: DesignProblem, folder: DesignFolder | None, how: SearchOptions) -> None:
+def _begin(problem: DesignProblem, folder: model.DesignFolder | None, how: SearchOptions) -> None:
     """Claim the folder's files, once those of an earlier run are gone."""
     if folder is None:
         return
     if not how.get("resume", False):
         folder.own.remove(folder.own.files)
     names = [f"{_name(words)}/" for words, _ in problem.variants()]
-    folder.own.claim([TABLE, DESIGN, START, VARIANTS, *names], {"inputs": folder.identity})
+    folder.own.claim([model.TABLE, model.DESIGN, model.START, VARIANTS, *names], {"inputs": folder.identity})
 
 
-def _opened(problem: DesignProblem, words: str, folder: DesignFolder | None, how: SearchOptions) -> DesignFolder | None:
+def _opened(
+    problem: DesignProblem, words: str, folder: model.DesignFolder | None, how: SearchOptions
+) -> model.DesignFolder | None:
     """Return the folder of one choice inside that of all."""
-    return None if folder is None else DesignFolder(problem, folder.path / _name(words), how.get("resume", False))
+    return None if folder is None else model.DesignFolder(problem, folder.path / _name(words), how.get("resume", False))
 
 
-def _settle(folder: DesignFolder, best: Variant, found: list[Variant]) -> Path:
+def _settle(folder: model.DesignFolder, best: Variant, found: list[Variant]) -> Path:
     """Write the best design, the table of all choices, and that of all designs; return the folder."""
     assert best.result is not None
-    write_text(folder.path / START, case_text(best.problem, best.result.given))
-    write_text(folder.path / DESIGN, case_text(best.problem, best.result.case))
+    files.write_text(folder.path / model.START, case_text(best.problem, best.result.given))
+    files.write_text(folder.path / model.DESIGN, case_text(best.problem, best.result.case))
     out = io.StringIO()
     rows = csv.writer(out, lineterminator="\n")
     asked = best.problem.terms[0].quantity
@@ -710,8 +715,8 @@ def _settle(folder: DesignFolder, best: Variant, found: list[Variant]) -> Path:
             in_words(asked, one.result.end.objective, 7), int(one.result.feasible), len(one.result.trials),
         ]  # fmt: skip
         rows.writerow([one.words, *told, one.trouble])
-    write_text(folder.path / VARIANTS, out.getvalue())
-    write_text(folder.path / TABLE, "".join(_all_designs(found)))
+    files.write_text(folder.path / VARIANTS, out.getvalue())
+    files.write_text(folder.path / model.TABLE, "".join(_all_designs(found)))
     return folder.path
 
 
@@ -719,7 +724,7 @@ def _all_designs(found: list[Variant]) -> Iterator[str]:
     """Yield the lines of the table of all designs, each with its choice in front."""
     for number, one in enumerate(one for one in found if one.result is not None):
         assert one.result is not None
-        head, *lines = table(one.problem, one.result.trials, one.result.form).splitlines(keepends=True)
+        head, *lines = model.table(one.problem, one.result.trials, one.result.form).splitlines(keepends=True)
         if not number:
             yield f"variant,{head}"
         yield from (f'"{one.words}",{text}' for text in lines)

@@ -13,32 +13,17 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
+from softmodels.case import entries, materials
 from softmodels.case.case import Case, of_shape, value_of, variable_names, varied
-from softmodels.case.entries import INPUT_ERRORS
-from softmodels.case.materials import MaterialErrors
+from softmodels.common import errors, names, schema, tables, units
 from softmodels.common.arrays import Array
-from softmodels.common.errors import known_are
 from softmodels.common.lazy import MPI
-from softmodels.common.names import checked, place
-from softmodels.common.schema import Choice, about
-from softmodels.common.tables import TomlError, parse_toml, read_toml
-from softmodels.common.units import UnitError, brief, number_and_unit, quantity
+from softmodels.common.names import checked
+from softmodels.common.units import quantity
+from softmodels.design import trials
 from softmodels.design.quantities import PROBE, QUANTITIES, DesignQuantity, InflationWork, OfLimit, StoredEnergy
-from softmodels.design.trials import (
-    PRESSURE,
-    VOLUME,
-    DesignError,
-    Evaluation,
-    JudgedLoad,
-    Squares,
-    Trial,
-    dotted,
-    factor,
-    read,
-    shown_unit,
-    text,
-)
-from softmodels.mechanics.controls import LoadPart
+from softmodels.design.trials import DesignError, Trial, text
+from softmodels.mechanics import controls
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Objectives and limits of a design, from tables or as values.
@@ -83,7 +68,7 @@ class Keep:
 
 def shown(asked: DesignQuantity) -> str:
     """Return the display unit of a quantity."""
-    return str(getattr(asked, "shown_unit", "") or shown_unit(asked.unit))
+    return str(getattr(asked, "shown_unit", "") or trials.shown_unit(asked.unit))
 
 
 def in_words(asked: DesignQuantity, value: float, digits: int = 4) -> str:
@@ -96,8 +81,8 @@ def pressure_of(asked: DesignQuantity) -> float | None:
     at = asked.at
     if at is None:
         return None
-    load = JudgedLoad.of(at)
-    return load.value if load.kind == PRESSURE else None
+    load = trials.JudgedLoad.of(at)
+    return load.value if load.kind == trials.PRESSURE else None
 
 
 def highest_pressure(asked: DesignQuantity) -> float | None:
@@ -112,7 +97,7 @@ def label(asked: DesignQuantity, cm: float) -> str:
     pressure = pressure_of(asked)
     if pressure is None or asked.at is None:
         return asked.key
-    return f"{asked.title} at {JudgedLoad.of(asked.at).text or f'{pressure / cm:.5g} cm'}"
+    return f"{asked.title} at {trials.JudgedLoad.of(asked.at).text or f'{pressure / cm:.5g} cm'}"
 
 
 class Reader:
@@ -126,14 +111,14 @@ class Reader:
         is kept. DesignError for an unknown quantity or entry, or one that is missing."""
         if not isinstance(entry, Mapping):
             if not isinstance(entry, DesignQuantity):
-                raise DesignError(f"{where} is {brief(entry)}; it must be a quantity")
+                raise DesignError(f"{where} is {units.brief(entry)}; it must be a quantity")
             return [self._checked(entry, where)]
         kind = self._kind(entry.get("quantity"), where)
         fields = {field.name: field for field in dataclasses.fields(kind) if field.init}
         for key in entry:
             if key not in ("quantity", *fields, *more):
                 names = [name for name in fields if name != "at" or kind.of_state]
-                raise DesignError(f"{where} has an unknown entry {key!r}; {known_are(key, [*names, *more])}")
+                raise DesignError(f"{where} has an unknown entry {key!r}; {errors.known_are(key, [*names, *more])}")
         given = {key: self._given(key, value) for key, value in entry.items() if key in fields and key != "at"}
         if "cm" in fields:  # of the column, in which a quantity's file may give pressures
             given.setdefault("cm", self.case.cm)
@@ -151,15 +136,17 @@ class Reader:
 
     def _kind(self, name: object, where: str) -> type[DesignQuantity]:
         if name is None:
-            raise DesignError(f"{where} names no quantity; {known_are('', self.registry)}")
+            raise DesignError(f"{where} names no quantity; {errors.known_are('', self.registry)}")
         if not isinstance(name, str) or name not in self.registry:
-            raise DesignError(f"{where}: quantity {brief(name)} is unknown; {known_are(name, self.registry)}")
+            raise DesignError(
+                f"{where}: quantity {units.brief(name)} is unknown; {errors.known_are(name, self.registry)}"
+            )
         return self.registry[name]
 
     def _given(self, key: str, value: object) -> object:
         if key == "file":
             if not isinstance(value, str):
-                raise DesignError(f"file is {brief(value)}; it must be a file name")
+                raise DesignError(f"file is {units.brief(value)}; it must be a file name")
             return value if self.folder is None else str(self.folder.resolve() / value)
         return _tuples(value)
 
@@ -174,7 +161,9 @@ class Reader:
         device, of = self.case.actuator, getattr(asked, "of", "")
         what, known = asked.named(device, self.case.components)
         if (of or what != PROBE) and of not in known:
-            raise DesignError(f"{where}: this {type(device).__name__} has no {what} {of!r}; {known_are(of, known)}")
+            raise DesignError(
+                f"{where}: this {type(device).__name__} has no {what} {of!r}; {errors.known_are(of, known)}"
+            )
         if asked.of_state and asked.at is None:
             raise DesignError(f"{where}: {asked.name} needs a pressure (at)")
         pressure, last = highest_pressure(asked), self.case.goals[-1]
@@ -191,7 +180,7 @@ class Reader:
     def _check_sides(self, asked: DesignQuantity, where: str) -> None:
         """Reject a state on the other side of the ambient pressure than the case's."""
         for one in (asked, *getattr(asked, "parts", ())):
-            load = None if one.at is None else JudgedLoad.of(one.at)
+            load = None if one.at is None else trials.JudgedLoad.of(one.at)
             if load is not None and load.value * self.case.load.direction <= 0.0:
                 side = "below" if self.case.load.direction < 0 else "above"
                 raise DesignError(
@@ -201,26 +190,26 @@ class Reader:
     def _at(self, value: object, where: str) -> object:
         """Return a pressure in Pa, or a `Load` of a text."""
         if not isinstance(value, str):
-            return read(f"{where}: at", value, "Pa", self.bare)
+            return trials.read(f"{where}: at", value, "Pa", self.bare)
         try:
-            (amount, unit), kind = number_and_unit(value), PRESSURE
+            (amount, unit), kind = units.number_and_unit(value), trials.PRESSURE
             if unit == "cm":
                 number = amount * self.case.cm
             elif unit and _is_volume(value):
-                kind, number = VOLUME, quantity(value, "m^3")
+                kind, number = trials.VOLUME, quantity(value, "m^3")
             else:
                 number = quantity(value, "Pa")
-        except UnitError as error:
+        except units.UnitError as error:
             raise DesignError(f"{where}: at is not a pressure ({error}); write it like 177 cm or 17 kPa") from None
         if number == 0.0:
             raise DesignError(f"{where}: at {value!r} must be above zero, or below it for a vacuum")
-        return JudgedLoad(kind, number, value)
+        return trials.JudgedLoad(kind, number, value)
 
     def limit(self, entry: Mapping[str, object], side: str, asked: DesignQuantity, where: str) -> float | None:
         """Return the limit ``at_least`` or ``at_most`` in SI units; None if not given."""
         if entry.get(side) is None:
             return None
-        return read(f"{where}: {side} of {asked.name}", entry[side], asked.unit, self.bare)
+        return trials.read(f"{where}: {side} of {asked.name}", entry[side], asked.unit, self.bare)
 
 
 def _tuples(value: object) -> object:
@@ -231,7 +220,7 @@ def _tuples(value: object) -> object:
 def _is_volume(value: str) -> bool:
     try:
         quantity(value, "m^3")
-    except UnitError:
+    except units.UnitError:
         return False
     return True
 
@@ -255,7 +244,7 @@ def check_limits(keep: Keep, where: str) -> None:
 
 def shown_factor(asked: DesignQuantity) -> float:
     """Return the SI value of a quantity's display unit."""
-    return factor(shown(asked), asked.unit)
+    return trials.factor(shown(asked), asked.unit)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -282,7 +271,7 @@ class Free:
         return self.high - self.low
 
     def text(self, value: float, digits: int = 4) -> str:
-        return text(value, shown_unit(self.unit) or "1", self.unit or "1", digits)
+        return text(value, trials.shown_unit(self.unit) or "1", self.unit or "1", digits)
 
 
 def expanded(case: Case, name: str) -> list[str]:
@@ -294,20 +283,22 @@ def expanded(case: Case, name: str) -> list[str]:
         return [name]
     if "." in name:
         raise DesignError(
-            f"the case has no parameter {name!r}; {known_are(name, [own for own in every if '.' in own])}"
+            f"the case has no parameter {name!r}; {errors.known_are(name, [own for own in every if '.' in own])}"
         )
     entries = [one for one in known if re.fullmatch(rf"{re.escape(name)}\[\d+\]", one)]
     if entries:
         return entries
     stems = list(dict.fromkeys(one.partition("[")[0] for one in known))
     base = name.partition("[")[0]
-    if base in about(device) and base not in stems:
-        raise DesignError(f"{name} does not affect the shape of this {type(device).__name__}; {known_are(name, stems)}")
+    if base in schema.about(device) and base not in stems:
+        raise DesignError(
+            f"{name} does not affect the shape of this {type(device).__name__}; {errors.known_are(name, stems)}"
+        )
     if name != base and base in stems:
         count = sum(one.startswith(f"{base}[") for one in known)
         entries_text = f"has {count} entries, counted from 1" if count else "is not a list"
         raise DesignError(f"parameter {name!r} does not exist: {base} {entries_text}")
-    raise DesignError(f"{type(device).__name__} has no parameter {name!r}; {known_are(name, stems)}")
+    raise DesignError(f"{type(device).__name__} has no parameter {name!r}; {errors.known_are(name, stems)}")
 
 
 def free_parameters(case: Case, table: Mapping[str, object], bare: bool = True) -> tuple[Free, ...]:
@@ -322,7 +313,7 @@ def free_parameters(case: Case, table: Mapping[str, object], bare: bool = True) 
         low, high = _bounds(name, bounds)
         for one in expanded(case, name):
             unit = units[one]
-            least, most = (read(f"{one} {what}", end, unit, bare) for what, end in (("from", low), ("to", high)))
+            least, most = (trials.read(f"{one} {what}", end, unit, bare) for what, end in (("from", low), ("to", high)))
             found[one] = Free(one, least, most, value_of(case, one), unit)
     order = {name: place for place, name in enumerate(units)}
     free = tuple(sorted(found.values(), key=lambda one: order[one.name]))
@@ -364,15 +355,17 @@ MOST_VALUES = 30
 
 def _counted(device: Actuator, name: str) -> bool:
     """Return whether a name is of a whole number of a device, such as of its chambers."""
-    known = about(device).get(name)
-    return known is not None and isinstance(known.kind, Choice) and known.kind.ends is not None
+    known = schema.about(device).get(name)
+    return known is not None and isinstance(known.kind, schema.Choice) and known.kind.ends is not None
 
 
 def _count(case: Case, name: str, bounds: object) -> tuple[int, int]:
     """Return the bounds of a whole number; DesignError if they are none, or one of its devices cannot be made."""
     low, high = _bounds(name, bounds)
     if any(isinstance(end, bool) or not isinstance(end, int) for end in (low, high)):
-        raise DesignError(f"the bounds of {name} are {brief(low)} and {brief(high)}; they must be whole numbers")
+        raise DesignError(
+            f"the bounds of {name} are {units.brief(low)} and {units.brief(high)}; they must be whole numbers"
+        )
     assert isinstance(low, int) and isinstance(high, int)
     if not 0 <= high - low < MOST_VALUES:
         raise DesignError(
@@ -381,7 +374,7 @@ def _count(case: Case, name: str, bounds: object) -> tuple[int, int]:
     for value in range(low, high + 1):
         try:
             dataclasses.replace(case, actuator=dataclasses.replace(case.actuator, **{name: value}))
-        except INPUT_ERRORS as error:
+        except entries.INPUT_ERRORS as error:
             raise DesignError(f"{name} = {value} gives an invalid device: {error}") from None
     return low, high
 
@@ -400,7 +393,7 @@ def _bounds(name: str, bounds: object) -> tuple[object, object]:
     if isinstance(bounds, Sequence) and not isinstance(bounds, str) and len(bounds) == 2:
         return bounds[0], bounds[1]
     raise DesignError(
-        f"parameter {name} has no bounds ({brief(bounds)}); give both, as {name} = {{ from = ..., to = ... }}"
+        f"parameter {name} has no bounds ({units.brief(bounds)}); give both, as {name} = {{ from = ..., to = ... }}"
     )
 
 
@@ -422,7 +415,7 @@ def _check(case: Case, one: Free) -> None:
     for end, what in ((one.low, "lower"), (one.high, "upper")):
         try:
             varied(case, {one.name: end})
-        except INPUT_ERRORS as error:
+        except entries.INPUT_ERRORS as error:
             raise DesignError(
                 f"{one.name} gives an invalid device at its {what} bound, {one.text(end)}, with all else unchanged: {error}"
             ) from None
@@ -441,7 +434,7 @@ def crossed_corners(case: Case, free: Sequence[Free]) -> str:
     for corner in corners:
         try:
             varied(case, {one.name: end for one, end in zip(free, corner, strict=True)})
-        except INPUT_ERRORS as error:
+        except entries.INPUT_ERRORS as error:
             refused.append((corner, str(error)))
     if not refused:
         return ""
@@ -465,9 +458,9 @@ def tolerances_of(case: Case, table: Mapping[str, object], bare: bool) -> dict[s
     """Return the standard deviations in SI units by parameter; DesignError for an unknown one, or no deviation."""
     found: dict[str, float] = {}
     device, units = case.actuator, variable_names(case)
-    for name, value in dotted(table):
+    for name, value in trials.dotted(table):
         for one in expanded(case, name):
-            spread = read(f"tolerance of {one}", value, units[one], bare)
+            spread = trials.read(f"tolerance of {one}", value, units[one], bare)
             if spread <= 0.0:
                 raise DesignError(f"tolerance of {one} is {value}; a standard deviation must be above zero")
             movable = one.partition("[")[0] in device.movable or one in device.movable
@@ -481,7 +474,7 @@ class ToleranceSpread:
     """Standard deviations of the quantities of a design, from those of parameters in SI units and errors of the material, if
     given; gradients are by ``names``."""
 
-    def __init__(self, names: Sequence[str], tolerances: Mapping[str, float], errors: MaterialErrors | None):
+    def __init__(self, names: Sequence[str], tolerances: Mapping[str, float], errors: materials.MaterialErrors | None):
         self.errors = errors
         self.spreads = np.array([tolerances.get(name, 0.0) for name in names])
 
@@ -552,25 +545,25 @@ class DesignProblem:
     objective: str = dataclasses.field(init=False, default="")
     limits: tuple[Keep, ...] = dataclasses.field(init=False, default=())
     spreads: Mapping[str, float] = dataclasses.field(init=False, default_factory=dict)
-    errors: MaterialErrors | None = dataclasses.field(init=False, default=None)
+    errors: materials.MaterialErrors | None = dataclasses.field(init=False, default=None)
     notes: tuple[str, ...] = dataclasses.field(init=False, default=())
 
     def __post_init__(self) -> None:
         try:
             self._settle()
-        except INPUT_ERRORS as error:
+        except entries.INPUT_ERRORS as error:
             raise DesignError(str(error)) from None
 
     def _settle(self) -> None:
         if not isinstance(self.name, str):
-            raise DesignError(f"name is {brief(self.name)}; it must be a valid file name")
+            raise DesignError(f"name is {units.brief(self.name)}; it must be a valid file name")
         if self.folder is not None:
-            object.__setattr__(self, "folder", place("folder", self.folder, "a folder"))
+            object.__setattr__(self, "folder", names.place("folder", self.folder, "a folder"))
         case = self.case
         if not isinstance(case, Case):
             file = _place(case, self.folder)
             case = Case.from_file(file)
-            object.__setattr__(self, "written", read_toml(file))
+            object.__setattr__(self, "written", tables.read_toml(file))
         _check_load(case)
         reader = Reader(case, QUANTITIES, self.bare, self.folder)
         table = dict(_flat(_table(self.parameters, "parameters")))
@@ -614,7 +607,7 @@ class DesignProblem:
                 f"{given[0]}: {CLEARANCES} has many values and cannot be an objective; use it as a limit (keep)"
             )
         weights = entry.get("weights") if isinstance(entry, Mapping) else None
-        weights = [1.0] * len(found) if weights is None else [read("a weight", w, "1") for w in _list(weights)]
+        weights = [1.0] * len(found) if weights is None else [trials.read("a weight", w, "1") for w in _list(weights)]
         if len(weights) != len(found) or min(weights) < 0.0 or sum(weights) <= 0.0:
             raise DesignError(
                 f"{given[0]}: {len(weights)} weights for {len(found)} pressures; give one positive weight for each, or none"
@@ -632,7 +625,7 @@ class DesignProblem:
             try:
                 case = dataclasses.replace(self.case, actuator=dataclasses.replace(self.case.actuator, **values))
                 yield words, dataclasses.replace(self, case=case, parameters=rest, fixed=values)
-            except INPUT_ERRORS as error:
+            except entries.INPUT_ERRORS as error:
                 raise DesignError(f"{words}: {error}") from None
 
     @property
@@ -679,8 +672,8 @@ class DesignProblem:
             DesignError: Not TOML, unknown entries, or an invalid problem.
         """
         try:
-            return cls._from_tables(parse_toml(text), folder)
-        except TomlError as error:
+            return cls._from_tables(tables.parse_toml(text), folder)
+        except tables.TomlError as error:
             raise DesignError(f"the problem {error}") from None
 
     @classmethod
@@ -688,8 +681,8 @@ class DesignProblem:
         """Read a problem file; the messages name it."""
         path = Path(path)
         try:
-            return cls._from_tables(read_toml(path), path.parent)
-        except TomlError as error:
+            return cls._from_tables(tables.read_toml(path), path.parent)
+        except tables.TomlError as error:
             raise DesignError(f"problem file {path} {error}") from None
         except DesignError as error:
             raise DesignError(f"{path}: {error}") from None
@@ -698,7 +691,7 @@ class DesignProblem:
     def _from_tables(cls, tables: dict[str, object], folder: Path | None) -> DesignProblem:
         for key in tables:
             if key not in TABLES:
-                raise DesignError(f"the problem has an unknown entry {key!r}; {known_are(key, TABLES)}")
+                raise DesignError(f"the problem has an unknown entry {key!r}; {errors.known_are(key, TABLES)}")
         if "case" not in tables:
             raise DesignError('the problem has no case; give a case file, case = "slab.toml", or a [case] table')
         values = {key: value for key, value in tables.items() if key != "case"}
@@ -708,19 +701,19 @@ class DesignProblem:
             if isinstance(case, dict):
                 case = Case._from_tables(dict(case), folder)
             return cls(**{"parameters": {}, **values}, case=case, folder=folder, bare=False, written=written)  # type: ignore[arg-type]
-        except INPUT_ERRORS as error:
+        except entries.INPUT_ERRORS as error:
             raise DesignError(str(error)) from None
 
 
 def _place(case: object, folder: Path | None) -> Path:
     if not isinstance(case, str | Path):
-        raise DesignError(f"case is {brief(case)}; it must be a case, a case file or a [case] table")
+        raise DesignError(f"case is {units.brief(case)}; it must be a case, a case file or a [case] table")
     return (folder or Path()) / case
 
 
 def _table(value: object, what: str) -> Mapping[str, object]:
     if not isinstance(value, Mapping):
-        raise DesignError(f"{what} is {brief(value)}; it must be a table, starting with a line [{what}]")
+        raise DesignError(f"{what} is {units.brief(value)}; it must be a table, starting with a line [{what}]")
     return value
 
 
@@ -729,20 +722,20 @@ def _list(value: object) -> Sequence[object]:
         return value
     if isinstance(value, Keep):
         return [value]
-    raise DesignError(f"{brief(value)} is not a list; each limit starts with a line [[keep]]")
+    raise DesignError(f"{units.brief(value)} is not a list; each limit starts with a line [[keep]]")
 
 
-def _errors(given: object, case: Case, folder: Path | None) -> MaterialErrors | None:
+def _errors(given: object, case: Case, folder: Path | None) -> materials.MaterialErrors | None:
     """Return the errors of the case's material: as given, or from a fitted material's file."""
     if given is None:
         return None
     if isinstance(given, Mapping) and set(given) == {"file"}:
         given = given["file"]
     if isinstance(given, str | Path):
-        given = MaterialErrors.from_file((folder or Path()) / given)
-    if not isinstance(given, MaterialErrors):
+        given = materials.MaterialErrors.from_file((folder or Path()) / given)
+    if not isinstance(given, materials.MaterialErrors):
         raise DesignError(
-            f'material_errors is {brief(given)}; give a fitted material, file = "results/fit/fitted.toml"'
+            f'material_errors is {units.brief(given)}; give a fitted material, file = "results/fit/fitted.toml"'
         )
     given.check(case.material)
     return given
@@ -750,7 +743,7 @@ def _errors(given: object, case: Case, folder: Path | None) -> MaterialErrors | 
 
 def _check_load(case: Case) -> None:
     """Reject loads unsuitable for designs."""
-    if not (pressures := case.load.of(PRESSURE)):
+    if not (pressures := case.load.of(trials.PRESSURE)):
         raise DesignError(f"the case asks for {case.load.requested.words}; designs need pressures (pressure_cm)")
     if min(pressures) < 0.0 < max(pressures):
         raise DesignError("the case asks for pressures above and below ambient; designs need one side of it")
@@ -766,7 +759,7 @@ def _check_path(case: Case, quantities: Sequence[DesignQuantity]) -> None:
     rubbing = next((part.where for part in case.components if part.remembers), "")
     if not rubbing:
         return
-    loads = [part.where for part in case.components if isinstance(part, LoadPart)]
+    loads = [part.where for part in case.components if isinstance(part, controls.LoadPart)]
     if loads:
         raise DesignError(f"{rubbing} has friction, and designs with friction take no loads; leave out {loads[0]}")
     for asked in (part for one in quantities for part in getattr(one, "parts", (one,))):
@@ -774,7 +767,7 @@ def _check_path(case: Case, quantities: Sequence[DesignQuantity]) -> None:
             raise DesignError(
                 f"{asked.name} is not available with friction ({rubbing}); leave it out, or set friction = 0"
             )
-        if asked.load is not None and asked.load.kind == VOLUME:
+        if asked.load is not None and asked.load.kind == trials.VOLUME:
             raise DesignError(f"{asked.title} is at a volume, but with friction ({rubbing}) designs need pressures")
 
 
@@ -814,10 +807,10 @@ EVALUATIONS = 40
 class Judge(Protocol):
     """Interface of an evaluator: `softmodels.design.model.DesignModel`, or a substitute."""
 
-    def evaluate(self, theta: npt.NDArray[np.float64]) -> Evaluation:
+    def evaluate(self, theta: npt.NDArray[np.float64]) -> trials.Evaluation:
         """Return the values and gradients; raise `DesignFailure` if there are none."""
 
-    def confirm(self, theta: npt.NDArray[np.float64], finer: float = 1.0) -> Evaluation:
+    def confirm(self, theta: npt.NDArray[np.float64], finer: float = 1.0) -> trials.Evaluation:
         """Return the values on a fresh mesh."""
 
     def release(self) -> None:
@@ -1043,7 +1036,7 @@ class Judged:
     value: float
     gradient: Array
     by_material: dict[str, float]
-    squares: Squares | None = None
+    squares: trials.Squares | None = None
     """Residuals of a target."""
 
     def times(self, factor: float) -> Judged:
@@ -1060,7 +1053,7 @@ class EvaluationRequest:
 
     names: tuple[str, ...]
     parts: tuple[DesignQuantity, ...]
-    loads: tuple[JudgedLoad, ...]
+    loads: tuple[trials.JudgedLoad, ...]
     highest: float
     materials: tuple[str, ...]
     shape: tuple[str, ...] = ()
@@ -1068,4 +1061,4 @@ class EvaluationRequest:
     @property
     def working(self) -> float:
         """The pressure in Pa farthest from 0 at which the device is evaluated; 0 for none."""
-        return max((load.value for load in self.loads if load.kind == PRESSURE), default=0.0, key=abs)
+        return max((load.value for load in self.loads if load.kind == trials.PRESSURE), default=0.0, key=abs)

@@ -16,32 +16,20 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from geometries import Actuator, GeometryError
-from geometries.actuator import AXES, cavity_roles, changed, is_length, parameter
+from geometries import Actuator, GeometryError, actuator
+from softmodels.common import names, units
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import Expr, PETSc, fem, ufl
-from softmodels.common.names import Registry
-from softmodels.common.units import quantity as read_quantity
-from softmodels.components.contact import (
-    FileShapeTerm,
-    GuidedShapeTerm,
-    Obstacle,
-    RigidShape,
-    RubbingShapeTerm,
-    ShapeTerm,
-    force_of_all,
-)
-from softmodels.design.trials import DesignFailure, JudgedLoad
-from softmodels.materials.laws import Strain
-from softmodels.mechanics.assembly import AssembledTerm
+from softmodels.components import contact
+from softmodels.components.contact import Obstacle, RigidShape
+from softmodels.design import trials
+from softmodels.materials import laws
+from softmodels.mechanics import assembly, compiling, mpi, sensitivity
 from softmodels.mechanics.body import BodyError, in_section, in_space
-from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.component import ComponentError, direction
-from softmodels.mechanics.mpi import largest, total
-from softmodels.mechanics.sensitivity import GripDirection, HistoryDirection, MeshMotion
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import face_load
-from softmodels.runs.state_values import Grid, displacement_maps
+from softmodels.runs import state_values
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -74,7 +62,7 @@ class Measure(abc.ABC):
         """Return only the value, after `slopes` on this mesh."""
         return self.slopes(state).value
 
-    def by_history(self, histories: Sequence[HistoryDirection]) -> float:
+    def by_history(self, histories: Sequence[sensitivity.HistoryDirection]) -> float:
         """Return the derivative at the loaded state along directions in which what is remembered changes; see
         `Sensitivity.histories`. Most quantities are of the state alone."""
         return 0.0
@@ -111,16 +99,16 @@ class DesignQuantity(abc.ABC):
     of_state: ClassVar[bool] = True
     """Whether it belongs to a state, so that ``at`` is required."""
 
-    at: JudgedLoad | float | None = None
+    at: trials.JudgedLoad | float | None = None
 
     def __post_init__(self) -> None:
         if self.at is not None:
-            object.__setattr__(self, "at", JudgedLoad.of(self.at))
+            object.__setattr__(self, "at", trials.JudgedLoad.of(self.at))
 
     @property
-    def load(self) -> JudgedLoad | None:
+    def load(self) -> trials.JudgedLoad | None:
         """The state at which it is evaluated."""
-        return None if self.at is None else JudgedLoad.of(self.at)
+        return None if self.at is None else trials.JudgedLoad.of(self.at)
 
     @property
     def title(self) -> str:
@@ -144,7 +132,7 @@ class DesignQuantity(abc.ABC):
 
 def length(what: str, value: float | str) -> float:
     """Return a length in m from a number or a text with a unit; ValueError unless it is one that is not negative."""
-    found = read_quantity(value, "m") if isinstance(value, str) else float(value)
+    found = units.quantity(value, "m") if isinstance(value, str) else float(value)
     if not (np.isfinite(found) and found >= 0.0):
         raise ValueError(f"{what} is {value!r}; it must be a length above zero, or 0 for none")
     return found
@@ -250,7 +238,7 @@ def energy_measure(design: DesignedBody) -> Measure:
     )
 
 
-QUANTITIES: Registry[type[DesignQuantity]] = Registry(
+QUANTITIES: names.Registry[type[DesignQuantity]] = names.Registry(
     "quantity",
     lambda quantity: quantity.name,
     {
@@ -290,11 +278,13 @@ class DeviceQuantity(DesignQuantity):
         valid devices."""
         here, columns = self.values(device), []
         for name in names:
-            step = LENGTH_STEP * (device.size if is_length(device, name) else 1.0)
+            step = LENGTH_STEP * (device.size if actuator.is_length(device, name) else 1.0)
             ends = []
             for shift in (step, -step):
                 with contextlib.suppress(GeometryError):
-                    ends.append((shift, self.values(changed(device, {name: parameter(device, name) + shift}))))
+                    ends.append(
+                        (shift, self.values(actuator.changed(device, {name: actuator.parameter(device, name) + shift})))
+                    )
             (a, high), (b, low) = (*ends, (0.0, here), (math.inf, here))[:2]
             columns.append([(high[key] - low[key]) / (a - b) for key in here])
         return dict(zip(here, np.array(columns).T.reshape(len(here), len(names)), strict=True))
@@ -485,15 +475,15 @@ class Place(OfProbe):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.axis not in AXES:
-            raise ValueError(f"axis is {self.axis!r}; it is one of {', '.join(AXES)}")
+        if self.axis not in actuator.AXES:
+            raise ValueError(f"axis is {self.axis!r}; it is one of {', '.join(actuator.AXES)}")
 
     @property
     def title(self) -> str:
         return f"place {self.axis} of {self.of}" if self.of else f"place {self.axis}"
 
     def along(self, device: Actuator) -> Array:
-        return np.eye(3)[AXES.index(self.axis)]
+        return np.eye(3)[actuator.AXES.index(self.axis)]
 
 
 @register_quantity
@@ -624,7 +614,9 @@ def check_apart(design: DesignedBody, what: str) -> None:
     """Raise `DesignFailure` where walls or a file's shape are in contact: the third derivatives of that energy are missing."""
     system = design.system
     if system.assembled.touches(system.w.x.array):
-        raise DesignFailure(f"the {what} has no gradient where faces press on each other or on a shape that gives way")
+        raise trials.DesignFailure(
+            f"the {what} has no gradient where faces press on each other or on a shape that gives way"
+        )
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -698,7 +690,7 @@ class PressedMeasure(Measure):
     """Force of the device on a shape whose contact is a sum over samples, by weights of its components along the mesh's
     coordinates, SI units over dimensionless ones and shear moduli."""
 
-    def __init__(self, design: DesignedBody, term: AssembledTerm, along: Array):
+    def __init__(self, design: DesignedBody, term: assembly.AssembledTerm, along: Array):
         self.design, self.term, self.along = design, term, along
 
     def value(self, state: State | None) -> float:
@@ -714,8 +706,10 @@ class PressedMeasure(Measure):
         by_X = motion.by_nodes(self.term.nodes.by_mesh(rates))
         return Slopes(self.value(state), system.by_unknowns(by_w).copy(), 0.0, by_X)
 
-    def by_history(self, histories: Sequence[HistoryDirection]) -> float:
-        own = next((one for one in histories if isinstance(one, GripDirection) and one.term is self.term), None)
+    def by_history(self, histories: Sequence[sensitivity.HistoryDirection]) -> float:
+        own = next(
+            (one for one in histories if isinstance(one, sensitivity.GripDirection) and one.term is self.term), None
+        )
         return 0.0 if own is None else self.design.system.stress_unit * float(own.at_nodes().sum(axis=0) @ self.along)
 
 
@@ -741,7 +735,7 @@ class ForceOn(DesignQuantity):
 
     def measure(self, design: DesignedBody) -> Measure:
         system, terms = design.system, design.system.potential.terms
-        kinds = ShapeTerm | FileShapeTerm | GuidedShapeTerm | RubbingShapeTerm
+        kinds = contact.ShapeTerm | contact.FileShapeTerm | contact.GuidedShapeTerm | contact.RubbingShapeTerm
         shapes = {label: term for label, term in terms.items() if isinstance(term, kinds)}
         if self.of not in shapes:
             raise ValueError(f"the case has no rigid shape {self.of!r}; it has {', '.join(shapes) or 'none'}")
@@ -749,9 +743,9 @@ class ForceOn(DesignQuantity):
         way = _direction(self.along, "force_on: along") if self.along else np.asarray(actuator.lift)
         assert isinstance(term.shape, RigidShape)
         crossed, axes = term.shape.crossed(actuator), np.eye(actuator.dimension)
-        shares = [float(force_of_all(actuator, crossed, in_space(axis)) @ way) for axis in axes]
+        shares = [float(contact.force_of_all(actuator, crossed, in_space(axis)) @ way) for axis in axes]
         weights = system.length_unit**2 * np.array(shares)
-        if isinstance(term, AssembledTerm):
+        if isinstance(term, assembly.AssembledTerm):
             return PressedMeasure(design, term, weights)
         forms = [
             weight * form for forces in term.pushes for weight, form in zip(weights, forces, strict=True) if weight
@@ -800,7 +794,7 @@ class OfFace(DesignQuantity):
     @staticmethod
     def named(device: Actuator, components: Sequence[Component]) -> tuple[str, list[str]]:
         held = (hold.role for hold in device.holds)
-        return "face", list(dict.fromkeys([*device.faces, *cavity_roles(device), *held]))
+        return "face", list(dict.fromkeys([*device.faces, *actuator.cavity_roles(device), *held]))
 
     def integrated(self, design: DesignedBody, way: Array, combine: Combine) -> FormMeasure:
         """Return a function of integrals over the face; see `integrands`."""
@@ -917,7 +911,7 @@ class DesignedBody:
     def __init__(self, solver: Solver):
         self.solver, self.system = solver, solver.system
         system = self.system
-        self.motion = MeshMotion(system.body)
+        self.motion = sensitivity.MeshMotion(system.body)
         self.motion.followers.append(system.follow_mesh)
         resting = fem.Function(system.space)
         self.rest_volume: ufl.Form = ufl.replace(system.potential.cavity_volume, {system.w: resting})
@@ -936,13 +930,13 @@ class DesignedBody:
         return self.direction if len(self.system.ratios) == 1 else 1
 
     @functools.cached_property
-    def strain(self) -> Strain:
+    def strain(self) -> laws.Strain:
         """Strain of the current state in UFL."""
-        return Strain(self.system.body.deformation_gradient(self.system.potential.displacement))
+        return laws.Strain(self.system.body.deformation_gradient(self.system.potential.displacement))
 
     @functools.cached_property
     def _gradients(self) -> object:
-        return fem.Expression(self.strain.F, self.system.points, jit_options=JIT)
+        return fem.Expression(self.strain.F, self.system.points, jit_options=compiling.JIT)
 
     def gradients(self) -> Array:
         """Return the deformation gradients of the loaded state at the integration points, shape (cells, points, 3, 3)."""
@@ -991,8 +985,8 @@ class Probes:
 
     def __init__(self, design: DesignedBody):
         self.design, self.system = design, design.system
-        grid = Grid(self.system)
-        skew, _ = displacement_maps(self.system, grid)
+        grid = state_values.Grid(self.system)
+        skew, _ = state_values.displacement_maps(self.system, grid)
         motion, actuator = design.motion, self.system.body.actuator
         here = grid.space.tabulate_dof_coordinates()[: grid.owned]
         there = motion.rest_places()
@@ -1009,7 +1003,7 @@ class Probes:
         device = system.body.actuator.device_points(places * system.length_unit)
         distance = np.linalg.norm(device - point, axis=1)
         near = float(distance.min()) if len(distance) else np.inf
-        closest = -largest(system.comm, -near)
+        closest = -mpi.largest(system.comm, -near)
         if closest > 1e-6 * system.length_unit:
             raise RuntimeError("a probe of the device is not a vertex of its mesh")
         return int(np.argmin(distance)) if near == closest else None
@@ -1044,4 +1038,4 @@ class Probes:
         return x if self.design.motion.dimension == 3 else x[[0, 2]]
 
     def _everywhere(self, x: Array) -> Array:
-        return np.array([total(self.system.comm, float(value)) for value in x])
+        return np.array([mpi.total(self.system.comm, float(value)) for value in x])

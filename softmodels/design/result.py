@@ -15,14 +15,12 @@ import numpy as np
 import tomli_w
 
 from geometries import Actuator
-from softmodels.case.case import Case, varied
-from softmodels.case.entries import INPUT_ERRORS
+from softmodels.case import case, entries
+from softmodels.case.case import Case
+from softmodels.common import cards, commands, names
 from softmodels.common.arrays import Array
-from softmodels.common.cards import Shown, Table
-from softmodels.common.commands import Provenance
 from softmodels.common.lazy import scipy
-from softmodels.common.names import keep_arrays
-from softmodels.design.extremes import LeastGap
+from softmodels.design import extremes, trials
 from softmodels.design.problem import (
     INSIDE,
     SURE,
@@ -35,7 +33,7 @@ from softmodels.design.problem import (
     shown,
     shown_factor,
 )
-from softmodels.design.trials import Trial, factor, shown_unit, text
+from softmodels.design.trials import Trial
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Identifiability of parameters from a target: standard errors, intervals, and weakly determined combinations.
@@ -94,7 +92,7 @@ class Told:
     source: str
 
     def __post_init__(self) -> None:
-        keep_arrays(self)
+        names.keep_arrays(self)
 
     @property
     def sentences(self) -> list[str]:
@@ -169,8 +167,8 @@ def _weakest(form: Formulation, trial: Trial, free: list[Free], vector: Array, h
         step = SHOWN * share * one.width
         changes[one.name] = step
         if abs(share) >= SHARE:
-            unit = shown_unit(one.unit) or "1"
-            shown = step / factor(unit, one.unit or "1")
+            unit = trials.shown_unit(one.unit) or "1"
+            shown = step / trials.factor(unit, one.unit or "1")
             parts.append(f"{one.name} {shown:+.2g}{'' if unit == '1' else ' ' + unit}")
     asked = form.problem.terms[0].quantity
     steps = np.array([changes.get(one.name, 0.0) for one in form.problem.free])
@@ -291,11 +289,11 @@ def _bound(form: Formulation, bound: tuple[int, float], multiplier: float, infea
     if infeasible:
         return Holder(f"{one.name} {'at most' if sign > 0 else 'at least'} {end} (its bound)", multiplier, "")
     words = f"{one.name} is at its {'upper' if sign > 0 else 'lower'} bound, {end}"
-    shown, unit = shown_unit(one.unit) or "1", one.unit or "1"
-    step = _round(0.1 * one.width / factor(shown, unit)) * factor(shown, unit)
+    shown, unit = trials.shown_unit(one.unit) or "1", one.unit or "1"
+    step = _round(0.1 * one.width / trials.factor(shown, unit)) * trials.factor(shown, unit)
     gain = _gain(form, form.size * multiplier * step / one.width)
     more = "more" if sign > 0 else "less"
-    return Holder(words, multiplier, f"{words}: {text(step, shown, unit)} {more} gains about {gain}")
+    return Holder(words, multiplier, f"{words}: {trials.text(step, shown, unit)} {more} gains about {gain}")
 
 
 def _trades(holders: list[Holder]) -> list[Holder]:
@@ -333,7 +331,7 @@ KEPT = ("material", "load")
 def case_of(problem: DesignProblem, trial: Trial) -> Case:
     """Return the case of a trial's device; GeometryError or CaseError if it is none."""
     values = dict(zip((one.name for one in problem.free), trial.theta, strict=False))
-    return dataclasses.replace(varied(problem.case, values), name=problem.name)
+    return dataclasses.replace(case.varied(problem.case, values), name=problem.name)
 
 
 def case_text(problem: DesignProblem, case: Case) -> str:
@@ -346,7 +344,7 @@ def case_text(problem: DesignProblem, case: Case) -> str:
     changed = {one.name.partition(".")[0] for one in problem.free if "." in one.name}
     own = {name: problem.written[name] for name in KEPT if name in problem.written and name not in changed}
     text = tomli_w.dumps({**tomllib.loads(exact), **own})
-    with contextlib.suppress(*INPUT_ERRORS):
+    with contextlib.suppress(*entries.INPUT_ERRORS):
         if Case.from_toml(text) == case:
             return text
     return exact
@@ -406,11 +404,11 @@ class StartEnd:
 
 def _overlaps(row: ConstraintRow, values: Mapping[str, float]) -> bool:
     """Return whether a limit's value means that walls overlap."""
-    return isinstance(row.keep.quantity, LeastGap) and values[row.key] < 0.0
+    return isinstance(row.keep.quantity, extremes.LeastGap) and values[row.key] < 0.0
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class DesignResult(Shown):
+class DesignResult(cards.Shown):
     """The outcome of an optimisation: the best end of all starts and what holds it back, all trials, where each start ended,
     how much finer the fresh mesh was, the folder if there is one, and with each choice of whole numbers a sentence."""
 
@@ -485,7 +483,7 @@ class DesignResult(Shown):
     def _line(self) -> str:
         return f"of {self.problem.name}: {self.headline}"
 
-    def _figures(self) -> Table:
+    def _figures(self) -> cards.Table:
         return [
             (one["name"], f"{one['before']:.4g} to {one['after']:.4g} {one['unit']}".strip())
             for one in parameters_told(self)
@@ -695,7 +693,7 @@ def summary(result: DesignResult) -> str:
     told = {
         "name": result.problem.name, "best": result.best.number, "recovered": found.sentences if found else [],
         "notes": notes(result), "parameters": parameters_told(result), "objective": _objective(result),
-        "limits": _limits(result), "made": Provenance.now().table(),
+        "limits": _limits(result), "made": commands.Provenance.now().table(),
         "trials": [{name: getattr(trial, name) for name in TrialTold.__annotations__} for trial in result.trials],
     }  # fmt: skip
     names = DesignTold.__annotations__
@@ -721,8 +719,8 @@ def parameters_told(result: DesignResult) -> list[ParameterTold]:
     """Return the free parameters with their bounds, before and after."""
     told = []
     for k, one in enumerate(result.problem.free):
-        unit = shown_unit(one.unit)
-        per = factor(unit or "1", one.unit or "1")
+        unit = trials.shown_unit(one.unit)
+        per = trials.factor(unit or "1", one.unit or "1")
         told.append(
             ParameterTold(
                 name=one.name, unit=unit, low=one.low / per, high=one.high / per, before=one.start / per,

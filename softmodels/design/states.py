@@ -14,20 +14,15 @@ import scipy.spatial
 
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import fem, ufl
-from softmodels.design.quantities import FormMeasure, Slopes, check_apart
-from softmodels.design.trials import PRESSURE, VOLUME, DesignFailure, JudgedLoad
-from softmodels.mechanics.assembly import RememberingTerm
-from softmodels.mechanics.controls import Tangent, pressure_control, volume_control
-from softmodels.mechanics.mpi import on_root, total
-from softmodels.mechanics.newton import NoConvergence
-from softmodels.mechanics.sensitivity import InTime, Rate, Sensitivity
-from softmodels.path.continuation import FREE_GROWTH, Continuation, trace
-from softmodels.path.schedule import HangingEnd, hang, inflate_from
-from softmodels.path.stability import AddedVolume, Mode, PathEnd, Point, Stability
-from softmodels.runs.state_values import Grid, displacement_maps
+from softmodels.design import quantities, trials
+from softmodels.mechanics import assembly, controls, mpi, newton, sensitivity
+from softmodels.mechanics.sensitivity import Sensitivity
+from softmodels.path import continuation, schedule, stability
+from softmodels.path.continuation import Continuation, trace
+from softmodels.path.stability import Stability
+from softmodels.runs import state_values
 
 if TYPE_CHECKING:
-    from softmodels.design.quantities import DesignedBody, Measure
     from softmodels.mechanics.system import State
 
 
@@ -122,17 +117,17 @@ class Transfer:
     """Interpolates unknowns between an old and a new mesh of the same device, with the dimensionless volume ``rest`` of the
     undeformed cavity on the new one."""
 
-    def __init__(self, old: DesignedBody, new: DesignedBody):
+    def __init__(self, old: quantities.DesignedBody, new: quantities.DesignedBody):
         self.old, self.new = old.system, new.system
         self.rest = new.volume_at_rest()
         self._scale = self.old.length_unit / self.new.length_unit  # displacements are scaled by it, pressures are not
-        self._from, self._to = Grid(self.old), Grid(self.new)
+        self._from, self._to = state_values.Grid(self.old), state_values.Grid(self.new)
         self._known, self._wanted = (
-            displacement_maps(*pair) for pair in ((self.old, self._from), (self.new, self._to))
+            state_values.displacement_maps(*pair) for pair in ((self.old, self._from), (self.new, self._to))
         )
         self._w = fem.Function(self.new.space)
         self._places: list[Places] = []  # on rank 0
-        on_root(self.new.comm, self._locate)
+        mpi.on_root(self.new.comm, self._locate)
 
     def _locate(self) -> None:
         dimension = self._from.dimension
@@ -175,8 +170,8 @@ class Known:
     bulge may grow elsewhere on the next design."""
 
     rest: float
-    states: dict[JudgedLoad, State]
-    limit: Point | None
+    states: dict[trials.JudgedLoad, State]
+    limit: stability.Point | None
     bifurcation: Bifurcation | None
 
     def ahead(self, before: Known, share: float) -> Known:
@@ -212,7 +207,7 @@ NOTHING = 1e-3
 """Added volume relative to the cavity's below which its growth says nothing."""
 
 
-def _in_order(loads: Iterable[JudgedLoad], kind: str) -> list[JudgedLoad]:
+def _in_order(loads: Iterable[trials.JudgedLoad], kind: str) -> list[trials.JudgedLoad]:
     """Return the loads of a kind in the order in which a path meets them."""
     return sorted((load for load in loads if load.kind == kind), key=lambda load: abs(load.value))
 
@@ -229,7 +224,7 @@ class Followed:
     parameter the state's rate and how that changes."""
 
     remembered: tuple[object, ...]
-    rates: dict[str, Rate]
+    rates: dict[str, sensitivity.Rate]
     histories: dict[str, list[Array]]
 
 
@@ -240,24 +235,26 @@ class WorkingStates:
 
     def __init__(
         self,
-        design: DesignedBody,
-        loads: Sequence[JudgedLoad],
+        design: quantities.DesignedBody,
+        loads: Sequence[trials.JudgedLoad],
         highest: float = 0.0,
         bifurcations: Bifurcations | None = None,
     ):
         self.design, self.system, self.solver = design, design.system, design.solver
         self.loads, self.highest = tuple(loads), highest
-        self.states: dict[JudgedLoad, State] = {}
-        self.limit: Point | None = None
+        self.states: dict[trials.JudgedLoad, State] = {}
+        self.limit: stability.Point | None = None
         self.bifurcation: Bifurcation | None = None
         self._bifurcations = bifurcations
         self.newton = 0
         self.carried = False
         self._rest_volume = 0.0
-        self.followed: dict[JudgedLoad, Followed] = {}
+        self.followed: dict[trials.JudgedLoad, Followed] = {}
         """Of states that depend on their path."""
         self._steps = STEPS
-        self._grips = [term for term in self.system.potential.terms.values() if isinstance(term, RememberingTerm)]
+        self._grips = [
+            term for term in self.system.potential.terms.values() if isinstance(term, assembly.RememberingTerm)
+        ]
 
     # -- along the path -------------------------------------------------------------------------------------------------
 
@@ -275,9 +272,9 @@ class WorkingStates:
         if self.depend_on_path:
             self._follow(rates, names)
             return
-        by_pressure = _in_order(self.loads, PRESSURE)
+        by_pressure = _in_order(self.loads, trials.PRESSURE)
         self._trace_pressures(by_pressure, start)
-        by_volume = _in_order(self.loads, VOLUME)
+        by_volume = _in_order(self.loads, trials.VOLUME)
         if by_volume:
             self._trace_volumes(by_volume, start)
 
@@ -285,23 +282,23 @@ class WorkingStates:
         """Solve the states in fixed steps of the pressure, with their rates."""
         while True:
             try:
-                self._in_steps(InTime(rates, names))
+                self._in_steps(sensitivity.InTime(rates, names))
                 return
-            except NoConvergence as failure:
+            except newton.NoConvergence as failure:
                 if self._steps >= MOST_STEPS:
-                    load = _in_order(self.loads, PRESSURE)[len(self.states)]
-                    raise DesignFailure(f"the path ends before {load}: {failure}") from failure
+                    load = _in_order(self.loads, trials.PRESSURE)[len(self.states)]
+                    raise trials.DesignFailure(f"the path ends before {load}: {failure}") from failure
                 self._steps *= 2
 
-    def _in_steps(self, rates: InTime) -> None:
+    def _in_steps(self, rates: sensitivity.InTime) -> None:
         potential, here, before = self.system.potential, self.system.rest(), None
         potential.keep(here.w, anew=True)
         self.states, self.followed = {}, {}
-        loads = _in_order(self.loads, PRESSURE)
+        loads = _in_order(self.loads, trials.PRESSURE)
         pressures = [self.design.direction * load.value / self.system.stress_unit for load in loads]
         for load, start, end in zip(loads, [0.0, *pressures], pressures, strict=False):
             for P in np.linspace(start, end, 1 + math.ceil(self._steps * (end - start) / pressures[-1] - 1e-9))[1:]:
-                control, guess = pressure_control(float(P)), here.w
+                control, guess = controls.pressure_control(float(P)), here.w
                 if before is not None:
                     guess = here.w + (P - here.P) / (here.P - before.P) * (here.w - before.w)
                 before, here = here, self.solver.solve(control, guess, float(P))
@@ -311,7 +308,7 @@ class WorkingStates:
                 potential.keep(here.w)
             self.states[load], self.followed[load] = here, Followed(remembered, found, histories)
 
-    def recall(self, load: JudgedLoad) -> None:
+    def recall(self, load: trials.JudgedLoad) -> None:
         """Let friction remember what it did where the step to a load began."""
         for term, remembered in zip(self._grips, self.followed[load].remembered, strict=True) if self._grips else ():
             term.recall(remembered)
@@ -324,11 +321,11 @@ class WorkingStates:
             return None
         magnitudes = np.concatenate([np.zeros(len(self.system.ratios)), dead.amounts / dead.units])
         try:
-            return inflate_from(self.solver, hang(self.solver, [("its dead loads", magnitudes)]))
-        except HangingEnd as end:
-            raise DesignFailure(end.sentence) from end
+            return schedule.inflate_from(self.solver, schedule.hang(self.solver, [("its dead loads", magnitudes)]))
+        except schedule.HangingEnd as end:
+            raise trials.DesignFailure(end.sentence) from end
 
-    def _trace_pressures(self, loads: Sequence[JudgedLoad], start: State | None) -> None:
+    def _trace_pressures(self, loads: Sequence[trials.JudgedLoad], start: State | None) -> None:
         wanted = [self.design.direction * load.value / self.system.stress_unit for load in loads]
         wanted += self._top(wanted)
         if not wanted:
@@ -338,17 +335,17 @@ class WorkingStates:
         if len(met) < len(loads):
             load = loads[len(met)]
             if self.limit is None:
-                raise DesignFailure(f"the path ends before {load}: {end}")
+                raise trials.DesignFailure(f"the path ends before {load}: {end}")
             limit = self.limit.state.P * self.system.stress_unit
-            raise DesignFailure(f"the pressure has a limit point at {limit / 1e3:.4g} kPa, before {load}", limit)
+            raise trials.DesignFailure(f"the pressure has a limit point at {limit / 1e3:.4g} kPa, before {load}", limit)
         if end is not None and self.limit is None and forked is None:
-            raise DesignFailure(f"the path ends before {self.highest / 1e3:.4g} kPa: {end}")
+            raise trials.DesignFailure(f"the path ends before {self.highest / 1e3:.4g} kPa: {end}")
         if forked is not None and forked.mode is not None and self._bifurcations is not None:
             state = forked.state
             try:
                 self.bifurcation = self._bifurcations.near(state, state.V, forked.mode, self._rest_volume)
-            except NoConvergence as failure:
-                raise DesignFailure(f"the bifurcation was passed but not located: {failure}") from failure
+            except newton.NoConvergence as failure:
+                raise trials.DesignFailure(f"the bifurcation was passed but not located: {failure}") from failure
 
     def _top(self, pressures: Sequence[float]) -> list[float]:
         """Return the dimensionless pressure up to which a limit point is looked for, if it is above these."""
@@ -357,7 +354,7 @@ class WorkingStates:
 
     def _climb(
         self, goals: Sequence[float], start: State | None = None, carried: bool = False
-    ) -> tuple[list[State], Point | None, Point | None, PathEnd | None]:
+    ) -> tuple[list[State], stability.Point | None, stability.Point | None, stability.PathEnd | None]:
         """Follow the path through dimensionless pressures, up to its first limit point, and from rest up to its first
         bifurcation if wanted; ``start`` may be a state ``carried`` along the path. Return the states met, the limit point,
         the bifurcation, and what ended the path before the last goal."""
@@ -365,7 +362,9 @@ class WorkingStates:
         limit = forked = end = None
         # A step of the pressure up to a limit point may end behind it, on the other branch; one of the volume does not.
         try:
-            path = Continuation(self.solver, control=AddedVolume.name, start=start, largest_growth=FREE_GROWTH)
+            path = Continuation(
+                self.solver, control=stability.AddedVolume.name, start=start, largest_growth=continuation.FREE_GROWTH
+            )
             for point in trace(path, goals):
                 self.newton += point.state.iterations
                 limit = point if point.limit and limit is None else limit
@@ -374,20 +373,20 @@ class WorkingStates:
                     met.append(point.state)
                 if limit is not None and (forked is not None or self._bifurcations is None or carried):
                     break  # the path beyond is not needed, and would be most of the work
-        except PathEnd as failure:
+        except stability.PathEnd as failure:
             end = failure
         return met, limit, forked, end
 
-    def _trace_volumes(self, loads: Sequence[JudgedLoad], start: State | None) -> None:
+    def _trace_volumes(self, loads: Sequence[trials.JudgedLoad], start: State | None) -> None:
         wanted = [self.design.direction * load.value / self.system.volume_unit for load in loads]
         met: list[State] = []
         try:
-            for point in trace(Continuation(self.solver, AddedVolume(), start=start), wanted):
+            for point in trace(Continuation(self.solver, stability.AddedVolume(), start=start), wanted):
                 self.newton += point.state.iterations
                 if point.requested:
                     met.append(point.state)
-        except PathEnd as end:
-            raise DesignFailure(f"the path ends before {loads[len(met)]}: {end}") from end
+        except stability.PathEnd as end:
+            raise trials.DesignFailure(f"the path ends before {loads[len(met)]}: {end}") from end
         self.states |= dict(zip(loads, met, strict=True))
 
     # -- from one design to the next ------------------------------------------------------------------------------------
@@ -410,26 +409,26 @@ class WorkingStates:
         for load, state in found.items():
             grown, before = state.V - rest, guess.states[load].V - guess.rest
             if before > NOTHING * abs(rest) and grown > LARGEST_JUMP * before:
-                raise NoConvergence("the cavity has grown as if the device had snapped through")
-        by_pressure = [found[load] for load in _in_order(found, PRESSURE)]
+                raise newton.NoConvergence("the cavity has grown as if the device had snapped through")
+        by_pressure = [found[load] for load in _in_order(found, trials.PRESSURE)]
         limit = None
         if top := self._top([state.P for state in by_pressure]):
             _, limit, _, end = self._climb(
                 top, by_pressure[-1] if by_pressure else self._preloaded(), bool(by_pressure)
             )
             if end is not None and limit is None:
-                raise NoConvergence(str(end))
+                raise newton.NoConvergence(str(end))
         forked = guess.bifurcation
         if forked is not None and self._bifurcations is not None:
             forked = self._bifurcations.near(forked.states[0], forked.V - guess.rest + rest, forked.mode, rest)
         self.known, self.carried = Known(rest, found, limit, forked), True
 
-    def _solve(self, load: JudgedLoad, guess: State, rest: float) -> State:
+    def _solve(self, load: trials.JudgedLoad, guess: State, rest: float) -> State:
         system, value = self.system, self.design.direction * load.value
-        if load.kind == PRESSURE:
-            state = self.solver.solve(pressure_control(value / system.stress_unit), guess.w, guess.P)
+        if load.kind == trials.PRESSURE:
+            state = self.solver.solve(controls.pressure_control(value / system.stress_unit), guess.w, guess.P)
         else:
-            state = self.solver.solve(volume_control(rest + value / system.volume_unit), guess.w, guess.P)
+            state = self.solver.solve(controls.volume_control(rest + value / system.volume_unit), guess.w, guess.P)
         self.newton += state.iterations
         return state
 
@@ -458,7 +457,7 @@ _NONE: Mapping[str, float] = {}
 class Adjoint:
     """Total derivatives of quantities on a meshed device."""
 
-    def __init__(self, design: DesignedBody):
+    def __init__(self, design: quantities.DesignedBody):
         self.design, self.system, self.solver = design, design.system, design.solver
         system, potential, compiled = self.system, self.system.potential, design.motion.compiled
         self._lambda = fem.Function(system.space)
@@ -481,18 +480,18 @@ class Adjoint:
             self._lifted = self.design.answer(self._tangent_load)
         return self._lifted
 
-    def multipliers(self, slopes: Slopes, kind: str) -> tuple[Array, float]:
+    def multipliers(self, slopes: quantities.Slopes, kind: str) -> tuple[Array, float]:
         """Return lambda (owned entries) and eta of a quantity at the prepared state, for a load of a kind."""
         if slopes.w is None and not slopes.P:
             return np.zeros(self.system.n), 0.0
         q, comm = self._tangent_load, self.system.comm
         by_w = np.zeros(self.system.n) if slopes.w is None else slopes.w
         lam = self.design.answer(by_w) if slopes.w is not None else by_w
-        if kind == VOLUME:
-            compliance = total(comm, float(q @ self._opened))
-            eta = (total(comm, float(q @ lam)) + slopes.P) / compliance
+        if kind == trials.VOLUME:
+            compliance = mpi.total(comm, float(q @ self._opened))
+            eta = (mpi.total(comm, float(q @ lam)) + slopes.P) / compliance
             return lam - eta * self._opened, eta
-        return lam, slopes.P + total(comm, float(q @ lam))
+        return lam, slopes.P + mpi.total(comm, float(q @ lam))
 
     def covector(self, lam: Array) -> Array:
         """Return lambda . dR/dX over the mesh's nodes at the loaded state."""
@@ -520,7 +519,11 @@ class Adjoint:
         x.scatter_forward()
 
     def gradient(
-        self, slopes: Slopes, kind: str, velocities: Mapping[str, Array], materials: Mapping[str, float] = _NONE
+        self,
+        slopes: quantities.Slopes,
+        kind: str,
+        velocities: Mapping[str, Array],
+        materials: Mapping[str, float] = _NONE,
     ) -> tuple[dict[str, float], dict[str, float]]:
         """Return the whole derivatives of a quantity at the prepared state by the lengths and by the other parameters, per
         their SI units. Kept is the load's "pressure" (in Pa) or "volume" (added). ``velocities`` are the boundary's with each
@@ -531,13 +534,13 @@ class Adjoint:
         lam, eta = self.multipliers(slopes, kind)
         if slopes.w is not None or eta:
             by_X -= self.covector(lam)
-        if kind == VOLUME:
+        if kind == trials.VOLUME:
             by_X -= eta * self.design.sign * motion.assembled(self._volume)
         by_material = {}
         for name, direct in materials.items():
             own = self.sensitivity.force(name)
-            kept = own.opened if kind == VOLUME else self._state.P * own.stress / self.system.stress_unit
-            inner = total(self.system.comm, float(lam @ own.residual))
+            kept = own.opened if kind == trials.VOLUME else self._state.P * own.stress / self.system.stress_unit
+            inner = mpi.total(self.system.comm, float(lam @ own.residual))
             by_material[name] = direct - inner - eta * kept
         return motion.gradient(by_X, dict(velocities)), by_material
 
@@ -552,34 +555,36 @@ class Adjoint:
                 self.sensitivity.force(along),
             )
             force, opened = own.residual, own.opened
-            if kind != VOLUME:  # constant in Pa, so P falls as the shear modulus rises
+            if kind != trials.VOLUME:  # constant in Pa, so P falls as the shear modulus rises
                 force = force + self._state.P * own.stress / self.system.stress_unit * q
         else:
             nodes = motion.nodes_rate(along)
             force = self.sensitivity.motion_force(nodes)[0]
             owned = slice(0, motion.owned_entries)
             there = float(motion.assembled(self._volume)[owned] @ nodes.ravel()[owned])
-            opened = self.design.sign * total(comm, there)
+            opened = self.design.sign * mpi.total(comm, there)
         w = -self.design.answer(force)
-        if kind == VOLUME:
-            short = opened + total(comm, float(q @ w))
-            w = w - short / total(comm, float(q @ self._opened)) * self._opened
+        if kind == trials.VOLUME:
+            short = opened + mpi.total(comm, float(q @ w))
+            w = w - short / mpi.total(comm, float(q @ self._opened)) * self._opened
         self._set(w)
         return self._lambda.x.array.copy(), nodes
 
-    def along_path(self, measure: Measure, slopes: Slopes, followed: Followed, name: str) -> float:
+    def along_path(
+        self, measure: quantities.Measure, slopes: quantities.Slopes, followed: Followed, name: str
+    ) -> float:
         """Return the whole derivative of a quantity at the prepared state by a parameter, without the partial one at fixed
         unknowns, from the state's rate and that of what friction remembered where its step began."""
         system, motion, rate = self.system, self.design.motion, followed.rates[name]
         found = 0.0
         if slopes.w is not None:
-            found += total(system.comm, float(slopes.w @ system.unknowns.nearest(rate.w)))
+            found += mpi.total(system.comm, float(slopes.w @ system.unknowns.nearest(rate.w)))
         if slopes.P:
             stress = 0.0 if rate.X is not None else self.sensitivity.force(name).stress
             found += slopes.P * (rate.P - self._state.P * stress) / system.stress_unit
         if slopes.X is not None and rate.X is not None:
             owned = slice(0, motion.owned_entries)
-            found += total(system.comm, float(slopes.X[owned] @ rate.X.ravel()[owned]))
+            found += mpi.total(system.comm, float(slopes.X[owned] @ rate.X.ravel()[owned]))
         for one, values in zip(self.sensitivity.histories, followed.histories[name], strict=True):
             one.begin(rate.w, values)
         found += measure.by_history(self.sensitivity.histories)
@@ -587,7 +592,7 @@ class Adjoint:
             one.rest()
         return found
 
-    def by_material(self, measure: Measure, names: Sequence[str]) -> dict[str, float]:
+    def by_material(self, measure: quantities.Measure, names: Sequence[str]) -> dict[str, float]:
         """Return the partial derivatives of a quantity by parameters that are no lengths at the loaded unknowns, by
         central differences."""
         found = {}
@@ -605,7 +610,7 @@ class Adjoint:
         return self.sensitivity.force(name).stress
 
     def limit_gradient(
-        self, state: State, tangent: Tangent, velocities: Mapping[str, Array], materials: Sequence[str] = ()
+        self, state: State, tangent: controls.Tangent, velocities: Mapping[str, Array], materials: Sequence[str] = ()
     ) -> tuple[dict[str, float], dict[str, float]]:
         """Return the derivatives in Pa of the pressure at a limit point, whose null vector is the path's own direction
         there."""
@@ -618,7 +623,7 @@ class Adjoint:
         by_material = {}
         for name in materials:
             own = self.sensitivity.force(name)
-            rate = total(system.comm, float(v @ own.residual))
+            rate = mpi.total(system.comm, float(v @ own.residual))
             by_material[name] = unit * rate + self.design.direction * state.P * own.stress
         return lengths, by_material
 
@@ -661,13 +666,13 @@ class Bifurcation:
 class Bifurcations:
     """Finds a device's bifurcation near an expected volume."""
 
-    def __init__(self, design: DesignedBody, adjoint: Adjoint):
+    def __init__(self, design: quantities.DesignedBody, adjoint: Adjoint):
         self.design, self.adjoint, self.solver = design, adjoint, design.solver
         system, potential = design.system, design.system.potential
         self._mode = fem.Function(system.space)
         forms = [ufl.action(ufl.derivative(force, system.w, self._mode), self._mode) for force in potential.forces]
         turned = [-ufl.action(ufl.derivative(load, system.w, self._mode), self._mode) for load in potential.loads]
-        self._eigenvalue = FormMeasure(
+        self._eigenvalue = quantities.FormMeasure(
             design, forms, lambda values: (float(values.sum()), np.ones(len(values))), by_pressure=turned
         )
 
@@ -679,12 +684,12 @@ class Bifurcations:
             added = V - rest
             states, modes, values = [], [], []
             for spread in SPREADS:
-                found = self.solver.solve(volume_control(V + spread * added), state.w, state.P)
-                check_apart(self.design, "bifurcation")
+                found = self.solver.solve(controls.volume_control(V + spread * added), state.w, state.P)
+                quantities.check_apart(self.design, "bifurcation")
                 state = found
                 value, shape = Stability.of(self.solver).like(found, mode)
                 states.append(found)
-                modes.append(shape / Mode(Stability.of(self.solver).mass, shape).length)
+                modes.append(shape / stability.Mode(Stability.of(self.solver).mass, shape).length)
                 values.append(value)
             cubic = Cubic([found.V for found in states])
             root = cubic.root(np.array(values), V)
@@ -692,7 +697,7 @@ class Bifurcations:
                 P = float(cubic.weights(root)[0] @ np.array([found.P for found in states]))
                 return Bifurcation(root, P, tuple(states), tuple(modes), np.array(values))
             V = root
-        raise NoConvergence("the bifurcation is not near that of the last design")
+        raise newton.NoConvergence("the bifurcation is not near that of the last design")
 
     def gradient(
         self, found: Bifurcation, velocities: Mapping[str, Array], materials: Sequence[str] = ()
@@ -710,9 +715,11 @@ class Bifurcations:
             self.adjoint.prepare(state)
             self._mode.x.array[:] = mode[: len(self._mode.x.array)]
             direct = self.adjoint.by_material(self._eigenvalue, materials)
-            by_eigenvalue = self.adjoint.gradient(self._eigenvalue.slopes(state), VOLUME, velocities, direct)
-            pressure = Slopes(state.P * unit, P=unit)
-            by_pressure = self.adjoint.gradient(pressure, VOLUME, velocities, self._pressure_by(state, materials))
+            by_eigenvalue = self.adjoint.gradient(self._eigenvalue.slopes(state), trials.VOLUME, velocities, direct)
+            pressure = quantities.Slopes(state.P * unit, P=unit)
+            by_pressure = self.adjoint.gradient(
+                pressure, trials.VOLUME, velocities, self._pressure_by(state, materials)
+            )
             for sums, of_value, of_pressure in zip((lengths, numbers), by_eigenvalue, by_pressure, strict=True):
                 for name in sums:
                     sums[name] += weight * (of_pressure[name] - unit * rise / steepness * of_value[name])
@@ -747,5 +754,5 @@ class Cubic:
         real = roots[np.abs(roots.imag) < 1e-9].real
         real = real[np.abs(real) < 2.0]
         if not len(real):
-            raise NoConvergence("the eigenvalue does not change sign near that of the last design")
+            raise newton.NoConvergence("the eigenvalue does not change sign near that of the last design")
         return float(self._middle + self._reach * real[np.argmin(np.abs(real - (near - self._middle) / self._reach))])

@@ -27,27 +27,20 @@ import numpy.typing as npt
 import tomli_w
 from scipy import stats
 
-from softmodels.case.case import Case, identity
+from softmodels.case import case, materials
+from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
-from softmodels.case.materials import MaterialErrors, import_own_modules, to_table
+from softmodels.common import cards, errors, files, folders, names, processes, tables, units
 from softmodels.common.arrays import Array
-from softmodels.common.cards import Shown, Table
-from softmodels.common.errors import Spoken, known_are, reason, required, written
-from softmodels.common.files import parse_json, read_text, replace
-from softmodels.common.folders import InUseError, OwnFolder, OwnFolderError, take_default
-from softmodels.common.names import callback, checked, flag, one_of, place, unusable_name, whole
-from softmodels.common.processes import Answer, Worker, answers, cores
-from softmodels.common.tables import TomlError, parse_toml, read_toml
-from softmodels.common.units import UnitError, number, number_and_unit, plain
-from softmodels.design.trials import dotted
+from softmodels.common.folders import InUseError, OwnFolderError
+from softmodels.common.names import checked
+from softmodels.design import trials
+from softmodels.materials import specimens
 from softmodels.materials.laws import Material
-from softmodels.materials.specimens import nudged
-from softmodels.mechanics.mpi import start
-from softmodels.runs.analyses import limit_of
-from softmodels.runs.notes import sentences
+from softmodels.mechanics import mpi
+from softmodels.runs import analyses, notes, table
 from softmodels.runs.outcomes import RunError
 from softmodels.runs.simulation import PathEnded, Simulation, temporary_folder
-from softmodels.runs.table import PathTable, split
 
 if TYPE_CHECKING:
     import xarray
@@ -56,7 +49,7 @@ EXTRA = "study"
 """The extra of this project that brings the libraries of this file."""
 
 
-class StudyError(Spoken, ValueError):
+class StudyError(errors.Spoken, ValueError):
     """A study that cannot be made, or results that cannot be analysed; the message is a sentence."""
 
 
@@ -83,9 +76,9 @@ class Input:
         how = (
             f'[vary] {key} = {given!r} is not like "1.8:2.2 mm", "1.8:2.2:0.1 mm", "2 mm +- 0.2 mm" or a list of values'
         )
-        with contextlib.suppress(UnitError):
-            listed = plain(given)
-            each = [plain(one) for one in listed] if isinstance(listed, list | tuple) else []
+        with contextlib.suppress(units.UnitError):
+            listed = units.plain(given)
+            each = [units.plain(one) for one in listed] if isinstance(listed, list | tuple) else []
             if each and all(isinstance(one, str | int | float) for one in each):
                 return cls._listed(key, each)
         if not isinstance(given, str):
@@ -94,9 +87,9 @@ class Input:
             if found := re.fullmatch(r"(.+?)(?:\+/?-|±)(.+)", given):
                 return cls._normal(key, found[1].strip(), found[2].strip())
             *ends, last = given.split(":")
-            top, unit = number_and_unit(last)
-            numbers = [*map(number, ends), top]
-        except (UnitError, ValueError):
+            top, unit = units.number_and_unit(last)
+            numbers = [*map(units.number, ends), top]
+        except (units.UnitError, ValueError):
             raise StudyError(how) from None
         if len(numbers) == 3:
             low, high, step = numbers
@@ -114,11 +107,11 @@ class Input:
 
     @classmethod
     def _normal(cls, key: str, middle: str, half: str) -> Input:
-        mean, unit = number_and_unit(middle)
+        mean, unit = units.number_and_unit(middle)
         if half.endswith("%"):
-            width = abs(mean) * number(half[:-1]) / 100
+            width = abs(mean) * units.number(half[:-1]) / 100
         else:
-            width, own = number_and_unit(half)
+            width, own = units.number_and_unit(half)
             if own != unit:
                 raise StudyError(f"[vary] {key} has the units {unit!r} and {own!r}; write both in one unit")
         if not width > 0.0:
@@ -129,8 +122,8 @@ class Input:
     def _listed(cls, key: str, given: Sequence[str | float]) -> Input:
         """Return an input of listed values: numbers with one unit, plain numbers, or texts."""
         try:
-            pairs = [number_and_unit(one) if isinstance(one, str) else (number(one), "") for one in given]
-        except UnitError:
+            pairs = [units.number_and_unit(one) if isinstance(one, str) else (units.number(one), "") for one in given]
+        except units.UnitError:
             pairs = []
         if pairs and len({unit for _, unit in pairs}) == 1:
             return cls(key, tuple(value for value, _ in pairs), unit=pairs[0][1])
@@ -193,13 +186,13 @@ class StudyPlan:
     def from_file(cls, path: Path) -> StudyPlan:
         """Read a study file; StudyError if it cannot be read, or makes no study."""
         try:
-            table = read_toml(path)
-        except TomlError as error:
+            table = tables.read_toml(path)
+        except tables.TomlError as error:
             raise StudyError(f"study file {path} {error}") from None
         known = ("name", "case", "sampling", "samples", "seed", "answer", "responses", "vary")
         for key in table:
             if key not in known:
-                raise StudyError(f"{path} has an unknown entry {key!r}; {known_are(key, known)}")
+                raise StudyError(f"{path} has an unknown entry {key!r}; {errors.known_are(key, known)}")
         varied, file = table.get("vary"), table.get("case")
         if not isinstance(file, str | dict):
             raise StudyError(
@@ -218,7 +211,7 @@ class StudyPlan:
         for key, value in numbers.items():
             if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= MOST:
                 raise StudyError(f"{path}: {key} is {value!r}; it must be a whole number up to {MOST}")
-        if why := unusable_name(table.get("name", "study")):
+        if why := names.unusable_name(table.get("name", "study")):
             raise StudyError(f"{path}: {why}")
         responses = table.get("responses", [])
         if not isinstance(responses, list) or not all(isinstance(one, str) for one in responses):
@@ -261,7 +254,7 @@ class StudyPlan:
         tables = copy.deepcopy(self._tables)
         steps = {one.key: x for one, x in zip(self.inputs, point, strict=True) if one.key.startswith(f"{FIT}.")}
         if steps:
-            tables["material"] = to_table(_drawn(self.case, np.array(list(steps.values()))))
+            tables["material"] = materials.to_table(_drawn(self.case, np.array(list(steps.values()))))
         for one, x in zip(self.inputs, point, strict=True):
             if one.key not in steps:
                 _set(tables, one.key, one.text(float(x)))
@@ -270,7 +263,7 @@ class StudyPlan:
 
     @functools.cached_property
     def _tables(self) -> dict[str, object]:
-        return parse_toml(dataclasses.replace(self.case, band=None).to_toml())
+        return tables.parse_toml(dataclasses.replace(self.case, band=None).to_toml())
 
     @functools.cached_property
     def cases(self) -> tuple[dict[int, Case], dict[int, str]]:
@@ -280,7 +273,7 @@ class StudyPlan:
             try:
                 cases[k] = self.case_at(point)
             except CaseError as error:
-                failures[k] = written(error)
+                failures[k] = errors.written(error)
         if not cases:
             raise StudyError(f"no sample makes a case; the first: {failures[0]}")
         return cases, failures
@@ -289,7 +282,7 @@ class StudyPlan:
     def inputs_of_results(self) -> dict[str, str]:
         """All that the results depend on, by name."""
         told = {name: repr(getattr(self, name)) for name in ("inputs", "sampling", "samples", "seed", "answer")}
-        return {**identity(self.case), **{f"study.{name}": text for name, text in told.items()}}
+        return {**case.identity(self.case), **{f"study.{name}": text for name, text in told.items()}}
 
     def columns_analysed(self, known: Sequence[str]) -> tuple[str, ...]:
         """Return the responses, of the columns that there are; StudyError if one is not among them."""
@@ -297,14 +290,14 @@ class StudyPlan:
         wanted = self.responses or ((gauge,) if self.answer == "path" else ("limit_Pa",))
         for name in wanted:
             if name not in known:
-                raise StudyError(f"the results have no column {name!r}; {known_are(name, known)}")
+                raise StudyError(f"the results have no column {name!r}; {errors.known_are(name, known)}")
         return wanted
 
 
 def _inputs(varied: Mapping[str, object], case: Case) -> Iterator[Input]:
-    for key, given in dotted(varied):
+    for key, given in trials.dotted(varied):
         if key == "material" and given == FIT:
-            if not isinstance(case.band, MaterialErrors):
+            if not isinstance(case.band, materials.MaterialErrors):
                 raise StudyError(f'material = "{FIT}" needs the errors of a fit; add [band] with its file to the case')
             for k in range(case.band.roots.shape[1]):
                 yield Input(f"{FIT}.{k + 1}", (), -2.0, 2.0, True)
@@ -314,10 +307,10 @@ def _inputs(varied: Mapping[str, object], case: Case) -> Iterator[Input]:
 
 def _drawn(case: Case, steps: Array) -> Material:
     """Return the material some standard deviations away, along the independent directions of its errors."""
-    assert isinstance(case.band, MaterialErrors)
+    assert isinstance(case.band, materials.MaterialErrors)
     material = case.material
     for name, change in zip(case.band.names, case.band.roots @ steps, strict=True):
-        material = nudged(material, name, float(change))
+        material = specimens.nudged(material, name, float(change))
     return material
 
 
@@ -365,29 +358,29 @@ def solved(task: tuple[Case, str]) -> dict[str, object]:
     Called in a process of its own, see `softmodels.common.processes`.
     """
     case, answer = task
-    import_own_modules()
+    materials.import_own_modules()
     if answer == "limit":
-        found = limit_of(case)
+        found = analyses.limit_of(case)
         row = {
             "limit_Pa": found.pressure, "added_volume_ml": found.added_volume * 1e6, "max_stretch": found.stretch,
             **{f"{name}_mm": rise * 1e3 for name, rise in found.rises.items()},
         }  # fmt: skip
         return {"rows": [row], "ended": found.why, "kind": found.kind}
-    comm, rows, ended = start(), PathTable(), ""
+    comm, rows, ended = mpi.start(), table.PathTable(), ""
     simulation = Simulation(case, comm)
     try:
-        with sentences(), temporary_folder(comm) as folder:
+        with notes.sentences(), temporary_folder(comm) as folder:
             mesh = folder / f"{case.name}.msh"
             simulation.write_mesh(mesh)
             simulation.prepare(mesh)
             for step in simulation.steps():
                 rows.append(step.row)
     except PathEnded as end:
-        ended = written(end)
+        ended = errors.written(end)
     except RunError as error:
         if not rows:
             raise
-        ended = written(error)
+        ended = errors.written(error)
     finally:
         simulation.release()
     limits = rows.where("limit")
@@ -399,28 +392,29 @@ _BESIDE = threading.local()
 """The process beside this one that solves for a thread, on a machine of a cluster."""
 
 
-def solved_beside(task: tuple[Case, str]) -> Answer:
+def solved_beside(task: tuple[Case, str]) -> processes.Answer:
     """Return the answer for a sample of a process beside this one: what a worker of dask calls."""
-    worker: Worker = _BESIDE.__dict__.setdefault("worker", Worker(__name__))
+    worker: processes.Worker = _BESIDE.__dict__.setdefault("worker", processes.Worker(__name__))
     return worker.answer(solved.__name__, task)
 
 
-def _by_cluster(scheduler: str, tasks: Mapping[int, tuple[Case, str]]) -> Iterator[tuple[int, Answer]]:
+def _by_cluster(scheduler: str, tasks: Mapping[int, tuple[Case, str]]) -> Iterator[tuple[int, processes.Answer]]:
     """Yield the answers of a cluster of dask; a worker that is lost is replaced, and its samples are solved elsewhere.
     StudyError if the scheduler does not answer."""
-    distributed = required("distributed", EXTRA)
+    distributed = errors.required("distributed", EXTRA)
     try:
         client = distributed.Client(scheduler, timeout=10, set_as_default=False)
     except (OSError, ValueError) as error:
         raise StudyError(
-            f"the scheduler {scheduler} does not answer ({reason(error)}); start one by: dask scheduler, and workers by: "
+            f"the scheduler {scheduler} does not answer ({errors.reason(error)}); start one by: dask scheduler, "
+            "and workers by: "
             f"dask worker {scheduler} --nthreads 1"
         ) from None
     with client, client.as_current():
         numbers = {client.submit(solved_beside, task, pure=False): k for k, task in tasks.items()}
         for future in distributed.as_completed(list(numbers)):
             failed = future.status != "finished"
-            yield numbers[future], (False, reason(future.exception())) if failed else future.result()
+            yield numbers[future], (False, errors.reason(future.exception())) if failed else future.result()
             future.release()
 
 
@@ -436,8 +430,8 @@ class StudyFolder:
     """A study's folder, locked; without a path the answers are only kept in memory. To resume keeps the samples that are
     there. Inputs are never written. StudyError if the folder cannot be used."""
 
-    def __init__(self, plan: StudyPlan, output: OwnFolder | None, resume: bool, inputs: Sequence[Path] = ()):
-        required("xarray", EXTRA)  # this and the next raise before anything is written
+    def __init__(self, plan: StudyPlan, output: folders.OwnFolder | None, resume: bool, inputs: Sequence[Path] = ()):
+        errors.required("xarray", EXTRA)  # this and the next raise before anything is written
         _ = plan.cases
         self.own, self.answers = output, dict[int, dict[str, object]]()
         self._file: TextIO | None = None
@@ -461,7 +455,7 @@ class StudyFolder:
         except (InUseError, OwnFolderError) as error:
             raise StudyError(str(error)) from None
         except OSError as error:
-            raise StudyError(f"the folder {output.path} cannot be written ({reason(error)})") from None
+            raise StudyError(f"the folder {output.path} cannot be written ({errors.reason(error)})") from None
 
     def _check(self, before: Mapping[str, str], now: Mapping[str, str]) -> None:
         changed = [name for name in {**before, **now} if before.get(name) != now.get(name)]
@@ -476,7 +470,7 @@ class StudyFolder:
         """Write the whole samples again: a killed study may have left half a line."""
         assert self.own is not None
         file, text = self.own.path / SAMPLES, "".join(map(_line, self.answers.items()))
-        replace(file, lambda aside: aside.write_text(text, encoding="utf-8"))
+        files.replace(file, lambda aside: aside.write_text(text, encoding="utf-8"))
         self._file = file.open("a", encoding="utf-8")
 
     def add(self, number: int, answer: dict[str, object]) -> None:
@@ -502,9 +496,9 @@ def _line(one: tuple[int, dict[str, object]]) -> str:
 def _read(file: Path) -> dict[int, dict[str, object]]:
     """Return the answers in a file by their samples; half a line at its end is not one."""
     found = {}
-    for line in read_text(file).splitlines() if file.exists() else ():
+    for line in files.read_text(file).splitlines() if file.exists() else ():
         try:
-            answer = parse_json(line)
+            answer = files.parse_json(line)
             found[int(answer.pop("sample"))] = answer
         except (ValueError, KeyError, AttributeError):
             continue
@@ -544,11 +538,14 @@ def study(
     """
     plan = file
     if not isinstance(plan, StudyPlan):
-        plan = StudyPlan.from_file(place("file", plan, "a study file, or a StudyPlan"))
-    callback("progress", progress)
-    count, address = whole("jobs", jobs, 0), one_of("scheduler", scheduler, str, "an address, or an empty text")
-    again = flag("resume", resume)
-    output = None if folder is None else OwnFolder(place("folder", folder, "a folder"), KIND)
+        plan = StudyPlan.from_file(names.place("file", plan, "a study file, or a StudyPlan"))
+    names.callback("progress", progress)
+    count, address = (
+        names.whole("jobs", jobs, 0),
+        names.one_of("scheduler", scheduler, str, "an address, or an empty text"),
+    )
+    again = names.flag("resume", resume)
+    output = None if folder is None else folders.OwnFolder(names.place("folder", folder, "a folder"), KIND)
     kept = StudyFolder(plan, output, again)
     try:
         return solve_into(kept, plan, count, address, progress)
@@ -563,11 +560,11 @@ def open_folder(plan: StudyPlan, output: Path | None, resume: bool, inputs: Sequ
     """Return the folder of a command, ``results/NAME`` unless one is given; StudyError if it cannot be used."""
     try:
         default = Path("results") / plan.name
-        own = OwnFolder(output, KIND) if output else take_default(default, KIND, plan.inputs_of_results)
+        own = folders.OwnFolder(output, KIND) if output else folders.take_default(default, KIND, plan.inputs_of_results)
     except (InUseError, OwnFolderError) as error:
         raise StudyError(str(error)) from None
     except OSError as error:
-        raise StudyError(f"the folder {output or default} cannot be written ({reason(error)})") from None
+        raise StudyError(f"the folder {output or default} cannot be written ({errors.reason(error)})") from None
     return StudyFolder(plan, own, resume, inputs)
 
 
@@ -585,7 +582,7 @@ def solve_into(
             kept.add(k, {"failure": text})
     tasks = {k: (case, plan.answer) for k, case in cases.items() if k not in kept.answers}
     count = len(plan.points)
-    beside = answers(__name__, solved.__name__, tasks, jobs or cores())
+    beside = processes.answers(__name__, solved.__name__, tasks, jobs or processes.cores())
     found = _by_cluster(scheduler, tasks) if scheduler and tasks else beside
     for k, (done, value) in found:
         kept.add(k, value if done else {"failure": str(value)})
@@ -599,7 +596,7 @@ def solve_into(
 
 def dataset_of(plan: StudyPlan, found: Mapping[int, Mapping[str, object]]) -> xarray.Dataset:
     """Return the results of all samples as one dataset, with the unit of each variable."""
-    library = required("xarray", EXTRA)
+    library = errors.required("xarray", EXTRA)
     order = range(len(plan.points))
     variables: dict[str, tuple[object, ...]] = {}
     for one, column in zip(plan.inputs, plan.points.T, strict=True):
@@ -613,7 +610,7 @@ def dataset_of(plan: StudyPlan, found: Mapping[int, Mapping[str, object]]) -> xa
         for k, own in rows.items():
             values[k, : len(own)] = [row.get(name, math.nan) for row in own]
         dims = ("sample", "state") if plan.answer == "path" else ("sample",)
-        label, unit = split(name)
+        label, unit = table.split(name)
         shaped = values if plan.answer == "path" else values[:, 0]
         variables[name] = (dims, shaped, {"units": unit, "long_name": label.replace("_", " ")})
     if plan.answer == "path":
@@ -714,7 +711,7 @@ def features(inputs: Sequence[Input], points: Array) -> Array:
 def surrogate_of(inputs: tuple[Input, ...], points: Array, values: Array) -> Surrogate:
     """Return a Gaussian process through the values at points, with its error in a tenfold cross-validation. StudyError if
     there are too few; ImportError if scikit-learn is not installed."""
-    required("sklearn", EXTRA)
+    errors.required("sklearn", EXTRA)
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
     from sklearn.model_selection import KFold, cross_val_predict
@@ -759,7 +756,7 @@ def indices_of(inputs: tuple[Input, ...], response: Callable[[Array], Array] | A
     return Indices(tuple(one.key for one in inputs), first, total, first_half, total_half)
 
 
-class Study(Shown):
+class Study(cards.Shown):
     """Results of a study.
 
     Attributes:
@@ -774,10 +771,10 @@ class Study(Shown):
     def _line(self) -> str:
         return f"{self.plan.name}: {len(self.plan.points)} samples, {len(self.failures)} without a result"
 
-    def _figures(self) -> Table:
+    def _figures(self) -> cards.Table:
         found = []
         for name in self.responses:
-            values, unit = self.values(name), split(name)[1]
+            values, unit = self.values(name), table.split(name)[1]
             low, middle, high = np.nanpercentile(values, (5, 50, 95))
             found.append((name, f"{low:.4g} {unit} (5 %), {middle:.4g} {unit} (50 %), {high:.4g} {unit} (95 %)"))
         return found
@@ -835,15 +832,15 @@ class Study(Shown):
             StudyError: A folder of that name is no Zarr.
             ImportError: h5netcdf, or zarr, is not installed.
         """
-        path = place("file", file, "a file")
+        path = names.place("file", file, "a file")
         if path.suffix == ".zarr":
-            required("zarr", EXTRA)
+            errors.required("zarr", EXTRA)
             if path.exists() and not (path / ".zgroup").is_file():
                 raise StudyError(f"{path} is there and no Zarr; name another folder")
             self.dataset.to_zarr(path, mode="w", zarr_format=2)
             return path
-        required("h5netcdf", EXTRA)
-        replace(path, lambda aside: self.dataset.to_netcdf(aside, engine="h5netcdf"))
+        errors.required("h5netcdf", EXTRA)
+        files.replace(path, lambda aside: self.dataset.to_netcdf(aside, engine="h5netcdf"))
         return path
 
 

@@ -12,33 +12,17 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from geometries.actuator import AXES
+from geometries import actuator
+from softmodels.common import errors, tables, units
 from softmodels.common.arrays import Array
-from softmodels.common.errors import reason
 from softmodels.common.lazy import fem, la
-from softmodels.common.tables import Line, Worksheet, pick, read_sheets, records
-from softmodels.common.units import UnitError, number, plain, quantity
-from softmodels.design.quantities import (
-    DesignQuantity,
-    FacePlace,
-    Measure,
-    OfFace,
-    Place,
-    Slopes,
-    TargetMeasure,
-    Turn,
-    length,
-    register_quantity,
-)
-from softmodels.design.trials import JudgedLoad, Squares
-from softmodels.fitting.outlines.shapes import Silhouette, correlation, read_outlines, rising, shadow_of
-from softmodels.mechanics.body import BodyError
-from softmodels.mechanics.mpi import everywhere, is_root, scattered
+from softmodels.design import quantities, trials
+from softmodels.fitting.outlines import shapes
+from softmodels.mechanics import body, mpi
 
 if TYPE_CHECKING:
-    from softmodels.design.quantities import DesignedBody
     from softmodels.mechanics.system import State
-    from softmodels.runs.grid import Closest, QuadraticCurve
+    from softmodels.runs import grid
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -47,11 +31,11 @@ if TYPE_CHECKING:
 # The outline of a device whose mesh follows its design.
 
 
-class MovedSilhouette(Silhouette):
+class MovedSilhouette(shapes.Silhouette):
     """The outer curve of a device under design, with the transpose of its derivative. It is ``round`` where the device is a
     body of revolution, of which both sides are seen alike. BodyError if the mesh has no such curve."""
 
-    def __init__(self, design: DesignedBody):
+    def __init__(self, design: quantities.DesignedBody):
         super().__init__(design.system)
         self.design, actuator = design, design.system.body.actuator
         self.round = actuator.dimension == 2 or len(actuator.cut_planes) > 1
@@ -76,9 +60,9 @@ class MovedSilhouette(Silhouette):
         back = values.copy()
         back[self._turned] = back[self._turned][:, [1, 0, 2]]
         comm, count = self.system.comm, len(self._dofs)
-        found = np.zeros((len(everywhere(comm, np.zeros(count))), 3, 2))
+        found = np.zeros((len(mpi.everywhere(comm, np.zeros(count))), 3, 2))
         found[self._order] = back
-        return scattered(comm, found if is_root(comm) else None, count)
+        return mpi.scattered(comm, found if mpi.is_root(comm) else None, count)
 
 
 def _added(space: object, dofs: npt.NDArray[np.integer], values: Array) -> Array:
@@ -94,15 +78,15 @@ ONE_SIDED = 0.1
 """Fraction of its width within which the top of a one-sided outline lies, from the axis outwards."""
 
 
-class OutlineMeasure(TargetMeasure):
+class OutlineMeasure(quantities.TargetMeasure):
     """Distances of points from the outline of a state, in its plane in m, shape (k, 2): distance from the axis (or clamped
     base) and height above the undeformed apex, measured ones from a flat surface. ValueError if the device has no outline, or
     its top is curved and a measured outline counts from a flat one."""
 
-    def __init__(self, design: DesignedBody, points: Array, measured: bool):
+    def __init__(self, design: quantities.DesignedBody, points: Array, measured: bool):
         try:
             self.silhouette = MovedSilhouette(design)
-        except BodyError as error:
+        except body.BodyError as error:
             raise ValueError(f"no target outline: {error}") from None
         if measured and not self.silhouette.flat:
             raise ValueError(
@@ -114,18 +98,18 @@ class OutlineMeasure(TargetMeasure):
             away = points[:, 0] - (_middle(points) if measured else 0.0)
             self.points = np.column_stack([np.abs(away), points[:, 1]])
 
-    def _closest(self, state: State) -> tuple[Closest, npt.NDArray[np.int64], Array]:
+    def _closest(self, state: State) -> tuple[grid.Closest, npt.NDArray[np.int64], Array]:
         """Return the closest points, and for each the piece of the curve that it is on with the weights of that piece's
         nodes."""
-        curve: QuadraticCurve = self.silhouette.curve(state)
+        curve: grid.QuadraticCurve = self.silhouette.curve(state)
         if not self.silhouette.round:
             found = curve.closest(self.points)
             return found, found.piece, found.weights
-        shadow = shadow_of(curve)
+        shadow = shapes.shadow_of(curve)
         found = shadow.curve.closest(self.points)
         return found, shadow.source[found.piece], np.einsum("ka,kab->kb", found.weights, shadow.weights[found.piece])
 
-    def slopes(self, state: State | None) -> Slopes:
+    def slopes(self, state: State | None) -> quantities.Slopes:
         assert state is not None
         found, piece, weights = self._closest(state)
         left = found.distance
@@ -134,7 +118,7 @@ class OutlineMeasure(TargetMeasure):
         covector = np.zeros((*self.silhouette.points.shape[:2], 2))
         np.add.at(covector, piece, -rates[:, None, None] * weights[..., None] * found.normal[:, None, :])
         by_w, by_X = self.silhouette.transposed(covector)
-        return Slopes(value, by_w, 0.0, by_X, self._note())
+        return quantities.Slopes(value, by_w, 0.0, by_X, self._note())
 
     def _note(self) -> str:
         if self.silhouette.flat:
@@ -150,9 +134,9 @@ class OutlineMeasure(TargetMeasure):
         return -np.einsum("kb,kbi,ki->k", weights, self.silhouette.moved(w, X)[piece], found.normal)
 
 
-@register_quantity
+@quantities.register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Outline(DesignQuantity):
+class Outline(quantities.DesignQuantity):
     """Root mean square distance between points and the deformed outline: of a disk its shadow; of a half slab its top's edge
     in the mirror plane, from the clamped base to the tip.
 
@@ -174,15 +158,15 @@ class Outline(DesignQuantity):
         super().__post_init__()
         if bool(self.file) == (len(self.points) > 0):
             raise ValueError("an outline needs either a file of points or the points themselves")
-        object.__setattr__(self, "sigma", length("sigma", self.sigma))
+        object.__setattr__(self, "sigma", quantities.length("sigma", self.sigma))
         if self.file:
             points, run = _measured(Path(self.file))
             object.__setattr__(self, "run", run)
         else:
             try:
-                points = np.array(plain(self.points), dtype=float).reshape(len(self.points), 2)
+                points = np.array(units.plain(self.points), dtype=float).reshape(len(self.points), 2)
             except (TypeError, ValueError) as error:
-                if isinstance(error, UnitError):
+                if isinstance(error, units.UnitError):
                     raise
                 raise ValueError(
                     "the points of an outline are pairs: distance from the axis and height, in m"
@@ -195,7 +179,7 @@ class Outline(DesignQuantity):
     def title(self) -> str:
         return f"distance from the outline {Path(self.file).stem}" if self.file else "distance from the outline"
 
-    def measure(self, design: DesignedBody) -> OutlineMeasure:
+    def measure(self, design: quantities.DesignedBody) -> OutlineMeasure:
         made = OutlineMeasure(design, np.array(self.points), bool(self.file))
         made.run, made.sigma = self.run, self.sigma
         return made
@@ -204,12 +188,12 @@ class Outline(DesignQuantity):
 def _measured(file: Path) -> tuple[Array, float]:
     """Return the risen points of a measured outline, and the correlation length of their residuals in points. ValueError if
     there is no outline, it is not trusted, or nothing rises."""
-    (outline,) = read_outlines([file])
+    (outline,) = shapes.read_outlines([file])
     outline = outline.measured()
-    part = rising(outline)
+    part = shapes.rising(outline)
     if part is None:
         raise ValueError(f"{file}: no point of this outline rises, so it is not usable as a target")
-    return np.column_stack([outline.x[part], outline.z[part]]), correlation([outline])
+    return np.column_stack([outline.x[part], outline.z[part]]), shapes.correlation([outline])
 
 
 def _middle(points: Array) -> float:
@@ -225,21 +209,21 @@ def _middle(points: Array) -> float:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class CompositeQuantity(DesignQuantity):
+class CompositeQuantity(quantities.DesignQuantity):
     """A function of other quantities."""
 
     of_state: ClassVar = False
 
     @property
     @abc.abstractmethod
-    def parts(self) -> tuple[DesignQuantity, ...]:
+    def parts(self) -> tuple[quantities.DesignQuantity, ...]:
         """The component quantities."""
 
     @abc.abstractmethod
     def combined(self, values: Array) -> tuple[float, Array]:
         """Return the value of the function of the parts' values, and its slopes by them."""
 
-    def squares(self, values: Array, slopes: Array) -> Squares | None:
+    def squares(self, values: Array, slopes: Array) -> trials.Squares | None:
         """Return the residuals of a target, from the parts' values (k,) and their gradients (k, m)."""
         return None
 
@@ -247,11 +231,11 @@ class CompositeQuantity(DesignQuantity):
         """Return what a user reads beside the value, from the parts' values (k,), or ""."""
         return ""
 
-    def measure(self, design: DesignedBody) -> Measure:
+    def measure(self, design: quantities.DesignedBody) -> quantities.Measure:
         raise TypeError("a composite quantity is evaluated from its parts")
 
 
-@register_quantity
+@quantities.register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class TipPath(CompositeQuantity):
     """Root mean square distance of a probe (the device's first one if empty) from a target path: rows of pressure in Pa and
@@ -272,7 +256,7 @@ class TipPath(CompositeQuantity):
         super().__post_init__()
         if bool(self.file) == (len(self.target) > 0):
             raise ValueError("a tip path needs either a file or a target, rows of pressure and place")
-        object.__setattr__(self, "sigma", length("sigma", self.sigma))
+        object.__setattr__(self, "sigma", quantities.length("sigma", self.sigma))
         if self.file:
             rows, of = read_tip_path(Path(self.file), self.of, self.cm)
             object.__setattr__(self, "of", of)
@@ -288,16 +272,16 @@ class TipPath(CompositeQuantity):
         return f"distance of {self.of or 'the tip'} from its path"
 
     @property
-    def _wanted(self) -> list[tuple[Place, float]]:
+    def _wanted(self) -> list[tuple[quantities.Place, float]]:
         return [
-            (Place(at=JudgedLoad.of(row[0]), of=self.of, axis=axis), row[1 + i])
+            (quantities.Place(at=trials.JudgedLoad.of(row[0]), of=self.of, axis=axis), row[1 + i])
             for row in self.target
-            for i, axis in enumerate(AXES)
+            for i, axis in enumerate(actuator.AXES)
             if not np.isnan(row[1 + i])
         ]
 
     @property
-    def parts(self) -> tuple[DesignQuantity, ...]:
+    def parts(self) -> tuple[quantities.DesignQuantity, ...]:
         return tuple(place for place, _ in self._wanted)
 
     def residuals(self, values: Array) -> Array:
@@ -309,11 +293,11 @@ class TipPath(CompositeQuantity):
         value = float(np.sqrt(left @ left / len(self.target)))
         return value, left / (len(self.target) * value) if value else np.zeros_like(left)
 
-    def squares(self, values: Array, slopes: Array) -> Squares:
-        return Squares.of(self.residuals(values), slopes, 1.0, self.sigma)
+    def squares(self, values: Array, slopes: Array) -> trials.Squares:
+        return trials.Squares.of(self.residuals(values), slopes, 1.0, self.sigma)
 
 
-@register_quantity
+@quantities.register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Pose(CompositeQuantity):
     """Distance of a face, such as "tip", from a target pose in tolerances: the root mean square of how far each coordinate of
@@ -339,12 +323,12 @@ class Pose(CompositeQuantity):
     tolerance: float | str = 1e-3
     turn_tolerance: float | str = 1.0
 
-    named = staticmethod(OfFace.named)
+    named = staticmethod(quantities.OfFace.named)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         example = '{ x = "30 mm", z = "12 mm" }'
-        if not isinstance(self.position, Mapping) or not set(self.position) <= set(AXES):
+        if not isinstance(self.position, Mapping) or not set(self.position) <= set(actuator.AXES):
             raise ValueError(f"position of a pose gives coordinates by axis, x, y or z, such as {example}")
         if not self.position and self.turn is None:
             raise ValueError(f'a pose needs a position, such as {example}, a turn, such as "90 deg", or both')
@@ -366,9 +350,9 @@ class Pose(CompositeQuantity):
         return f"distance of {self.of} from its pose"
 
     @property
-    def parts(self) -> tuple[DesignQuantity, ...]:
-        places = (FacePlace(at=self.at, of=self.of, axis=axis) for axis in self.position)
-        return (*places, *([] if self.turn is None else [Turn(at=self.at, of=self.of, axis=self.axis)]))
+    def parts(self) -> tuple[quantities.DesignQuantity, ...]:
+        places = (quantities.FacePlace(at=self.at, of=self.of, axis=axis) for axis in self.position)
+        return (*places, *([] if self.turn is None else [quantities.Turn(at=self.at, of=self.of, axis=self.axis)]))
 
     def residuals(self, values: Array) -> Array:
         """Return how far coordinates and turn are from the wanted ones, in tolerances; of the turn the shorter way round."""
@@ -387,8 +371,8 @@ class Pose(CompositeQuantity):
         value = float(np.sqrt(left @ left / len(left)))
         return value, left / (len(left) * value * self._tolerances) if value else np.zeros_like(left)
 
-    def squares(self, values: Array, slopes: Array) -> Squares:
-        return Squares.of(self.residuals(values), slopes / self._tolerances[:, None], 1.0, 1.0)
+    def squares(self, values: Array, slopes: Array) -> trials.Squares:
+        return trials.Squares.of(self.residuals(values), slopes / self._tolerances[:, None], 1.0, 1.0)
 
     def note(self, values: Array) -> str:
         told = [f"{axis} {1e3 * value:.4g} mm" for axis, value in zip(self.position, values, strict=False)]
@@ -398,7 +382,7 @@ class Pose(CompositeQuantity):
 
 def _in_unit(what: str, value: float | str, unit: str) -> float:
     """Return a number, or a text with a unit, in a unit; ValueError if it is none."""
-    found = quantity(value, unit) if isinstance(value, str) else float(value)
+    found = units.quantity(value, unit) if isinstance(value, str) else float(value)
     if not np.isfinite(found):
         raise ValueError(f"{what} is {value!r}; it must be a finite number")
     return found
@@ -437,7 +421,7 @@ def read_tip_path(file: Path, of: str, cm: float = 0.0) -> tuple[tuple[Row, ...]
                 _value(row[columns[axis][0]], columns[axis][1], "m", cm) if axis in columns else np.nan
                 for axis in "xyz"
             ]
-        except (UnitError, TypeError) as error:
+        except (units.UnitError, TypeError) as error:
             raise ValueError(f"{file}, {sheet.place(line)}: {error}") from None
         table.append([at, *place])
     kept = _rising(np.array(table), _asked([row for _, row in rows]))
@@ -446,24 +430,24 @@ def read_tip_path(file: Path, of: str, cm: float = 0.0) -> tuple[tuple[Row, ...]
     return tuple((float(p), float(x), float(y), float(z)) for p, x, y, z in kept), of
 
 
-def _rows(file: Path) -> tuple[Worksheet, list[tuple[int, dict[str, str]]]]:
+def _rows(file: Path) -> tuple[tables.Worksheet, list[tuple[int, dict[str, str]]]]:
     """Return the sheet, and its rows by their columns' names, with the units in a row below them if that has them."""
     try:
-        sheets = read_sheets(file)
-        chosen = pick(file, sheets, lambda sheet: _table(sheet.rows))
+        sheets = tables.read_sheets(file)
+        chosen = tables.pick(file, sheets, lambda sheet: _table(sheet.rows))
         if chosen is None:  # no sheet has a path: use the one with most columns for the message
             widest = max(sheets, key=lambda sheet: len(sheet.rows[0][1]) if sheet.rows else 0)
             chosen = widest, widest.rows
     except OSError as error:
-        raise ValueError(f"{file} cannot be read: {reason(error)}") from None
+        raise ValueError(f"{file} cannot be read: {errors.reason(error)}") from None
     if len(chosen[1]) < 2:
         raise ValueError(
             f"{file} has no rows; a path needs a column of pressures and columns of positions, such as pressure_kPa, x_mm"
         )
-    return chosen[0], records(chosen[1])
+    return chosen[0], tables.records(chosen[1])
 
 
-def _table(rows: Sequence[Line]) -> Sequence[Line] | None:
+def _table(rows: Sequence[tables.Line]) -> Sequence[tables.Line] | None:
     """Return the names with their units and the rows below; None if there is no column of pressures or positions."""
     if not rows:
         return None
@@ -509,8 +493,8 @@ def _place_columns(file: Path, names: Sequence[str], of: str) -> tuple[dict[str,
 
 def _value(text: str, unit: str, wanted: str, cm: float) -> float:
     if wanted == "Pa" and unit == "cm":
-        return number(text) * cm
-    return quantity(f"{number(text)!r} {unit}", wanted)
+        return units.number(text) * cm
+    return units.quantity(f"{units.number(text)!r} {unit}", wanted)
 
 
 def _asked(rows: Sequence[Mapping[str, str]]) -> npt.NDArray[np.bool_]:

@@ -14,10 +14,8 @@ from typing import Self
 import numpy as np
 
 from geometries import Actuator
+from softmodels.common import files, names, units
 from softmodels.common.arrays import Array
-from softmodels.common.files import parse_json
-from softmodels.common.names import keep_arrays
-from softmodels.common.units import UnitError, brief, plain, quantity, readable
 
 PRESSURE, VOLUME = "pressure", "volume"
 
@@ -41,7 +39,7 @@ class JudgedLoad:
         return value if isinstance(value, JudgedLoad) else cls(PRESSURE, float(value))
 
     def __str__(self) -> str:
-        return readable(self.value, "Pa") if self.kind == PRESSURE else f"{self.value * 1e6:.6g} ml"
+        return units.readable(self.value, "Pa") if self.kind == PRESSURE else f"{self.value * 1e6:.6g} ml"
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -73,12 +71,12 @@ def read(what: str, value: object, unit: str, bare: bool = True) -> float:
     """Return a value in SI units from a text with a unit, or from a number where these are ``bare``; in files a unit is
     needed. DesignError names what it is of."""
     try:
-        value = plain(value)
+        value = units.plain(value)
         if isinstance(value, bool) or not isinstance(value, str | int | float):
             kind = "text with a unit" if spelled(unit) else "number"
-            raise DesignError(f"{what} is {brief(value)}; it must be a {kind}")
-        return quantity(value, "" if bare and not isinstance(value, str) else spelled(unit))
-    except UnitError as error:
+            raise DesignError(f"{what} is {units.brief(value)}; it must be a {kind}")
+        return units.quantity(value, "" if bare and not isinstance(value, str) else spelled(unit))
+    except units.UnitError as error:
         raise DesignError(f"{what}: {error}") from None
 
 
@@ -94,7 +92,7 @@ def dotted(table: Mapping[str, object], before: str = "") -> Iterator[tuple[str,
 @functools.cache
 def factor(shown: str, unit: str) -> float:
     """Return the SI value of a display unit: 0.001 for mm and m."""
-    return quantity(f"1 {spelled(shown)}", spelled(unit)) if spelled(shown) else 1.0
+    return units.quantity(f"1 {spelled(shown)}", spelled(unit)) if spelled(shown) else 1.0
 
 
 def text(value: float, shown: str, unit: str, digits: int = 4) -> str:
@@ -128,7 +126,7 @@ class Squares:
     triangle: Array
 
     def __post_init__(self) -> None:
-        keep_arrays(self)
+        names.keep_arrays(self)
 
     @classmethod
     def of(cls, residuals: Array, jacobian: Array, run: float = 1.0, sigma: float = 0.0) -> Self:
@@ -226,7 +224,7 @@ class Trial:
     @classmethod
     def from_json(cls, text: str) -> Trial:
         """Return the trial of `to_json`'s text; ValueError if it is something else."""
-        told = parse_json(text)
+        told = files.parse_json(text)
         try:
             squares = {key: Squares.from_table(table) for key, table in told.get("squares", {}).items()}
             theta, notes = tuple(map(float, told["theta"])), tuple(told["notes"])

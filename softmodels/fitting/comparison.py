@@ -17,33 +17,21 @@ import numpy as np
 import tomli_w
 
 from softmodels.case import materials
-from softmodels.common.cards import Shown, Table
-from softmodels.common.errors import call, known_are, spoken
-from softmodels.common.files import has_table
-from softmodels.common.units import brief, with_prefix
+from softmodels.common import cards, errors, files, units
+from softmodels.fitting import least_squares, problem
+from softmodels.fitting.curves import residuals
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.curves.residuals import TensileResiduals, predicted
-from softmodels.fitting.least_squares import (
-    BLIND,
-    NOTHING,
-    Judgement,
-    LeastSquaresFit,
-    Profile,
-    objections,
-    singular_values,
-    unseen,
-)
-from softmodels.fitting.problem import CannotEvaluate, FitError, LawChoice, all_laws, loss_of
-from softmodels.materials.laws import RUBBER, Material, MaterialError
-from softmodels.materials.silicones import PRODUCTS, named, product_of, silicone_called
-from softmodels.materials.specimens import Verdict, respond, secant_modulus
-from softmodels.mechanics.sensitivity import known_parameters
+from softmodels.fitting.least_squares import objections
+from softmodels.fitting.problem import FitError
+from softmodels.materials import laws, silicones, specimens
+from softmodels.materials.laws import Material, MaterialError
+from softmodels.mechanics import sensitivity
 
 if TYPE_CHECKING:
     from softmodels.fitting.outlines.residuals import MatchedPhotograph
 
 
-call("material all", 'material="all"')
+errors.call("material all", 'material="all"')
 
 UNDECIDED = 2.0
 """Laws whose criteria differ by less than this are equivalent (Burnham & Anderson 2002, section 2.6)."""
@@ -63,7 +51,7 @@ class Ranked:
     """A fit with Akaike's corrected criterion and Schwarz's relative to the best one's, which are 0, and its root mean
     square misfit over that of the closest law; ``near`` if it follows the data nearly as closely."""
 
-    fit: LeastSquaresFit
+    fit: least_squares.LeastSquaresFit
     aicc: float
     bic: float
     ratio: float = 1.0
@@ -77,11 +65,13 @@ class Comparison:
     `softmodels.fitting.problem.all_laws`."""
 
     ranked: tuple[Ranked, ...]
-    preferred: LeastSquaresFit
+    preferred: least_squares.LeastSquaresFit
     sentence: str
 
 
-def compare(fits: Sequence[LeastSquaresFit], judged: Sequence[LeastSquaresFit] | None = None) -> Comparison:
+def compare(
+    fits: Sequence[least_squares.LeastSquaresFit], judged: Sequence[least_squares.LeastSquaresFit] | None = None
+) -> Comparison:
     """Rank fits of the same sources with the same loss by the quasi-likelihood form of Akaike's corrected criterion;
     ``judged`` are the same laws in the same order, fitted to curves on the common yardstick.
 
@@ -122,7 +112,7 @@ def compare(fits: Sequence[LeastSquaresFit], judged: Sequence[LeastSquaresFit] |
     return Comparison(ranked, *_judgement(ranked))
 
 
-def _check(fits: Sequence[LeastSquaresFit]) -> None:
+def _check(fits: Sequence[least_squares.LeastSquaresFit]) -> None:
     first = fits[0]
     for other in fits[1:]:
         alike = (other.loss, other.errors, other.rows.groups) == (first.loss, first.errors, first.rows.groups)
@@ -130,12 +120,12 @@ def _check(fits: Sequence[LeastSquaresFit]) -> None:
             raise ValueError("only fits of the same measurements, with the same loss and errors, can be compared")
 
 
-def _means(fit: LeastSquaresFit) -> dict[str, float]:
+def _means(fit: least_squares.LeastSquaresFit) -> dict[str, float]:
     """Return the mean over each curve of the loss of its squared residuals; the priors' share goes to the first. The noise
     that averaging took from a curve counts as if it were there, so that each sampling has the same misfit."""
     labels = np.array(fit.rows.groups)
     squares = fit.residuals**2
-    losses = loss_of(fit.loss, squares, len(squares) - fit.count)[0]
+    losses = problem.loss_of(fit.loss, squares, len(squares) - fit.count)[0]
     means = {str(name): float(losses[: fit.count][labels == name].mean()) for name in dict.fromkeys(fit.rows.groups)}
     for source in fit.problem.sources:
         if np.any(hidden := np.asarray(getattr(source, "averaged_away", 0.0))):
@@ -144,7 +134,7 @@ def _means(fit: LeastSquaresFit) -> dict[str, float]:
     return means
 
 
-def _on_residuals(fits: Sequence[LeastSquaresFit]) -> tuple[list[float], float]:
+def _on_residuals(fits: Sequence[least_squares.LeastSquaresFit]) -> tuple[list[float], float]:
     """Return the misfit of each law relative to the closest one's and the number of values, for stated errors."""
     closest = min(fits, key=lambda fit: fit.deviance)
     worth = max(closest.dispersion * closest.count / closest.independent, 1e-300)
@@ -153,7 +143,7 @@ def _on_residuals(fits: Sequence[LeastSquaresFit]) -> tuple[list[float], float]:
     return [fit.deviance / worth for fit in fits], closest.independent
 
 
-def _ratios(fits: Sequence[LeastSquaresFit]) -> list[float]:
+def _ratios(fits: Sequence[least_squares.LeastSquaresFit]) -> list[float]:
     """Return the root mean square misfit of each law over that of the closest one, all curves or photographs weighted
     equally."""
     labels, sizes = np.array(fits[0].rows.groups), np.array(fits[0].rows.sizes)
@@ -169,14 +159,14 @@ def _ratios(fits: Sequence[LeastSquaresFit]) -> list[float]:
     return [math.sqrt(max(one / smallest, 1.0)) for one in sums]
 
 
-def _simplicity(fit: LeastSquaresFit) -> tuple[int, int, str]:
+def _simplicity(fit: least_squares.LeastSquaresFit) -> tuple[int, int, str]:
     """Return the sorting key by simplicity: free parameters, then the order of `all_laws`; independent of
     noise."""
-    order = all_laws()
+    order = problem.all_laws()
     return len(fit.free), order.index(fit.label) if fit.label in order else len(order), fit.label
 
 
-def _judgement(ranked: tuple[Ranked, ...]) -> tuple[LeastSquaresFit, str]:
+def _judgement(ranked: tuple[Ranked, ...]) -> tuple[least_squares.LeastSquaresFit, str]:
     best = ranked[0].fit
     first = best.label
     if len(ranked) == 1:
@@ -211,7 +201,7 @@ class DeviceMisfit:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class FittedLaw(Shown):
+class FittedLaw(cards.Shown):
     """A law with its fit and its warnings.
 
     Attributes:
@@ -222,12 +212,12 @@ class FittedLaw(Shown):
         devices: Its misfit of each device; empty but for outlines.
     """
 
-    choice: LawChoice
-    fit: LeastSquaresFit
+    choice: problem.LawChoice
+    fit: least_squares.LeastSquaresFit
     material: Material
-    verdict: Verdict
-    profiles: dict[str, Profile]
-    judgement: Judgement = NOTHING
+    verdict: specimens.Verdict
+    profiles: dict[str, least_squares.Profile]
+    judgement: least_squares.Judgement = least_squares.NOTHING
     devices: tuple[DeviceMisfit, ...] = ()
 
     def _line(self) -> str:
@@ -235,12 +225,12 @@ class FittedLaw(Shown):
         values = ", ".join(f"{name} {value} {unit}".strip() for name, value, unit, _ in law)
         return f"of {self.choice.name}: {values}{'' if self.sound else '; rejected'}"
 
-    def _figures(self) -> Table:
+    def _figures(self) -> cards.Table:
         rows = [
             (name, f"{value} {unit} ({'' if interval == 'fixed' else '95 %: '}{interval})".replace("  ", " "))
             for name, value, unit, interval in parameter_rows(self)
         ]
-        modulus = " ".join(with_prefix(self.material.shear_modulus_0, "Pa"))
+        modulus = " ".join(units.with_prefix(self.material.shear_modulus_0, "Pa"))
         return [*rows, ("shear modulus", modulus), ("Poisson's ratio", f"{self.material.poisson:g}")]
 
     def _remarks(self) -> tuple[str, ...]:
@@ -251,7 +241,7 @@ class FittedLaw(Shown):
         """All warnings on the fit."""
         profiles = (p.trouble for p in self.profiles.values() if p.trouble)
         found = (*self.objections, *self.fit.troubles, *self.verdict.flags, *self.judgement.warnings, *profiles)
-        return tuple(dict.fromkeys(map(spoken, found)))
+        return tuple(dict.fromkeys(map(errors.spoken, found)))
 
     @functools.cached_property
     def objections(self) -> tuple[str, ...]:
@@ -263,7 +253,7 @@ class FittedLaw(Shown):
     def errors(self) -> materials.MaterialErrors:
         """Errors of the material: for ``sm.score(..., errors=...)`` and the band of a run. Raises `MaterialError` where no
         parameter of it was free, or the data do not determine it."""
-        known = known_parameters(self.material)
+        known = sensitivity.known_parameters(self.material)
         kept = [i for i, p in enumerate(self.fit.free) if p.name in known]
         rows = self.fit.covariance[np.ix_(kept, kept)].tolist()
         names = tuple(self.fit.free[i].name for i in kept)
@@ -288,7 +278,7 @@ def parameter_rows(law: FittedLaw) -> list[tuple[str, str, str, str]]:
         if p.hidden:
             continue
         value = law.fit.values[p.name]
-        text, unit = with_prefix(value, p.unit, law.fit.error(p.name))
+        text, unit = units.with_prefix(value, p.unit, law.fit.error(p.name))
         if p.fixed:
             rows.append((p.name, text, unit, "fixed"))
             continue
@@ -398,10 +388,10 @@ class SeparateFits:
         lines = [pair.sentence for pair in self.pairs]
         for curve, one in zip(self.curves, self.own, strict=True):
             values = ", ".join(
-                f"{p.name} {' '.join(with_prefix(one.fit.values[p.name], p.unit))}" for p in one.fit.parameters
+                f"{p.name} {' '.join(units.with_prefix(one.fit.values[p.name], p.unit))}" for p in one.fit.parameters
             )
             rms = next(iter(one.fit.summaries.values())).rms / 1e3
-            modulus = " ".join(with_prefix(one.material.shear_modulus_0, "Pa"))
+            modulus = " ".join(units.with_prefix(one.material.shear_modulus_0, "Pa"))
             lines.append(
                 f"only {curve.name}: {one.choice.name} with {values}, shear modulus {modulus}, rms {rms:.3g} kPa: "
                 f"{separate_file(self, curve)}"
@@ -415,10 +405,12 @@ class SeparateFits:
         involved = {place for pair in self.pairs for place in (pair.softer, pair.stiffer)}
         moduli = [self.own[i].material.shear_modulus_0 for i in involved]
         stresses = [
-            float(respond(self.own[i].material, np.array([top]), self.curves[i].mode).stress[0]) for i in involved
+            float(specimens.respond(self.own[i].material, np.array([top]), self.curves[i].mode).stress[0])
+            for i in involved
         ]
         ends = [
-            " ".join(with_prefix(value, "Pa")) for value in (min(moduli), max(moduli), min(stresses), max(stresses))
+            " ".join(units.with_prefix(value, "Pa"))
+            for value in (min(moduli), max(moduli), min(stresses), max(stresses))
         ]
         return (
             f"spread: shear modulus {ends[0]} to {ends[1]}, nominal stress at stretch {top:.3g} {ends[2]} to {ends[3]}; the "
@@ -437,7 +429,7 @@ def separate_file(separate: SeparateFits, curve: TensileCurve) -> str:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class FitReport(Shown):
+class FitReport(cards.Shown):
     """All fitted laws, best first, with curves and options.
 
     Attributes:
@@ -461,7 +453,7 @@ class FitReport(Shown):
     def _line(self) -> str:
         return self.chosen._line()
 
-    def _figures(self) -> Table:
+    def _figures(self) -> cards.Table:
         return self.chosen._figures()
 
     def _remarks(self) -> list[str]:
@@ -548,14 +540,14 @@ class Expected:
         """Return the lowest and highest plausible secant shear modulus in Pa at a stretch."""
         if not self.curves:
             return CASTABLE
-        moduli = [secant_modulus(curve, stretch) for curve in self.curves]
+        moduli = [specimens.secant_modulus(curve, stretch) for curve in self.curves]
         return min(moduli) / self.room[0], max(moduli) * self.room[1]
 
 
 def expected(silicone: str | None, material: Material | None = None) -> Expected:
     """Return the expected moduli of a silicone by its name, or `ANY`, or else of a case's own material; `FitError` for an
     unknown name."""
-    name = silicone or (named(material) if material is not None else None)
+    name = silicone or (silicones.named(material) if material is not None else None)
     if name == ANY or (name is None and material is None):
         return Expected("casting silicones", (), (1.0, 1.0), silicone == ANY)
     if name is None:
@@ -563,20 +555,22 @@ def expected(silicone: str | None, material: Material | None = None) -> Expected
         return Expected("the case's own material", (material,), GUESS, False)
     curves = published(name)
     if not curves:
-        raise FitError(f"silicone {brief(name)} is unknown; {known_are(name, PRODUCTS, ', and any')}")
+        raise FitError(
+            f"silicone {units.brief(name)} is unknown; {errors.known_are(name, silicones.PRODUCTS, ', and any')}"
+        )
     return Expected(f"published curves of {name}", curves, ROOM if len(curves) > 1 else ALONE, True)
 
 
 def published(name: str) -> tuple[Material, ...]:
     """Return the laws of all tension sources of the product of a name, for any source in the name."""
-    sources = PRODUCTS.get(product_of(name), ()) if silicone_called(name) else ()
+    sources = silicones.PRODUCTS.get(silicones.product_of(name), ()) if silicones.silicone_called(name) else ()
     return tuple(one.material for one in sources if one.pulled)
 
 
 def objection(material: Material, largest: float, known: Expected) -> str:
     """Return a sentence if a law fitted up to a largest stretch is implausible for its silicone; else ""."""
     stretch = min(STRETCH, max(largest, 1.05))
-    modulus, (low, high) = secant_modulus(material, stretch), known.range(stretch)
+    modulus, (low, high) = specimens.secant_modulus(material, stretch), known.range(stretch)
     if low <= modulus <= high:
         return ""
     side = f"{low / modulus:.3g} times below" if modulus < low else f"{modulus / high:.3g} times above"
@@ -590,48 +584,56 @@ def objection(material: Material, largest: float, known: Expected) -> str:
     ).replace("?.", "?")
 
 
-def hold_against(law: Material, largest: float, known: Expected, judgement: Judgement) -> Judgement:
+def hold_against(
+    law: Material, largest: float, known: Expected, judgement: least_squares.Judgement
+) -> least_squares.Judgement:
     """Return a judgement that includes the silicone's modulus, unless something else is already wrong."""
     said = "" if judgement.objections else objection(law, largest, known)
     return dataclasses.replace(judgement, objections=(said,)) if said else judgement
 
 
-def shifted(fit: LeastSquaresFit, choice: LawChoice, given: Mapping[str, float]) -> dict[str, float]:
+def shifted(
+    fit: least_squares.LeastSquaresFit, choice: problem.LawChoice, given: Mapping[str, float]
+) -> dict[str, float]:
     """Return a fit's values with other ones of parameters that it takes as given, Poisson's ratio among them, to first order;
     none where the sources cannot be evaluated there. For all ranks together."""
     values, moved = {**fit.values, **given}, []
     other = dataclasses.replace(choice, poisson=given.get("poisson", choice.poisson))
     try:
         for source in fit.problem.sources:
-            own = dataclasses.replace(source, choice=other) if isinstance(source, TensileResiduals) else source
+            own = (
+                dataclasses.replace(source, choice=other) if isinstance(source, residuals.TensileResiduals) else source
+            )
             moved.append(own.evaluate(values, False)[0])
-    except (CannotEvaluate, MaterialError):
+    except (problem.CannotEvaluate, MaterialError):
         return {}
     change = np.zeros(len(fit.residuals))
     change[: fit.count] = np.concatenate(moved) - fit.residuals[: fit.count]
     size = np.linalg.norm(fit.jacobian, axis=0)
     size[size == 0.0] = 1.0
-    steps = np.linalg.lstsq(fit.jacobian / size, -change, rcond=BLIND)[0] / size
+    steps = np.linalg.lstsq(fit.jacobian / size, -change, rcond=least_squares.BLIND)[0] / size
     return values | {p.name: fit.values[p.name] + step for p, step in zip(fit.free, steps.tolist(), strict=True)}
 
 
-def with_rubber(choice: LawChoice, fit: LeastSquaresFit, judgement: Judgement) -> Judgement:
+def with_rubber(
+    choice: problem.LawChoice, fit: least_squares.LeastSquaresFit, judgement: least_squares.Judgement
+) -> least_squares.Judgement:
     """Return a judgement with a note on every parameter of the law that would change by more than its standard error with the
     Poisson's ratio of rubber, see `shifted`."""
-    if choice.poisson == RUBBER or any(p.name == "poisson" for p in fit.free):
+    if choice.poisson == laws.RUBBER or any(p.name == "poisson" for p in fit.free):
         return judgement
-    values, said = shifted(fit, choice, {"poisson": RUBBER}), []
+    values, said = shifted(fit, choice, {"poisson": laws.RUBBER}), []
     for p in fit.free:
         if p.name in choice.names and p.name in values:
             error, now, then = fit.error(p.name), fit.values[p.name], values[p.name]
             if abs(then - now) > error:
-                texts = [" ".join(with_prefix(value, p.unit, error)) for value in (then, now)]
+                texts = [" ".join(units.with_prefix(value, p.unit, error)) for value in (then, now)]
                 said.append(f"{p.name} about {texts[0]} instead of {texts[1]}")
     if not said:
         return judgement
     note = (
-        f"the answer depends on Poisson's ratio, given as {choice.poisson:g}: with {RUBBER:g}, as of rubber (--poisson "
-        f"{RUBBER:g}), {', '.join(said)}"
+        f"the answer depends on Poisson's ratio, given as {choice.poisson:g}: with {laws.RUBBER:g}, as of rubber (--poisson "
+        f"{laws.RUBBER:g}), {', '.join(said)}"
     )
     return dataclasses.replace(judgement, notes=(*judgement.notes, note))
 
@@ -675,7 +677,7 @@ def as_text(report: FitReport) -> str:
     """Return the report for a terminal."""
     lines = [*report.ranges, report.how, ""]
     for law in report.laws:
-        modulus, unit = with_prefix(law.material.shear_modulus_0, "Pa")
+        modulus, unit = units.with_prefix(law.material.shear_modulus_0, "Pa")
         lines.append(
             f"{law.choice.name}: shear modulus {modulus} {unit}, Poisson's ratio {law.material.poisson:g} (given)"
         )
@@ -694,7 +696,7 @@ def as_text(report: FitReport) -> str:
         ]
         lines += [f"  {text}" for text in (law.material.remark,) if text]
         lines += [f"  {'rejected' if text in law.objections else 'warning'}: {text}" for text in law.warnings]
-        lines += [f"  {text}" for text in (*unseen(law.fit), *law.verdict.notes)]
+        lines += [f"  {text}" for text in (*least_squares.unseen(law.fit), *law.verdict.notes)]
         lines.append("")
     if len(report.laws) > 1:
         lines += [f"  {law.fit.label:14s} AICc +{law.aicc:.4g}, BIC {law.bic:+.4g}" for law in report.comparison.ranked]
@@ -717,7 +719,7 @@ def material_toml(law: FittedLaw, report: FitReport) -> str:
         "intervals_95": intervals,
         "warnings": [*law.warnings],
         "corrections": [*law.judgement.notes],
-        "unseen": [*unseen(fit)],
+        "unseen": [*least_squares.unseen(fit)],
         "stability": [*law.verdict.notes],
     }
     if report.separate:
@@ -769,7 +771,7 @@ def _law_json(law: FittedLaw, report: FitReport) -> dict[str, object]:
         "covariance": [[_finite(v) for v in row] for row in fit.covariance[np.ix_(shown, shown)]],
         "correlations": [[_finite(v) for v in row] for row in fit.correlations[np.ix_(shown, shown)]],
         "devices": [{"name": one.device, "chi2": one.chi2, "values": one.count} for one in law.devices],
-        "singular_values": singular_values(fit)[0].tolist(),
+        "singular_values": least_squares.singular_values(fit)[0].tolist(),
         "residuals": {name: dataclasses.asdict(group) for name, group in fit.summaries.items()},
         "profiles": {
             name: {"values": p.values.tolist(), "rises": [*map(_finite, p.rises)], "limit": p.limit}
@@ -779,7 +781,7 @@ def _law_json(law: FittedLaw, report: FitReport) -> dict[str, object]:
         "errors": fit.errors, "evaluations": fit.evaluations, "aicc": fit.aicc, "bic": fit.bic,
         "aicc_behind": ranked.aicc, "bic_behind": ranked.bic, "misfit_ratio": ranked.ratio,
         "sound": law.sound, "objections": list(law.objections), "corrections": list(law.judgement.notes),
-        "converged": fit.converged, "warnings": list(law.warnings), "unseen": list(unseen(fit)),
+        "converged": fit.converged, "warnings": list(law.warnings), "unseen": list(least_squares.unseen(fit)),
         "stability": list(law.verdict.notes),
     }  # fmt: skip
 
@@ -797,7 +799,7 @@ def write_curves(path: Path, laws: Sequence[FittedLaw], curves: Sequence[Tensile
         names = [*(["time_s"] if timed else []), "stretch", "measured_Pa", *(f"{law.choice.name}_Pa" for law in laws)]
         rows.writerow(["curve", "test", *names])
         for curve in curves:
-            columns = [curve.stretch, curve.stress, *(predicted(law.material, curve) for law in laws)]
+            columns = [curve.stretch, curve.stress, *(residuals.predicted(law.material, curve) for law in laws)]
             if timed:
                 columns.insert(0, np.full_like(curve.stretch, np.nan) if curve.time is None else curve.time)
             for row in np.column_stack(columns):
@@ -845,4 +847,4 @@ def retire(folder: Path, replaced: set[str] = frozenset()) -> None:  # type: ign
 
 def _of_a_fit(path: Path) -> bool:
     """Return whether `write_materials` has written a file; a user's file stays."""
-    return has_table("material")(path) and has_table("fit")(path)
+    return files.has_table("material")(path) and files.has_table("fit")(path)

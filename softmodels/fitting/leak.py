@@ -19,12 +19,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
+from softmodels.common import cards, names, units
 from softmodels.common.arrays import Array
-from softmodels.common.cards import Shown, Table
-from softmodels.common.names import checked, one_of
-from softmodels.common.units import UnitError, brief, plain
-from softmodels.fitting.least_squares import LeastSquaresFit, fit_parameters, profile, settled
-from softmodels.fitting.problem import FitError, Parameter
+from softmodels.common.names import checked
+from softmodels.fitting import least_squares, problem
+from softmodels.fitting.problem import FitError
 from softmodels.path.supply import GASES, Reservoir
 
 SIZE, START = "size", "pressure"
@@ -91,7 +90,7 @@ class LeakResiduals:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Leak(Shown):
+class Leak(cards.Shown):
     """A fitted leak.
 
     Attributes:
@@ -111,7 +110,7 @@ class Leak(Shown):
     interval: tuple[float, float]
     flow: tuple[float, float, float]
     supply: Reservoir
-    fit: LeastSquaresFit
+    fit: least_squares.LeastSquaresFit
     sentence: str
 
     @property
@@ -139,7 +138,7 @@ class Leak(Shown):
     def _line(self) -> str:
         return f"of {self.flow[0] * 60e6:.4g} ml/min at the first reading, {self.kind}, {self._sized}"
 
-    def _figures(self) -> Table:
+    def _figures(self) -> cards.Table:
         flow, low, high = (f"{value * 60e6:.4g}" for value in self.flow)
         factor = 1.0 if self.kind == ORIFICE else 1e3
         ends = " to ".join(f"{value * factor:.4g}" for value in self.interval)
@@ -173,13 +172,13 @@ def fit_leak(
     Raises:
         FitError: Fewer than three readings, times that do not rise, pressures that are not above 0, or no volume.
     """
-    one_of("supply", supply, Reservoir, "the supply behind the valve, such as sm.Reservoir(tube_length='1 m')")
+    names.one_of("supply", supply, Reservoir, "the supply behind the valve, such as sm.Reservoir(tube_length='1 m')")
     t, P, known = _numbers("times", times), _numbers("pressures", pressures), _numbers("cavity", cavity)
     known = known if known.ndim else np.array([[0.0, float(known)]])
     _check(t, P, known)
     if error is not None and not (_numbers("error", error).ndim == 0 and error > 0.0):
         raise FitError(
-            f"the error of a reading is {brief(error)}, in Pa; it must be above 0, or None for that of the scatter"
+            f"the error of a reading is {units.brief(error)}, in Pa; it must be above 0, or None for that of the scatter"
         )
     made = [_fitted(kind, t, P, known, supply, error) for kind in KINDS]
     best, other = sorted(made, key=lambda one: one.fit.aicc)
@@ -204,11 +203,13 @@ def _fitted(kind: str, t: Array, P: Array, cavity: Array, supply: Reservoir, err
     fallen = source.fallen(P[0]) - source.fallen(P[-1])
     least = source.fallen(P[0]) - source.fallen(0.999 * P[0])
     parameters = [
-        Parameter(SIZE, unit, max(fallen, least) / (t[-1] - t[0]), 0.0, answers=(0.0,)),
-        Parameter(START, "Pa", float(P[0]), float(0.9 * P.min()), float(1.1 * P.max())),
+        problem.Parameter(SIZE, unit, max(fallen, least) / (t[-1] - t[0]), 0.0, answers=(0.0,)),
+        problem.Parameter(START, "Pa", float(P[0]), float(0.9 * P.min()), float(1.1 * P.max())),
     ]
-    fit = settled(fit_parameters([source], parameters, errors="unknown" if error is None else "stated", label=kind))
-    low, high = profile(fit, SIZE).interval
+    fit = least_squares.settled(
+        least_squares.fit_parameters([source], parameters, errors="unknown" if error is None else "stated", label=kind)
+    )
+    low, high = least_squares.profile(fit, SIZE).interval
     size, (flow, slope) = fit.values[SIZE], (value / supply.ambient for value in whole.lost(fit.values[START]))
     # The first pressure has an error too: the interval of the size, widened by the covariance of the two.
     towards = np.array([flow, size * slope])
@@ -227,13 +228,13 @@ def _fitted(kind: str, t: Array, P: Array, cavity: Array, supply: Reservoir, err
 
 def _numbers(name: str, given: object) -> Array:
     try:
-        found = np.asarray(plain(given), dtype=float)
-    except UnitError as error:
+        found = np.asarray(units.plain(given), dtype=float)
+    except units.UnitError as error:
         raise FitError(f"{name}: {error}") from None
     except (TypeError, ValueError, OverflowError):
         found = np.array(np.nan)
     if isinstance(given, bool | str | bytes) or not found.size or not np.isfinite(found).all():
-        raise FitError(f"{name} {brief(given)} must be numbers in SI units")
+        raise FitError(f"{name} {units.brief(given)} must be numbers in SI units")
     return found
 
 

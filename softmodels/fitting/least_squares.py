@@ -18,8 +18,8 @@ import numpy as np
 from scipy.optimize import OptimizeResult
 from scipy.special import ndtri, stdtrit
 
+from softmodels.common import names
 from softmodels.common.arrays import Array
-from softmodels.common.names import keep_arrays, read_only
 from softmodels.fitting.problem import (
     CannotEvaluate,
     FitError,
@@ -94,7 +94,7 @@ class LeastSquaresFit:
     shared: Array | None = None
 
     def __post_init__(self) -> None:
-        keep_arrays(self)
+        names.keep_arrays(self)
 
     @property
     def free(self) -> list[Parameter]:
@@ -129,7 +129,7 @@ class LeastSquaresFit:
         r = self.residuals[: self.count]
         if self.loss == "linear":
             return r, 1.0
-        return read_only(r / np.sqrt(1 + r**2)), float(np.mean((1 + r**2) ** -1.5))
+        return names.read_only(r / np.sqrt(1 + r**2)), float(np.mean((1 + r**2) ** -1.5))
 
     @functools.cached_property
     def scatter(self) -> float:
@@ -165,17 +165,17 @@ class LeastSquaresFit:
         full = np.full((len(self.free), len(self.free)), np.nan)
         if inside:
             full[np.ix_(inside, inside)] = self._sandwich(self.jacobian[:, inside])
-        return read_only(full + self.considered)
+        return names.read_only(full + self.considered)
 
     @functools.cached_property
     def considered(self) -> Array:
         """The part of the covariance due to `shared` errors, shape (m, m)."""
         if self.shared is None:
-            return read_only(np.zeros((len(self.free), len(self.free))))
+            return names.read_only(np.zeros((len(self.free), len(self.free))))
         inside = [p.name not in self.at_bounds for p in self.free]
         J = self.jacobian[: self.count] * inside
         moved = np.linalg.pinv(J, rcond=BLIND) @ self.shared
-        return read_only(np.asarray(moved @ moved.T))
+        return names.read_only(np.asarray(moved @ moved.T))
 
     def _sandwich(self, J: Array) -> Array:
         size = np.linalg.norm(J, axis=0)
@@ -265,7 +265,7 @@ class LeastSquaresFit:
         """Correlations of the free parameters' estimates, shape (m, m); nan where there is no variance."""
         with np.errstate(invalid="ignore"):
             sizes = np.sqrt(np.diag(self.covariance))
-            return read_only(np.asarray(self.covariance / np.outer(sizes, sizes)))
+            return names.read_only(np.asarray(self.covariance / np.outer(sizes, sizes)))
 
     # -- how well it fits ---------------------------------------------------------------------------------------------
 
@@ -665,7 +665,7 @@ class Profile:
     trouble: str
 
     def __post_init__(self) -> None:
-        keep_arrays(self)
+        names.keep_arrays(self)
 
 
 def profile(result: LeastSquaresFit, name: str, n: int = 15) -> Profile:

@@ -13,13 +13,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import OptimizeResult, least_squares, nnls
 
-from softmodels.common import errors
+from softmodels.common import errors, schema, units
 from softmodels.common.arrays import Array
-from softmodels.common.errors import FieldError, Spoken, meant
 from softmodels.common.names import checked
-from softmodels.common.schema import Flag, Kind, Quantity, Several, Words
-from softmodels.common.units import brief
-from softmodels.materials.laws import LAWS, RUBBER, Material, MaterialError, law_called, parameter_fields
+from softmodels.materials import laws
+from softmodels.materials.laws import Material, MaterialError
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Groups of residuals, such as those of one curve or photograph, and their correlation length.
@@ -72,7 +70,7 @@ def autocorrelation_time(r: Array) -> float:
 Labels = Sequence[str] | npt.NDArray[np.str_]
 
 
-class FitError(Spoken, ValueError):
+class FitError(errors.Spoken, ValueError):
     """A fit is impossible; the message is for the user."""
 
 
@@ -372,7 +370,7 @@ class FitOptions:
             is then that of equilibrium.
     """
 
-    poisson: float = RUBBER
+    poisson: float = laws.RUBBER
     changes: Changes = dataclasses.field(default_factory=lambda: MappingProxyType({}))
     robust: bool = False
     profiles: bool = True
@@ -386,27 +384,30 @@ class FitOptions:
     memory: bool = False
 
     def __post_init__(self) -> None:
-        texts = Several(Words())
-        kinds: dict[str, Kind] = {
-            "poisson": Quantity(), "gauge_error": Quantity(), "robust": Flag(), "profiles": Flag(), "untrusted": Flag(),
-            "memory": Flag(),
-            "stress_error": Words(), "height_datum": Words(), "free": texts, "exclude": texts,
+        texts = schema.Several(schema.Words())
+        kinds: dict[str, schema.Kind] = {
+            "poisson": schema.Quantity(), "gauge_error": schema.Quantity(), "robust": schema.Flag(),
+            "profiles": schema.Flag(), "untrusted": schema.Flag(),
+            "memory": schema.Flag(),
+            "stress_error": schema.Words(), "height_datum": schema.Words(), "free": texts, "exclude": texts,
         }  # fmt: skip
         for name, kind in kinds.items():
             value = getattr(self, name)
             try:
                 settled = kind.settled(name, (value,) if kind is texts and isinstance(value, str) else value)
-            except FieldError as error:
+            except errors.FieldError as error:
                 raise FitError(str(error)) from None
             object.__setattr__(self, name, settled)
         if not isinstance(self.silicone, str | None):
-            raise FitError(f"silicone is {brief(self.silicone)}; it must be the name of one, such as 'ecoflex-00-30'")
+            raise FitError(
+                f"silicone is {units.brief(self.silicone)}; it must be the name of one, such as 'ecoflex-00-30'"
+            )
         if not isinstance(self.changes, Mapping) or not all(isinstance(one, Mapping) for one in self.changes.values()):
             raise FitError(
-                f"changes is {brief(self.changes)}; it must be a table by parameter, such as {{'c1': {{'value': 14e3}}}}"
+                f"changes is {units.brief(self.changes)}; it must be a table by parameter, such as {{'c1': {{'value': 14e3}}}}"
             )
         if self.height_datum not in ("", *HEIGHTS_FROM):
-            known = f"{', '.join(HEIGHTS_FROM)}{meant(self.height_datum, HEIGHTS_FROM)}"
+            known = f"{', '.join(HEIGHTS_FROM)}{errors.meant(self.height_datum, HEIGHTS_FROM)}"
             raise FitError(f"height_datum is {self.height_datum!r}; it must be one of {known}")
         if not 0.0 <= self.gauge_error < 1.0:
             raise FitError(f"a gauge error of {self.gauge_error:g} must be between 0 and 100 %")
@@ -462,12 +463,14 @@ class LawChoice:
     poisson: float
 
     @classmethod
-    def from_text(cls, text: str, poisson: float = RUBBER) -> LawChoice:
+    def from_text(cls, text: str, poisson: float = laws.RUBBER) -> LawChoice:
         """Read ``"yeoh"`` or ``"ogden2"``; `FitError` for no such law, or too many terms."""
         name, _, numbers = text.partition(":")
-        found = law_called(name)
+        found = laws.law_called(name)
         if found is None:
-            raise FitError(f"law {text!r} is unknown; known are {known_laws()} and all{meant(text, [*LAWS, 'all'])}")
+            raise FitError(
+                f"law {text!r} is unknown; known are {known_laws()} and all{errors.meant(text, [*laws.LAWS, 'all'])}"
+            )
         if numbers:
             raise FitError(f"law {text!r}: a fit finds its numbers; name only the law, {name}, and fix one by --fix")
         law, terms = found
@@ -480,7 +483,7 @@ class LawChoice:
         return cls(f"{law.name}{terms}", law, terms, poisson)
 
     @classmethod
-    def from_law(cls, law: type[Material], poisson: float = RUBBER) -> LawChoice:
+    def from_law(cls, law: type[Material], poisson: float = laws.RUBBER) -> LawChoice:
         """Return a law's class, with as many terms as are usual."""
         name = f"{law.name}{law.usual_terms}" if law.usual_terms else law.name
         return cls(name, law, law.usual_terms, poisson)
@@ -522,7 +525,7 @@ Laws = str | type[Material] | Sequence[str | type[Material]]
 """One law or several: names with their numbers of terms, with commas between, or classes; ``"all"`` for all."""
 
 
-def law_choices(laws: Laws, poisson: float = RUBBER) -> list[LawChoice]:
+def law_choices(laws: Laws, poisson: float = laws.RUBBER) -> list[LawChoice]:
     """Read ``"yeoh,ogden2"``, ``"all"``, or classes of laws; `FitError` for no such law, or one named twice."""
     if not -1.0 < poisson <= 0.5:
         raise FitError(f"poisson = {poisson:g} is outside -1 to 0.5")
@@ -535,7 +538,7 @@ def law_choices(laws: Laws, poisson: float = RUBBER) -> list[LawChoice]:
         ):
             hint = "; give its class, without its numbers" if isinstance(law, Material) else ""
             raise FitError(
-                f"law {brief(law)} is invalid; it must be a name such as 'yeoh', or a class such as sm.Yeoh{hint}"
+                f"law {units.brief(law)} is invalid; it must be a name such as 'yeoh', or a class such as sm.Yeoh{hint}"
             )
     if not chosen:
         raise FitError(f"no law is given; known are {known_laws()} and all")
@@ -552,18 +555,20 @@ def law_choices(laws: Laws, poisson: float = RUBBER) -> list[LawChoice]:
 def all_laws() -> tuple[str, ...]:
     """Return the names of the laws compared by ``all``, with numbers of terms; the order decides between equally
     simple ones."""
-    return tuple(f"{name}{terms or ''}" for name, law in LAWS.items() for terms in law.compared_terms)
+    return tuple(f"{name}{terms or ''}" for name, law in laws.LAWS.items() for terms in law.compared_terms)
 
 
 def known_laws() -> str:
     """Return the names accepted by `LawChoice.from_text`."""
-    several = [f"{name}1 to {name}{law.most_terms}" for name, law in LAWS.items() if law.most_terms]
-    return ", ".join([*LAWS, *several])
+    several = [f"{name}1 to {name}{law.most_terms}" for name, law in laws.LAWS.items() if law.most_terms]
+    return ", ".join([*laws.LAWS, *several])
 
 
 def all_parameters() -> dict[str, str]:
     """Return the units of all parameters of all laws, however many terms these have, by name."""
-    return {name: law.parameter_unit(name) for law in LAWS.values() for name in law.parameter_names(law.most_terms)}
+    return {
+        name: law.parameter_unit(name) for law in laws.LAWS.values() for name in law.parameter_names(law.most_terms)
+    }
 
 
 def closed_starts(
@@ -591,7 +596,7 @@ def closed_starts(
 def _term_starts(choice: LawChoice, design: Design, target: Array, modulus: float) -> list[dict[str, float]]:
     """Return the non-negative least squares for the terms' factors over combinations of their shape parameters' grid; the
     best few. Each factor has the sign that gives its term a shear modulus above zero (Ogden's mu_i alpha_i)."""
-    fields = {field.name: field.metadata for field in parameter_fields(choice.law) if field.metadata["many"]}
+    fields = {field.name: field.metadata for field in laws.parameter_fields(choice.law) if field.metadata["many"]}
     factor = next(name for name, about in fields.items() if about["unit"] == "Pa")
     shape = next(name for name, about in fields.items() if about["grid"])
     grid = fields[shape]["grid"]

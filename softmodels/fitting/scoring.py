@@ -17,25 +17,23 @@ from geometries import Actuator
 from measurement.outline.outline import Outline
 from softmodels.case.case import Case
 from softmodels.case.materials import MaterialErrors
+from softmodels.common import cards, names, units
 from softmodels.common.arrays import Array
-from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import known_are
 from softmodels.common.lazy import MPI
-from softmodels.common.names import checked, flag, several, span
+from softmodels.common.names import checked
 from softmodels.common.processes import one_at_a_time
-from softmodels.common.units import with_prefix
+from softmodels.fitting import problem
+from softmodels.fitting.curves import fit, residuals
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
-from softmodels.fitting.curves.fit import Curves, prepared
-from softmodels.fitting.curves.residuals import RELATIVE, StressError, predicted, slopes_of
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.outlines.fit import fit_law_to_outlines, outlines_of
 from softmodels.fitting.outlines.residuals import READINGS, OutlineResiduals
 from softmodels.fitting.outlines.shapes import prepare
-from softmodels.fitting.problem import Changes, FitError, LawChoice
+from softmodels.fitting.problem import FitError
+from softmodels.materials import silicones, specimens
 from softmodels.materials.laws import Material
-from softmodels.materials.silicones import material_of, named
-from softmodels.materials.specimens import described
-from softmodels.mechanics.mpi import start
+from softmodels.mechanics import mpi
 
 WITHIN = 1.959964
 """Half of the 95 % band of a normal error, in standard errors."""
@@ -48,7 +46,7 @@ BAND = 0.95
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
-class Score(Shown):
+class Score(cards.Shown):
     """One material against one measurement.
 
     ``chi2`` is the sum of what the measurement's errors, the material's errors and neither explain.
@@ -79,12 +77,12 @@ class Score(Shown):
     chi2_material: float = math.nan
 
     def _line(self) -> str:
-        rms = " ".join(with_prefix(self.rms, self.unit))
+        rms = " ".join(units.with_prefix(self.rms, self.unit))
         return f"of {self.material} against {self.data}: rms {rms}, chi squared {self.chi2:.3g} per value"
 
-    def _figures(self) -> Table:
+    def _figures(self) -> cards.Table:
         return [
-            ("rms", f"{' '.join(with_prefix(self.rms, self.unit))} of {self.count} values"),
+            ("rms", f"{' '.join(units.with_prefix(self.rms, self.unit))} of {self.count} values"),
             ("chi squared per value", f"{self.chi2:.3g}"),
             *(
                 [("of it explained by the material's errors", f"{self.chi2_material:.3g}")]
@@ -126,11 +124,15 @@ def _explained(residuals: Array, slopes: Array, free: Array, errors: MaterialErr
 
 
 def score_curve(
-    name: str, material: Material, curve: TensileCurve, error: StressError, errors: MaterialErrors | None = None
+    name: str,
+    material: Material,
+    curve: TensileCurve,
+    error: residuals.StressError,
+    errors: MaterialErrors | None = None,
 ) -> Score:
     """Score a material, whose errors may be known, against a measured ramp, or the whole test with its times, through
     which a material with a memory is followed. Raises `TensileError` where the law has no stress on the curve."""
-    stress = predicted(material, curve)
+    stress = residuals.predicted(material, curve)
     if not np.isfinite(stress).all():
         first = float(curve.stretch[~np.isfinite(stress)][0])
         raise TensileError(
@@ -147,7 +149,7 @@ def score_curve(
     data = f"{curve.name} ({curve.mode}{', slack and zero taken off' if curve.origin else ''})"
     explained = math.nan
     if errors is not None:
-        slopes = slopes_of(material, curve, errors.names) / error.of(curve)[:, None]
+        slopes = residuals.slopes_of(material, curve, errors.names) / error.of(curve)[:, None]
         explained = _explained(sizes, slopes, np.zeros((len(off), 0)), errors) / len(off)
     return Score(
         name, data, len(off), _rms(off), "Pa", _mean_square(sizes), _covered(sizes), worst,
@@ -165,12 +167,12 @@ def score_outlines(
 ) -> Score:
     """Score a material, whose errors may be known, against outlines of a device: with fixed law, while the bench
     corrections are fitted. Raises `FitError` where the device has no such states, or cannot be the one in the photographs."""
-    choice = LawChoice.of(material)
+    choice = problem.LawChoice.of(material)
     measured = MeasuredDevice.of(case)
     device = measured.model(choice, comm)
     shapes, _ = prepare(outlines, measured.actuator, device.silhouette.width)
     source = OutlineResiduals(device, shapes)
-    fixed: Changes = {key: {"start": value, "fixed": True} for key, value in material.parameters.items()}
+    fixed: problem.Changes = {key: {"start": value, "fixed": True} for key, value in material.parameters.items()}
     fit = fit_law_to_outlines(source, changes=fixed)
     matches = source.matches(fit.values)
     sizes = fit.residuals[: fit.count]
@@ -235,7 +237,7 @@ type Outlines = Path | str | Sequence[Outline | Path | str]
 @one_at_a_time
 def score(
     materials: Materials,
-    curves: Curves = (),
+    curves: fit.Curves = (),
     *,
     device: Actuator | Case | MeasuredDevice | None = None,
     outlines: Outlines = (),
@@ -272,11 +274,11 @@ def score(
     """
     known = _named(materials)
     uncertain = _errors(errors, known)
-    measured = several("curves", curves, (TensileCurve, Path, str), "a curve or its file")
+    measured = names.several("curves", curves, (TensileCurve, Path, str), "a curve or its file")
     remembers = any(one.memory is not None for one in known.values())
-    ready = prepared(measured, span("stretch", stretch), remembers) if measured else []
-    given = several("outlines", outlines, (Outline, Path, str), "an outline, or a file or folder of outlines")
-    flag("untrusted", untrusted)
+    ready = fit.prepared(measured, names.span("stretch", stretch), remembers) if measured else []
+    given = names.several("outlines", outlines, (Outline, Path, str), "an outline, or a file or folder of outlines")
+    names.flag("untrusted", untrusted)
     if (device is None) != (not given):
         raise FitError("a device needs its outlines and vice versa; give both, or neither")
     if not ready and not given:
@@ -286,18 +288,18 @@ def score(
         score_curve(name, one, curve, error, uncertain.get(name)) for curve in ready for name, one in known.items()
     ]
     if device is not None:
-        scores += against_outlines(known, device, outlines_of(given, untrusted), start(), uncertain)
+        scores += against_outlines(known, device, outlines_of(given, untrusted), mpi.start(), uncertain)
     places = {data: place for place, data in enumerate(dict.fromkeys(one.data for one in scores))}
     return sorted(scores, key=lambda one: (places[one.data], one.chi2))
 
 
-def error_of(text: str) -> StressError:
+def error_of(text: str) -> residuals.StressError:
     """Return the standard error of stresses; `TensileError` for none, since a score needs its absolute size."""
     if text == "auto":
-        return StressError(RELATIVE, None, True)
+        return residuals.StressError(residuals.RELATIVE, None, True)
     if text == "constant":
         raise TensileError("a score needs absolute errors: write 2%+0.5kPa, or auto")
-    return StressError.from_text(text)
+    return residuals.StressError.from_text(text)
 
 
 def against_outlines(
@@ -333,11 +335,14 @@ def _errors(
 def _named(materials: Materials) -> dict[str, Material]:
     """Return the materials by their names in the scores; `FitError` for none, or one twice."""
     if isinstance(materials, Mapping):
-        found = {str(name): material_of(f"material {name}", one) for name, one in materials.items()}
+        found = {str(name): silicones.material_of(f"material {name}", one) for name, one in materials.items()}
     else:
         wanted = "a material, or the name of a silicone"
-        given = [material_of("material", one) for one in several("materials", materials, (Material, str), wanted)]
-        found = {named(one) or described(one): one for one in given}
+        given = [
+            silicones.material_of("material", one)
+            for one in names.several("materials", materials, (Material, str), wanted)
+        ]
+        found = {silicones.named(one) or specimens.described(one): one for one in given}
         if len(found) < len(given):
             raise FitError("a material is given twice")
     if not found:

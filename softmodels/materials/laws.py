@@ -19,11 +19,9 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from softmodels.common.errors import FieldError, Spoken
+from softmodels.common import errors, names, schema, units
 from softmodels.common.lazy import ufl
-from softmodels.common.names import Registry, checked
-from softmodels.common.schema import Quantity, Several
-from softmodels.common.units import with_prefix
+from softmodels.common.names import checked
 from softmodels.materials.memory import Expression, Memory
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -211,7 +209,7 @@ STIFFEST = 5e6
 """Maximum shear modulus in Pa of a silicone or soft rubber, with a margin; above it a wrong unit is likely."""
 
 
-class MaterialError(Spoken, ValueError):
+class MaterialError(errors.Spoken, ValueError):
     """An invalid or unknown material; the message is for the user."""
 
 
@@ -308,11 +306,11 @@ class Material:
         if not (self.memory is None or isinstance(self.memory, Memory)):
             raise MaterialError(f"{self.name}: memory is not a Memory; use with_memory(branches=..., softening=...)")
         for field in parameter_fields(self):
-            of = Quantity(field.metadata["unit"])
-            kind = Several(of) if field.metadata["many"] else of
+            of = schema.Quantity(field.metadata["unit"])
+            kind = schema.Several(of) if field.metadata["many"] else of
             try:
                 object.__setattr__(self, field.name, kind.settled(field.name, getattr(self, field.name)))
-            except FieldError as error:
+            except errors.FieldError as error:
                 raise MaterialError(f"{self.name}: {error}") from None
         if not -1.0 < self.poisson <= 0.5:
             raise MaterialError(f"{self.name}: poisson = {self.poisson:g} is outside -1 to 0.5")
@@ -419,7 +417,7 @@ class Material:
         """
         try:
             memory = Memory.of(branches, softening)
-        except FieldError as error:
+        except errors.FieldError as error:
             raise MaterialError(f"{self.name}: {error}") from None
         return dataclasses.replace(self, memory=memory)
 
@@ -525,7 +523,7 @@ def _field(law: type[Material], name: str) -> dataclasses.Field[Any]:
     return fields[name] if name in fields else fields[name.rstrip("0123456789")]
 
 
-LAWS: Registry[type[Material]] = Registry("law", lambda law: law.name)
+LAWS: names.Registry[type[Material]] = names.Registry("law", lambda law: law.name)
 """Every law by the name that a command line or a case file uses."""
 register_law = LAWS.register
 
@@ -770,7 +768,7 @@ class Ogden(Material):
 
     @property
     def remark(self) -> str:
-        factors = (" ".join(with_prefix(mu * a / 2, "Pa")) for mu, a in zip(self.mu, self.alpha, strict=True))
+        factors = (" ".join(units.with_prefix(mu * a / 2, "Pa")) for mu, a in zip(self.mu, self.alpha, strict=True))
         own, other = self.conventions
         return f"convention of mu: W = sum {own} (...); in the convention {other} the factors are {', '.join(factors)}"
 
@@ -783,9 +781,9 @@ class Ogden(Material):
     def from_two_mu(cls, mu: tuple[float, ...], alpha: tuple[float, ...], poisson: float = RUBBER) -> Ogden:
         """From the convention W = sum 2 mu_i/alpha_i^2 (...), in which the shear modulus is the sum of the mu_i (Pa)."""
         try:
-            mu = Several(Quantity("Pa")).settled("mu", mu)  # type: ignore[assignment]
-            alpha = Several(Quantity()).settled("alpha", alpha)  # type: ignore[assignment]
-        except FieldError as error:
+            mu = schema.Several(schema.Quantity("Pa")).settled("mu", mu)  # type: ignore[assignment]
+            alpha = schema.Several(schema.Quantity()).settled("alpha", alpha)  # type: ignore[assignment]
+        except errors.FieldError as error:
             raise MaterialError(f"ogden: {error}") from None
         if len(mu) != len(alpha) or 0.0 in alpha:
             raise MaterialError("ogden: give equal numbers of mu and alpha, and no alpha of zero")
@@ -795,8 +793,8 @@ class Ogden(Material):
 def _number(law: type[Material], name: str, value: object, unit: str = "Pa") -> float:
     """Return a number that replaces a parameter; raise `MaterialError` if it is invalid."""
     try:
-        return Quantity(unit).settled(name, value)
-    except FieldError as error:
+        return schema.Quantity(unit).settled(name, value)
+    except errors.FieldError as error:
         raise MaterialError(f"{law.name}: {error}") from None
 
 

@@ -31,10 +31,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from softmodels.common.errors import FieldError
+from softmodels.common import errors, schema, units
 from softmodels.common.lazy import scipy, ufl
-from softmodels.common.schema import Quantity, Text
-from softmodels.common.units import brief, exact_text
 
 Expression = Any
 """Values of an energy's arguments: UFL expressions (untyped), numpy arrays or numbers, real or complex, or `Dual`."""
@@ -45,7 +43,7 @@ PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 COUNTS = (1, 1, 1, 2, 2, 2)
 """How often each of them stands in the tensor."""
 IDENTITY = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
-SECONDS = Quantity("s")
+SECONDS = schema.Quantity("s")
 MOST_BRANCHES = 20
 """Each adds to the kernels, which take a minute to compile with this number."""
 LARGEST_SHARE = 1e3
@@ -110,15 +108,17 @@ class Memory:
         """Return the memory of numbers, or texts with units: pairs (share, time) or tables of what `Branch` has, and (r, m,
         beta) or (r, m, beta, recovery); FieldError if they are none."""
         if isinstance(branches, str | Mapping) or not isinstance(branches, Sequence):
-            raise FieldError(f"branches {brief(branches)} are no pairs of share and time, such as [[0.2, '1 s']]")
+            raise errors.FieldError(
+                f"branches {units.brief(branches)} are no pairs of share and time, such as [[0.2, '1 s']]"
+            )
         if len(branches) > MOST_BRANCHES:
-            raise FieldError(
+            raise errors.FieldError(
                 f"the memory has {len(branches)} branches; at most {MOST_BRANCHES} are supported; one or two in each decade "
                 "of time follow any relaxation"
             )
         found = cls(tuple(_branch(one) for one in branches), None if softening is None else _softening(softening))
         if not (found.branches or found.softening):
-            raise FieldError(
+            raise errors.FieldError(
                 "the memory has neither branches nor softening; give branches = [[0.2, '1 s']], or leave it out"
             )
         return found
@@ -127,14 +127,16 @@ class Memory:
     def from_table(cls, table: object) -> Memory:
         """Return the memory of a ``[material.memory]`` table; see `of`."""
         if not isinstance(table, Mapping):
-            raise FieldError(
-                f"memory {brief(table)} is no table; write [material.memory] with branches = [[0.2, '1 s']]"
+            raise errors.FieldError(
+                f"memory {units.brief(table)} is no table; write [material.memory] with branches = [[0.2, '1 s']]"
             )
         if unknown := set(table) - {"branches", "softening"}:
-            raise FieldError(f"memory has an unknown entry {min(map(str, unknown))!r}; known are branches, softening")
+            raise errors.FieldError(
+                f"memory has an unknown entry {min(map(str, unknown))!r}; known are branches, softening"
+            )
         return cls.of(**table)
 
-    def to_table(self, text: Text = exact_text) -> dict[str, object]:
+    def to_table(self, text: schema.Text = units.exact_text) -> dict[str, object]:
         """Return the table that `from_table` takes back."""
         table: dict[str, object] = {}
         if self.branches:
@@ -150,7 +152,7 @@ class Memory:
         return min((one.time for one in self.branches), default=math.inf)
 
 
-def _branch_table(branch: Branch, text: Text) -> object:
+def _branch_table(branch: Branch, text: schema.Text) -> object:
     """Return a pair of share and time, or a table of what differs from a linear branch."""
     time = text(branch.time, "s")
     if branch.linear:
@@ -167,52 +169,54 @@ def _branch(given: object) -> Branch:
     known = [field.name for field in dataclasses.fields(Branch)]
     if isinstance(given, Mapping):
         if unknown := set(given) - set(known):
-            raise FieldError(f"branch has an unknown entry {min(map(str, unknown))!r}; known are {', '.join(known)}")
+            raise errors.FieldError(
+                f"branch has an unknown entry {min(map(str, unknown))!r}; known are {', '.join(known)}"
+            )
         table = dict(given)
     elif isinstance(given, str) or not isinstance(given, Sequence) or len(given) != 2:
-        raise FieldError(f"branch {brief(given)} is no pair of share and time, such as [0.2, '1 s']")
+        raise errors.FieldError(f"branch {units.brief(given)} is no pair of share and time, such as [0.2, '1 s']")
     else:
         table = dict(zip(known, given, strict=False))
     if missing := {"share", "time"} - set(table):
-        raise FieldError(f"branch has no {min(missing)}; write {{share = 0.2, time = '1 s'}}")
+        raise errors.FieldError(f"branch has no {min(missing)}; write {{share = 0.2, time = '1 s'}}")
     spring = _spring(table.pop("spring", ()))
     values = {name: _settled(name, value) for name, value in table.items()}
     share, time = values["share"], values["time"]
     if not 0.0 < share <= LARGEST_SHARE:
-        raise FieldError(
+        raise errors.FieldError(
             f"share of a branch is {share:g}; it is the branch's part of the law's shear modulus, above 0, such as 0.2"
         )
     if not time > 0.0:
-        raise FieldError(f"relaxation time of a branch is {time:g} s; it must be above 0")
+        raise errors.FieldError(f"relaxation time of a branch is {time:g} s; it must be above 0")
     if (onset := values.get("onset", 1.0)) <= 0.0:
-        raise FieldError(
+        raise errors.FieldError(
             f"onset of a branch is {onset:g}; it is a stress over the spring's modulus, above 0, such as 0.1"
         )
     if (least := values.get("least", 0.0)) > 1.0:
-        raise FieldError(f"least of a branch is {least:g}; it is a share of the viscosity, 0 to 1")
+        raise errors.FieldError(f"least of a branch is {least:g}; it is a share of the viscosity, 0 to 1")
     if negative := next((name for name, value in values.items() if value < 0.0), None):
-        raise FieldError(f"{negative} of a branch is {values[negative]:g}; it must not be negative")
+        raise errors.FieldError(f"{negative} of a branch is {values[negative]:g}; it must not be negative")
     return Branch(**values, spring=spring)
 
 
 def _settled(name: str, value: object) -> float:
     if name == "onset" and value == math.inf:
         return math.inf
-    return (SECONDS if name == "time" else Quantity()).settled(f"{name} of a branch", value)
+    return (SECONDS if name == "time" else schema.Quantity()).settled(f"{name} of a branch", value)
 
 
 def _spring(given: object) -> tuple[tuple[float, float], ...]:
     """Return the terms of a spring, with weights that add up to 1."""
     like = "pairs of weight above 0 and exponent other than 0, one above 0, such as [[0.8, 1], [0.2, -2]]"
     if isinstance(given, str | Mapping) or not isinstance(given, Sequence):
-        raise FieldError(f"spring {brief(given)} of a branch is none of {like}")
+        raise errors.FieldError(f"spring {units.brief(given)} of a branch is none of {like}")
     terms = []
     for one in given:
         if isinstance(one, str) or not isinstance(one, Sequence) or len(one) != 2:
-            raise FieldError(f"term {brief(one)} of a branch's spring is none of {like}")
-        terms.append(tuple(Quantity().settled("spring of a branch", value) for value in one))
+            raise errors.FieldError(f"term {units.brief(one)} of a branch's spring is none of {like}")
+        terms.append(tuple(schema.Quantity().settled("spring of a branch", value) for value in one))
     if terms and (min(w for w, _ in terms) <= 0.0 or not all(a for _, a in terms) or max(a for _, a in terms) <= 0.0):
-        raise FieldError(f"spring {brief(given)} of a branch is none of {like}")
+        raise errors.FieldError(f"spring {units.brief(given)} of a branch is none of {like}")
     whole = sum(w for w, _ in terms)
     return tuple((w, a) if math.isclose(whole, 1.0) else (w / whole, a) for w, a in terms)
 
@@ -221,18 +225,20 @@ def _softening(given: object) -> Softening:
     if isinstance(given, Softening):
         given = [value for value in dataclasses.astuple(given) if math.isfinite(value)]
     if isinstance(given, str) or not isinstance(given, Sequence) or not 3 <= len(given) <= 4:
-        raise FieldError(
-            f"softening {brief(given)} is not r, m, beta and perhaps a recovery time, such as [1.6, '2 kPa', 0.1]"
+        raise errors.FieldError(
+            f"softening {units.brief(given)} is not r, m, beta and perhaps a recovery time, such as [1.6, '2 kPa', 0.1]"
         )
-    r, beta = (Quantity().settled(f"softening {name}", given[at]) for name, at in (("r", 0), ("beta", 2)))
-    m = Quantity("Pa").settled("softening m", given[1])
+    r, beta = (schema.Quantity().settled(f"softening {name}", given[at]) for name, at in (("r", 0), ("beta", 2)))
+    m = schema.Quantity("Pa").settled("softening m", given[1])
     recovery = SECONDS.settled("recovery time", given[3]) if len(given) == 4 else math.inf
     if not r > 1.0:
-        raise FieldError(f"softening r is {r:g}; it must be above 1, or the silicone would carry nothing")
+        raise errors.FieldError(f"softening r is {r:g}; it must be above 1, or the silicone would carry nothing")
     if m < 0.0 or beta < 0.0 or m + beta == 0.0:
-        raise FieldError(f"softening m is {m:g} Pa and beta {beta:g}; neither may be negative, and one must be above 0")
+        raise errors.FieldError(
+            f"softening m is {m:g} Pa and beta {beta:g}; neither may be negative, and one must be above 0"
+        )
     if not recovery > 0.0:
-        raise FieldError(f"recovery time is {recovery:g} s; it must be above 0")
+        raise errors.FieldError(f"recovery time is {recovery:g} s; it must be above 0")
     return Softening(r, m, beta, recovery)
 
 

@@ -14,11 +14,10 @@ import dataclasses
 import statistics
 from collections.abc import Sequence
 
-from softmodels.common.errors import known_are
-from softmodels.common.names import checked, one_of, spelling
-from softmodels.common.units import brief
-from softmodels.materials.laws import RUBBER, Material, MaterialError, Ogden, Yeoh
-from softmodels.materials.specimens import secant_modulus
+from softmodels.common import errors, names, units
+from softmodels.common.names import checked
+from softmodels.materials import laws, specimens
+from softmodels.materials.laws import Material, MaterialError, Ogden, Yeoh
 
 PSI = 6894.757293168
 """Pa."""
@@ -137,32 +136,32 @@ class Silicone:
 
 def _marechal(c1: float, c2: float, elongation: float, top: float = 3.0, c3: float = 0.0) -> Silicone:
     """Return the least squares on the nominal stress (Pa), c2 and c3 not below zero so that the law stays stable."""
-    return Silicone(Yeoh(c1, c2, c3, RUBBER), (1.02, top), MARECHAL, elongation)
+    return Silicone(Yeoh(c1, c2, c3, laws.RUBBER), (1.02, top), MARECHAL, elongation)
 
 
 def _data_sheet(psi: float) -> Silicone:
     """From the nominal stress at stretch 2: S = 2 c1 (2 - 1/4)."""
-    return Silicone(Yeoh(round(psi * PSI / 3.5, 1), 0.0, 0.0, RUBBER), (1.0, 2.0), SMOOTH_ON)
+    return Silicone(Yeoh(round(psi * PSI / 3.5, 1), 0.0, 0.0, laws.RUBBER), (1.0, 2.0), SMOOTH_ON)
 
 
 def _compressed(modulus: float, alpha: float) -> Silicone:
-    return Silicone(Ogden.from_two_mu((modulus,), (alpha,), RUBBER), (0.75, 1.0), SPARKS)
+    return Silicone(Ogden.from_two_mu((modulus,), (alpha,), laws.RUBBER), (0.75, 1.0), SPARKS)
 
 
 def _sorotoki(c1: float, c2: float) -> Silicone:
-    return Silicone(Yeoh(c1, c2, 0.0, RUBBER), None, SOROTOKI)
+    return Silicone(Yeoh(c1, c2, 0.0, laws.RUBBER), None, SOROTOKI)
 
 
 def _johnston(young: float, cure: str) -> Silicone:
     origin = dataclasses.replace(JOHNSTON, key=f"johnston-2014-{cure}", history=f"cured at {cure.upper()[:-1]} C")
-    return Silicone(Yeoh(young / 6, 0.0, 0.0, RUBBER), (1.0, 1.4), origin)
+    return Silicone(Yeoh(young / 6, 0.0, 0.0, laws.RUBBER), (1.0, 1.4), origin)
 
 
 PRODUCTS: dict[str, tuple[Silicone, ...]] = {
     "ecoflex-00-10": (_marechal(3670.0, 126.0, 17.09), _compressed(12605.0, 4.32), _data_sheet(8.0)),
     "ecoflex-00-30": (
         _marechal(7859.0, 94.3, 16.07),
-        Silicone(Yeoh(13892.0, 61.2, 29.5, RUBBER), (1.0, 3.01), LIAO),
+        Silicone(Yeoh(13892.0, 61.2, 29.5, laws.RUBBER), (1.0, 3.01), LIAO),
         _compressed(22081.0, 0.825),
         _sorotoki(8400.0, 100.0),
         _data_sheet(10.0),
@@ -184,7 +183,7 @@ PRODUCTS: dict[str, tuple[Silicone, ...]] = {
     "rebound-25": (_marechal(48694.0, 4434.5, 6.27, 2.0),),
     "soloplast-150318": (_marechal(33279.0, 2054.3, 7.39, 2.0),),
     "wagnersil-20-nf": (_marechal(55737.0, 9028.0, 3.27, 2.0),),
-    "elastosil-m4601": (Silicone(Yeoh(110e3, 20e3, 0.0, RUBBER), None, PNEUNETS),),
+    "elastosil-m4601": (Silicone(Yeoh(110e3, 20e3, 0.0, laws.RUBBER), None, PNEUNETS),),
     "sylgard-184": (_johnston(1.32e6, "25c"), _johnston(2.97e6, "200c")),
 }
 """Every source of every product. The strain of Marechal's curves is the crosshead's: the first few percent are less sure."""
@@ -192,7 +191,7 @@ PRODUCTS: dict[str, tuple[Silicone, ...]] = {
 
 def working_modulus(material: Material) -> float:
     """Return the secant shear modulus in Pa at `WORKING_STRETCH`, by which sources are compared."""
-    return secant_modulus(material, WORKING_STRETCH)
+    return specimens.secant_modulus(material, WORKING_STRETCH)
 
 
 def in_tension(many: Sequence[Silicone]) -> list[Silicone]:
@@ -224,7 +223,7 @@ OTHER_NAMES = {f"{product}/{middle(many).origin.key}": product for product, many
 OTHER_NAMES["ecoflex-00-30-liao"] = OTHER_NAMES.get("ecoflex-00-30/liao-2021", "ecoflex-00-30/liao-2021")
 
 
-_SPELLINGS = {spelling(name): OTHER_NAMES.get(name, name) for name in (*SILICONES, *OTHER_NAMES)}
+_SPELLINGS = {names.spelling(name): OTHER_NAMES.get(name, name) for name in (*SILICONES, *OTHER_NAMES)}
 LONGEST_NAME = 100
 
 
@@ -232,7 +231,7 @@ def listed_name(name: str) -> str:
     """Return the name in `SILICONES` of one that people write, such as ``"Ecoflex 00-30"`` or ``"ecoflex30"``, or of the full
     name of a source that is listed by its product's; the name itself if there is none."""
     known = OTHER_NAMES.get(name, name)
-    return known if known in SILICONES or len(name) > LONGEST_NAME else _SPELLINGS.get(spelling(name), known)
+    return known if known in SILICONES or len(name) > LONGEST_NAME else _SPELLINGS.get(names.spelling(name), known)
 
 
 def silicone_called(name: str) -> Silicone | None:
@@ -313,7 +312,7 @@ def material_of(name: str, value: object) -> Material:
     if isinstance(value, str):
         return silicone(value)
     wanted = "a material, such as sm.Yeoh('14 kPa'), or the name of a silicone, such as 'ecoflex-00-30'"
-    return one_of(name, value, Material, wanted)
+    return names.one_of(name, value, Material, wanted)
 
 
 @checked
@@ -330,7 +329,8 @@ def silicone(name: str) -> Material:
     found = silicone_called(name)
     if found is None:
         raise MaterialError(
-            f"silicone {brief(name)} is unknown; {known_are(name, PRODUCTS, ', and their sources (softmodels silicones)')}"
+            f"silicone {units.brief(name)} is unknown; "
+            f"{errors.known_are(name, PRODUCTS, ', and their sources (softmodels silicones)')}"
         )
     return found.material
 

@@ -19,9 +19,8 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import scipy
-from softmodels.materials import memory
-from softmodels.materials.laws import Dual, Material, MaterialError, parameter_fields
-from softmodels.materials.memory import Branch, Expression, InNumpy, Softening
+from softmodels.materials import laws, memory
+from softmodels.materials.laws import Material, MaterialError
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Closed-form solutions without a mesh: test specimens, balloons and thick-walled spheres of any law.
@@ -42,8 +41,11 @@ MODE_NAMES = tuple(MODES)
 
 
 def _slope(
-    law: Material, stretches: Sequence[Expression], change: Sequence[Expression], compressible: bool = False
-) -> Expression:
+    law: Material,
+    stretches: Sequence[memory.Expression],
+    change: Sequence[memory.Expression],
+    compressible: bool = False,
+) -> memory.Expression:
     """Return `Material.derivative`; nan where the law has no energy. The logarithm of a negative number is that only for
     reals: of complex stretches it would count as a stress."""
     found = law.derivative(stretches, change, compressible)
@@ -71,12 +73,12 @@ def _check(mode: str) -> None:
         raise ValueError(f"mode {mode!r} is not one of {', '.join(MODES)}")
 
 
-def _incompressible_stress(law: Material, stretch: Expression, mode: str) -> Expression:
+def _incompressible_stress(law: Material, stretch: memory.Expression, mode: str) -> memory.Expression:
     found = _pulled(law, stretch, mode)
     return np.where(np.isfinite(found.value), found.slope, np.nan)
 
 
-def _pulled(law: Material, stretch: Expression, mode: str) -> Dual:
+def _pulled(law: Material, stretch: memory.Expression, mode: str) -> laws.Dual:
     """Return the energy of an incompressible specimen with its nominal stress as the slope."""
     powers, sides = MODES[mode]
     stretches = [stretch**power for power in powers]
@@ -236,7 +238,7 @@ def _nudged_memory(given: memory.Memory, name: str, by: complex) -> memory.Memor
     soft = given.softening
     if soft is not None and name in SOFTENING:
         r, m, beta = SOFTENING
-        soft = Softening(
+        soft = memory.Softening(
             1 / (1 / soft.r + by) if name == r else soft.r,  # type: ignore[arg-type]
             soft.m + by * (name == m),  # type: ignore[arg-type]
             soft.beta + by * (name == beta),  # type: ignore[arg-type]
@@ -246,7 +248,7 @@ def _nudged_memory(given: memory.Memory, name: str, by: complex) -> memory.Memor
 
 
 def _incompressible(material: Material, stretch: Array, mode: str, parameters: Sequence[str]) -> Response:
-    def by_step(law: Material, at: Expression) -> Array:
+    def by_step(law: Material, at: memory.Expression) -> Array:
         return np.asarray(np.imag(_incompressible_stress(law, at, mode)) / _STEP + dead)
 
     stress = np.asarray(_incompressible_stress(material, stretch, mode))
@@ -269,7 +271,9 @@ _SIDES = {
 def _compressible(material: Material, stretch: Array, mode: str, parameters: Sequence[str]) -> Response:
     pulled, free = _SIDES[mode]
 
-    def slopes(law: Material, a: Expression, s: Expression) -> tuple[Expression, Expression]:
+    def slopes(
+        law: Material, a: memory.Expression, s: memory.Expression
+    ) -> tuple[memory.Expression, memory.Expression]:
         """Return dW/da and dW/ds of the loaded and the free sides."""
         stretches = [i * a + j * s + (1.0 - i - j) for i, j in zip(pulled, free, strict=True)]
         return _slope(law, stretches, pulled, True), _slope(law, stretches, free, True)
@@ -280,7 +284,7 @@ def _compressible(material: Material, stretch: Array, mode: str, parameters: Seq
     a, s = stretch.astype(complex), side.astype(complex)
     by_side = slopes(material, a, s + 1j * _STEP)
 
-    def follow(moved: tuple[Expression, Expression]) -> Array:
+    def follow(moved: tuple[memory.Expression, memory.Expression]) -> Array:
         """Return the total derivative, with the free side moving so that it stays stress-free."""
         drift = -np.imag(moved[1]) / np.imag(by_side[1])
         total: Array = (np.imag(moved[0]) / _STEP + np.imag(by_side[0]) / _STEP * drift) / sum(pulled) + dead
@@ -290,7 +294,7 @@ def _compressible(material: Material, stretch: Array, mode: str, parameters: Seq
     return Response(stress, _columns(columns, stretch), side, lambda: follow(slopes(material, a + 1j * _STEP, s)))
 
 
-def _free_side(material: Material, slopes: Expression, stretch: Array, mode: str) -> Array:
+def _free_side(material: Material, slopes: memory.Expression, stretch: Array, mode: str) -> Array:
     """Return the stretch of the free sides at which dW/ds vanishes: Newton from the incompressible side, safeguarded.
 
     The energy rises on both sides of the root, so that signs of the slope bracket it and a step outside is halved back in.
@@ -331,7 +335,7 @@ _FLOW_STEP = 1e-3
 
 
 def branch_stress(
-    time: npt.ArrayLike, stretch: npt.ArrayLike, mode: str, branches: Sequence[Branch], error: float = MOST_ERROR
+    time: npt.ArrayLike, stretch: npt.ArrayLike, mode: str, branches: Sequence[memory.Branch], error: float = MOST_ERROR
 ) -> Array:
     """Return the nominal stress over G of Maxwell branches, which depends on no parameter of the law.
 
@@ -355,28 +359,28 @@ def branch_stress(
     def squares(x: float) -> list[float]:
         return [*(x ** (2 * powers)).tolist(), 0.0, 0.0, 0.0]
 
-    def stress(x: float, Cv: Sequence[Expression]) -> Array:
+    def stress(x: float, Cv: Sequence[memory.Expression]) -> Array:
         found = np.asarray(sum(p * x ** (2 * p - 1) / v for p, v in zip(powers, Cv, strict=False)) / sides)
         return (
             found if flow is None else found * memory.spring_stiffness(3 * memory.growth(squares(x), Cv), flow.spring)
         )
 
-    def crossed(Cv: list[Expression], at: int, steps: int) -> list[Expression]:
+    def crossed(Cv: list[memory.Expression], at: int, steps: int) -> list[memory.Expression]:
         nodes = np.linspace(stretch[at - 1], stretch[at], steps + 1)
         x = (time[at] - time[at - 1]) / steps / taus
         C = squares(nodes[0])
         for node in nodes[1:]:
             end = squares(node)
             if flow is None:
-                Cv = memory.crept(end, *memory.step_of(C, Cv, x, InNumpy))
+                Cv = memory.crept(end, *memory.step_of(C, Cv, x, memory.InNumpy))
             else:
-                Cv = memory.crept(end, *memory.corrected_step(C, end, Cv, x, flow, InNumpy))
+                Cv = memory.crept(end, *memory.corrected_step(C, end, Cv, x, flow, memory.InNumpy))
             C = end
         return Cv
 
     rest = list(memory.IDENTITY)
     allowed = 3 * error * max(float(np.abs(stress(x, rest)).max()) for x in (stretch.min(), stretch.max()))
-    Cv: list[Expression] = [np.full(taus.shape, one) for one in rest]
+    Cv: list[memory.Expression] = [np.full(taus.shape, one) for one in rest]
     found, steps = [stress(stretch[0], Cv)], 1
     for at in range(1, len(time)):
         coarse = crossed(Cv, at, steps)
@@ -392,7 +396,7 @@ def branch_stress(
     return np.array(found)
 
 
-def _flow(branches: Sequence[Branch]) -> types.SimpleNamespace | None:
+def _flow(branches: Sequence[memory.Branch]) -> types.SimpleNamespace | None:
     """Return what `memory.fluidity` takes of some branches at once; None if all are linear."""
     if all(one.linear for one in branches):
         return None
@@ -458,7 +462,7 @@ def stress_in_time(
 
 
 def _branch_slopes(
-    time: npt.ArrayLike, stretch: Array, mode: str, branches: Sequence[Branch], names: Sequence[str]
+    time: npt.ArrayLike, stretch: Array, mode: str, branches: Sequence[memory.Branch], names: Sequence[str]
 ) -> tuple[Array, dict[str, Array]]:
     """Return `branch_stress` and its slopes by parameters of all branches, by central differences in the same steps."""
     together, steps = list(branches), []
@@ -475,7 +479,7 @@ def _branch_slopes(
 
 
 def _softened(
-    soft: Softening,
+    soft: memory.Softening,
     time: npt.ArrayLike | None,
     stress: Array,
     slopes: Array,
@@ -530,7 +534,7 @@ def log_strain_stiffness(material: Material, stretch: npt.ArrayLike, mode: str) 
     stretch = np.asarray(stretch, dtype=float)
     e1, e2 = (np.log(stretch) * power for power in MODES[mode][0][:2])
 
-    def gradient(a: Expression, b: Expression) -> list[Expression]:
+    def gradient(a: memory.Expression, b: memory.Expression) -> list[memory.Expression]:
         sides = np.exp(a), np.exp(b), np.exp(-a - b)
         return [_slope(material, sides, (i * sides[0], j * sides[1], -sides[2])) for i, j in np.eye(2)]
 
@@ -606,7 +610,7 @@ def weakness(material: Material) -> str:
 def described(material: Material) -> str:
     """Return a law with its parameters: ``yeoh (c1 = 10 kPa, c2 = -0.1 kPa)``."""
     parts = []
-    for field in parameter_fields(material):
+    for field in laws.parameter_fields(material):
         if field.name == "poisson":
             continue
         value = getattr(material, field.name)

@@ -18,10 +18,9 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import PETSc, basix, common, cpp, fem, la, meshes, scipy, ufl
+from softmodels.mechanics import compiling, component, mpi
 from softmodels.mechanics.body import Body
-from softmodels.mechanics.compiling import JIT
-from softmodels.mechanics.component import ComponentError, EnergyTerm, Equations
-from softmodels.mechanics.mpi import everywhere, largest, summed, total
+from softmodels.mechanics.component import ComponentError
 
 # ----------------------------------------------------------------------------------------------------------------------
 # PETSc matrices of compiled bilinear forms.
@@ -156,7 +155,7 @@ class FaceNodes:
                 found.append((ids, at[here[chosen]], dofs, number, at[here[: d + 1]].mean(axis=0)))
         k = 3 if d == 2 else 6
         ids, places, dofs, faces, inside = (
-            everywhere(self.comm, np.array([entry[i] for entry in found], dtype=kind).reshape(-1, *shape))
+            mpi.everywhere(self.comm, np.array([entry[i] for entry in found], dtype=kind).reshape(-1, *shape))
             for i, (kind, shape) in enumerate(
                 [(np.int64, (k,)), (np.float64, (k, d)), (np.int64, (k, d)), (np.int64, ()), (np.float64, (d,))]
             )
@@ -204,7 +203,7 @@ class FaceNodes:
 
     def motion(self, nodes: Array) -> Array:
         """Return a motion of the nodes, shape (n, d), of one of the mesh's own local nodes, shape (nodes, d)."""
-        return summed(self.comm, np.asarray(self._interpolation @ nodes))
+        return mpi.summed(self.comm, np.asarray(self._interpolation @ nodes))
 
     def by_mesh(self, rates: Array) -> Array:
         """Return derivatives by the nodes' places, shape (n, d), as this rank's share of those by the mesh's local nodes."""
@@ -224,7 +223,7 @@ class FaceNodes:
         """Return the entries of all nodes, shape (n, d), of a vector whose first ones are this rank's owned entries."""
         values = np.zeros(self.dofs.shape)
         values[self.mine] = w[self.local]
-        return summed(self.comm, values)
+        return mpi.summed(self.comm, values)
 
     def moved(self, w: Array) -> Array:
         """Return the deformed places of the nodes, shape (n, d), of unknowns that begin with this rank's owned ones."""
@@ -269,7 +268,7 @@ class Pressing(Protocol):
     def coupled(self, soon: float) -> scipy.sparse.csr_array: ...
 
 
-class AssembledTerm[P: Pressing](EnergyTerm):
+class AssembledTerm[P: Pressing](component.EnergyTerm):
     """Energy as a function of the node positions of some faces. Every rank computes all of it, because faces are small. The
     `System` sets ``bcs``, the conditions of the unknowns."""
 
@@ -488,7 +487,7 @@ class AssembledTerms:
     """All assembled terms among a system's terms. With ``whole`` products are with the derivative of the forces if that is not
     symmetric: only in Newton's method."""
 
-    def __init__(self, terms: Iterable[EnergyTerm], bcs: Sequence[fem.DirichletBC]):
+    def __init__(self, terms: Iterable[component.EnergyTerm], bcs: Sequence[fem.DirichletBC]):
         self._terms = [term for term in terms if isinstance(term, AssembledTerm)]
         self.whole = False
         for term in self._terms:
@@ -610,7 +609,7 @@ def _numbering(space: fem.FunctionSpace, part: Ints, region: Ints) -> tuple[comm
     ``part`` has the unknowns that may jump, by cell.
     """
     comm, old = space.mesh.comm, space.dofmap.index_map
-    n, count = old.size_local, 1 + int(largest(space.mesh.comm, float(region.max(initial=0))))
+    n, count = old.size_local, 1 + int(mpi.largest(space.mesh.comm, float(region.max(initial=0))))
     vector = la.vector(old, 1)
     owned_cells = space.mesh.topology.index_map(space.mesh.topology.dim).size_local
     present = np.zeros((count, len(vector.array)), dtype=bool)
@@ -663,7 +662,7 @@ def entries_of(space: fem.FunctionSpace, sub: int) -> int:
     used.array[:] = 0.0
     used.array[np.array(space.sub(sub).dofmap.list).ravel()] = 1.0
     used.scatter_reverse(la.InsertMode.add)
-    return round(total(space.mesh.comm, float(np.count_nonzero(used.array[:n]))))
+    return round(mpi.total(space.mesh.comm, float(np.count_nonzero(used.array[:n]))))
 
 
 def matrix_of(space: fem.FunctionSpace, forms: list[fem.Form]) -> Any:
@@ -701,7 +700,7 @@ class Inertia:
 
 
 def mass_matrix(
-    system: Equations, inertia: Inertia | None = None, held: Sequence[fem.DirichletBC] | None = None
+    system: component.Equations, inertia: Inertia | None = None, held: Sequence[fem.DirichletBC] | None = None
 ) -> PETSc.Mat:
     """Return the displacement's mass matrix by all dofs, of unit density without masses; rows and columns of held dofs (by
     default all that the system holds) are empty."""
@@ -716,11 +715,11 @@ def mass_matrix(
             density.x.array[region.cells] = value
         density.x.scatter_forward()
         form = density * work * ufl.Measure("dx", mesh, metadata={"quadrature_degree": 4})
-    matrix = sparse_matrix(fem.form(form, jit_options=JIT), bcs, 0.0)
+    matrix = sparse_matrix(fem.form(form, jit_options=compiling.JIT), bcs, 0.0)
     for face, mass in inertia.faces if inertia else ():
         measure, one = system.body.measure(face), fem.Constant(mesh, 1.0)
-        area = system.integral(fem.form(one * system.body.hoop * measure, jit_options=JIT))
-        spread = fem.form(fem.Constant(mesh, mass / area) * work * measure, jit_options=JIT)
+        area = system.integral(fem.form(one * system.body.hoop * measure, jit_options=compiling.JIT))
+        spread = fem.form(fem.Constant(mesh, mass / area) * work * measure, jit_options=compiling.JIT)
         plate = sparse_matrix(spread, bcs, 0.0)
         matrix.axpy(1.0, plate, matrix.Structure.DIFFERENT)  # type: ignore[arg-type]
         plate.destroy()

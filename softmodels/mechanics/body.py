@@ -19,15 +19,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from geometries import Actuator, Hold
+from geometries import Actuator, Hold, meshing
 from geometries.actuator import Opening, Vector, cavity_roles, find_openings
-from geometries.meshing import load_mesh, private_model, straight_edges
+from softmodels.common import errors, units
 from softmodels.common.arrays import Array
-from softmodels.common.errors import ComponentError, Spoken
+from softmodels.common.errors import ComponentError
 from softmodels.common.lazy import MPI, Expr, fem, gmsh, la, meshes, ufl
-from softmodels.common.units import UnitError, brief, quantity
-from softmodels.mechanics.compiling import compiling
-from softmodels.mechanics.mpi import any_rank, is_root, largest, on_root
+from softmodels.mechanics import compiling, mpi
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Pieces of faces and edges between faces, by short texts that stand wherever a component names a face.
@@ -87,10 +85,10 @@ def is_plain(text: str) -> bool:
 def _piece(text: str) -> Piece:
     face, _, condition = text.partition(WITHIN)
     if text.endswith(WITHIN.rstrip()):
-        raise ComponentError(f"{brief(text)} has no condition; write {EXAMPLE}")
+        raise ComponentError(f"{units.brief(text)} has no condition; write {EXAMPLE}")
     between = EDGE.fullmatch(face.strip())
     if between and between[1] == between[2]:
-        raise ComponentError(f"{brief(text)} names one face twice; an edge is where two faces meet")
+        raise ComponentError(f"{units.brief(text)} names one face twice; an edge is where two faces meet")
     names = between.groups() if between else (face.strip(),)
     parts = condition.split(" and ") if condition else []
     return Piece(names, tuple(bound for part in parts for bound in _bounds(text, part.strip())), text)
@@ -101,10 +99,10 @@ def _bounds(text: str, part: str) -> list[tuple[str, float, float]]:
     if not found or not (found[1] or found[5]) or (found[1] and found[4] and ">" in found[4]):
         if coordinate := re.match(r"\s*\|?([A-Za-z_]\w*)\|?\s*[<>]", part):
             raise ComponentError(
-                f"{brief(text)} uses the coordinate {coordinate[1]!r}; x, y, z, r, |x|, |y| and |z| are known"
+                f"{units.brief(text)} uses the coordinate {coordinate[1]!r}; x, y, z, r, |x|, |y| and |z| are known"
             )
         raise ComponentError(
-            f"{brief(text)}: {brief(part)} is not a comparison of a coordinate with a length; write {EXAMPLE}"
+            f"{units.brief(text)}: {units.brief(part)} is not a comparison of a coordinate with a length; write {EXAMPLE}"
         )
     low, high = -np.inf, np.inf
     if found[1]:
@@ -118,11 +116,11 @@ def _bounds(text: str, part: str) -> list[tuple[str, float, float]]:
 def _length(text: str, value: str) -> float:
     plain = value.strip()
     if re.fullmatch(r"[-+]?[\d.]+(e[-+]?\d+)?", plain):
-        raise ComponentError(f"{brief(text)}: the length {plain} has no unit; write it like {plain} mm")
+        raise ComponentError(f"{units.brief(text)}: the length {plain} has no unit; write it like {plain} mm")
     try:
-        return quantity(plain, "m")
-    except UnitError as error:
-        raise ComponentError(f"{brief(text)}: {error}") from None
+        return units.quantity(plain, "m")
+    except units.UnitError as error:
+        raise ComponentError(f"{units.brief(text)}: {error}") from None
 
 
 class Roles(dict[str, Entities]):
@@ -163,12 +161,12 @@ def selected(mesh: meshes.Mesh, actuator: Actuator, roles: Mapping[str, Entities
     for piece in pieces_in(text):
         dimension, entities = _common(mesh, roles, piece)
         entities = entities[piece.holds(_middles(mesh, actuator, dimension, entities))]
-        if not any_rank(mesh.comm, bool(len(entities))):
-            raise ComponentError(f"{brief(piece.text)} selects nothing; {_spans(mesh, actuator, roles, piece)}")
+        if not mpi.any_rank(mesh.comm, bool(len(entities))):
+            raise ComponentError(f"{units.brief(piece.text)} selects nothing; {_spans(mesh, actuator, roles, piece)}")
         found.append(entities)
         dimensions.add(dimension)
     if len(dimensions) > 1:
-        raise ComponentError(f"{brief(text)} has faces and edges; name one kind at a time")
+        raise ComponentError(f"{units.brief(text)} has faces and edges; name one kind at a time")
     return dimensions.pop(), np.unique(np.concatenate(found))
 
 
@@ -178,8 +176,10 @@ def cells_within(mesh: meshes.Mesh, actuator: Actuator, condition: str) -> npt.N
     index_map = mesh.topology.index_map(mesh.topology.dim)
     cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
     cells = cells[condition_of(condition).holds(_middles(mesh, actuator, mesh.topology.dim, cells))]
-    if not any_rank(mesh.comm, bool(len(cells))):
-        raise ComponentError(f"{brief(condition)} selects no cells; coordinates are those of the undeformed device")
+    if not mpi.any_rank(mesh.comm, bool(len(cells))):
+        raise ComponentError(
+            f"{units.brief(condition)} selects no cells; coordinates are those of the undeformed device"
+        )
     return cells
 
 
@@ -206,7 +206,7 @@ def _common(mesh: meshes.Mesh, roles: Mapping[str, Entities], piece: Piece) -> E
     of_both: npt.NDArray[np.bool_] | bool = True
     for face in piece.faces:
         if roles[face][0] != dimension + 1:
-            raise ComponentError(f"{brief(piece.text)}: {face!r} is not a face, so it has no edges")
+            raise ComponentError(f"{units.brief(piece.text)}: {face!r} is not a face, so it has no edges")
         marked = la.vector(topology.index_map(dimension), 1)
         for facet in roles[face][1]:
             marked.array[links.links(facet)] = 1.0
@@ -214,9 +214,9 @@ def _common(mesh: meshes.Mesh, roles: Mapping[str, Entities], piece: Piece) -> E
         marked.scatter_forward()
         of_both = of_both & (marked.array > 0.0)
     first, second = (roles[face][1] for face in piece.faces)
-    if any_rank(mesh.comm, bool(np.isin(first, second).any())):
+    if mpi.any_rank(mesh.comm, bool(np.isin(first, second).any())):
         raise ComponentError(
-            f"{brief(piece.text)}: the two faces overlap, so they do not meet in an edge; name two others"
+            f"{units.brief(piece.text)}: the two faces overlap, so they do not meet in an edge; name two others"
         )
     return dimension, np.flatnonzero(of_both).astype(np.int32)
 
@@ -224,11 +224,11 @@ def _common(mesh: meshes.Mesh, roles: Mapping[str, Entities], piece: Piece) -> E
 def _spans(mesh: meshes.Mesh, actuator: Actuator, roles: Mapping[str, Entities], piece: Piece) -> str:
     """Return where the entities lie from which a piece was to be selected, as a clause."""
     dimension, entities = _common(mesh, roles, piece)
-    if not any_rank(mesh.comm, bool(len(entities))):
+    if not mpi.any_rank(mesh.comm, bool(len(entities))):
         return f"the faces {' and '.join(piece.faces)} share no edge in the modelled part"
     places = _middles(mesh, actuator, dimension, entities) * 1e3
     low, high = (
-        [largest(mesh.comm, float((s * places[:, k]).max(initial=-np.inf))) for k in range(3)] for s in (-1.0, 1.0)
+        [mpi.largest(mesh.comm, float((s * places[:, k]).max(initial=-np.inf))) for k in range(3)] for s in (-1.0, 1.0)
     )
     spans = ", ".join(f"{axis} {0.0 - a:.4g} to {b:.4g} mm" for axis, a, b in zip("xyz", low, high, strict=True))
     return f"the middles of the {'facets' if len(piece.faces) == 1 else 'edges'} of {' and '.join(piece.faces)} lie in {spans}"
@@ -261,7 +261,7 @@ CAVITY, SHEET = 1, 2
 """Tags of the cavity's and a sheet's facets in the forms, the same for every mesh to avoid recompiling."""
 
 
-class BodyError(Spoken, RuntimeError):
+class BodyError(errors.Spoken, RuntimeError):
     """An unsuitable actuator or mesh; the message is for the user."""
 
 
@@ -321,11 +321,11 @@ class Body:
         """
         from dolfinx.io import gmsh as gmshio
 
-        with private_model() if is_root(comm) else contextlib.nullcontext():
+        with meshing.private_model() if mpi.is_root(comm) else contextlib.nullcontext():
             # An invalid file raises on all ranks; it must not hang.
-            groups = on_root(comm, lambda: load_mesh(path, actuator.dimension))
-            openings, straight = on_root(comm, lambda: (find_openings(actuator), straight_edges()))
-            with compiling():
+            groups = mpi.on_root(comm, lambda: meshing.load_mesh(path, actuator.dimension))
+            openings, straight = mpi.on_root(comm, lambda: (find_openings(actuator), meshing.straight_edges()))
+            with compiling.compiling():
                 data = gmshio.model_to_mesh(gmsh.model, comm, 0, gdim=actuator.dimension)
         data.mesh.geometry.x[:] /= actuator.size
         tdim = data.mesh.topology.dim

@@ -26,9 +26,9 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 
-from softmodels.common.errors import Spoken
+from softmodels.common import errors
 from softmodels.common.lazy import MPI, ufl
-from softmodels.mechanics.mpi import on_root
+from softmodels.mechanics import mpi
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Flags of the C compiler for the kernels.
@@ -89,7 +89,7 @@ LONG = (
 """Message if DOLFINx has waited in vain for another run."""
 
 
-class CompilingError(Spoken, RuntimeError):
+class CompilingError(errors.Spoken, RuntimeError):
     """The kernels could not be compiled; the message is for the user."""
 
 
@@ -212,7 +212,7 @@ def finish_compiler(process: subprocess.Popen[str]) -> None:
 def compile_ahead(comm: MPI.Comm, forms: Sequence[ufl.Form]) -> None:
     """Start the compilation of forms that are made next, on the root; errors on all ranks. Those that the cache has are
     loaded."""
-    on_root(comm, lambda: _start_all(forms))
+    mpi.on_root(comm, lambda: _start_all(forms))
 
 
 def _start_all(forms: Sequence[ufl.Form]) -> None:
@@ -370,7 +370,7 @@ def library(comm: MPI.Comm, source: str) -> ModuleType:
         cffi.VerificationError: The compiler failed.
     """
     place = _place(source)
-    on_root(comm, lambda: _compile(source, place))
+    mpi.on_root(comm, lambda: _compile(source, place))
     return _loaded(_name(place), place)
 
 
@@ -404,7 +404,7 @@ def _loaded(name: str, place: Path) -> ModuleType:
 def begin(comm: MPI.Comm, source: str) -> None:
     """Start to compile functions that `library` is asked for later, if needed, on the root; on all ranks `OSError` if the
     cache cannot be used, `cffi.VerificationError` if there is no compiler."""
-    on_root(comm, lambda: _start(source, _place(source)))
+    mpi.on_root(comm, lambda: _start(source, _place(source)))
 
 
 def _start(source: str, place: Path) -> None:

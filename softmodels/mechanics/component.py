@@ -33,15 +33,14 @@ import numpy.typing as npt
 
 from geometries import Actuator
 from geometries.actuator import Vector, cavity_roles
-from softmodels.common import schema
+from softmodels.common import errors, names, schema, units
 from softmodels.common.arrays import Array
-from softmodels.common.errors import ComponentError, FieldError
+from softmodels.common.errors import ComponentError
 from softmodels.common.lazy import MPI, Expr, fem, ufl
-from softmodels.common.names import Registry
-from softmodels.common.schema import Text, about, doubt_of, settle
-from softmodels.common.units import brief
+from softmodels.common.schema import settle
 from softmodels.materials.laws import Material
-from softmodels.mechanics.body import WITHIN, Body, condition_of, pieces_in
+from softmodels.mechanics import body
+from softmodels.mechanics.body import Body
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Physical causes of the end of a path, other than limit points.
@@ -101,7 +100,7 @@ class Component(abc.ABC):
     def __post_init__(self) -> None:
         settle(self, ComponentError)
         if not isinstance(self.name, str):
-            raise ComponentError(f"[{self.table}]: name is {brief(self.name)}; it must be a text, such as 'tip'")
+            raise ComponentError(f"[{self.table}]: name is {units.brief(self.name)}; it must be a text, such as 'tip'")
         if not re.fullmatch(r"([a-z]\w*)?", self.name):
             raise self.error("a name must consist of letters, digits and '_', starting with a lower-case letter")
         self.check()
@@ -109,7 +108,7 @@ class Component(abc.ABC):
     @property
     def doubt(self) -> str:
         """Return a sentence on an implausible value; empty if none."""
-        return doubt_of(self)
+        return schema.doubt_of(self)
 
     def check(self) -> None:  # noqa: B027
         """Check the fields for consistency; raise `ComponentError` if invalid."""
@@ -149,16 +148,16 @@ class Component(abc.ABC):
         where = f"[{cls.table}.{name}]" if name else f"[{cls.table}]"
         required = [field.name for field in dataclasses.fields(cls) if field.default is dataclasses.MISSING]
         if missing := [field for field in required if field not in values]:
-            raise FieldError(cls.needs or f"{where} needs {' and '.join(missing)}")
+            raise errors.FieldError(cls.needs or f"{where} needs {' and '.join(missing)}")
 
-    def write_table(self, text: Text) -> dict[str, object]:
+    def write_table(self, text: schema.Text) -> dict[str, object]:
         """Return its table in a case file, without its name."""
         return schema.to_table(self, text)
 
     @property
     def explained(self) -> Mapping[str, str]:
         """Descriptions of the entries of its table."""
-        return {field.key or name: field.help for name, field in about(self).items()}
+        return {field.key or name: field.help for name, field in schema.about(self).items()}
 
     def undesigned(self, actuator: Actuator) -> str:
         """Return why design gradients do not support it, as a clause after its name; empty if they do."""
@@ -395,7 +394,7 @@ def _key(kind: type[Component]) -> str:
     return f"{kind.table}." if kind.always_named else kind.table
 
 
-COMPONENTS: Registry[type[Component]] = Registry("component", _key)
+COMPONENTS: names.Registry[type[Component]] = names.Registry("component", _key)
 """Every kind by its table; those that always have a name by ``table.``: ``[contact.ball]`` is none of ``[contact]``."""
 register_component = COMPONENTS.register
 
@@ -431,7 +430,7 @@ def bases(where: str, texts: Sequence[str], actuator: Actuator) -> list[str]:
         ComponentError: A text that is none, or uses a coordinate that an axisymmetric section does not have.
     """
     try:
-        pieces = [piece for text in texts for piece in pieces_in(text)]
+        pieces = [piece for text in texts for piece in body.pieces_in(text)]
     except ComponentError as error:
         raise ComponentError(f"{where}: {error}") from None
     for piece in pieces if actuator.dimension == 2 else ():
@@ -445,10 +444,10 @@ def bases(where: str, texts: Sequence[str], actuator: Actuator) -> list[str]:
 def check_condition(where: str, text: str, actuator: Actuator) -> None:
     """Raise `ComponentError` for a condition such as ``"5 mm < r < 9 mm"`` that is none, or not of this device."""
     try:
-        condition_of(text)
+        body.condition_of(text)
     except ComponentError as error:
         raise ComponentError(f"{where}: {error}") from None
-    bases(where, [f"cells{WITHIN}{text}"], actuator)
+    bases(where, [f"cells{body.WITHIN}{text}"], actuator)
 
 
 def faces_of(actuator: Actuator) -> tuple[str, ...]:

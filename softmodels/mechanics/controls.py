@@ -20,9 +20,8 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import Expr, fem, ufl
-from softmodels.mechanics.assembly import assembled_vector
-from softmodels.mechanics.component import COMPONENTS, Component, ComponentError, Equations, MaterialCells
-from softmodels.mechanics.mpi import any_rank, total
+from softmodels.mechanics import assembly, component, mpi
+from softmodels.mechanics.component import Component, ComponentError
 
 
 class Curve(Protocol):
@@ -328,7 +327,7 @@ class DistributedLoad:
         measured: Constants of the loads that follow a mesh that moves.
     """
 
-    def __init__(self, system: Equations):
+    def __init__(self, system: component.Equations):
         self.system, self.body = system, system.body
         self.measured: list[MeasuredConstant] = []
         test = ufl.TestFunction(system.space)
@@ -341,21 +340,21 @@ class DistributedLoad:
     def constant(self, value: npt.ArrayLike | float) -> fem.Constant:
         return fem.Constant(self.body.mesh, np.asarray(value, dtype=float))
 
-    def measure(self, over: str | MaterialCells) -> Expr:
+    def measure(self, over: str | component.MaterialCells) -> Expr:
         """Return the measure of the undeformed facets or edges of a role, or of one of the body's materials; of the full circle
         in a section."""
         return self.body.measure(over) if isinstance(over, str) else over.dx
 
-    def integral(self, density: Expr, over: str | MaterialCells) -> float:
+    def integral(self, density: Expr, over: str | component.MaterialCells) -> float:
         """Integrate a density over the undeformed facets of a role, or over one of the body's materials."""
         return self.system.integral(fem.form(density * self.body.hoop * self.measure(over)))
 
-    def volume(self, matter: MaterialCells) -> float:
+    def volume(self, matter: component.MaterialCells) -> float:
         """Return the undeformed volume in m3 of one of the body's materials, of the whole device."""
         actuator = self.body.actuator
         return self.integral(self.constant(1.0), matter) * actuator.size**3 * actuator.copies
 
-    def mean(self, along: npt.ArrayLike, over: str | MaterialCells) -> ufl.Form:
+    def mean(self, along: npt.ArrayLike, over: str | component.MaterialCells) -> ufl.Form:
         """Return the mean test displacement along a vector of the mesh over a face, or over one of the body's materials."""
         size = self.integral(self.constant(1.0), over)
         if not size > 0.0:
@@ -388,7 +387,7 @@ class DeadLoads:
         ComponentError: A load that moves nothing, or not on this mesh.
     """
 
-    def __init__(self, system: Equations, components: Sequence[Component]):
+    def __init__(self, system: component.Equations, components: Sequence[Component]):
         self.system = system
         self.loads = [part for part in components if isinstance(part, LoadPart) and not part.idle(components)]
         on = [DistributedLoad(system) for _ in self.loads]
@@ -435,7 +434,7 @@ class DeadLoads:
         """Reject a load that acts only on held dofs."""
         for load, forms in zip(self.loads, self.forms, strict=True):
             found = self.system.assemble(forms)
-            if not total(self.system.comm, float(found @ found)) > 0.0:
+            if not mpi.total(self.system.comm, float(found @ found)) > 0.0:
                 raise ComponentError(f"{load.where} acts only on held dofs; use another face or direction")
 
     def moved(self) -> Array:
@@ -444,8 +443,10 @@ class DeadLoads:
         system, found = self.system, []
         w = system.w.x.array[: system.n]
         for forms in self.forms:
-            b = assembled_vector(self._vector.x, forms)  # a separate function, because the system's may be in use
-            found.append(total(system.comm, float(b[: system.n] @ w)))
+            b = assembly.assembled_vector(
+                self._vector.x, forms
+            )  # a separate function, because the system's may be in use
+            found.append(mpi.total(system.comm, float(b[: system.n] @ w)))
         return np.array(found)
 
     def borne(self, dofs: npt.NDArray[np.int32], drives: Array) -> Array:
@@ -456,7 +457,7 @@ class DeadLoads:
         for drive, forms in zip(drives, self.forms, strict=True):
             for form in forms:
                 entries = self.system.assemble([form], held=True)
-                if not any_rank(self.system.comm, bool(entries[others].any())):
+                if not mpi.any_rank(self.system.comm, bool(entries[others].any())):
                     found += drive * entries
         return found
 
@@ -497,7 +498,7 @@ class DeadLoads:
 
 def requestable() -> dict[str, Mapping[str, RequestedValue]]:
     """Return what may be requested of dead loads, by table."""
-    kinds = (kind for kind in COMPONENTS.values() if issubclass(kind, LoadPart))
+    kinds = (kind for kind in component.COMPONENTS.values() if issubclass(kind, LoadPart))
     return {kind.table: kind.asked for kind in kinds if kind.asked}
 
 

@@ -26,9 +26,7 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import PETSc, basix, fem, la, ufl
-from softmodels.mechanics.assembly import held_dofs, mark_symmetric
-from softmodels.mechanics.compiling import library
-from softmodels.mechanics.newton import PREFIX, Preconditioner, Shell, entries_here, entries_in_all
+from softmodels.mechanics import assembly, compiling, newton
 from softmodels.mechanics.system import System
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -105,7 +103,7 @@ class QuadraticLevel:
 
     def __init__(self, K: PETSc.Mat, rows: Ints, d: int, left: npt.NDArray[np.bool_]):
         self._comm, self.rows, self.d, self.nodes = K.comm, rows, d, len(rows) // d
-        self._c = library(K.comm.tompi4py(), "multigrid")
+        self._c = compiling.library(K.comm.tompi4py(), "multigrid")
         self._K, self._left = K, np.ascontiguousarray(left, dtype=np.int8)
         self._number(MatrixParts(K, self._c))
         buffer = self._c.ffi.from_buffer
@@ -255,7 +253,7 @@ class LinearLevel:
 
     def __init__(self, above: QuadraticLevel, space: fem.FunctionSpace, held: npt.NDArray[np.bool_], motions: Array):
         self._above, self._comm, d = above, space.mesh.comm, above.d
-        self._c = library(self._comm, "multigrid")
+        self._c = compiling.library(self._comm, "multigrid")
         own, between = corners_of(space)
         self._number(len(own), between)
         self._children()
@@ -266,7 +264,7 @@ class LinearLevel:
         size = (d * len(own), PETSc.DETERMINE)
         self._matrix = PETSc.Mat().createAIJ((size, size), bsize=d, comm=self._comm)
         self._matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)  # type: ignore[arg-type]
-        mark_symmetric(self._matrix)
+        assembly.mark_symmetric(self._matrix)
         self._assemble()
         self._b, self._x = self._matrix.createVecRight(), self._matrix.createVecRight()
         self._make_cycle(motions[:, own].reshape(len(motions), -1))
@@ -320,10 +318,10 @@ class LinearLevel:
             vector.normalize()
         self._matrix.setNearNullSpace(PETSc.NullSpace().create(vectors=vectors, comm=self._comm))
         cycle = self._cycle = PETSc.PC().create(self._comm)
-        cycle.setOptionsPrefix(PREFIX)
+        cycle.setOptionsPrefix(newton.PREFIX)
         cycle.setOperators(self._matrix, self._matrix)
         cycle.setType("gamg")
-        options = PETSc.Options(PREFIX)
+        options = PETSc.Options(newton.PREFIX)
         own = {name: value for name, value in OPTIONS.items() if not options.hasName(name)}
         for name, value in own.items():
             options.setValue(name, value)
@@ -377,7 +375,7 @@ PER_SHARED_ENTRY = 19
 unknowns on two ranks: 0.23 and 0.56 GB taken on both, 0.23 and 0.56 GB predicted."""
 
 
-class Multigrid(Preconditioner):
+class Multigrid(newton.Preconditioner):
     """The block triangular map above, without owned dofs that are ``fixed`` beside those that are held."""
 
     exact = False
@@ -401,7 +399,7 @@ class Multigrid(Preconditioner):
     def memory(system: System) -> float:
         """Return the memory of a cycle on this rank in bytes, from the entries of the assembled K."""
         K = system.K
-        entries, unknowns = entries_here(K), K.getLocalSize()[0]
+        entries, unknowns = newton.entries_here(K), K.getLocalSize()[0]
         return FIXED + (PER_ENTRY if K.comm.size == 1 else PER_SHARED_ENTRY) * entries + 8 * PER_UNKNOWN * unknowns
 
     def _make_fields(self) -> None:
@@ -417,7 +415,7 @@ class Multigrid(Preconditioner):
             self._u = np.arange(count * d, dtype=np.int32)
         self._p = np.setdiff1d(np.arange(end - start, dtype=np.int32), self._u).astype(np.int32)
         self._nodes, self._places = nodes, nodes.tabulate_dof_coordinates()[:count]
-        self._held = np.concatenate([held_dofs(system.bcs), self._fixed])
+        self._held = np.concatenate([assembly.held_dofs(system.bcs), self._fixed])
         self._rows = [
             PETSc.IS().createGeneral(rows + start, comm=self.K.comm)  # type: ignore[arg-type]
             for rows in (self._u, self._p)
@@ -433,7 +431,7 @@ class Multigrid(Preconditioner):
         self._lumped = [system.form(weight * q * system.body.hoop * region.dx) for weight, region in regions]
 
     def set_up(self) -> None:
-        entries = entries_in_all(self.K)
+        entries = newton.entries_in_all(self.K)
         if self._levels is not None and entries != self._entries:  # contact has added couplings
             self._drop()
         if self._levels is None:
@@ -557,7 +555,7 @@ class RigidCycle(Multigrid):
         self._following = [self.K.createVecRight() for _ in range(sum(counts))]
         self._stiffness = np.empty((0, 0))
         self._one, self._force = self.K.createVecRight(), self.K.createVecRight()
-        self._shell = Shell(self._free_product, self._free_cycle)
+        self._shell = newton.Shell(self._free_product, self._free_cycle)
         self._make_solver()
 
     def _make_solver(self) -> None:

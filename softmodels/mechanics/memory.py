@@ -18,17 +18,13 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import Expr, PETSc, basix, fem, meshes, ufl
-from softmodels.materials import memory
-from softmodels.materials.laws import Material, Strain
-from softmodels.materials.memory import COUNTS, IDENTITY, Branch, InUfl, Memory, Six, six
-from softmodels.mechanics.assembly import Inertia, mass_matrix
+from softmodels.materials import laws, memory
+from softmodels.materials.laws import Material
+from softmodels.materials.memory import Memory
+from softmodels.mechanics import assembly, compiling, component, mpi, regions
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body
-from softmodels.mechanics.compiling import JIT, LABEL
-from softmodels.mechanics.component import Equations
-from softmodels.mechanics.mpi import largest, total
-from softmodels.mechanics.regions import MaterialRegion
 
-SIX = len(IDENTITY)
+SIX = len(memory.IDENTITY)
 AT_ONCE = 4096
 """Number of cells whose expressions are evaluated at once: of all together what they need would take gigabytes."""
 
@@ -36,7 +32,7 @@ AT_ONCE = 4096
 FLOW = ("onset", "exponent", "least", "growth", "growth_exponent")
 
 
-def _constants(mesh: meshes.Mesh, branch: Branch) -> types.SimpleNamespace:
+def _constants(mesh: meshes.Mesh, branch: memory.Branch) -> types.SimpleNamespace:
     """Return what `memory.fluidity` takes of a branch, as constants."""
     spring = [tuple(fem.Constant(mesh, value) for value in term) for term in branch.spring]
     return types.SimpleNamespace(
@@ -44,7 +40,7 @@ def _constants(mesh: meshes.Mesh, branch: Branch) -> types.SimpleNamespace:
     )
 
 
-def _numbers(flow: types.SimpleNamespace, branch: Branch) -> list[tuple[fem.Constant, npt.NDArray[np.inexact]]]:
+def _numbers(flow: types.SimpleNamespace, branch: memory.Branch) -> list[tuple[fem.Constant, npt.NDArray[np.inexact]]]:
     """Return these constants with their values of a branch."""
     found = [(getattr(flow, name), np.asarray(getattr(branch, name))) for name in FLOW]
     for constants, term in zip(flow.spring, branch.spring, strict=True):
@@ -67,7 +63,13 @@ class History:
     """
 
     def __init__(
-        self, body: Body, region: MaterialRegion, displacement: Expr, before: Expr, fixed: Expr, step: fem.Constant
+        self,
+        body: Body,
+        region: regions.MaterialRegion,
+        displacement: Expr,
+        before: Expr,
+        fixed: Expr,
+        step: fem.Constant,
     ):
         assert region.material.memory is not None
         self.body, self.region, self.step = body, region, step
@@ -94,7 +96,7 @@ class History:
             **{name: fem.Constant(mesh, 1.0) for name in ("r", "m", "beta", "recovery") if softening is not None}
         )
         self.strain, self._before, self._fixed = (
-            Strain(body.deformation_gradient(u)) for u in (displacement, before, fixed)
+            laws.Strain(body.deformation_gradient(u)) for u in (displacement, before, fixed)
         )
         self.prepared, self._next = 0, np.empty(0)
         self._make()
@@ -103,7 +105,7 @@ class History:
     def _make(self) -> None:
         """Make the energies and the expressions of a step."""
         law, parameters = self.region.material, self.region.parameters
-        C, C0 = (six(strain.J ** (-2 / 3) * strain.C) for strain in (self.strain, self._before))
+        C, C0 = (memory.six(strain.J ** (-2 / 3) * strain.C) for strain in (self.strain, self._before))
         W = law.shape(self.strain, parameters)
         density, error = W, 0.0
         spent: Expr = ufl.as_ufl(0.0)
@@ -122,46 +124,46 @@ class History:
                 before = W0 + (Wm - W0) * ufl.exp(-self.step / self.softening.recovery)
             begin.append(before)
             at_end = self.begun[self.width - 1]
-            density += memory.softened(W, at_end, self.softening, InUfl) - W
-            hurt = memory.softened(ufl.as_ufl(0.0), Wm, self.softening, InUfl)
-            after.append(InUfl.below(W, at_end, at_end, W))
-        stretch = [c - one for c, one in zip(C, IDENTITY, strict=True)]
+            density += memory.softened(W, at_end, self.softening, memory.InUfl) - W
+            hurt = memory.softened(ufl.as_ufl(0.0), Wm, self.softening, memory.InUfl)
+            after.append(memory.InUfl.below(W, at_end, at_end, W))
+        stretch = [c - one for c, one in zip(C, memory.IDENTITY, strict=True)]
         size = (1.0 + sum(self.moduli[k] for k in range(len(self.memory.branches)))) / 2
         stress, stiffness = self._creeping()
         self.density, self.free = density + stress, self._stored(self.strain) - hurt
         self.curved = self.density + stiffness
-        self._hurt = fem.form(hurt * self.body.hoop * self.region.dx, jit_options=JIT)
+        self._hurt = fem.form(hurt * self.body.hoop * self.region.dx, jit_options=compiling.JIT)
         spent *= self.body.hoop * abs(ufl.JacobianDeterminant(self.body.mesh))
         self.beginning, self.ending = ufl.as_vector(begin), ufl.as_vector(after)
         found = ufl.as_vector([*after, error, size * ufl.sqrt(memory.contracted(stretch, stretch)), spent])
         self.points, self._weights = basix.make_quadrature(self.body.mesh.basix_cell(), QUADRATURE_DEGREE)
         self._found, self._begin = (
-            fem.Expression(one, self.points, jit_options=JIT) for one in (found, self.beginning)
+            fem.Expression(one, self.points, jit_options=compiling.JIT) for one in (found, self.beginning)
         )
 
-    def _branch(self, k: int, C0: Six, C: Six) -> types.SimpleNamespace:
+    def _branch(self, k: int, C0: memory.Six, C: memory.Six) -> types.SimpleNamespace:
         """Return what the energy of a step from Cbar C0 to C takes of branch k's beginning, the branch's Cv at the end, the
         error of its stress there, and what it dissipates in the step."""
         flow = self.flows[k]
         Cv, G, x = [self.values[SIX * k + i] for i in range(SIX)], self.moduli[k], self.step / self.times[k]
-        rate = memory.fluidity(C0, Cv, flow, InUfl) if flow else 1.0
-        H, b = memory.step_of(C0, Cv, x * rate, InUfl)
+        rate = memory.fluidity(C0, Cv, flow, memory.InUfl) if flow else 1.0
+        H, b = memory.step_of(C0, Cv, x * rate, memory.InUfl)
         begin = [*H, b]
         if flow and flow.spring:
             begin.append(3 * memory.growth(C0, memory.crept(C0, H, b)) - memory.step_invariant(C0, H, b))
         H, b, *_ = self._begun_of(k)
         new = memory.crept(C, H, b)
         if flow:
-            better = memory.crept(C, *memory.corrected_step(C0, C, Cv, x, flow, InUfl, new))
+            better = memory.crept(C, *memory.corrected_step(C0, C, Cv, x, flow, memory.InUfl, new))
         else:
             mean = (memory.growth(C0, Cv) + memory.growth(C, new)) / 2
-            better = memory.crept(C, *memory.step_of(C0, Cv, x, InUfl, mean))
+            better = memory.crept(C, *memory.step_of(C0, Cv, x, memory.InUfl, mean))
         off = [p - q for p, q in zip(memory.cofactors(new), memory.cofactors(better), strict=True)]
-        error = G / 2 * ufl.sqrt(memory.contracted(off, off)) * memory.contracted(C, IDENTITY) / 3
+        error = G / 2 * ufl.sqrt(memory.contracted(off, off)) * memory.contracted(C, memory.IDENTITY) / 3
         new = better if flow else new
         half = [(c + c0) / 2 for c, c0 in zip(C, C0, strict=True)]
-        middle = memory.crept(half, *memory.step_of(C0, Cv, x * rate / 2, InUfl))
-        powers = [memory.dissipated(*state, flow, InUfl) for state in ((C0, Cv), (half, middle), (C, new))]
+        middle = memory.crept(half, *memory.step_of(C0, Cv, x * rate / 2, memory.InUfl))
+        powers = [memory.dissipated(*state, flow, memory.InUfl) for state in ((C0, Cv), (half, middle), (C, new))]
         lost = G * x * (powers[0] + 4 * powers[1] + powers[2]) / 6  # Simpson's rule
         return types.SimpleNamespace(begin=begin, error=error, lost=lost, after=new)
 
@@ -179,7 +181,7 @@ class History:
         """
         none = ufl.as_ufl(0.0)
         scale = self._fixed.J ** (-2 / 3)
-        C = six(scale * self._fixed.C)
+        C = memory.six(scale * self._fixed.C)
         stress, stiffness = [none] * SIX, [[none] * (p + 1) for p in range(SIX)]
         for k in range(len(self.flows)):
             G, begun = self.moduli[k], self._begun_of(k)
@@ -190,18 +192,18 @@ class History:
             ]
         stress, stiffness = memory.isochoric(C, stress, stiffness)
         turned = scale * self._fixed.F.T * (self.strain.F - self._fixed.F)
-        change, quadratic = six(turned + turned.T), none
+        change, quadratic = memory.six(turned + turned.T), none
         for p, row in enumerate(stiffness):
-            counts = [COUNTS[p] * COUNTS[q] / (2 if p == q else 1) for q in range(p + 1)]
+            counts = [memory.COUNTS[p] * memory.COUNTS[q] / (2 if p == q else 1) for q in range(p + 1)]
             quadratic += change[p] * sum(n * s * c for n, s, c in zip(counts, row, change, strict=False))
-        return scale * memory.contracted(stress, six(self.strain.C)), quadratic
+        return scale * memory.contracted(stress, memory.six(self.strain.C)), quadratic
 
-    def _stored(self, strain: Strain) -> Expr:
+    def _stored(self, strain: laws.Strain) -> Expr:
         """Return the energy of a state where a step begins and ends, above that which softening has spent."""
         found = self.region.material.shape(strain, self.region.parameters)
         if self.memory.softening is not None:
-            found = memory.softened(found, self.values[self.size - 1], self.softening, InUfl)
-        C = six(strain.J ** (-2 / 3) * strain.C)
+            found = memory.softened(found, self.values[self.size - 1], self.softening, memory.InUfl)
+        C = memory.six(strain.J ** (-2 / 3) * strain.C)
         for k, flow in enumerate(self.flows):
             spring = flow.spring if flow else ()
             found += self.moduli[k] * memory.stored(C, [self.values[SIX * k + i] for i in range(SIX)], spring)
@@ -211,10 +213,10 @@ class History:
     def _stress(self) -> fem.Expression:
         """The Cauchy stress of that state, without the pressure that keeps the volume."""
         # a fixed label, because it is part of the signature in the kernel cache
-        F = ufl.classes.Variable(self.strain.F, ufl.classes.Label(LABEL))
-        strain = Strain(F)
+        F = ufl.classes.Variable(self.strain.F, ufl.classes.Label(compiling.LABEL))
+        strain = laws.Strain(F)
         stress = ufl.diff(self._stored(strain), F) * F.T / strain.J
-        return fem.Expression(stress, self.points, jit_options=JIT)
+        return fem.Expression(stress, self.points, jit_options=compiling.JIT)
 
     def take(self, material: Material, mu: float) -> None:
         """Set a material's parameters, in units of a shear modulus in Pa; the number of branches stays."""
@@ -243,7 +245,7 @@ class History:
 
     def begin(self) -> None:
         """Forget everything: at rest for ever."""
-        rest = [*IDENTITY * len(self.memory.branches), *([0.0] if self.memory.softening else [])]
+        rest = [*memory.IDENTITY * len(self.memory.branches), *([0.0] if self.memory.softening else [])]
         self.values.x.array.reshape(-1, self.size)[:] = rest
         self._creep = 0.0
         self.prepare()
@@ -279,12 +281,12 @@ class History:
         in the step, and the largest stress, in shear moduli, on all ranks."""
         comm, self._next = self.body.mesh.comm, np.empty(0)
         self._next = self.at_points(self._found, self.size + 3)
-        error, size = (largest(comm, float(self._next[..., i].max(initial=0.0))) for i in (-3, -2))
+        error, size = (mpi.largest(comm, float(self._next[..., i].max(initial=0.0))) for i in (-3, -2))
         return error, size
 
     def advance(self) -> None:
         """Make the end of the step that `trial` has looked at the beginning of the next."""
-        self._creep += total(self.body.mesh.comm, float((self._next[..., -1] @ self._weights).sum()))
+        self._creep += mpi.total(self.body.mesh.comm, float((self._next[..., -1] @ self._weights).sum()))
         self.values.x.array.reshape(-1, self.size)[self.places] = self._next[..., :-3]
         self._next = np.empty(0)
 
@@ -297,7 +299,7 @@ class History:
     @property
     def dissipated(self) -> float:
         """Energy that branches and softening have dissipated until the step began, dimensionless, on all ranks."""
-        return self._creep + total(self.body.mesh.comm, fem.assemble_scalar(self._hurt))
+        return self._creep + mpi.total(self.body.mesh.comm, fem.assemble_scalar(self._hurt))
 
     def stress(self) -> Array:
         """Return the Cauchy stress where the step begins, without the pressure that keeps the volume, in shear moduli, shape
@@ -363,14 +365,16 @@ class Motion:
     left of those before, and of their rounding errors: in short steps they come from small differences of places.
     """
 
-    def __init__(self, system: Equations, inertia: Inertia, density: float, radius: float = RADIUS):
+    def __init__(self, system: component.Equations, inertia: assembly.Inertia, density: float, radius: float = RADIUS):
         self.comm, self.n = system.comm, system.n
         self.radius = radius
         self._am, self._af = (2 * radius - 1) / (radius + 1), radius / (radius + 1)
         self._gamma, self._beta = 0.5 - self._am + self._af, (1 - self._am + self._af) ** 2 / 4
         self.unit = density * system.length_unit**2 / system.stress_unit
-        self._M = mass_matrix(system, inertia, ())  # with the rows of held dofs: their supports bear inertia too
-        self._of_free = mass_matrix(system, inertia)
+        self._M = assembly.mass_matrix(
+            system, inertia, ()
+        )  # with the rows of held dofs: their supports bear inertia too
+        self._of_free = assembly.mass_matrix(system, inertia)
         self._x, self._Mx = self._M.createVecRight(), self._M.createVecLeft()
         if system.mixed:
             dofs = np.asarray(system.space.sub(0).collapse()[1])
@@ -426,9 +430,9 @@ class Motion:
     def add_forces(self, w: Array, b: Array) -> None:
         """Add the forces of inertia to owned entries ``b``."""
         of_places = np.finfo(float).eps * self._c * self.unit * self._times(self._displacement(w))
-        self.rounding = math.sqrt(total(self.comm, float(of_places @ of_places)))
+        self.rounding = math.sqrt(mpi.total(self.comm, float(of_places @ of_places)))
         forces = self.unit * self._times(self.accelerated(w))
-        self.force = max(math.sqrt(total(self.comm, float(forces @ forces))), self._strong)
+        self.force = max(math.sqrt(mpi.total(self.comm, float(forces @ forces))), self._strong)
         b[: self.n] += forces
 
     def add_product(self, x: Array, y: Array) -> None:
@@ -448,7 +452,7 @@ class Motion:
         return self._Mx.array_r
 
     def _rms(self, x: Array) -> float:
-        return math.sqrt(max(total(self.comm, float(x @ self._times(x))), 0.0) / self._mass)
+        return math.sqrt(max(mpi.total(self.comm, float(x @ self._times(x))), 0.0) / self._mass)
 
     # -- from step to step --------------------------------------------------------------------------------------------
 
@@ -479,7 +483,7 @@ class Motion:
             self._recent = self.error(w)
             acceleration, step = self.accelerated(w), self._step
             forces = self.unit * self._times(acceleration)
-            self._strong = FADING * max(math.sqrt(total(self.comm, float(forces @ forces))), self._strong)
+            self._strong = FADING * max(math.sqrt(mpi.total(self.comm, float(forces @ forces))), self._strong)
             a = self._mean_at_end(acceleration)
             self._v = self._v + step * ((1 - self._gamma) * self._a + self._gamma * a)
             self._a = acceleration if self.fresh else a
@@ -499,7 +503,7 @@ class Motion:
     @property
     def kinetic(self) -> float:
         """Kinetic energy, dimensionless."""
-        return self.unit / 2 * total(self.comm, float(self._v @ self._times(self._v)))
+        return self.unit / 2 * mpi.total(self.comm, float(self._v @ self._times(self._v)))
 
     def copied(self) -> dict[str, object]:
         """Return all that is known of the last state, for `restore`: arrays are replaced, never changed."""

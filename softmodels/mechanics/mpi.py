@@ -17,9 +17,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from softmodels.common.errors import Spoken
+from softmodels.common import errors, processes
 from softmodels.common.lazy import MPI
-from softmodels.common.processes import cores, handlers_kept
 
 if TYPE_CHECKING:
     import numpy as np
@@ -100,7 +99,7 @@ def _start_petsc(options: Sequence[str]) -> None:
 
     try:
         # PETSc's signal handlers would end the program when the reader of its log has gone.
-        with _nobodys_folder(), handlers_kept():
+        with _nobodys_folder(), processes.handlers_kept():
             petsc4py.init(["softmodels", *options])  # the -c of python -c would be read as an option
             _read_compilers_options()
     except RuntimeError as error:  # petsc4py.PETSc.Error, which cannot be imported before PETSc has started
@@ -214,7 +213,7 @@ def _looks() -> int:
     Where each rank has a core nobody else is kept from running, and a wedge is solved 5 % sooner by two ranks that look often.
     MPICH's launcher passes the number of ranks on this machine; with another launcher it is unknown.
     """
-    return MANY_LOOKS if 0 < _beside() <= cores() else FEW_LOOKS
+    return MANY_LOOKS if 0 < _beside() <= processes.cores() else FEW_LOOKS
 
 
 def _beside() -> int:
@@ -444,7 +443,7 @@ LEFT = 0.9
 """Fraction of the free memory that a model may use; meshes, results and pictures need some too."""
 
 
-class TooLargeError(Spoken, MemoryError):
+class TooLargeError(errors.Spoken, MemoryError):
     """The model does not fit into memory; the message is for the user."""
 
 

@@ -14,9 +14,8 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import PETSc
-from softmodels.mechanics.assembly import length
-from softmodels.mechanics.controls import Control, Curve, pressure_control
-from softmodels.mechanics.mpi import owns_scalars, scalars_from_owner, total
+from softmodels.mechanics import assembly, controls, mpi
+from softmodels.mechanics.controls import Control
 from softmodels.mechanics.system import State, System, rounding_of_stress
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -147,7 +146,7 @@ class Bordered:
         self.K, self.inverse, self.product, self.comm = K, inverse, product, K.comm.tompi4py()
         self.n = K.getLocalSize()[0]
         self.scalars = 1 + constraints
-        self.extra = self.scalars if owns_scalars(self.comm) else 0
+        self.extra = self.scalars if mpi.owns_scalars(self.comm) else 0
         self.columns = [K.createVecRight() for _ in range(self.scalars)]
         self._lifted = [K.createVecRight() for _ in range(self.scalars)]
         self._r, self._y, self._q_lifted = K.createVecRight(), K.createVecRight(), K.createVecRight()
@@ -199,7 +198,7 @@ class Bordered:
     def split(self, x: PETSc.Vec) -> tuple[Array, Array]:
         """Return the body's part (local array, a view valid until x changes) and the pressures' (on all ranks)."""
         values = x.array_r
-        return values[: self.n], scalars_from_owner(self.comm, np.array(values[self.n :]))
+        return values[: self.n], mpi.scalars_from_owner(self.comm, np.array(values[self.n :]))
 
     def factorise(self) -> None:
         """Factorise the current K, or set up the approximate inverse; `MemoryError` on all ranks, if one lacks memory."""
@@ -239,7 +238,7 @@ class Bordered:
 
     def _refine(self, b: PETSc.Vec, x: PETSc.Vec, pressures: Array, tolerance: float) -> None:
         """Refine x by its residual on the factorised K until it converges."""
-        before = length(x)
+        before = assembly.length(x)
         for _ in range(MOST_REFINEMENTS):
             self.K.mult(x, self._r)
             self._r.aypx(-1.0, b)
@@ -250,15 +249,15 @@ class Bordered:
                 opened = [column.dot(x) + column.dot(self._y) for column in self.constraint_columns]
                 pressures = pressures + self._close(np.array(opened), self._y)
             x.axpy(1.0, self._y)
-            size = length(self._y)
+            size = assembly.length(self._y)
             # The error decreases by the same factor from correction to correction.
-            if size * size <= tolerance * before * length(x) or size == 0.0:
+            if size * size <= tolerance * before * assembly.length(x) or size == 0.0:
                 return
             before = size
 
     def iterate(self, b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> int:
         """Solve by iterations to a relative tolerance; return their number."""
-        control, self.control = self.control, pressure_control(0.0)
+        control, self.control = self.control, controls.pressure_control(0.0)
         try:
             self.join(self._right, b.array_r, np.zeros(self.scalars))
             self.mat.assemble()
@@ -286,7 +285,7 @@ class Bordered:
         """
         self.q.copy(self._y)
         self._y.axpy(-1.0, self._q_lifted)
-        self._lift(0 if length(self._y) > ALIKE * length(self.q) else 1)
+        self._lift(0 if assembly.length(self._y) > ALIKE * assembly.length(self.q) else 1)
 
     def _lift(self, first: int) -> None:
         """K^-1 times the columns from the first one on, and the compliances between all."""
@@ -429,7 +428,7 @@ class Newton:
         self._since: Array | None = None
         self._anchor: Array | None = None
         self._force: PETSc.Vec | None = None  # whose path from the anchor on is given
-        self.control: Curve = Control(0.0, 1.0, 0.0)
+        self.control: controls.Curve = Control(0.0, 1.0, 0.0)
         self.x, self.f, self._y = bordered.vector(), bordered.vector(), system.K.createVecRight()
         snes = self.snes = PETSc.SNES().create(system.comm)
         snes.setType("newtonls")
@@ -447,7 +446,9 @@ class Newton:
         for thing in (self.snes, self.x, self.f, self._y):
             thing.destroy()
 
-    def solve(self, control: Curve, w: Array, P: float, since: Array | None = None, most: int | None = None) -> Array:
+    def solve(
+        self, control: controls.Curve, w: Array, P: float, since: Array | None = None, most: int | None = None
+    ) -> Array:
         """Solve on a control's curve from a guess; see `Solver.solve`. Returns P and the multipliers."""
         self.control, self._since = control, since
         self._smallest = None
@@ -493,7 +494,7 @@ class Newton:
         self.bordered.control = control.line(measured, P)  # Newton's matrix at this iterate has the control's tangent
         gaps = [gap, *(coupling.constraints @ volumes - coupling.constrained_volumes)]
         self.bordered.join(f, inner - system.pressures @ loads, gaps)
-        norms = np.sqrt([total(system.comm, float(load @ load)) for load in loads])
+        norms = np.sqrt([mpi.total(system.comm, float(load @ load)) for load in loads])
         self._load_size = float(np.abs(system.pressures) @ norms)
         if motion := system.potential.motion:
             self._load_size += motion.force
@@ -708,9 +709,9 @@ class Factorisation(Preconditioner):
             self.apply(b, x)
         self.K.mult(x, r)
         r.aypx(-1.0, b)
-        size = length(x)
+        size = assembly.length(x)
         self.apply(r, x)
-        found = length(x) / size
+        found = assembly.length(x) / size
         for vector in (b, x, r):
             vector.destroy()
         return found

@@ -21,13 +21,11 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import Expr, PETSc, basix, fem, meshes, ufl
-from softmodels.materials.laws import Material, Strain
-from softmodels.mechanics.assembly import assemble_into, jumping
+from softmodels.materials import laws
+from softmodels.materials.laws import Material
+from softmodels.mechanics import assembly, compiling, component, controls, memory
 from softmodels.mechanics.body import Body
-from softmodels.mechanics.compiling import JIT, LABEL, library
-from softmodels.mechanics.component import Component, EnergyComponent, FormContext, MixedPointStress, gravity_of
-from softmodels.mechanics.controls import Coupling
-from softmodels.mechanics.memory import History, Motion
+from softmodels.mechanics.component import Component
 from softmodels.mechanics.regions import Regions, constants
 
 type Remembered = tuple[npt.NDArray[np.float64] | None, list[tuple[npt.NDArray[np.float64], float]], dict[str, object]]
@@ -66,7 +64,7 @@ class Potential:
         motion: Inertia; None where the device is followed through equilibria.
     """
 
-    motion: Motion | None = None
+    motion: memory.Motion | None = None
     taken = math.inf
 
     def __init__(
@@ -84,7 +82,7 @@ class Potential:
         element = basix.ufl.mixed_element([vector, basix.ufl.element("P", cell, 1)]) if mixed else vector
         self.space = fem.functionspace(mesh, element)
         if mixed and regions.numbers is not None:
-            self.space, self.pressure_dofs = jumping(self.space, 1, regions.numbers)
+            self.space, self.pressure_dofs = assembly.jumping(self.space, 1, regions.numbers)
         elif mixed:
             self.pressure_dofs = np.array(self.space.sub(1).dofmap.list)[:, :, None]
         self.w = fem.Function(self.space)
@@ -111,8 +109,12 @@ class Potential:
         )
         self.energies = self.stored(curved)
         self.per_pascal = fem.Constant(mesh, 1.0)
-        setting = FormContext(body, self.w, self.displacement, self.per_pascal, gravity_of(components))
-        self.terms = {part.label: part.term(setting) for part in components if isinstance(part, EnergyComponent)}
+        setting = component.FormContext(
+            body, self.w, self.displacement, self.per_pascal, component.gravity_of(components)
+        )
+        self.terms = {
+            part.label: part.term(setting) for part in components if isinstance(part, component.EnergyComponent)
+        }
         added = [energy for term in self.terms.values() for energy in term.energies]
         self.energies += added
         self.free_energies = [*self.stored(free), *added] if self.histories else self.energies
@@ -141,7 +143,7 @@ class Potential:
         """Return the forces of a unit pressure on each cavity's walls, see `Body.pressing`."""
         return self.body.pressing(self.displacement, self._vector_part(self._test)) if self.volumes else []
 
-    def _histories(self) -> list[History]:
+    def _histories(self) -> list[memory.History]:
         """Return the histories of the regions whose silicone has a memory; make what a step begins with."""
         found = [region for region in self.regions if region.material.memory is not None]
         if not found:
@@ -152,12 +154,12 @@ class Potential:
             None  # the state that `memory_error` has last looked at in this step
         )
         before, fixed = (self._vector_part(w) for w in (self.before, self._fixed))
-        return [History(self.body, region, self.displacement, before, fixed, self.step) for region in found]
+        return [memory.History(self.body, region, self.displacement, before, fixed, self.step) for region in found]
 
     def density(self, law: Material, parameters: types.SimpleNamespace, bulk: Expr, shape: Expr | None = None) -> Expr:
         """Return a law's energy per reference volume, of anything that carries its parameters by name; or with another energy
         of the change of shape."""
-        strain = Strain(self.body.deformation_gradient(self.displacement))
+        strain = laws.Strain(self.body.deformation_gradient(self.displacement))
         shape = law.shape(strain, parameters) if shape is None else shape
         if not self.mixed:
             return shape + bulk / 2 * (strain.J - 1) ** 2
@@ -192,7 +194,7 @@ class Potential:
         """Return those of `tangent` that are not second derivatives of their energies, by index."""
         found: dict[int, ufl.Form] = {}
         y = self._vector_part(self._known)
-        at, foresight = len(self.regions), MixedPointStress(self._known, y, self._move, self._test, trial)
+        at, foresight = len(self.regions), component.MixedPointStress(self._known, y, self._move, self._test, trial)
         for term in self.terms.values():
             if (seconds := term.tangent(foresight)) is not None:
                 found |= dict(enumerate(seconds, at))
@@ -302,7 +304,7 @@ class Potential:
             history.take(history.region.material, mu)
         self.per_pascal.value = 1 / mu
 
-    def set_pressures(self, P: float, coupling: Coupling, pressures: npt.NDArray[np.float64]) -> None:
+    def set_pressures(self, P: float, coupling: controls.Coupling, pressures: npt.NDArray[np.float64]) -> None:
         """Set the pressure P, and the coupled pressures of the cavities."""
         # A single cavity's own pressure may be constant while P is a dead load's.
         self.P.value = P if self._cavity_loads or not self.volumes else pressures[0]
@@ -374,7 +376,7 @@ def second_derivatives(density: Expr, w: fem.Function, on_faces: bool, mixed: bo
     from ufl.classes import Label, Variable
 
     gradient = ufl.grad(w)
-    H, W = (Variable(of, Label(LABEL + k)) for k, of in enumerate((gradient, w)))
+    H, W = (Variable(of, Label(compiling.LABEL + k)) for k, of in enumerate((gradient, w)))
     density = replace(expand_derivatives(density), {gradient: H, w: W})
     _let_go()
     allowed = {0, 1, 2} if on_faces else {3} if mixed else set()
@@ -467,7 +469,7 @@ class QuadratureTangent:
         second = potential.let_move(second_derivatives(integral.integrand(), w, on_faces, mixed))
         cell = basix.CellType.triangle if on_faces else basix.CellType.tetrahedron
         points, weights = basix.make_quadrature(cell, integral.metadata()["quadrature_degree"])
-        self._expression = fem.Expression(second, points, jit_options=JIT)
+        self._expression = fem.Expression(second, points, jit_options=compiling.JIT)
         # What histories begin with is large, and known to change only when they say so.
         begun = [history.begun for history in potential.histories]
         used = [c for c in extract_coefficients(second) if c not in begun]
@@ -476,7 +478,7 @@ class QuadratureTangent:
         self._mesh, self._known = w.function_space.mesh, list[Array]()
         compiled = force._cpp_object
         entities = np.array(compiled.domains(next(iter(compiled.integral_types)), 0), dtype=np.int32)
-        c, rule = library(self._mesh.comm, "moduli"), (points, weights)
+        c, rule = compiling.library(self._mesh.comm, "moduli"), (points, weights)
         if on_faces:
             pairs = entities.reshape(-1, 2)
             self._blocks = [
@@ -651,5 +653,5 @@ class TangentOperator:
             bcs: Rows and columns of their dofs stay empty, but for ones on the diagonal.
         """
         for form in self.matrices:
-            assemble_into(matrix, form, bcs)
+            assembly.assemble_into(matrix, form, bcs)
             matrix.assemble(matrix.AssemblyType.FLUSH)  # held dofs' diagonal is put in, the rest is added up

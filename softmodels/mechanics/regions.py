@@ -21,12 +21,12 @@ import numpy.typing as npt
 from geometries import Actuator, Hold
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import MPI, fem, meshes, scipy, ufl
-from softmodels.materials.laws import Material, MaterialError, parameter_fields
-from softmodels.materials.silicones import material_of
+from softmodels.materials import laws, silicones
+from softmodels.materials.laws import Material, MaterialError
 from softmodels.materials.specimens import nudged
-from softmodels.mechanics.assembly import numbered
+from softmodels.mechanics import assembly, component
 from softmodels.mechanics.body import Body, cell_measure, in_section
-from softmodels.mechanics.component import Component, ComponentError, Sealing, check_regions
+from softmodels.mechanics.component import Component, ComponentError
 
 # ----------------------------------------------------------------------------------------------------------------------
 # How rigid parts move: rotations, a part's few unknowns and the dofs that follow them, and the forces on it.
@@ -300,12 +300,12 @@ class RegionPart(Component):
     material: Material
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "material", material_of(f"{self.where} material", self.material))
+        object.__setattr__(self, "material", silicones.material_of(f"{self.where} material", self.material))
         super().__post_init__()
 
     def check_on(self, actuator: Actuator) -> None:
         """Raise `ComponentError` if a device has no such region."""
-        check_regions(self.where, actuator, [self.name])
+        component.check_regions(self.where, actuator, [self.name])
 
     def cells(self, body: Body) -> npt.NDArray[np.int32]:
         """Return its local cells, ghosts too; `ComponentError` if the mesh has none."""
@@ -364,7 +364,7 @@ def with_number(material: Material, name: str, value: float) -> Material:
     """Return a material with another number, checked."""
     moved = nudged(material, name, value - number_of(material, name))
     return dataclasses.replace(
-        material, **{field.name: getattr(moved, field.name) for field in parameter_fields(material)}
+        material, **{field.name: getattr(moved, field.name) for field in laws.parameter_fields(material)}
     )
 
 
@@ -406,7 +406,7 @@ class MaterialRegion:
     def take(self, material: Material, mu: float, mixed: bool) -> None:
         """Set a material's parameters, in units of a shear modulus in Pa."""
         self.material = material
-        for field in parameter_fields(material):
+        for field in laws.parameter_fields(material):
             value = np.asarray(getattr(material, field.name), dtype=float)
             getattr(self.parameters, field.name).value = value / mu if field.metadata["unit"] == "Pa" else value
         self.bulk.value = mu / material.bulk if mixed else material.bulk / mu
@@ -435,7 +435,7 @@ class Regions:
             return
         cells = [part.cells(body) for part in self._parts]
         self._check_apart(cells)
-        self.numbers = numbered(body.mesh, cells)
+        self.numbers = assembly.numbered(body.mesh, cells)
         counts = body.mesh.comm.allreduce(np.bincount(self.numbers[: self._owned()], minlength=1 + len(self._parts)))
         if not counts[0]:
             raise ComponentError(
@@ -485,7 +485,7 @@ def constants(mesh: meshes.Mesh, material: Material) -> types.SimpleNamespace:
     return types.SimpleNamespace(
         **{
             field.name: fem.Constant(mesh, np.asarray(getattr(material, field.name), dtype=float))
-            for field in parameter_fields(material)
+            for field in laws.parameter_fields(material)
         }
     )
 
@@ -521,7 +521,7 @@ def held_with(own: Sequence[Hold], actuator: Actuator, components: Sequence[Comp
     return [*kept, *(hold for clamp in clamps for hold in clamp.holds(actuator))]
 
 
-def seals(components: Sequence[Component]) -> list[Sealing]:
+def seals(components: Sequence[Component]) -> list[component.Sealing]:
     """Return what closes the first cavity among the components."""
     return [part.sealing for part in components if part.sealing]
 

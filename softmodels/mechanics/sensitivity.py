@@ -29,27 +29,16 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from geometries import Actuator
-from geometries.actuator import changed, is_length, parameter
+from geometries import Actuator, actuator
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
 from softmodels.common.lazy import Expr, PETSc, basix, fem, la, meshes, ufl
-from softmodels.materials.laws import Material, parameter_fields
-from softmodels.materials.specimens import SOFTENING, nudged
-from softmodels.mechanics.assembly import (
-    AssembledTerm,
-    RememberingTerm,
-    assembled_matrix,
-    assembled_vector,
-    held_dofs,
-    numbered,
-)
-from softmodels.mechanics.body import Body, in_section
-from softmodels.mechanics.compiling import JIT
+from softmodels.materials import laws, specimens
+from softmodels.materials.laws import Material
+from softmodels.mechanics import assembly, body, compiling, controls, mpi, regions
+from softmodels.mechanics.body import Body
 from softmodels.mechanics.component import Component
-from softmodels.mechanics.controls import Control, MeasuredConstant, Tangent
-from softmodels.mechanics.mpi import largest, total
-from softmodels.mechanics.regions import RATIO, MaterialRegion, RegionPart, number_of
+from softmodels.mechanics.controls import Control
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 
@@ -95,10 +84,10 @@ class Extension:
             * ufl.inner(stress(trial), self._strain(test))
             * ufl.Measure("dx", mesh, metadata={"quadrature_degree": 2})
         )
-        form = fem.form(a, jit_options=JIT)
+        form = fem.form(a, jit_options=compiling.JIT)
         # Both are stored, because a new assembly would use the moved mesh.
-        self._free = assembled_matrix(form)
-        self._matrix = assembled_matrix(form, self.bcs)
+        self._free = assembly.assembled_matrix(form)
+        self._matrix = assembly.assembled_matrix(form, self.bcs)
         self._matrix.setOption(PETSc.Mat.Option.SPD, True)  # type: ignore[arg-type]
         self._pc = PETSc.PC().create(mesh.comm)
         self._pc.setOperators(self._matrix)
@@ -147,7 +136,7 @@ class Extension:
     def _solve(self, force: Array) -> Array:
         """Return the inner nodes' response to a force, zero at conditions; owned entries."""
         force = force.copy()
-        force[held_dofs(self.bcs)] = 0.0
+        force[assembly.held_dofs(self.bcs)] = 0.0
         self._b.array_w[:] = force
         self._pc.apply(self._b, self._x)
         return np.array(self._x.array_r)
@@ -159,7 +148,7 @@ class Extension:
 
 def _interfaces(body: Body) -> npt.NDArray[np.int32]:
     topology, d = body.mesh.topology, body.mesh.topology.dim
-    regions = numbered(body.mesh, list(body.regions.values()))
+    regions = assembly.numbered(body.mesh, list(body.regions.values()))
     topology.create_connectivity(d - 1, d)
     cells = topology.connectivity(d - 1, d)
     first, count = cells.offsets[:-1], np.diff(cells.offsets)
@@ -177,7 +166,7 @@ def _stiffness(body: Body) -> fem.Function:
     found.x.scatter_forward()
     count = space.dofmap.index_map.size_global
     owned = found.x.array[: space.dofmap.index_map.size_local]
-    mean = total(body.mesh.comm, float(owned.sum())) / count
+    mean = mpi.total(body.mesh.comm, float(owned.sum())) / count
     found.x.array[:] = mean / found.x.array
     return found
 
@@ -266,7 +255,7 @@ class MeshMotion:
         nothing moved."""
         now = self._cell_volumes()
         ratio = float((now / self._volumes).min()) if now.size else np.inf
-        return -largest(self.comm, -ratio)
+        return -mpi.largest(self.comm, -ratio)
 
     def _cell_volumes(self) -> Array:
         """Return the signed Jacobians of the owned cells at some points, shape (cells, points)."""
@@ -299,12 +288,12 @@ class MeshMotion:
         return {name: self._velocity(name) for name in names}
 
     def _velocity(self, name: str) -> Array:
-        device, value = self.device, parameter(self.device, name)
+        device, value = self.device, actuator.parameter(self.device, name)
         step = STEP * max(abs(value), 0.1 * scale_of(device, name))
         ends = []
         for sign in (1.0, -1.0):
             try:
-                ends.append((sign, self._carried(changed(device, {name: value + sign * step}))))
+                ends.append((sign, self._carried(actuator.changed(device, {name: value + sign * step}))))
             except GeometryError as error:
                 failure = error
         if not ends:
@@ -319,7 +308,7 @@ class MeshMotion:
         derivative by the dimensionless places of the nodes: dofs of `space`, every owner's complete, ghosts not read."""
         at_boundary = self._extension.transposed(covector)
         return {
-            name: total(self.comm, float(np.sum(at_boundary * velocity))) / self.base.size
+            name: mpi.total(self.comm, float(np.sum(at_boundary * velocity))) / self.base.size
             for name, velocity in velocities.items()
         }
 
@@ -349,11 +338,11 @@ class MeshMotion:
     def compiled(self, form: ufl.Form) -> fem.Form:
         """Return the compiled derivative of a form without arguments by the places of the nodes."""
         X = ufl.SpatialCoordinate(self.body.mesh)
-        return fem.form(ufl.derivative(form, X, ufl.TestFunction(self.space)), jit_options=JIT)
+        return fem.form(ufl.derivative(form, X, ufl.TestFunction(self.space)), jit_options=compiling.JIT)
 
     def assembled(self, form: fem.Form) -> Array:
         """Return a form's vector over the dofs of `space`, complete on their owners."""
-        return assembled_vector(fem.Function(self.space).x, [form])
+        return assembly.assembled_vector(fem.Function(self.space).x, [form])
 
     def release(self) -> None:
         """Release the PETSc objects."""
@@ -362,7 +351,7 @@ class MeshMotion:
 
 def scale_of(device: Actuator, name: str) -> float:
     """Return the scale of a parameter: the device's size for lengths, 1 for numbers and angles."""
-    return device.size if is_length(device, name) else 1.0
+    return device.size if actuator.is_length(device, name) else 1.0
 
 
 TOLERANCE = 1e-10  # of the linear solves
@@ -416,7 +405,7 @@ def memory_parameters(material: Material) -> tuple[str, ...]:
     if own is None:
         return ()
     branches = (f"{name}{k}" for k, _ in enumerate(own.branches, 1) for name in ("share", "time"))
-    return (*branches, *(SOFTENING if own.softening else ()))
+    return (*branches, *(specimens.SOFTENING if own.softening else ()))
 
 
 class Sensitivity:
@@ -439,7 +428,7 @@ class Sensitivity:
     @functools.cached_property
     def _grips(self) -> list[GripDirection]:
         terms = self.solver.system.potential.terms.items()
-        return [GripDirection(self, label, term) for label, term in terms if isinstance(term, RememberingTerm)]
+        return [GripDirection(self, label, term) for label, term in terms if isinstance(term, assembly.RememberingTerm)]
 
     @functools.cached_property
     def _moving(self) -> tuple[fem.Function, list[fem.Form], list[list[fem.Form]], fem.Form]:
@@ -451,7 +440,7 @@ class Sensitivity:
         loads = [[eq.form(ufl.derivative(form, X, moving)) for form in forms] for forms in eq.dead.integrals]
         return moving, forces, loads, eq.form(ufl.derivative(eq.potential.cavity_volume, X, moving))
 
-    def rates(self, state: State, control: Control, names: Sequence[str]) -> tuple[Tangent, dict[str, Rate]]:
+    def rates(self, state: State, control: Control, names: Sequence[str]) -> tuple[controls.Tangent, dict[str, Rate]]:
         """Return the derivatives of the state that stays on one line of pressure and volume (in SI units) as parameters
         change: the direction of the path, for one unit of the control's line, and a rate per name. The tangent matrix is
         factorised at the state.
@@ -472,11 +461,11 @@ class Sensitivity:
         """Return the present value of a parameter; see `force`."""
         eq = self.solver.system
         where, _, own = name.rpartition(".")
-        if where == RATIO:
+        if where == regions.RATIO:
             return eq.ratios[int(own)]
         if (part := self._part(where)) is not None:
             return part.number(own)
-        return number_of(eq.material, own)
+        return regions.number_of(eq.material, own)
 
     def scale(self, name: str) -> float:
         """Return over which change of a parameter forces change by as much as they are: its value, or one like it where that is
@@ -494,10 +483,10 @@ class Sensitivity:
         where, _, own = name.rpartition(".")
         part, material, ratios = self._part(where), eq.material, list(eq.ratios)
         components = [one.nudged(own, by) if one is part else one for one in eq.components]
-        if where == RATIO:
+        if where == regions.RATIO:
             ratios[int(own)] += by
         elif part is None:
-            material = nudged(material, own, by)
+            material = specimens.nudged(material, own, by)
         before = eq.material, eq.components, eq.ratios
         eq.take(material, components, ratios)
         try:
@@ -517,7 +506,7 @@ class Sensitivity:
         the first cavity's pressure."""
         eq = self.solver.system
         where, _, own = name.rpartition(".")
-        if where == RATIO:
+        if where == regions.RATIO:
             share = eq.direction * np.eye(len(eq.ratios))[int(own)]
             change = np.concatenate([share, np.zeros(len(eq.dead.forms))])
             w, here = eq.w.x.array, eq.volumes()
@@ -527,7 +516,7 @@ class Sensitivity:
             w[:] = kept
             return Force(-eq.common_pressure() * change @ eq.pressure_loads(), 0.0, opened)
         part = self._part(where)
-        if part is None or isinstance(part, RegionPart):
+        if part is None or isinstance(part, regions.RegionPart):
             return Force(*self.material_force(name.removeprefix("region.")), 0.0)
         moved = [one.nudged(own, 1j * _STEP) if one is part else one for one in eq.components]
         found = self._load_force(moved)
@@ -670,7 +659,7 @@ class _TermDirection:
         for constant, value in self.term.constants_of(moved):
             self.turns[constant].value = np.imag(value) / _STEP
         found = eq.assemble(self._forms).copy()
-        if isinstance(self.term, AssembledTerm):
+        if isinstance(self.term, assembly.AssembledTerm):
             b = self.term.add_relocated(eq.w.x.array, _relocation(moved, eq), np.zeros(eq.n))
             found += eq.by_unknowns(b)
         return found
@@ -680,7 +669,7 @@ class MeasuredSlope:
     """How a load changes with one of the constants that follow the mesh (`MeasuredConstant`); ``forms`` are those of its unit
     magnitude."""
 
-    def __init__(self, eq: System, motion: MeshMotion, measured: MeasuredConstant, forms: Sequence[ufl.Form]):
+    def __init__(self, eq: System, motion: MeshMotion, measured: controls.MeasuredConstant, forms: Sequence[ufl.Form]):
         self.eq, self.motion, self.measured = eq, motion, measured
         self.turn = fem.Constant(eq.body.mesh, np.zeros_like(measured.constant.value))
         slopes = [slope_along(form, {measured.constant: self.turn}) for form in forms]
@@ -702,7 +691,9 @@ class MeasuredSlope:
         """Return the forms of the load's change with a motion of the mesh's nodes, in a function of their space."""
         x = moving.x.array
         owned = slice(0, self.motion.owned_entries)
-        along = [total(self.eq.comm, float(self.motion.assembled(form)[owned] @ x[owned])) for form in self._by_nodes]
+        along = [
+            mpi.total(self.eq.comm, float(self.motion.assembled(form)[owned] @ x[owned])) for form in self._by_nodes
+        ]
         self.turn.value = np.tensordot(np.array(along), self.rates(), 1)
         return self._compiled
 
@@ -756,7 +747,7 @@ class InTime:
 
     def step(
         self, state: State, control: Control, rises: Mapping[str, float] = MappingProxyType({})
-    ) -> tuple[Tangent, dict[str, Rate]]:
+    ) -> tuple[controls.Tangent, dict[str, Rate]]:
         """Return the derivatives of a state that ends a step, before the potential keeps it; see `Sensitivity.rates`.
         ``rises`` are derivatives of the line's left side in SI units, where they are not 0."""
         known, eq = self.sensitivity, self.sensitivity.solver.system
@@ -801,11 +792,13 @@ class _Directions:
         """Point the direction along one number of the main material, or of a region's with its name in front, as in
         ``base.c1``; return the main shear modulus' derivative by it."""
         where, _, number = name.rpartition(".")
-        moved = material if where or not name else nudged(material, number, 1j * _STEP)
+        moved = material if where or not name else specimens.nudged(material, number, 1j * _STEP)
         mu = complex(moved.shear_modulus_0)
         for law in self.laws:
             own = law.region.material if law.region.name else moved
-            law.turn(nudged(own, number, 1j * _STEP) if where and law.region.name == where else own, mu, self.mixed)
+            law.turn(
+                specimens.nudged(own, number, 1j * _STEP) if where and law.region.name == where else own, mu, self.mixed
+            )
         self.per_pascal.value = np.imag(1 / mu) / _STEP
         return mu.imag / _STEP
 
@@ -813,10 +806,10 @@ class _Directions:
 class _LawDirection:
     """One region's share of `_Directions`: a direction in the space of its law's constants, and the density's slope."""
 
-    def __init__(self, eq: System, region: MaterialRegion):
+    def __init__(self, eq: System, region: regions.MaterialRegion):
         self.region, mesh = region, eq.body.mesh
         self.history = next((one for one in eq.potential.histories if one.region is region), None)
-        names = [field.name for field in parameter_fields(region.material) if field.name != "poisson"]
+        names = [field.name for field in laws.parameter_fields(region.material) if field.name != "poisson"]
         constants = {name: getattr(region.parameters, name) for name in names}
         variables = {name: ufl.variable(constant) for name, constant in constants.items()}
         bulk = ufl.variable(region.bulk)
@@ -890,7 +883,7 @@ class LawHistory:
             for one in (begin, end)
         ]
         slopes[1] += ufl.derivative(end, eq.w, self._w) + ufl.derivative(end, self.history.begun, self._begun)
-        self._begin, self._end = (fem.Expression(one, self.history.points, jit_options=JIT) for one in slopes)
+        self._begin, self._end = (fem.Expression(one, self.history.points, jit_options=compiling.JIT) for one in slopes)
 
     def at_rest(self) -> Array:
         """Return the derivative of what is remembered at rest."""
@@ -921,7 +914,7 @@ class LawHistory:
 class GripDirection:
     """The same of friction on a rigid shape: how what its samples remember changes with where they are on the shape."""
 
-    def __init__(self, sensitivity: Sensitivity, label: str, term: RememberingTerm):
+    def __init__(self, sensitivity: Sensitivity, label: str, term: assembly.RememberingTerm):
         self.label, self.term, self._known = label, term, sensitivity
         self._values: Array | None = None
         self.turn(None, None)
@@ -965,4 +958,4 @@ class GripDirection:
 def _relocation(moved: Component, eq: System) -> Array:
     """Return the motion in sizes of a shape along the imaginary part of a nudged one's place, shape (d,)."""
     along = np.imag(getattr(moved, "at", np.zeros(3))) / _STEP
-    return in_section(along / eq.length_unit, eq.body.mesh.topology.dim)
+    return body.in_section(along / eq.length_unit, eq.body.mesh.topology.dim)

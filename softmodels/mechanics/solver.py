@@ -12,8 +12,8 @@ import numpy as np
 from softmodels.common import errors
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import PETSc
-from softmodels.mechanics.controls import Control, Coupling, Curve, Tangent, pressure_control
-from softmodels.mechanics.mpi import GIGA, TooLargeError, available, needed, total
+from softmodels.mechanics import controls, mpi
+from softmodels.mechanics.controls import Control
 from softmodels.mechanics.newton import (
     LOOSEST,
     Bordered,
@@ -66,7 +66,9 @@ class SolverMethod:
         if not self.memory:
             return ""
         how = "iterations with multigrid" if self.name == "iterative" else "a factorisation"
-        return f"linear equations: {how}, about {self.memory / GIGA:.2g} GB" + (f" ({self.why})" if self.why else "")
+        return f"linear equations: {how}, about {self.memory / mpi.GIGA:.2g} GB" + (
+            f" ({self.why})" if self.why else ""
+        )
 
     def inverse(self, system: System) -> Preconditioner:
         """Return the preconditioner of a system's tangent."""
@@ -90,7 +92,7 @@ def select_solver(system: System, method: str) -> SolverMethod:
     """
     if method not in METHODS:
         raise ValueError(f"solver {method!r} is not one of {', '.join(METHODS)}")
-    unknowns, room = system.K.getSize()[0], available(system.comm)
+    unknowns, room = system.K.getSize()[0], mpi.available(system.comm)
     if AMPLE * unknowns ** (4 / 3) < room * system.comm.size:
         return SolverMethod("direct" if method == "auto" else method)
     from softmodels.mechanics.iterative import PER_UNKNOWN
@@ -99,23 +101,23 @@ def select_solver(system: System, method: str) -> SolverMethod:
     system.assemble_tangent()
     remembered = sum(history.step_bytes for history in system.potential.histories)
     both = MASS_ENTRY * entries_here(system.K) + remembered
-    iterative = needed(system.comm, both + cycle_of(system).memory(system))
+    iterative = mpi.needed(system.comm, both + cycle_of(system).memory(system))
     fits = iterative[0] <= room
     if fits and method == "iterative":  # the analysis of a factorisation takes time and memory of its own
         return SolverMethod("iterative", iterative[1])
     usual, most = Factorisation.memory(system.K, spread(system.matter))
     beside = both + 8 * PER_UNKNOWN * system.n  # GMRES and modes have as many vectors
-    direct = needed(system.comm, beside + most)
+    direct = mpi.needed(system.comm, beside + most)
     if direct[0] <= room and method != "iterative":
-        return SolverMethod("direct", needed(system.comm, beside + usual)[1])
+        return SolverMethod("direct", mpi.needed(system.comm, beside + usual)[1])
     if fits and method == "auto":
-        told = f"about {direct[1] / GIGA:.2g} GB of {room * system.comm.size / GIGA:.2g} GB free"
+        told = f"about {direct[1] / mpi.GIGA:.2g} GB of {room * system.comm.size / mpi.GIGA:.2g} GB free"
         return SolverMethod("iterative", iterative[1], f"a factorisation would take {told}")
     least = iterative if method == "iterative" else direct
     advice = ", or --solver iterative" if fits else ""
-    raise TooLargeError(
-        f"the model has {unknowns} unknowns, and its solution needs about {least[1] / GIGA:.2g} GB "
-        f"of memory, where {room * system.comm.size / GIGA:.2g} GB are free; use a larger --cell-size, a smaller slice of "
+    raise mpi.TooLargeError(
+        f"the model has {unknowns} unknowns, and its solution needs about {least[1] / mpi.GIGA:.2g} GB "
+        f"of memory, where {room * system.comm.size / mpi.GIGA:.2g} GB are free; use a larger --cell-size, a smaller slice of "
         f"the device{advice}"
     )
 
@@ -157,7 +159,7 @@ class Solver:
         self.newton.snes.setFromOptions()
         self._y = system.K.createVecRight()
 
-    def couple(self, coupling: Coupling, state: State, pressures: Array) -> State:
+    def couple(self, coupling: controls.Coupling, state: State, pressures: Array) -> State:
         """Change the coupling of the cavities at a state with these pressures, shape (k,); return the same state in the new
         coupling, with P = 0."""
         system = self.system
@@ -172,7 +174,9 @@ class Solver:
 
     # -- states -------------------------------------------------------------------------------------------------------
 
-    def solve(self, control: Curve, w: Array, P: float, since: Array | None = None, most: int | None = None) -> State:
+    def solve(
+        self, control: controls.Curve, w: Array, P: float, since: Array | None = None, most: int | None = None
+    ) -> State:
         """Find the state on the control's curve from the guess (w, P), w of the shape of `State.w`, by at most ``most``
         iterations.
 
@@ -214,8 +218,12 @@ class Solver:
     # -- linear responses ----------------------------------------------------------------------------------------------
 
     def tangent(
-        self, state: State, control: Control, tolerance: float = TANGENT_TOLERANCE, guess: Tangent | None = None
-    ) -> Tangent:
+        self,
+        state: State,
+        control: Control,
+        tolerance: float = TANGENT_TOLERANCE,
+        guess: controls.Tangent | None = None,
+    ) -> controls.Tangent:
         """Return the direction of the path at a state, scaled to one unit of the control's line, to a relative tolerance.
 
         Raises:
@@ -224,7 +232,7 @@ class Solver:
         self._border(state, control)
         return self.linear_response(0.0, 1.0, tolerance, guess)
 
-    def tangent_along(self, state: State, force: PETSc.Vec, tolerance: float = TANGENT_TOLERANCE) -> Tangent:
+    def tangent_along(self, state: State, force: PETSc.Vec, tolerance: float = TANGENT_TOLERANCE) -> controls.Tangent:
         """Return the same scaled to ``force . dw = 1``, as `solve_along` goes: regular even if pressure and volume both turn
         back."""
         row = force.copy()
@@ -246,8 +254,8 @@ class Solver:
         self.bordered.refresh()
 
     def linear_response(
-        self, force: Array | float, gap: float, tolerance: float, guess: Tangent | None = None
-    ) -> Tangent:
+        self, force: Array | float, gap: float, tolerance: float, guess: controls.Tangent | None = None
+    ) -> controls.Tangent:
         """Answer of the current state, linearised, to a ``force`` on the body and a ``gap`` of the control's line.
 
         `tangent` has to have been called at this state: it sets the border.
@@ -286,7 +294,7 @@ class Solver:
         if not ksp.is_converged:
             raise NoConvergence(f"the linear solver failed on a linear response{bordered.inverse.instead}")
 
-    def _answer(self) -> Tangent:
+    def _answer(self) -> controls.Tangent:
         bordered = self.bordered
         body, pressures = bordered.split(self.newton.x)
         direction = self.system.potential.direction.x
@@ -294,9 +302,9 @@ class Solver:
         direction.scatter_forward()
         self._y.array_w[:] = body
         w = np.concatenate([direction.array, pressures[1:]])
-        return Tangent(w, float(pressures[0]), bordered.q.dot(self._y))
+        return controls.Tangent(w, float(pressures[0]), bordered.q.dot(self._y))
 
-    def aside(self, state: State, control: Control, force: Array, tolerance: float) -> Tangent:
+    def aside(self, state: State, control: Control, force: Array, tolerance: float) -> controls.Tangent:
         """Return the response of a state to a ``force`` on the body (owned entries, shape (n,)) on a control's line; see
         `linear_response`. It does not count as the path's."""
         self._border(state, control)
@@ -308,7 +316,7 @@ class Solver:
         pressure, to 1e-8; infinite where the tangent has no solution."""
         self.system.load(state)
         bordered, newton = self.bordered, self.newton
-        bordered.control = pressure_control(0.0)
+        bordered.control = controls.pressure_control(0.0)
         if bordered.constraint_columns:  # for the held volumes, because the border may belong to another state
             self._border(state, bordered.control)
         pulled = self.system.by_unknowns(load).copy()
@@ -321,7 +329,7 @@ class Solver:
         # Twice the load's work minus that of all forces in the solution has a second-order error.
         bordered.mat.mult(newton.x, newton.f)
         forces, opened = bordered.split(newton.f)
-        return total(self.system.comm, float((2.0 * pulled - forces) @ moved)) + float(pressures[1:] @ opened[1:])
+        return mpi.total(self.system.comm, float((2.0 * pulled - forces) @ moved)) + float(pressures[1:] @ opened[1:])
 
     def release(self) -> None:
         """Release the PETSc and MPI objects of this device, which cannot be solved afterwards. What is merely dropped is

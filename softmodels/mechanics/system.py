@@ -13,30 +13,17 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from geometries.actuator import Hold, check_closed
-from geometries.meshing import straight_text
+from geometries import actuator, meshing
+from geometries.actuator import Hold
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import MPI, PETSc, basix, fem, la, meshes, ufl
-from softmodels.materials.laws import Material, Strain
-from softmodels.mechanics.assembly import AssembledTerms, assembled_vector, known_to_all, mark_symmetric, matrix_of
+from softmodels.materials import laws
+from softmodels.materials.laws import Material
+from softmodels.mechanics import assembly, compiling, controls, mpi, regions
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body, BodyError, cell_measure, in_section
-from softmodels.mechanics.compiling import JIT, begin, compile_ahead
+from softmodels.mechanics.compiling import begin
 from softmodels.mechanics.component import Component, ComponentError
-from softmodels.mechanics.controls import Coupling, DeadLoads
-from softmodels.mechanics.mpi import any_rank, largest, total
 from softmodels.mechanics.potential import Potential, TangentOperator, known_cells
-from softmodels.mechanics.regions import (
-    STILL,
-    MaterialRegion,
-    RegionPart,
-    RigidMotion,
-    RigidPart,
-    check_compressible,
-    clamped,
-    conditions,
-    relaxed,
-    seals,
-)
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The reduced unknowns of Newton's method: w = T(q).
@@ -62,7 +49,7 @@ class Unknowns:
 
     idle: Ints = np.empty(0, dtype=np.int32)
     turns = False
-    moving: Mapping[str, RigidMotion] = {}
+    moving: Mapping[str, regions.RigidMotion] = {}
     slots: Sequence[tuple[int, npt.NDArray[np.int64]]] = ()
 
     def __init__(self, n: int):
@@ -113,7 +100,7 @@ class RigidUnknowns(Unknowns):
         ValueError: The mesh has too few dofs on a part for its unknowns.
     """
 
-    def __init__(self, comm: MPI.Comm, n: int, motions: Mapping[str, RigidMotion], held: Ints):
+    def __init__(self, comm: MPI.Comm, n: int, motions: Mapping[str, regions.RigidMotion], held: Ints):
         super().__init__(n)
         self.comm, self.moving, self.motions = comm, motions, tuple(motions.values())
         self.turns = any(motion.turns for motion in self.motions)
@@ -184,7 +171,7 @@ class RigidUnknowns(Unknowns):
         self._reduced: PETSc.Mat = self._product.copy()
         self._reduced.axpy(1.0, diagonal, PETSc.Mat.Structure.DIFFERENT)  # type: ignore[arg-type]
         diagonal.destroy()
-        mark_symmetric(self._reduced)
+        assembly.mark_symmetric(self._reduced)
         return self._reduced
 
     def _rows(self, whole: PETSc.Mat) -> tuple[Ints, Ints, Array]:
@@ -211,7 +198,7 @@ class RigidUnknowns(Unknowns):
         self._reduced.zeroEntries()
         structure = PETSc.Mat.Structure.SUBSET if same else PETSc.Mat.Structure.DIFFERENT
         self._reduced.axpy(1.0, self._product, structure)  # type: ignore[arg-type]
-        mark_symmetric(self._reduced)
+        assembly.mark_symmetric(self._reduced)
         self._reduced.setDiagonal(self._ones, PETSc.InsertMode.ADD)
         start = whole.getOwnershipRange()[0]
         for second, (rank, slots) in zip(self._second(forces), self.slots, strict=False):
@@ -246,7 +233,7 @@ class RigidUnknowns(Unknowns):
                 y[slots] += second @ q[slots]
 
 
-def _slots(comm: MPI.Comm, motion: RigidMotion, held: Ints, name: str) -> tuple[int, npt.NDArray[np.int64]]:
+def _slots(comm: MPI.Comm, motion: regions.RigidMotion, held: Ints, name: str) -> tuple[int, npt.NDArray[np.int64]]:
     """Return the rank that has a part's unknowns, and the owned dofs in whose slots they are there (empty elsewhere)."""
     free = np.setdiff1d(motion.dofs[motion.owned].ravel(), held)
     counts = comm.allgather(len(free))
@@ -272,7 +259,7 @@ def _nodes_of(space: fem.FunctionSpace) -> tuple[fem.FunctionSpace, Ints, Array]
     return vectors, every.astype(np.int32).reshape(-1, d), places
 
 
-def _on_part(vectors: fem.FunctionSpace, body: Body, part: RigidPart) -> Ints:
+def _on_part(vectors: fem.FunctionSpace, body: Body, part: regions.RigidPart) -> Ints:
     """Return the local nodes on a part's face, or of its region; `ComponentError` if the mesh has no such face."""
     if part.region:
         return np.asarray(fem.locate_dofs_topological(vectors, body.mesh.topology.dim, body.regions[part.region]))
@@ -292,22 +279,22 @@ def unknowns_of(
         ComponentError: A rigid part on no face of the mesh, two that meet, or one that meets what holds the device.
     """
     n = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-    rigid = [part for part in components if isinstance(part, RigidPart)]
+    rigid = [part for part in components if isinstance(part, regions.RigidPart)]
     if not rigid:
         return Unknowns(n)
     comm, (vectors, all_dofs, all_places) = body.mesh.comm, _nodes_of(space)
     none = np.empty(0, dtype=np.int32)
     still = np.concatenate([none, *(bc.dof_indices()[0] for bc in held)])
-    motions: dict[str, RigidMotion] = {}
+    motions: dict[str, regions.RigidMotion] = {}
     taken = none
     for part in rigid:
         found = _on_part(vectors, body, part)
         dofs, places = all_dofs[found], all_places[found]
         freedom = part.freedom(body.actuator, _centre(body, part))
-        motion = motions[part.label] = RigidMotion(comm, freedom, body.skew, dofs, places, dofs[:, 0] < n)
-        if any_rank(comm, bool(np.isin(dofs, taken).any())):
+        motion = motions[part.label] = regions.RigidMotion(comm, freedom, body.skew, dofs, places, dofs[:, 0] < n)
+        if mpi.any_rank(comm, bool(np.isin(dofs, taken).any())):
             raise ComponentError(f"{part.where} touches another rigid part; merge them")
-        if any_rank(comm, bool((np.isin(dofs, still)[..., None] & (np.abs(motion.rates()) > STILL)).any())):
+        if mpi.any_rank(comm, bool((np.isin(dofs, still)[..., None] & (np.abs(motion.rates()) > regions.STILL)).any())):
             raise ComponentError(
                 f"{part.where} touches the device's support along an edge, so it cannot move; guide it along a free "
                 "direction of the support, or use kind = 'held'"
@@ -319,7 +306,7 @@ def unknowns_of(
         raise ComponentError(str(few)) from None
 
 
-def _centre(body: Body, part: RigidPart) -> Array:
+def _centre(body: Body, part: regions.RigidPart) -> Array:
     """Return the centre of a part's whole undeformed face or region, in sizes of the device, mirror images included."""
     d = body.actuator.dimension
     if d == 2:
@@ -327,7 +314,7 @@ def _centre(body: Body, part: RigidPart) -> Array:
     area = body.sheet_face(part.face)[0] if part.face else cell_measure(body, body.regions[part.region])
     X = ufl.SpatialCoordinate(body.mesh)
     one = fem.Constant(body.mesh, 1.0)
-    size, *moments = (total(body.mesh.comm, fem.assemble_scalar(fem.form(f * area))) for f in (one, *X))
+    size, *moments = (mpi.total(body.mesh.comm, fem.assemble_scalar(fem.form(f * area))) for f in (one, *X))
     centre = np.array(moments) / size
     normals = np.array([plane.normal for plane in body.actuator.cut_planes]).reshape(-1, d)
     return np.asarray(centre - np.linalg.pinv(normals) @ normals @ centre)
@@ -336,7 +323,7 @@ def _centre(body: Body, part: RigidPart) -> Array:
 def still_pressures(body: Body, space: fem.FunctionSpace, components: Sequence[Component]) -> list[fem.DirichletBC]:
     """Return conditions that fix p where nothing strains: in rigid regions, which have their own p (see `mechanics.assembly`),
     and in regions that are held, except where cells beside them have a part in it."""
-    names = [part.region for part in components if isinstance(part, RigidPart) and part.region]
+    names = [part.region for part in components if isinstance(part, regions.RigidPart) and part.region]
     names += [
         hold.role
         for hold in body.holds
@@ -347,7 +334,7 @@ def still_pressures(body: Body, space: fem.FunctionSpace, components: Sequence[C
     rows = np.array(space.sub(1).dofmap.list)
     still = np.zeros(len(rows), dtype=bool)
     still[np.concatenate([body.regions[name] for name in names])] = True
-    inside, strained = (known_to_all(space, np.unique(rows[cells])) for cells in (still, ~still))
+    inside, strained = (assembly.known_to_all(space, np.unique(rows[cells])) for cells in (still, ~still))
     return [fem.dirichletbc(np.array(0.0), np.setdiff1d(inside, strained), space.sub(1))]
 
 
@@ -423,30 +410,30 @@ class System:
         if formulation not in FORMULATIONS:
             raise ValueError(f"formulation {formulation!r} is not one of {', '.join(FORMULATIONS)}")
         if not creeping:
-            material, components = relaxed(material, components)
-        check_compressible(material, components, formulation == "mixed")
-        self.body, self.formulation, self.comm = clamped(body, components), formulation, body.mesh.comm
+            material, components = regions.relaxed(material, components)
+        regions.check_compressible(material, components, formulation == "mixed")
+        self.body, self.formulation, self.comm = regions.clamped(body, components), formulation, body.mesh.comm
         self.components, self.ratios = tuple(components), tuple(body.actuator.ratios)
         if type(body).volume_integrand is Body.volume_integrand:  # a user's volume integral may close them differently
-            closing = [Hold(role, seal.normal) for seal in seals(components) for role in seal.roles]
-            check_closed(body.actuator, body.openings, [*self.body.holds, *closing])
+            closing = [Hold(role, seal.normal) for seal in regions.seals(components) for role in seal.roles]
+            actuator.check_closed(body.actuator, body.openings, [*self.body.holds, *closing])
         self.mixed = formulation == "mixed"
         self.potential = self.potential_class(self.body, material, self.mixed, components)
         self.space, self.w = self.potential.space, self.potential.w
         self.set_material(material)
-        self.form = functools.partial(fem.form, jit_options=JIT)
+        self.form = functools.partial(fem.form, jit_options=compiling.JIT)
         self._compile()
         still = still_pressures(self.body, self.space, components)
-        self.still_pressures = round(total(self.comm, sum(bc.dof_indices()[1] for bc in still)))
-        self.bcs = [*conditions(self.body, self.vectors), *still]
-        self.assembled = AssembledTerms(self.potential.terms.values(), self.bcs)
-        self._whole: PETSc.Mat = matrix_of(self.space, self._products.matrices[: len(self.matter)])
+        self.still_pressures = round(mpi.total(self.comm, sum(bc.dof_indices()[1] for bc in still)))
+        self.bcs = [*regions.conditions(self.body, self.vectors), *still]
+        self.assembled = assembly.AssembledTerms(self.potential.terms.values(), self.bcs)
+        self._whole: PETSc.Mat = assembly.matrix_of(self.space, self._products.matrices[: len(self.matter)])
         self.unknowns = unknowns_of(body, self.space, self.bcs, components)
         self.K: PETSc.Mat = self.unknowns.matrix(self._whole, self._assemble_whole)
         self._vector = fem.Function(self.space)
         self.cells = np.arange(body.mesh.topology.index_map(body.mesh.topology.dim).size_local, dtype=np.int32)
         self.n, self.dofs = self.K.getLocalSize()[0], len(self.w.x.array)
-        self.dead = DeadLoads(self, components)
+        self.dead = controls.DeadLoads(self, components)
         self._loads += self.dead.forms
         self.direction = 1
         self.coupling = self.inflating(np.zeros(len(self.dead.forms)))
@@ -461,7 +448,7 @@ class System:
         first = [*tangent, *potential.internal, *potential.loads, *potential.volumes, *potential.free_energies]
         if known_cells(self.space):
             begin(self.comm, "moduli")
-        compile_ahead(self.comm, first)
+        compiling.compile_ahead(self.comm, first)
         self._volumes = [form(own) for own in potential.volumes]
         self._loads = [[form(load)] for load in potential.loads]
         for term in potential.terms.values():
@@ -471,8 +458,8 @@ class System:
         loads = [load for (load,) in self._loads]
         self._products: TangentOperator = TangentOperator(potential, self._internal, loads, tangent, form)
         self.points, self._weights = basix.make_quadrature(self.body.mesh.basix_cell(), QUADRATURE_DEGREE)
-        strain = Strain(self.body.deformation_gradient(potential.displacement))
-        self._J = fem.Expression(strain.J, self.points, jit_options=JIT)
+        strain = laws.Strain(self.body.deformation_gradient(potential.displacement))
+        self._J = fem.Expression(strain.J, self.points, jit_options=compiling.JIT)
         self._densities: fem.Expression | None = None
 
     def _check_volume(self) -> None:
@@ -489,7 +476,7 @@ class System:
     @property
     def mesh_notes(self) -> list[str]:
         """Warnings about the mesh, which belong to every result that is computed on it."""
-        notes = [straight_text(self.body.straight)] if self.body.straight else []
+        notes = [meshing.straight_text(self.body.straight)] if self.body.straight else []
         if abs(error := self.volume_error) > VOLUME_WARNING:
             kind, amount = "less" if error < 0.0 else "more", f"{abs(error):.1%}"
             notes.append(
@@ -499,7 +486,7 @@ class System:
         return notes
 
     @property
-    def matter(self) -> Sequence[MaterialRegion]:
+    def matter(self) -> Sequence[regions.MaterialRegion]:
         """Its materials and where they are."""
         return self.potential.regions
 
@@ -518,7 +505,7 @@ class System:
         cavities' pressures over P, without recompiling; the dead loads keep their own magnitudes."""
         P = self.common_pressure()
         self.components, self.ratios, self.material = tuple(components), tuple(ratios), material
-        own = {part.name: part.material for part in components if isinstance(part, RegionPart)}
+        own = {part.name: part.material for part in components if isinstance(part, regions.RegionPart)}
         self.potential.set_material(material, own)
         for part in components:
             if (term := self.potential.terms.get(part.label)) is not None:
@@ -559,7 +546,7 @@ class System:
     def assemble(self, forms: list[fem.Form], held: bool = False) -> Array:
         """Return the sum of assembled linear forms, owned entries: by the unknowns and zero at held dofs, or by all dofs if
         ``held``. It is a view that the next call overwrites."""
-        b = assembled_vector(self._vector.x, forms)
+        b = assembly.assembled_vector(self._vector.x, forms)
         return b[: self.n] if held else self._by_unknowns()
 
     def by_unknowns(self, entries: Array) -> Array:
@@ -682,10 +669,10 @@ class System:
         """Return the pressure of each cavity and magnitude of each dead load at a state, shape (k,)."""
         return self.coupling.pressures(state.P, state.w[self.dofs :])
 
-    def inflating(self, dead: Array) -> Coupling:
+    def inflating(self, dead: Array) -> controls.Coupling:
         """Return the coupling in which P is the cavities' common pressure, or their vacuum if the `direction` is -1, beside
         constant magnitudes of the dead loads, shape (k - cavities,)."""
-        return Coupling.proportional([self.direction * ratio for ratio in self.ratios], dead)
+        return controls.Coupling.proportional([self.direction * ratio for ratio in self.ratios], dead)
 
     def pressures_at(self, state: State) -> Array:
         """Return the pressure of each cavity at a state."""
@@ -721,25 +708,25 @@ class System:
     def smallest_J(self) -> float:
         """Return the smallest volume ratio at the integration points of the current state."""
         values = self._J.eval(self.body.mesh, self.cells)
-        return -largest(self.comm, -float(values.min()) if values.size else -math.inf)
+        return -mpi.largest(self.comm, -float(values.min()) if values.size else -math.inf)
 
     def point_volumes(self) -> Array:
         """Return the dimensionless undeformed volumes of the integration points of the owned cells, shape (cells, points)."""
         if self._densities is None:
             density = self.body.hoop * abs(ufl.JacobianDeterminant(self.body.mesh))
-            self._densities = fem.Expression(density, self.points, jit_options=JIT)
+            self._densities = fem.Expression(density, self.points, jit_options=compiling.JIT)
         return self._densities.eval(self.body.mesh, self.cells).reshape(len(self.cells), -1) * self._weights
 
     def integral(self, form: fem.Form) -> float:
         """Return the value of a compiled form without arguments, over all ranks."""
-        return total(self.comm, fem.assemble_scalar(form))
+        return mpi.total(self.comm, fem.assemble_scalar(form))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Effect of a very stiff region on rounding errors, of its forces and of a factorisation.
 
 
-def spread(regions: Sequence[MaterialRegion]) -> float:
+def spread(regions: Sequence[regions.MaterialRegion]) -> float:
     """Return the stiffest region's shear modulus over the softest one's, at small strain."""
     moduli = [region.material.shear_modulus_0 for region in regions]
     return max(moduli) / min(moduli)
@@ -780,7 +767,7 @@ def held_force(system: System, role: str, component: int) -> float:
     forces on the role's dofs nothing else balances, see `System.surplus`."""
     dimension, found = system.body.entities[role]
     dofs = fem.locate_dofs_topological(system.vectors.sub(component), dimension, found)
-    return total(system.comm, -float(system.surplus()[dofs[dofs < system.n]].sum()))
+    return mpi.total(system.comm, -float(system.surplus()[dofs[dofs < system.n]].sum()))
 
 
 def face_load(system: System, role: str, direction: npt.ArrayLike) -> npt.NDArray[np.float64]:

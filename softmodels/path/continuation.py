@@ -17,12 +17,8 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import fem, meshes, scipy, ufl
-from softmodels.mechanics.compiling import JIT
-from softmodels.mechanics.component import EnergyTerm, PathFailure
-from softmodels.mechanics.controls import Control, Curve, Tangent, volume_control
-from softmodels.mechanics.memory import Inertia, Motion
-from softmodels.mechanics.mpi import largest, total
-from softmodels.mechanics.newton import NoConvergence
+from softmodels.mechanics import assembly, compiling, component, controls, memory, mpi, newton
+from softmodels.mechanics.controls import Control
 from softmodels.mechanics.solver import TANGENT_TOLERANCE, Solver
 from softmodels.mechanics.system import State, System
 from softmodels.path.stability import (
@@ -49,7 +45,7 @@ MIN_RELATIVE_DISTANCE = 1e-2
 """Minimum distance of a new state for predicting the tangent; closer, its change is rounding."""
 
 
-def predict(points: Sequence[Point], line: Curve) -> tuple[Array, float]:
+def predict(points: Sequence[Point], line: controls.Curve) -> tuple[Array, float]:
     """Guess (w, P) on a line from one point and its tangent, or from the cubic through two. The parameter is the line's own
     left side; beyond a point where that turns, only the tangent is used.
 
@@ -58,14 +54,16 @@ def predict(points: Sequence[Point], line: Curve) -> tuple[Array, float]:
     """
     places, rates = _along(points, line)
     if 0.0 in rates:
-        raise NoConvergence("the path runs along the control's line")
+        raise newton.NoConvergence("the path runs along the control's line")
     if not _agree(places, rates, line.target):
         points, places, rates = points[-1:], places[-1:], rates[-1:]
     values, slopes = _weights(places, line.target)[0]
     return _sum(points, values, slopes / rates)
 
 
-def predict_direction(points: Sequence[Point], state: State, line: Curve, creeping: bool = False) -> Tangent | None:
+def predict_direction(
+    points: Sequence[Point], state: State, line: controls.Curve, creeping: bool = False
+) -> controls.Tangent | None:
     """Predict the tangent at a state beyond the last points, per unit of a line's left side; None if not possible.
 
     It is that of the polynomial through the points, their tangents and the state itself. Where silicone creeps between the
@@ -80,7 +78,7 @@ def predict_direction(points: Sequence[Point], state: State, line: Curve, creepi
     if creeping and rates[-1] > 0.0:
         beyond = (here - places[-1]) / (places[-1] - places[0]) if len(places) > 1 else 0.0
         weights = np.array([-beyond, 1.0 + beyond])[-len(places) :]
-        return Tangent(*_sum(points, 0.0 * places, weights / rates), 0.0)
+        return controls.Tangent(*_sum(points, 0.0 * places, weights / rates), 0.0)
     shortest = MIN_RELATIVE_DISTANCE * abs(places[-1] - places[0])
     if rates[-1] <= 0.0 or here - places[-1] <= shortest:
         return None
@@ -89,10 +87,10 @@ def predict_direction(points: Sequence[Point], state: State, line: Curve, creepi
     # for each point. That is 1 here, and this is its slope.
     own = 2.0 * float(np.sum(1.0 / (here - places)))
     w, P = _sum(points, value_rates - own * values, (slope_rates - own * slopes) / rates)
-    return Tangent(w + own * state.w, P + own * state.P, 0.0)
+    return controls.Tangent(w + own * state.w, P + own * state.P, 0.0)
 
 
-def _along(points: Sequence[Point], line: Curve) -> tuple[Array, Array]:
+def _along(points: Sequence[Point], line: controls.Curve) -> tuple[Array, Array]:
     """Return a line's left side at points, and its rates along their tangents."""
     slopes = np.array([line.slopes(p.state.V, p.state.P) for p in points])
     rates = np.einsum("pi,pi->p", slopes, [(p.tangent.V, p.tangent.P) for p in points])
@@ -193,12 +191,12 @@ def tight(solver: Solver) -> float:
     return 1e-10 if solver.bordered.inverse.exact else 1e-11
 
 
-def at_once(state: State) -> Tangent:
+def at_once(state: State) -> controls.Tangent:
     """Return the direction of a device with mass at a state: in no time the air's pressure changes, but no volume."""
-    return Tangent(np.zeros_like(state.w), 1.0, 0.0)
+    return controls.Tangent(np.zeros_like(state.w), 1.0, 0.0)
 
 
-class Emptied(NoConvergence):
+class Emptied(newton.NoConvergence):
     """A cavity has negative volume: its walls have passed through each other."""
 
 
@@ -225,7 +223,7 @@ class Corrector:
         self.stability = trail.stability
         self._drawn: Drawn | None = None
 
-    def tangent(self, state: State, tolerance: float = TANGENT_TOLERANCE) -> Tangent:
+    def tangent(self, state: State, tolerance: float = TANGENT_TOLERANCE) -> controls.Tangent:
         """Return the tangent at a state, oriented forwards; scaled along the last direction, so it is regular at
         limit points."""
         if not self.trail.points:
@@ -241,14 +239,14 @@ class Corrector:
             return found
         return -found if self._turns_back(state, found) else found
 
-    def _turns_back(self, state: State, found: Tangent) -> bool:
+    def _turns_back(self, state: State, found: controls.Tangent) -> bool:
         """Return whether a tangent clearly leads back the way that the whole device has come.
 
         Where a shell snaps back, pressure and volume turn back at nearly the same state: their plane shows a cusp, and orients
         the tangent wrongly. Motions from one branch to another, or back to where an event is located, are not along the path.
         """
         step = state.w - self.trail.last.state.w
-        if not largest(self.solver.system.comm, float(np.abs(step).max(initial=0.0))):
+        if not mpi.largest(self.solver.system.comm, float(np.abs(step).max(initial=0.0))):
             return False
         motion = Mode(self.stability.mass, step)
 
@@ -258,7 +256,7 @@ class Corrector:
 
         return cosine(found.w) < -ALONG and cosine(self.trail.last.tangent.w) > ALONG
 
-    def solve(self, line: Curve, around: Sequence[Point]) -> State:
+    def solve(self, line: controls.Curve, around: Sequence[Point]) -> State:
         """Return the state on a line, guessed by the cubic through one or two points and their tangents. Past a bifurcation
         there are several: one with much more or less of the mode than predicted lies on another branch.
 
@@ -269,21 +267,21 @@ class Corrector:
         state = self.solve_from(line, w, P, around[-1].state)
         for mode in self.trail.modes:
             if abs(mode.share(state.w - w)) > LARGEST_MODE_SHARE * mode.size(w - around[-1].state.w):
-                raise NoConvergence("Newton converged to another branch")
+                raise newton.NoConvergence("Newton converged to another branch")
         return state
 
-    def solve_from(self, line: Curve, w: Array, P: float, last: State) -> State:
+    def solve_from(self, line: controls.Curve, w: Array, P: float, last: State) -> State:
         """Return the state on a line from a guess, and from the last state too where stiff sheets or fibres prevent that."""
         motion = self.solver.system.potential.motion
         w = motion.predicted(w) if motion else w
         try:
             return self.solver.solve(line, w, P)
-        except NoConvergence:
+        except newton.NoConvergence:
             if not self.solver.system.potential.predicted_stiffness:
                 raise
             try:
                 return self.solver.solve(line, w, P, since=last.w)
-            except NoConvergence:
+            except newton.NoConvergence:
                 return self.solver.solve(line, last.w, last.P, since=last.w)
 
     def point(self, state: State, requested: bool = False, limit: bool = False, step: float | None = None) -> Point:
@@ -321,9 +319,9 @@ class Corrector:
         if (system.volumes() <= 0.0).any():
             raise Emptied("a cavity would collapse to zero volume")
         if not system.potential.admits((since or self.trail.last.state).w, state.w):
-            raise NoConvergence("a wall passed through an obstacle")
+            raise newton.NoConvergence("a wall passed through an obstacle")
 
-    def check_branch(self, state: State, line: Curve) -> None:
+    def check_branch(self, state: State, line: controls.Curve) -> None:
         """Reject a converged state on the wrong branch: behind the last one, inverted, or through a wall.
 
         A dead load's magnitude may be given beyond a limit point and met again far behind it, on a part that stiffens.
@@ -336,11 +334,11 @@ class Corrector:
         system, plane = self.solver.system, self.plane.stiffened(self.trail.last.stiffest)
         self.check_whole(state)
         if plane.product((state.V - s.V, state.P - s.P), (t.V, t.P)) <= 0.0:
-            raise NoConvergence("Newton converged to another branch")
+            raise newton.NoConvergence("Newton converged to another branch")
         if not (line.needs_volume or system.drives_cavities):
             predicted = t.V * (state.P - s.P) / t.P if t.P else math.inf
             if abs(state.V - s.V) > FARTHEST * abs(predicted):
-                raise NoConvergence("the travel was too large for one step")
+                raise newton.NoConvergence("the travel was too large for one step")
 
     def check_work(self, point: Point) -> None:
         """Reject a point whose stored energy has not grown from the last one by the work done: on a curve of equilibrium states
@@ -362,7 +360,7 @@ class Corrector:
         scale = max(scale, abs(gained), ROUNDED * max(abs(after.energy), self.plane.V_scale))
         missing = [abs(gained - chord - bulge) for bulge in self._bulges(last, point)]
         if missing and min(missing) > LOST * scale:
-            raise NoConvergence("the stored energy has not changed by the work done: the state has leapt")
+            raise newton.NoConvergence("the stored energy has not changed by the work done: the state has leapt")
 
     def _bulges(self, before: Point, after: Point) -> list[float]:
         """Return the areas between a curve through two points in the volume-pressure plane and its chord: of the pressure as a
@@ -384,25 +382,25 @@ class Corrector:
             low, high = sorted((before.state.V, after.state.V))
             margin = 1e-6 * (high - low)
             if not low - margin <= state.V <= high + margin:
-                raise NoConvergence("another branch")
+                raise newton.NoConvergence("another branch")
             state = quantity.exactly(state, value)
-        except NoConvergence:
+        except newton.NoConvergence:
             state = self.root(before, after, lambda p: quantity.value(p.state.V, p.state.P) - value)
         return self.point(state, requested=True)
 
     def on_the_way(self, before: Point, after: Point, share: float) -> Point:
         """Return a point between two, ``share`` of the way in volume."""
         a, b = before.state, after.state
-        state = self.solve(volume_control(a.V + share * (b.V - a.V)), (before, after))
+        state = self.solve(controls.volume_control(a.V + share * (b.V - a.V)), (before, after))
         return dataclasses.replace(after, state=state, tangent=self.tangent(state), requested=False)
 
     def interpolated(self, before: Point, after: Point, share: float) -> Point:
         """Return a point between two close ones, interpolated rather than solved."""
         a, b = before.state, after.state
-        line = volume_control(a.V + share * (b.V - a.V))
+        line = controls.volume_control(a.V + share * (b.V - a.V))
         w, P = predict((before, after), line)
         v, r = before.tangent, after.tangent
-        tangent = Tangent(
+        tangent = controls.Tangent(
             (1 - share) * v.w + share * r.w, (1 - share) * v.P + share * r.P, (1 - share) * v.V + share * r.V
         )
         return dataclasses.replace(after, state=State(w, P, line.target), tangent=tangent)
@@ -425,7 +423,7 @@ class Corrector:
         best, side = low, 0
         for _ in range(MOST_SECANTS):
             V = (low.state.V * f_high - high.state.V * f_low) / (f_high - f_low)
-            state = self.solve(volume_control(V), (low, high))
+            state = self.solve(controls.volume_control(V), (low, high))
             best = dataclasses.replace(high, state=state, tangent=self.tangent(state, tight(self.solver)))
             value = f(best)
             if abs(value) <= tolerance * scale or abs(high.state.V - low.state.V) <= 1e-9 * self.plane.V_scale:
@@ -483,17 +481,17 @@ class PassedLimits:
 # Physical ends of a path besides limit points: no equilibrium exists beyond them.
 
 
-EMPTIED = PathFailure(
+EMPTIED = component.PathFailure(
     "a cavity collapses to zero volume, so that its walls would pass through each other",
     "Reduce the load, or use a stiffer silicone or thicker walls; where the cavity's walls are not in contact yet, enable that "
     "([walls] with faces = 'cavity')",
 )
-LOCKED = PathFailure(
+LOCKED = component.PathFailure(
     "the requested volume or travel cannot change at any pressure or force: the supports prevent any change",
     "Support less of the device; a fully supported cavity in incompressible silicone (poisson = 0.5) keeps its volume "
     "and takes only a pressure",
 )
-SNAPPED = PathFailure(
+SNAPPED = component.PathFailure(
     "the device snaps back: pressures and forces have a limit point, and their volumes and travels turn "
     "back there too, so neither can be raised further",
     "Stay below, or remove the cause of the snap-back",
@@ -501,11 +499,11 @@ SNAPPED = PathFailure(
 )
 
 
-def folded(cells: float, place: str, at: str) -> PathFailure:
+def folded(cells: float, place: str, at: str) -> component.PathFailure:
     """Return the end of a path at which only a few cells fold, around an undeformed place with its unit; ``at`` is a clause
     that begins with a comma on what it is at, empty inside."""
     few = "one cell" if cells < 1.5 else f"{cells:.0f} cells"
-    return PathFailure(
+    return component.PathFailure(
         f"{few} of the mesh would fold at {place} of the undeformed device{at}, and the requested quantity turns "
         f"back there: a mesh fold at a sharp edge, not a limit of the device",
         "Round that edge (--fillet, --rounding or --clamp-rounding, as the device has it), add contact to the faces "
@@ -521,11 +519,11 @@ CREASED = 0.647**2
 Zhao and Suo 2009, doi 10.1063/1.3211917)."""
 
 
-def creased(stretch: float, least: float, place: str, at: str, closed: bool) -> PathFailure:
+def creased(stretch: float, least: float, place: str, at: str, closed: bool) -> component.PathFailure:
     """Return the end of a path at which the surface creases, or at which it has done so and the crease is ``closed``; the rest
     is as for `folded`."""
     what, first = ("is folded onto itself", "Round") if closed else ("creases", "Stay below, or round")
-    return PathFailure(
+    return component.PathFailure(
         f"the silicone's surface {what} at {place} of the undeformed device{at}: it is compressed to a stretch of "
         f"{stretch:.2f}, and creases from about {least:.2f} on",
         f"{first} that edge more (--fillet, --rounding or --clamp-rounding, as the device has it), so that its surface is "
@@ -566,13 +564,15 @@ FALLING = 2
 """Consecutive decreases after which the requested quantity counts as turned back."""
 
 
-def lost(corrector: Corrector, requested: PathQuantity, why: str, failure: NoConvergence) -> PathEnd:
+def lost(corrector: Corrector, requested: PathQuantity, why: str, failure: newton.NoConvergence) -> PathEnd:
     """Return the end of a path that could not be continued from its last point, with its cause if that is physical; the path's
     factorisation is not kept."""
     return PathEnd(f"{why} ({failure})", cause=_cause_of(corrector, requested, failure))
 
 
-def _cause_of(corrector: Corrector, requested: PathQuantity, failure: NoConvergence) -> PathFailure | None:
+def _cause_of(
+    corrector: Corrector, requested: PathQuantity, failure: newton.NoConvergence
+) -> component.PathFailure | None:
     if isinstance(failure, Emptied):
         return EMPTIED
     system = corrector.solver.system
@@ -582,7 +582,7 @@ def _cause_of(corrector: Corrector, requested: PathQuantity, failure: NoConverge
             return cause
     try:
         part = snapping(corrector, requested)
-    except NoConvergence:
+    except newton.NoConvergence:
         part = None
     system.load(corrector.trail.last.state)
     if part is None:
@@ -656,11 +656,11 @@ class Ahead:
                     self.state, self.tangent = found, self._direction(found, part)
                     self._amount *= SNAP_STEP_GROWTH
                     return
-            except NoConvergence:
+            except newton.NoConvergence:
                 pass
             self._amount /= 2
             self.solver.factorise(state)
-        raise NoConvergence("no nearby state beyond the last one")
+        raise newton.NoConvergence("no nearby state beyond the last one")
 
     @property
     def part(self) -> Array:
@@ -673,18 +673,18 @@ class Ahead:
         beyond = self.part
         length = self._measure(beyond).length
         if not length:
-            raise NoConvergence("the whole device moves as before")
+            raise newton.NoConvergence("the whole device moves as before")
         return self._measure(beyond / length)
 
     def _measure(self, w: Array) -> Mode:
         return Mode(self._mass, w)
 
-    def _direction(self, state: State, along: Mode) -> Tangent:
+    def _direction(self, state: State, along: Mode) -> controls.Tangent:
         """Return the path's direction at a state, towards more of a measure, its dofs of unit length."""
         self.solver.factorise(state)
         rate = self.solver.tangent_along(state, along.image, TOLERANCE)
         length = self._measure(rate.w).length
-        return Tangent(rate.w / length, rate.P / length, rate.V / length)
+        return controls.Tangent(rate.w / length, rate.P / length, rate.V / length)
 
 
 class Concentration:
@@ -701,18 +701,18 @@ class Concentration:
         slope = body.deformation_gradient(system.potential.displacement) - ufl.Identity(3)
         form = system.form(ufl.inner(slope, slope) * test * body.hoop * body.measures()[0])
         self._shares = fem.assemble_vector(form).array[: len(system.cells)]
-        whole, squares = (total(system.comm, float((self._shares**k).sum())) for k in (1, 2))
+        whole, squares = (mpi.total(system.comm, float((self._shares**k).sum())) for k in (1, 2))
         self.cells = whole**2 / squares if squares else math.inf
 
     @property
     def local(self) -> bool:
         """Whether the motion is local: in a few of many cells."""
-        return self.cells <= min(FEW[0], FEW[1] * total(self.system.comm, float(len(self.system.cells))))
+        return self.cells <= min(FEW[0], FEW[1] * mpi.total(self.system.comm, float(len(self.system.cells))))
 
     @property
     def part(self) -> npt.NDArray[np.bool_]:
         """Which cells take part, shape (cells,)."""
-        return np.asarray(self._shares > PART * largest(self.system.comm, float(self._shares.max(initial=0.0))))
+        return np.asarray(self._shares > PART * mpi.largest(self.system.comm, float(self._shares.max(initial=0.0))))
 
     @property
     def place(self) -> tuple[str, str]:
@@ -726,7 +726,7 @@ def place_of(system: System, cell: int, amount: float) -> tuple[str, str]:
     body, comm, found = system.body, system.comm, ("", "")
     topology, d = body.mesh.topology, body.mesh.topology.dim
     topology.create_connectivity(d - 1, 0)
-    if amount == largest(comm, amount):
+    if amount == mpi.largest(comm, amount):
         middle = meshes.compute_midpoints(body.mesh, d, np.array([cell], dtype=np.int32)) * system.length_unit
         place = ", ".join(f"{x:.4g}" for x in body.actuator.device_points(middle)[0] * 1e3)
         links, corners = topology.connectivity(d - 1, 0).links, set(topology.connectivity(d, 0).links(cell).tolist())
@@ -739,7 +739,7 @@ def place_of(system: System, cell: int, amount: float) -> tuple[str, str]:
     return next(one for one in comm.allgather(found) if one[0])
 
 
-def crease(system: System, cells: npt.NDArray[np.bool_] | None = None) -> PathFailure | None:
+def crease(system: System, cells: npt.NDArray[np.bool_] | None = None) -> component.PathFailure | None:
     """Return the end of a path where a surface of some cells, a mask of shape (cells,), is compressed until it creases in the
     loaded state, at the most compressed one; None if none is. Without a mask it is that of the cells on whose surface a crease
     has closed already, within one facet, which no contact can see."""
@@ -754,7 +754,11 @@ def crease(system: System, cells: npt.NDArray[np.bool_] | None = None) -> PathFa
     topology.create_connectivity(d, d - 1)
     exterior = fem.IntegralType.exterior_facet
     pairs = fem.compute_integration_domains(exterior, topology, body.outer_facets).reshape(-1, 2)
-    at = fem.Expression(values, places, jit_options=JIT).eval(body.mesh, pairs).reshape(len(pairs), len(places), 5)
+    at = (
+        fem.Expression(values, places, jit_options=compiling.JIT)
+        .eval(body.mesh, pairs)
+        .reshape(len(pairs), len(places), 5)
+    )
     smaller, larger, normals = at[:, 0, 0], at[:, 0, 1], at[..., 2:]
     if cells is not None:
         of = cells[pairs[:, 0]]
@@ -850,7 +854,7 @@ def changes(
     if (turned or abs(gained) > 1) and depth < DEEPEST:
         try:
             middle = corrector.middle(before, after)
-        except NoConvergence as failure:
+        except newton.NoConvergence as failure:
             report(f"several changes of stability between two points could not be separated ({failure})")
             return [limit(corrector, before, after)] if turned else []
         return [
@@ -859,7 +863,7 @@ def changes(
         ]
     try:
         return [bifurcation(corrector, before, after)]
-    except NoConvergence as failure:
+    except newton.NoConvergence as failure:
         # The signature shows one; the signatures of the next points will still show it.
         report(f"a bifurcation between two points could not be located ({failure})")
         corrector.solver.factorise(after.state)
@@ -875,7 +879,7 @@ def bifurcation(corrector: Corrector, before: Point, after: Point) -> Point:
     _, mode = stability.critical(more.state, fewer.signature.negative_eigenvalues)
     f_low, f_high = (stability.like(point.state, mode)[0] for point in (before, after))
     if f_low * f_high > 0:
-        raise NoConvergence("the eigenvalue that changes sign did not converge")
+        raise newton.NoConvergence("the eigenvalue that changes sign did not converge")
     known = [(f_low, before), (f_high, after)]
     scale = max(stability.largest, abs(f_low), abs(f_high))
     start, width = before.state.V, after.state.V - before.state.V
@@ -887,7 +891,7 @@ def bifurcation(corrector: Corrector, before: Point, after: Point) -> Point:
             try:
                 point = corrector.on_the_way(before, after, min(max((V - start) / width, -1.0), 2.0))
                 known.append((stability.like(point.state, mode)[0], point))
-            except NoConvergence:  # too near: K is singular there under every control
+            except newton.NoConvergence:  # too near: K is singular there under every control
                 continue
     low, high = _around(_far(known, scale))
     root = _root(known, scale)
@@ -1079,7 +1083,7 @@ class Continuation:
             try:
                 found = [*events(self.corrector, self.requested, before, after, self.report), after]
                 return self._with_values(before, found, goals, level), end
-            except NoConvergence as failure:
+            except newton.NoConvergence as failure:
                 what = f"what lies on a step of at most {step:.3g}"
                 self.report(f"{what} was not located ({failure}); halving the step")
                 step = min(step, self._longest()) / 2
@@ -1106,7 +1110,7 @@ class Continuation:
             found.append(here)
         return found
 
-    def _open_terms(self, state: State) -> list[EnergyTerm]:
+    def _open_terms(self, state: State) -> list[component.EnergyTerm]:
         """Return the terms whose seal is open at a state with a pressure."""
         system = self.solver.system
         if not system.body.seal:
@@ -1119,7 +1123,7 @@ class Continuation:
         system = self.solver.system
         for term in self._open_terms(after.state):
 
-            def margin(point: Point, term: EnergyTerm = term) -> float:
+            def margin(point: Point, term: component.EnergyTerm = term) -> float:
                 system.load(point.state)
                 return term.margin(system)
 
@@ -1177,9 +1181,11 @@ class Continuation:
                 point = self._stepped(share, goal if hit else None, step)
                 closest = max(OPENING_STEP * begun, 2 * SHORTEST_STEP * self.first_step)
                 if share > closest and self._open_terms(point.state):
-                    raise NoConvergence("a seal opens")  # perhaps only because its place was that of the last state
+                    raise newton.NoConvergence(
+                        "a seal opens"
+                    )  # perhaps only because its place was that of the last state
                 return point
-            except NoConvergence as failure:
+            except newton.NoConvergence as failure:
                 self.report(f"no convergence with step {share:.3g} ({failure}); halving the step")
                 step = share / 2
                 shortest = SHORTEST_STEP * self.first_step
@@ -1260,7 +1266,7 @@ AHEAD = 0.01
 """How far beyond the last state a device is let go at least, in first steps."""
 MOST_SNAPS = 30
 """Maximum number of times that a device is let go on one path."""
-CRUMPLED = PathFailure(
+CRUMPLED = component.PathFailure(
     f"the device crumples: it has snapped {MOST_SNAPS} times, each time into further folds",
     "Stay below, or use smaller cells (--cell-size), which resolve the folds; the device came to rest in each state up to here",
     of_mesh=True,
@@ -1275,7 +1281,7 @@ FREE_GROWTH = 500.0
 of eight times its radius."""
 
 
-def come_to_rest(path: Continuation, curve: Curve, state: State, why: str) -> State | None:
+def come_to_rest(path: Continuation, curve: controls.Curve, state: State, why: str) -> State | None:
     """Return the stable state on a control's curve in which a device comes to rest that is let go in a state near it; None if
     it does not, or has inertia of its own.
 
@@ -1296,14 +1302,14 @@ def come_to_rest(path: Continuation, curve: Curve, state: State, why: str) -> St
     path.report(f"{why}; letting the device go there")
     try:
         return creep(path, curve, state)
-    except NoConvergence as failure:
+    except newton.NoConvergence as failure:
         path.report(f"it finds no state of rest ({failure})")
         if isinstance(failure, Emptied):
             raise PathEnd(why, cause=EMPTIED) from failure
         return None
 
 
-def creep(path: Continuation, curve: Curve, state: State) -> State:
+def creep(path: Continuation, curve: controls.Curve, state: State) -> State:
     """Return the stable state on a control's curve to which a device creeps from a state near it.
 
     It moves against a drag, M w' = -dPi/dw, by implicit Euler's steps: each is a minimum of the potential with one more term,
@@ -1315,7 +1321,9 @@ def creep(path: Continuation, curve: Curve, state: State) -> State:
         NoConvergence: It does not come to rest; `Emptied` if a cavity collapses.
     """
     system, potential = path.solver.system, path.solver.system.potential
-    motion = Motion(system, Inertia((1.0,) * len(system.matter)), system.stress_unit / system.length_unit**2)
+    motion = memory.Motion(
+        system, assembly.Inertia((1.0,) * len(system.matter)), system.stress_unit / system.length_unit**2
+    )
     potential.motion, step = motion, FIRST_CREEP
     try:
         for _ in range(MOST_CREEP):
@@ -1325,8 +1333,8 @@ def creep(path: Continuation, curve: Curve, state: State) -> State:
                 found = path.corrector.solve_from(curve, state.w, state.P, state)
                 path.corrector.check_whole(found, state)
                 if not path.at(found).stable_under(curve.line(found.V, found.P)):
-                    raise NoConvergence("a saddle")
-            except NoConvergence:
+                    raise newton.NoConvergence("a saddle")
+            except newton.NoConvergence:
                 step /= 2.0
                 if step < SHORTEST_CREEP:
                     raise
@@ -1341,7 +1349,7 @@ def creep(path: Continuation, curve: Curve, state: State) -> State:
             step = LAST_CREEP if not found.iterations else step * (2.0 if quick else 1.0 if slow else 1.3)
     finally:
         potential.motion = None
-    raise NoConvergence("the device did not come to rest")
+    raise newton.NoConvergence("the device did not come to rest")
 
 
 def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = ()) -> Iterator[Point]:
@@ -1453,9 +1461,9 @@ class Branch:
         for amount in AMOUNTS:
             try:
                 return self._given(amount, at.w + self.sign * amount * self.shape, at.P)
-            except NoConvergence as failure:
+            except newton.NoConvergence as failure:
                 self.path.report(f"no converged state with amplitude {amount:g} of the mode ({failure})")
-        raise NoConvergence("no converged state on the branch")
+        raise newton.NoConvergence("no converged state on the branch")
 
     def next(self) -> Point:
         """Return the state with `GROWTH` times as much of the mode as the last."""
@@ -1527,7 +1535,7 @@ def follow(path: Continuation, bifurcation: Point, sign: int = 1, farthest: floa
                 return
             if branch.predicted(known, found):
                 break
-    except NoConvergence as failure:
+    except newton.NoConvergence as failure:
         raise PathEnd(str(failure)) from failure
     path.trail.modes = [branch.mode]
     for _ in range(MOST_POINTS):

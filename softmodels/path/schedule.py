@@ -16,14 +16,12 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
-from softmodels.mechanics.component import PathFailure
-from softmodels.mechanics.controls import Control, Coupling, pressure_control, volume_control
-from softmodels.mechanics.mpi import largest
-from softmodels.mechanics.newton import NoConvergence
+from softmodels.mechanics import component, controls, mpi, newton
+from softmodels.mechanics.controls import Control
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
-from softmodels.path.continuation import FREE_GROWTH, Continuation, come_to_rest, trace
-from softmodels.path.stability import ArcLength, PathEnd, PathQuantity, Point, Pressure, VolumeGain
+from softmodels.path import continuation, stability
+from softmodels.path.continuation import Continuation
 from softmodels.path.steps import (
     FLOW,
     PRESSURE,
@@ -76,16 +74,16 @@ GROWTH, MOST_GROWTH = 1e-3, 1.0
 """First and last volume, over the cavity's, that a lost equilibrium is looked for at beyond its last state."""
 
 
-class LostInTime(PathEnd):
+class LostInTime(stability.PathEnd):
     """The device loses its equilibrium at a pressure that is held or raised, at a time in s since the stage began."""
 
-    def __init__(self, time: float, last: Point):
+    def __init__(self, time: float, last: stability.Point):
         why = "the silicone has crept so far that the device has no equilibrium at this pressure any more"
         super().__init__(why, last)
         self.time = time
 
 
-class SnapInTime(PathEnd):
+class SnapInTime(stability.PathEnd):
     """The device snaps through with the gas it holds, faster than any gas can come."""
 
 
@@ -97,7 +95,7 @@ class Drive(Protocol):
     fewest: int
     recovers: bool
 
-    def begin(self, path: Continuation, first: Point) -> float:
+    def begin(self, path: Continuation, first: stability.Point) -> float:
         """Begin at the first point of a path; return the length of the first step in s."""
 
     def solved(self, path: Continuation, time: float, step: float, end: bool, earlier: Earlier | None) -> State:
@@ -106,13 +104,13 @@ class Drive(Protocol):
     def error(self, state: State) -> float:
         """Return the error of this state by the length of its step, of the drive's own, as `TOLERANCE` counts it."""
 
-    def check(self, point: Point, first: Point) -> None:
+    def check(self, point: stability.Point, first: stability.Point) -> None:
         """Raise `NoConvergence` where a device does not stay in a state."""
 
     def shortest(self, time: float) -> float:
         """Return the length in s of a step that is not halved any more at a time."""
 
-    def ended(self, path: Continuation, time: float, step: float, failure: NoConvergence) -> PathEnd:
+    def ended(self, path: Continuation, time: float, step: float, failure: newton.NoConvergence) -> stability.PathEnd:
         """Return the end of a path of which not even the shortest step converged."""
 
 
@@ -128,8 +126,8 @@ class Ramp:
     def __init__(self, rise: float, duration: float, fewest: int = FEWEST_STEPS):
         self.rise, self.duration, self.fewest = rise, duration, fewest
 
-    def begin(self, path: Continuation, first: Point) -> float:
-        self.start, self.by_pressure = path.value(first.state), isinstance(path.requested, Pressure)
+    def begin(self, path: Continuation, first: stability.Point) -> float:
+        self.start, self.by_pressure = path.value(first.state), isinstance(path.requested, stability.Pressure)
         self.first = FIRST * min(self.duration, path.solver.system.potential.relaxation)
         return self.duration / self.fewest
 
@@ -151,21 +149,21 @@ class Ramp:
     def error(self, state: State) -> float:
         return 0.0
 
-    def check(self, point: Point, first: Point) -> None:
+    def check(self, point: stability.Point, first: stability.Point) -> None:
         if self.by_pressure and point.signature.negative_eigenvalues > first.signature.negative_eigenvalues:
-            raise NoConvergence("no stable state")
+            raise newton.NoConvergence("no stable state")
 
     def shortest(self, time: float) -> float:
         return max(LOCATED * time, self.first)
 
-    def ended(self, path: Continuation, time: float, step: float, failure: NoConvergence) -> PathEnd:
+    def ended(self, path: Continuation, time: float, step: float, failure: newton.NoConvergence) -> stability.PathEnd:
         if (
             self.by_pressure
             and not path.solver.system.potential.motion
             and _none(path, self._value(time + 2 * step), 2 * step)
         ):
             return LostInTime(time, dataclasses.replace(path.last, limit=True))
-        return PathEnd(f"no step in time converged, down to {step:.3g} s ({failure})")
+        return stability.PathEnd(f"no step in time converged, down to {step:.3g} s ({failure})")
 
 
 class Filling:
@@ -186,7 +184,7 @@ class Filling:
         rigid = self.gas.value(state.V, 0.0) * self.largest / self.gas.supply.ambient
         self.scale = max(self.scale, rigid, abs(self.gas.value(state.V, state.P) - self.rest))
 
-    def begin(self, path: Continuation, first: Point) -> float:
+    def begin(self, path: Continuation, first: stability.Point) -> float:
         self._grow(first.state)
         come = max(abs(self.gas.flow(self._source(t), first.state.P)[0]) for t in (0.0, FIRST * self.duration))
         return float(min(self.duration / FEWEST_STEPS, FIRST_CHANGE * self.scale / come if come else math.inf))
@@ -207,16 +205,16 @@ class Filling:
         # Rounded, so that the steps do not depend on the rounding errors of a state.
         return float(f"{self.curve.error(state, self.earlier) / self.scale:.2g}")
 
-    def check(self, point: Point, first: Point) -> None:
+    def check(self, point: stability.Point, first: stability.Point) -> None:
         a, b = self.curve.slopes(point.state.V, point.state.P)
         if a * point.tangent.V + b * point.tangent.P <= 0.0:
-            raise NoConvergence("no stable state with this gas")
+            raise newton.NoConvergence("no stable state with this gas")
         self._grow(point.state)
 
     def shortest(self, time: float) -> float:
         return SHORTEST * self.duration
 
-    def ended(self, path: Continuation, time: float, step: float, failure: NoConvergence) -> PathEnd:
+    def ended(self, path: Continuation, time: float, step: float, failure: newton.NoConvergence) -> stability.PathEnd:
         t, (a, b) = path.last.tangent, self.gas.slopes(path.last.state.V, path.last.state.P)
         if not path.solver.system.potential.motion and a * t.V + b * t.P <= SNAPPING * (abs(a * t.V) + abs(b * t.P)):
             why = (
@@ -224,10 +222,10 @@ class Filling:
                 "holds less"
             )
             return SnapInTime(why, dataclasses.replace(path.last, turn=True))
-        return PathEnd(f"no step in time converged, down to {step:.3g} s ({failure})")
+        return stability.PathEnd(f"no step in time converged, down to {step:.3g} s ({failure})")
 
 
-def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Iterator[tuple[float, Point]]:
+def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Iterator[tuple[float, stability.Point]]:
     """Follow a device through one stage, along a path that begins where the stage does (its own control is not looked at).
     Yield which share of the stage is done, and the point; the first one is its beginning. `LostInTime` or `SnapInTime` if there
     is no equilibrium any more, `PathEnd` if a step failed, however short; the tolerance is as `TOLERANCE`."""
@@ -259,7 +257,7 @@ def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Ite
             potential.keep(state.w)
             point = corrector.point(state, requested=share == 1.0)
             drive.check(point, first)
-        except NoConvergence as failure:
+        except newton.NoConvergence as failure:
             potential.forget(since)
             step, shrunk = step / 2, True
             if step < _shortest(path, drive, time):
@@ -303,8 +301,8 @@ def _shortest(path: Continuation, drive: Drive, time: float) -> float:
 def _check_growth(path: Continuation) -> None:
     """Raise `PathEnd` for a moving device that has grown far beyond any stable state."""
     growth = path.last.state.V / path.plane.V_scale
-    if growth > FREE_GROWTH and path.solver.system.potential.motion:
-        raise PathEnd(f"the cavity has grown {FREE_GROWTH:g}-fold and finds no state of rest")
+    if growth > continuation.FREE_GROWTH and path.solver.system.potential.motion:
+        raise stability.PathEnd(f"the cavity has grown {continuation.FREE_GROWTH:g}-fold and finds no state of rest")
 
 
 def _none(path: Continuation, pressure: float, step: float) -> bool:
@@ -316,13 +314,13 @@ def _none(path: Continuation, pressure: float, step: float) -> bool:
     state, growth = last, GROWTH
     try:
         while growth < MOST_GROWTH:
-            found = solver.solve(volume_control(last.V * (1.0 + growth)), state.w, state.P)
+            found = solver.solve(controls.volume_control(last.V * (1.0 + growth)), state.w, state.P)
             if pressure <= found.P:
                 return False
             if found.P < state.P and state is not last:
                 return True
             state, growth = found, 1.5 * growth
-    except NoConvergence:
+    except newton.NoConvergence:
         pass
     finally:
         potential.forget(since)
@@ -340,10 +338,10 @@ POINTS_PER_STAGE = 4
 """Minimum number of points per stage, for smooth curves."""
 
 
-class HangingEnd(PathEnd):
+class HangingEnd(stability.PathEnd):
     """No equilibrium exists under the preload: ``what`` was being applied, a clause, and ``share`` of it was reached."""
 
-    def __init__(self, end: PathEnd, what: str, share: float):
+    def __init__(self, end: stability.PathEnd, what: str, share: float):
         super().__init__(str(end), end.limit, end.cause)
         self.what, self.share = what, share
 
@@ -396,8 +394,8 @@ class Stage:
     """
 
     start: StageEnd
-    coupling: Coupling
-    requested: PathQuantity
+    coupling: controls.Coupling
+    requested: stability.PathQuantity
     goal: float
     duration: float = 0.0
 
@@ -415,13 +413,13 @@ class Stage:
         goal = float(np.abs(change).max())
         change = change if goal or before is None else before
         by_volume = any(change[driver] for driver in held)
-        make = Coupling.by_volume if by_volume else Coupling.by_pressure
-        requested = VolumeGain() if by_volume else Pressure()
+        make = controls.Coupling.by_volume if by_volume else controls.Coupling.by_pressure
+        requested = stability.VolumeGain() if by_volume else stability.Pressure()
         return cls(start, make(start.drives, change, held, volumes), requested, goal, duration)
 
     def follow(
         self, solver: Solver, control: str, report: Callable[[str], None], tolerance: float = TOLERANCE
-    ) -> Iterator[tuple[float, Point]]:
+    ) -> Iterator[tuple[float, stability.Point]]:
         """Follow the stage to its end under a control of `Continuation`; ``tolerance`` is that of steps in time, see `march`.
 
         Yields:
@@ -443,11 +441,11 @@ class Stage:
         if self.duration:
             yield from march(path, Ramp(self.goal, self.duration), tolerance)
             return
-        for point in trace(path, [self.goal]):
+        for point in continuation.trace(path, [self.goal]):
             yield path.value(point.state) / self.goal, point
 
 
-def stopped(solver: Solver, point: Point, number: int) -> StageEnd:
+def stopped(solver: Solver, point: stability.Point, number: int) -> StageEnd:
     """Return the end of a stage of this number at a point."""
     system = solver.system
     system.load(point.state)
@@ -476,11 +474,11 @@ def hang(
         if not change.any():
             continue
         stage = Stage.between(here, change, (), here.driven)
-        come: list[tuple[float, Point]] = []
+        come: list[tuple[float, stability.Point]] = []
         try:
             come.extend(stage.follow(solver, "auto", report))
-        except (PathEnd, NoConvergence) as failure:
-            end = failure if isinstance(failure, PathEnd) else PathEnd(str(failure))
+        except (stability.PathEnd, newton.NoConvergence) as failure:
+            end = failure if isinstance(failure, stability.PathEnd) else stability.PathEnd(str(failure))
             raise HangingEnd(end, what, come[-1][0] if come else 0.0) from failure
         here = stopped(solver, come[-1][1], here.number)
     return here
@@ -499,7 +497,7 @@ def load_from(solver: Solver, hung: StageEnd, driver: int) -> State:
     """Couple the drivers so that P is one dead load's magnitude, all others constant; return the start of P."""
     change = np.zeros(len(hung.drives))
     change[driver] = 1.0
-    return solver.couple(Coupling.by_pressure(hung.drives, change, (), hung.driven), hung.state, hung.drives)
+    return solver.couple(controls.Coupling.by_pressure(hung.drives, change, (), hung.driven), hung.state, hung.drives)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -521,7 +519,7 @@ def follow(
     settings: Settings = DEFAULT,
     begin: StageEnd | None = None,
     hung: StageEnd | None = None,
-) -> Iterator[tuple[float, Point]]:
+) -> Iterator[tuple[float, stability.Point]]:
     """Follow a device at rest through a program, which drives each of its cavities, or none of them, and dead loads. The
     coupling of its cavities is changed.
 
@@ -565,8 +563,8 @@ def follow(
 
 
 def _told(
-    points: Iterator[tuple[float, Point]], number: int, begin: StageEnd | None, at_rest: bool
-) -> Generator[tuple[float, Point], None, Point]:
+    points: Iterator[tuple[float, stability.Point]], number: int, begin: StageEnd | None, at_rest: bool
+) -> Generator[tuple[float, stability.Point], None, stability.Point]:
     """Yield how far a program has come at a stage's points, and these; return the last one.
 
     The first point is the stage's beginning, which the stage before has given; only the first stage of a program that does not
@@ -587,7 +585,7 @@ def supply(
     settings: Settings = DEFAULT,
     begin: StageEnd | None = None,
     hung: StageEnd | None = None,
-) -> Iterator[tuple[float, Point]]:
+) -> Iterator[tuple[float, stability.Point]]:
     """Follow a device that gas is supplied to in time, by the steps of its source, perhaps with those of the valve; see
     `follow`. A jump of the source leaves the device where it is.
 
@@ -604,7 +602,7 @@ def supply(
         np.trapezoid([source.flow or 0.0 for source in sources], times) / (rest * gas.volume_unit) * gas.supply.ambient
     )
     largest = max(1.0, abs(float(pumped)), *(abs(source.pressure) for source in sources))
-    point: Point | None = None
+    point: stability.Point | None = None
     for number in numbers:
         if number <= here.number:
             continue
@@ -672,7 +670,7 @@ APART = 1e-6
 as the one before, and ends at the same limit point."""
 
 
-BUCKLED = PathFailure(
+BUCKLED = component.PathFailure(
     "the device buckles: its stable states end at a bifurcation, and none was found in which it would come to rest",
     "Stay below; smaller cells (--cell-size) may resolve the folds into which it collapses",
 )
@@ -684,7 +682,7 @@ class CyclePart:
     on which states between them are solved for; ``buckles``: whether unstable states follow on it without a limit point;
     ``rest``: where it begins, if it goes on below and was not followed there."""
 
-    points: tuple[Point, ...]
+    points: tuple[stability.Point, ...]
     path: Continuation
     buckles: bool
     rest: State | None = None
@@ -704,7 +702,7 @@ class CyclePart:
 
 
 @dataclasses.dataclass(frozen=True)
-class Fall(Pressure):
+class Fall(stability.Pressure):
     """How far the cavity's pressure has fallen from where a path begins."""
 
     start: float
@@ -717,13 +715,13 @@ class Fall(Pressure):
         return 0.0, -1.0
 
     def curve(self, value: float) -> Control:
-        return pressure_control(self.start - value)
+        return controls.pressure_control(self.start - value)
 
     def exactly(self, state: State, value: float) -> State:
         return dataclasses.replace(state, P=self.start - value)
 
 
-def cycle(path: Continuation, goals: Sequence[float]) -> Iterator[Point]:
+def cycle(path: Continuation, goals: Sequence[float]) -> Iterator[stability.Point]:
     """Raise the pressure through the goals and lower it again.
 
     Args:
@@ -748,25 +746,25 @@ class Cycle:
 
     def __init__(self, path: Continuation, most: float):
         self.path, self.most = path, most
-        self.lost: PathEnd | None = None
-        path.control, path.largest_growth, path.lets_go = ArcLength.name, FREE_GROWTH, False
+        self.lost: stability.PathEnd | None = None
+        path.control, path.largest_growth, path.lets_go = stability.ArcLength.name, continuation.FREE_GROWTH, False
         self.parts = _stable_parts(self._curve(path, most), path)
         if not self.parts:
-            raise self.lost or PathEnd("there is no stable state")
+            raise self.lost or stability.PathEnd("there is no stable state")
 
-    def _curve(self, path: Continuation, goal: float) -> list[Point]:
-        points: list[Point] = []
+    def _curve(self, path: Continuation, goal: float) -> list[stability.Point]:
+        points: list[stability.Point] = []
         try:
-            points.extend(trace(path, [goal]))
-        except PathEnd as end:
+            points.extend(continuation.trace(path, [goal]))
+        except stability.PathEnd as end:
             self.lost = end
         return points or list(path.trail.points)
 
-    def along(self, here: int, goals: Sequence[float], way: int) -> Generator[Point, None, int]:
+    def along(self, here: int, goals: Sequence[float], way: int) -> Generator[stability.Point, None, int]:
         """Yield points from the part ``here`` through the goals, up (1) or down (-1); return the last part."""
         at = self.parts[here].points[0].state.P if way > 0 else math.inf
         left = list(goals)
-        landed: Point | None = None
+        landed: stability.Point | None = None
         while True:
             part = self._part(here, way)
             end = part.highest if way > 0 else part.lowest
@@ -794,7 +792,7 @@ class Cycle:
             here = self._snapped(here, edge, at, way)
             landed = dataclasses.replace(_state(self.parts[here], at), requested=False, jump=True)
 
-    def _snapped(self, here: int, edge: Point, P: float, way: int) -> int:
+    def _snapped(self, here: int, edge: stability.Point, P: float, way: int) -> int:
         """Return the part that a device snaps to at a pressure from the end of another, up (1) or down (-1)."""
         options = range(here + way, len(self.parts) if way > 0 else -1, way) if edge.limit else ()
         found = next((k for k in options if self._part(k, way).leads_on(P, way, APART * self.path.plane.P_scale)), None)
@@ -802,24 +800,24 @@ class Cycle:
             self.parts.insert(found := here + 1 if way > 0 else here, rest)
         if found is None and edge.limit:
             why = "the pressure has a limit point, and no stable state at that pressure was found beyond it"
-            raise PathEnd(why, edge)
+            raise stability.PathEnd(why, edge)
         if found is None:
             why = "the curve of its stable states ends"
             if way > 0 and self.parts[here].buckles:
-                raise PathEnd(why, cause=BUCKLED)
-            raise self.lost or PathEnd(why)
+                raise stability.PathEnd(why, cause=BUCKLED)
+            raise self.lost or stability.PathEnd(why)
         return found
 
-    def _let_go(self, edge: Point, P: float, way: int) -> CyclePart | None:
+    def _let_go(self, edge: stability.Point, P: float, way: int) -> CyclePart | None:
         """Return the stable part on which a device comes to rest that is let go at a pressure from the end of another; None if
         it does not."""
         path, state, why = self.path, edge.state, "no stable state was met behind the end of a stable part"
         path.trail.add(edge)  # the last state, if this fails
         if edge.limit:
             system, rate = path.solver.system, edge.tangent.w
-            push = way * NUDGE / largest(system.comm, float(np.abs(rate[: system.n]).max(initial=0.0)))
+            push = way * NUDGE / mpi.largest(system.comm, float(np.abs(rate[: system.n]).max(initial=0.0)))
             state = dataclasses.replace(state, w=state.w + push * rate)
-        rest = come_to_rest(path, pressure_control(P), dataclasses.replace(state, P=P), why)
+        rest = continuation.come_to_rest(path, controls.pressure_control(P), dataclasses.replace(state, P=P), why)
         if rest is None:
             return None
         part = self._followed(rest, way)
@@ -848,10 +846,10 @@ class Cycle:
         return part
 
 
-def _stable_parts(points: Sequence[Point], path: Continuation) -> list[CyclePart]:
+def _stable_parts(points: Sequence[stability.Point], path: Continuation) -> list[CyclePart]:
     """Return the curve's stable parts in order; limit points belong to the part they end."""
     parts: list[CyclePart] = []
-    current: list[Point] = []
+    current: list[stability.Point] = []
     for point in points:
         if point.limit:
             if current:
@@ -870,7 +868,7 @@ def _stable_parts(points: Sequence[Point], path: Continuation) -> list[CyclePart
     return parts
 
 
-def _state(part: CyclePart, P: float) -> Point:
+def _state(part: CyclePart, P: float) -> stability.Point:
     if known := next((point for point in part.points if point.state.P == P and not point.limit), None):
         return dataclasses.replace(known, requested=True)
     for before, after in itertools.pairwise(part.points):

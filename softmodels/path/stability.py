@@ -28,10 +28,8 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import PETSc, fem
-from softmodels.mechanics.assembly import Inertia, entries_of, mass_matrix
-from softmodels.mechanics.component import PathFailure
-from softmodels.mechanics.controls import Control, Curve, Tangent, pressure_control, volume_control
-from softmodels.mechanics.newton import NoConvergence
+from softmodels.mechanics import assembly, component, controls, newton
+from softmodels.mechanics.controls import Control
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 
@@ -220,7 +218,7 @@ def nearest(
             polished[place] = _polished(space, here[place], new)
         elif not (math.isfinite(size) and space.add(new)):
             break
-    raise NoConvergence("the lowest modes did not converge")
+    raise newton.NoConvergence("the lowest modes did not converge")
 
 
 def _polished(space: Space, value: float, new: PETSc.Vec) -> float:
@@ -369,7 +367,7 @@ class Factorised(Spectrum):
     def __init__(self, solver: Solver, M: PETSc.Mat):
         super().__init__(solver, M)
         eq = solver.system
-        self.constraints = entries_of(eq.space, 1) - eq.still_pressures if eq.mixed else 0
+        self.constraints = assembly.entries_of(eq.space, 1) - eq.still_pressures if eq.mixed else 0
 
     @property
     def negative_eigenvalues(self) -> int:
@@ -396,7 +394,7 @@ class Factorised(Spectrum):
         found: Modes | None = None
         # Pressures that hold volumes are large relative to a small residual.
         if bordered.inverse.rounded and not bordered.constraint_columns:
-            with contextlib.suppress(NoConvergence):
+            with contextlib.suppress(newton.NoConvergence):
                 found = self._search([REFINED, *others], refined=False)
         found = found or self._search([REFINED, *others], refined=True)
         return float(found.values[0]), found.vectors
@@ -435,7 +433,7 @@ class Iterated(Spectrum):
     def negative_eigenvalues(self) -> int:
         """Those of the loaded state; if not converged, those of the state before."""
         if self._counted != self.solver.kept.made:
-            with contextlib.suppress(NoConvergence):
+            with contextlib.suppress(newton.NoConvergence):
                 self.lowest(self._modes)
         return self._negative
 
@@ -476,7 +474,7 @@ class Iterated(Spectrum):
         return float(found.values[0]), found.vectors
 
     def corrected(self, state: State, modes: Sequence[PETSc.Vec]) -> float:
-        raise NoConvergence("every state is examined separately, at the cost of a few solves")
+        raise newton.NoConvergence("every state is examined separately, at the cost of a few solves")
 
     def pairs(self, count: int, springs: Springs | None = None) -> list[tuple[float, PETSc.Vec]]:
         if springs is None:
@@ -519,10 +517,10 @@ class Signature:
 class Stability:
     """Signatures of a device's states, with its masses, or of unit density as along a path. One per `Solver`; see `of`."""
 
-    def __init__(self, solver: Solver, inertia: Inertia | None = None):
+    def __init__(self, solver: Solver, inertia: assembly.Inertia | None = None):
         self.solver = solver
         eq = solver.system
-        self.mass = mass_matrix(eq, inertia)
+        self.mass = assembly.mass_matrix(eq, inertia)
         self.M = eq.unknowns.projected(self.mass)
         self.unknowns = eq.K.getSize()[0]
         self.spectrum = spectrum_of(solver, self.M)
@@ -573,7 +571,7 @@ class Stability:
             return True
         try:
             self._guess = self.spectrum.corrected(state, self.modes)
-        except NoConvergence:
+        except newton.NoConvergence:
             return True
         return self._guess < NEAR * self.reference
 
@@ -590,7 +588,7 @@ class Stability:
         self.solver.system.unknowns.projected(self.mass, self.M)
         try:
             value, self.modes = self.spectrum.lowest(self.modes)
-        except NoConvergence:
+        except newton.NoConvergence:
             self.modes = []
             return math.nan
         self.reference = abs(value)
@@ -652,7 +650,7 @@ class Stability:
         ]
         likeness, value, mode = max(pairs, key=lambda pair: pair[0])
         if likeness < ALIKE:
-            raise NoConvergence("its mode could not be tracked between two states")
+            raise newton.NoConvergence("its mode could not be tracked between two states")
         return value, mode
 
 
@@ -679,7 +677,7 @@ class Point:
     """
 
     state: State
-    tangent: Tangent
+    tangent: controls.Tangent
     requested: bool
     limit: bool
     step: float
@@ -701,7 +699,7 @@ class Point:
     @property
     def stable_under_volume(self) -> bool:
         """Whether the state is stable under a given cavity volume."""
-        return self.stable_under(volume_control(self.state.V))
+        return self.stable_under(controls.volume_control(self.state.V))
 
     def stable_under(self, control: Control) -> bool:
         """Return whether the state is stable if pressure and volume are tied by a line a V + b P = d, neither a nor b
@@ -719,7 +717,7 @@ class PathEnd(Exception):
     """The path cannot reach the requested value: ``why`` is a clause, ``limit`` the limit point met, ``cause`` what happens
     there where that is an end of the device's own and no limit point of what drives it."""
 
-    def __init__(self, why: str, limit: Point | None = None, cause: PathFailure | None = None):
+    def __init__(self, why: str, limit: Point | None = None, cause: component.PathFailure | None = None):
         super().__init__(why)
         self.limit, self.cause = limit, cause
 
@@ -780,7 +778,7 @@ class ArcLengthMetric:
         """Return the inner product of two changes (dV, dP)."""
         return a[0] * b[0] / self.V_scale**2 + a[1] * b[1] / self.P_scale**2
 
-    def square_to(self, tangent: Tangent, state: State, step: float = 0.0) -> Control:
+    def square_to(self, tangent: controls.Tangent, state: State, step: float = 0.0) -> Control:
         """Return the line perpendicular to a tangent, ``step`` away from a state."""
         a, b = tangent.V / self.V_scale, tangent.P / self.P_scale
         norm = (a * a + b * b) ** 0.5
@@ -810,14 +808,14 @@ class PathQuantity(abc.ABC):
         """Return its derivatives by volume and by pressure."""
 
     @abc.abstractmethod
-    def curve(self, value: float) -> Curve:
+    def curve(self, value: float) -> controls.Curve:
         """Return the curve on which it has a value."""
 
     def counted(self, start: float, undeformed: float) -> PathQuantity:
         """Return the same for a path that starts at the volume ``start`` instead of the undeformed one."""
         return self
 
-    def starts_forward(self, state: State, tangent: Tangent) -> bool:
+    def starts_forward(self, state: State, tangent: controls.Tangent) -> bool:
         """Return whether a tangent at a path's first state leads to higher values."""
         return not self.rate(state, tangent) < 0.0
 
@@ -830,11 +828,11 @@ class PathQuantity(abc.ABC):
         """Return the limit point that prevented a value from being reached."""
         return None
 
-    def ahead(self, state: State, tangent: Tangent, step: float) -> Curve:
+    def ahead(self, state: State, tangent: controls.Tangent, step: float) -> controls.Curve:
         """Return the curve ``step`` ahead of a state."""
         return self.curve(self.value(state.V, state.P) + step)
 
-    def rate(self, state: State, tangent: Tangent) -> float:
+    def rate(self, state: State, tangent: controls.Tangent) -> float:
         """Return the change along a tangent."""
         a, b = self.slopes(state.V, state.P)
         return a * tangent.V + b * tangent.P
@@ -867,7 +865,7 @@ class Pressure(PathQuantity):
         return 0.0, 1.0
 
     def curve(self, value: float) -> Control:
-        return pressure_control(value)
+        return controls.pressure_control(value)
 
     def exactly(self, state: State, value: float) -> State:
         return dataclasses.replace(state, P=value)
@@ -893,10 +891,10 @@ class AddedVolume(PathQuantity):
         return 1.0, 0.0
 
     def curve(self, value: float) -> Control:
-        return volume_control(value + self.V0)
+        return controls.volume_control(value + self.V0)
 
-    def ahead(self, state: State, tangent: Tangent, step: float) -> Control:
-        return volume_control(state.V + step)
+    def ahead(self, state: State, tangent: controls.Tangent, step: float) -> Control:
+        return controls.volume_control(state.V + step)
 
     def largest_step(self, state: State, plane: ArcLengthMetric) -> float:
         return LARGEST_VOLUME_STEP * max(state.V, plane.V_scale)
@@ -987,10 +985,10 @@ class ArcLength:
     plane: ArcLengthMetric
     name: ClassVar[str] = "arc-length"
 
-    def ahead(self, state: State, tangent: Tangent, step: float) -> Control:
+    def ahead(self, state: State, tangent: controls.Tangent, step: float) -> Control:
         return self.plane.square_to(tangent, state, step)
 
-    def rate(self, state: State, tangent: Tangent) -> float:
+    def rate(self, state: State, tangent: controls.Tangent) -> float:
         along = (tangent.V, tangent.P)
         return self.plane.product(along, along) ** 0.5
 

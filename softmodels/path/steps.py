@@ -15,10 +15,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from softmodels.common.errors import Spoken, known_are
+from softmodels.common import errors, units
 from softmodels.common.names import checked
-from softmodels.common.units import Amount, UnitError, brief, number, plain, written
-from softmodels.mechanics.controls import RequestedValue, requestable
+from softmodels.mechanics import controls
 
 PRESSURE, VOLUME, STROKE = "pressure", "volume", "stroke"
 """Quantities of the cavities (Pa; m3 added), and of a supply driven by strokes (m3)."""
@@ -32,15 +31,15 @@ LEAST_TOLERANCE = 1e-8
 """The least that may be asked for: ten times the tolerance of Newton's method."""
 
 
-class StepError(Spoken, ValueError):
+class StepError(errors.Spoken, ValueError):
     """Invalid load steps; the message is for the user."""
 
 
-def load_quantities() -> dict[str, tuple[str, str, RequestedValue]]:
+def load_quantities() -> dict[str, tuple[str, str, controls.RequestedValue]]:
     """Return what may be requested of dead loads by its name, such as ``"force"``: table, key in case files, description."""
     return {
         key.rpartition("_")[0] or key: (table, key, asked)
-        for table, keys in requestable().items()
+        for table, keys in controls.requestable().items()
         for key, asked in keys.items()
     }
 
@@ -66,13 +65,15 @@ class Prescribed:
     def __post_init__(self) -> None:
         known = (PRESSURE, VOLUME, STROKE, *OF_SUPPLY, *load_quantities())
         if self.quantity not in known:
-            raise StepError(f"quantity {self.quantity!r} of a step is unknown; {known_are(self.quantity, known)}")
+            raise StepError(
+                f"quantity {self.quantity!r} of a step is unknown; {errors.known_are(self.quantity, known)}"
+            )
         try:
-            given = plain(self.values)
+            given = units.plain(self.values)
             each = given if isinstance(given, list | tuple) else [given]
-            values = tuple(one if isinstance(one, Amount) else number(one) for one in each)
-        except UnitError as error:
-            raise StepError(f"{self.quantity} {brief(self.values)} of a step: {error}") from None
+            values = tuple(one if isinstance(one, units.Amount) else units.number(one) for one in each)
+        except units.UnitError as error:
+            raise StepError(f"{self.quantity} {units.brief(self.values)} of a step: {error}") from None
         object.__setattr__(self, "values", values)
 
     @property
@@ -91,7 +92,7 @@ class Prescribed:
     @property
     def named(self) -> bool:
         """Whether it says what it drives, as those of a program do."""
-        of_driver = self.of_cavity or self.of.partition(".")[0] in requestable()
+        of_driver = self.of_cavity or self.of.partition(".")[0] in controls.requestable()
         return self.quantity in OF_SUPPLY or bool(self.of and of_driver)
 
     @property
@@ -238,6 +239,7 @@ def step_text(steps: Steps, number: int) -> str:
     """Return the values of the cavities and loads at a step, as written: ``"cavity1 60 cm, cavity2 2 ml added"``."""
     row = number - 1 + int(begins_at_rest(steps))
     texts = [
-        f"{one.name} {written(one.values[row])}{' added' if one.quantity == VOLUME else ''}" for one in courses(steps)
+        f"{one.name} {units.written(one.values[row])}{' added' if one.quantity == VOLUME else ''}"
+        for one in courses(steps)
     ]
     return ", ".join([*texts, *([f"time {times_of(steps)[row]:g} s"] if timed(steps) else [])])

@@ -18,14 +18,11 @@ import math
 import operator
 from typing import ClassVar
 
-from softmodels.common import errors
-from softmodels.common.errors import Spoken
+from softmodels.common import errors, names, schema
 from softmodels.common.lazy import scipy
-from softmodels.common.names import Registry
-from softmodels.common.schema import Choice, Length, Quantity, about, doubt_of, field_of, settle
 from softmodels.mechanics.controls import Control
 from softmodels.mechanics.system import State
-from softmodels.path.stability import Point, Supply
+from softmodels.path import stability
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Air supplies in a case, where neither the pressure nor the volume itself is prescribed.
@@ -35,7 +32,7 @@ from softmodels.path.stability import Point, Supply
 # `register` makes it available to case files and command lines by name.
 
 
-class SupplyError(Spoken, ValueError):
+class SupplyError(errors.Spoken, ValueError):
     """An invalid supply; the message is for the user."""
 
 
@@ -59,13 +56,13 @@ class AirSupply:
     in_time: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        settle(self, SupplyError)
+        schema.settle(self, SupplyError)
         self.check()
 
     @property
     def doubt(self) -> str:
         """Return a sentence on an implausible value; empty if none."""
-        return doubt_of(self)
+        return schema.doubt_of(self)
 
     def check(self) -> None:
         """Raise `SupplyError` for inconsistent fields."""
@@ -73,7 +70,7 @@ class AirSupply:
     def check_strokes(self, largest: float, cavity: float) -> None:
         """Raise `SupplyError` for a largest stroke out of range, beside the whole device's cavity at rest; m3."""
 
-    def control(self, cavity: float, pressure_unit: float, volume_unit: float) -> Supply:
+    def control(self, cavity: float, pressure_unit: float, volume_unit: float) -> stability.Supply:
         """Return the stroke as the requested quantity of a path, by the whole device's cavity at rest in m3, Pa in one
         dimensionless pressure, and m3 of the whole device in one dimensionless volume."""
         raise NotImplementedError
@@ -92,12 +89,14 @@ class AirSupply:
 def _name_options(supply: type[AirSupply]) -> None:
     """Say how messages spell the options of a supply."""
     errors.call(f"supply {supply.name}", f"supply={supply.__name__}(...)")
-    for name, field in about(supply).items():
+    for name, field in schema.about(supply).items():
         if field.option:
             errors.call(field.option.replace("_", "-"), name)
 
 
-SUPPLIES: Registry[type[AirSupply]] = Registry("supply", operator.attrgetter("name"), made_known=_name_options)
+SUPPLIES: names.Registry[type[AirSupply]] = names.Registry(
+    "supply", operator.attrgetter("name"), made_known=_name_options
+)
 """Every supply by its name."""
 register_supply = SUPPLIES.register
 
@@ -121,12 +120,16 @@ class Syringe(AirSupply):
             1 - leak S of what it was. So it is the leak of a piston moved at a steady rate.
     """
 
-    syringe: float = field_of(Quantity("m^3"), "volume of the syringe, the largest stroke", 20e-6, usual=0.01)
-    dead_volume: float = field_of(Quantity("m^3"), "volume of tubes and T-junction", 5e-6, usual=0.01)
-    ambient: float = field_of(Quantity("Pa"), "absolute ambient pressure, at which everything was filled", AMBIENT)
-    gas: str = field_of(Choice(tuple(GASES)), "gas law", "isothermal")
-    leak: float = field_of(
-        Quantity(), "fraction of the gas's mass lost per volume of stroke, such as 0.002 per ml", 0.0,
+    syringe: float = schema.field_of(
+        schema.Quantity("m^3"), "volume of the syringe, the largest stroke", 20e-6, usual=0.01
+    )
+    dead_volume: float = schema.field_of(schema.Quantity("m^3"), "volume of tubes and T-junction", 5e-6, usual=0.01)
+    ambient: float = schema.field_of(
+        schema.Quantity("Pa"), "absolute ambient pressure, at which everything was filled", AMBIENT
+    )
+    gas: str = schema.field_of(schema.Choice(tuple(GASES)), "gas law", "isothermal")
+    leak: float = schema.field_of(
+        schema.Quantity(), "fraction of the gas's mass lost per volume of stroke, such as 0.002 per ml", 0.0,
         key="leak_per_m3", option="leak_per_ml", per_option=1e6,
     )  # fmt: skip
     name: ClassVar[str] = "syringe"
@@ -186,7 +189,7 @@ class Syringe(AirSupply):
 
 
 @dataclasses.dataclass(frozen=True)
-class Stroke(Supply):
+class Stroke(stability.Supply):
     """The syringe's stroke as a function of cavity volume and pressure, dimensionless: cavity and all gas at rest, ambient
     pressure, 1/n of the gas law, and the share of mass lost per unit of stroke."""
 
@@ -344,26 +347,35 @@ class Reservoir(AirSupply):
         gas: ``"isothermal"`` or ``"adiabatic"``.
     """
 
-    tube_length: float = field_of(
-        Length(zero=True), "length of the tube from the source to the device; 0 for none", 1.0
+    tube_length: float = schema.field_of(
+        schema.Length(zero=True), "length of the tube from the source to the device; 0 for none", 1.0
     )
-    tube_bore: float = field_of(Length(), "inner diameter of that tube", 1e-3)
-    conductance: float = field_of(
-        Quantity("m^3/(s*Pa)"), "sonic conductance of valve or orifice before the tube, such as 0.1 l/(s*bar); 0 for none", 0.0,
+    tube_bore: float = schema.field_of(schema.Length(), "inner diameter of that tube", 1e-3)
+    conductance: float = schema.field_of(
+        schema.Quantity("m^3/(s*Pa)"),
+        "sonic conductance of valve or orifice before the tube, such as 0.1 l/(s*bar); 0 for none", 0.0,
         usual=1e-6,
     )  # fmt: skip
-    critical_ratio: float = field_of(Quantity(), "critical pressure ratio of valve, orifice and leak", 0.3)
-    max_flow: float = field_of(
-        Quantity("m^3/s"), "maximum flow of the source at ambient pressure; 0 for no limit", 0.0, usual=0.1
+    critical_ratio: float = schema.field_of(
+        schema.Quantity(), "critical pressure ratio of valve, orifice and leak", 0.3
     )
-    dead_volume: float = field_of(Quantity("m^3"), "volume of fittings, beside that of the tube", 1e-6, usual=0.01)
-    leak_conductance: float = field_of(
-        Quantity("m^3/(s*Pa)"), "sonic conductance of a leak to the outside", 0.0, usual=1e-6
+    max_flow: float = schema.field_of(
+        schema.Quantity("m^3/s"), "maximum flow of the source at ambient pressure; 0 for no limit", 0.0, usual=0.1
     )
-    leak_length: float = field_of(Length(zero=True), "length of a laminar leak to the outside; 0 for none", 0.0)
-    leak_bore: float = field_of(Length(), "inner diameter of the laminar leak", 1e-4)
-    ambient: float = field_of(Quantity("Pa"), "absolute ambient pressure, at which everything was filled", AMBIENT)
-    gas: str = field_of(Choice(("isothermal", "adiabatic")), "gas law", "isothermal")
+    dead_volume: float = schema.field_of(
+        schema.Quantity("m^3"), "volume of fittings, beside that of the tube", 1e-6, usual=0.01
+    )
+    leak_conductance: float = schema.field_of(
+        schema.Quantity("m^3/(s*Pa)"), "sonic conductance of a leak to the outside", 0.0, usual=1e-6
+    )
+    leak_length: float = schema.field_of(
+        schema.Length(zero=True), "length of a laminar leak to the outside; 0 for none", 0.0
+    )
+    leak_bore: float = schema.field_of(schema.Length(), "inner diameter of the laminar leak", 1e-4)
+    ambient: float = schema.field_of(
+        schema.Quantity("Pa"), "absolute ambient pressure, at which everything was filled", AMBIENT
+    )
+    gas: str = schema.field_of(schema.Choice(("isothermal", "adiabatic")), "gas law", "isothermal")
     name: ClassVar[str] = "reservoir"
     in_time: ClassVar[bool] = True
 
@@ -445,7 +457,7 @@ class Source:
 
 
 @dataclasses.dataclass(frozen=True)
-class Gas(Supply):
+class Gas(stability.Supply):
     """The gas in tubes, fittings and cavity, as its volume at ambient pressure; units are Pa in one dimensionless pressure and
     m3 of the whole device in one dimensionless volume."""
 
@@ -488,7 +500,7 @@ class Gas(Supply):
         unit = 1.0 / (self.supply.ambient * self.volume_unit)
         return (come - gone) * unit, (rate - loss) * unit * self.pressure_unit
 
-    def step(self, last: Point, sources: tuple[Source, Source], step: float) -> GasStep:
+    def step(self, last: stability.Point, sources: tuple[Source, Source], step: float) -> GasStep:
         """Return the curve on which a step in time of a length in s ends, from a point, by what the source does at its two
         ends."""
         V, P, t = last.state.V, last.state.P, last.tangent

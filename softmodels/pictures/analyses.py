@@ -19,32 +19,14 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from geometries import Actuator
+from softmodels.common import commands, files, pages, processes, units
 from softmodels.common.arrays import Array
-from softmodels.common.commands import Provenance
 from softmodels.common.errors import MissingPackageError
-from softmodels.common.files import write_bytes
-from softmodels.common.pages import Bullets, Charts, Fact, Folded, Listing, Page, Table, Text
-from softmodels.common.processes import say
-from softmodels.common.units import column_unit
-from softmodels.materials.silicones import publications
-from softmodels.pictures.curves import drawing
-from softmodels.pictures.offscreen import (
-    SOLID_STYLE,
-    ViewCamera,
-    across_cut,
-    can_render,
-    direction,
-    lines,
-    studio,
-    surface,
-)
-from softmodels.pictures.solid import tiled
-from softmodels.pictures.style import CURVE, DPI, FAINT, INK, LINES, SOLID, STYLE, WARNING, WIDTH, chart, png
-from softmodels.runs.analyses import Tolerance
-from softmodels.runs.grasp import Grasp, Held
-from softmodels.runs.grid import Cells, outline, surface_of
-from softmodels.runs.state_values import FacingWalls
-from softmodels.runs.table import split
+from softmodels.common.pages import Page
+from softmodels.materials import silicones
+from softmodels.pictures import curves, offscreen, solid, style
+from softmodels.runs import analyses, grasp, grid, state_values, table
+from softmodels.runs.grasp import Grasp
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,8 +37,8 @@ SHOWN = {"m": (1e3, ", mm"), "degree": (1.0, ", degrees"), "": (1.0, "")}
 """Factor and text of each unit on an axis."""
 
 
-@matplotlib.rc_context(STYLE)
-def grasp_figure(made: Grasp, found: Sequence[Held], outlines: Sequence[Sequence[Array]]) -> Figure:
+@matplotlib.rc_context(style.STYLE)
+def grasp_figure(made: Grasp, found: Sequence[grasp.Held], outlines: Sequence[Sequence[Array]]) -> Figure:
     """Draw fingers and object in their plane, the load downwards: the last state without load, and the last one, each with
     the corners of the fingers' facets, see `Grasp.outlines`."""
     free = max((number for number, held in enumerate(found) if not held.load), default=0)
@@ -68,36 +50,41 @@ def grasp_figure(made: Grasp, found: Sequence[Held], outlines: Sequence[Sequence
         """Return vectors along and across the load as across and up."""
         return np.stack([vectors[..., 1], -vectors[..., 0]], axis=-1)
 
-    figure = Figure((WIDTH, WIDTH / len(shown) + 0.6), dpi=DPI, layout="constrained")
+    figure = Figure((style.WIDTH, style.WIDTH / len(shown) + 0.6), dpi=style.DPI, layout="constrained")
     for axes, number in zip(np.atleast_1d(figure.subplots(1, len(shown))), shown, strict=True):
         held = found[number]
         for corners in outlines[number]:
             axes.add_collection(
-                PolyCollection(list(plane(corners) * 1e3), facecolors=FAINT, edgecolors=FAINT, linewidths=0.3)
+                PolyCollection(
+                    list(plane(corners) * 1e3), facecolors=style.FAINT, edgecolors=style.FAINT, linewidths=0.3
+                )
             )
         centre = plane(held.moved) * 1e3
-        axes.add_patch(Circle((float(centre[0]), float(centre[1])), radius, facecolor="none", edgecolor=INK))
-        arrows = [*zip(held.forces, ["C0"] * len(held.forces), strict=True), (np.array([held.load, 0.0]), WARNING)]
+        axes.add_patch(Circle((float(centre[0]), float(centre[1])), radius, facecolor="none", edgecolor=style.INK))
+        arrows = [
+            *zip(held.forces, ["C0"] * len(held.forces), strict=True),
+            (np.array([held.load, 0.0]), style.WARNING),
+        ]
         for force, colour in arrows:
             if not force.any():
                 continue
             way = plane(force) / largest * 2.5 * radius
-            start = centre if colour == WARNING else centre - way
+            start = centre if colour == style.WARNING else centre - way
             axes.annotate("", start + way, start, arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.6})
         axes.set_aspect("equal")
         axes.autoscale_view()
         axes.set(xlabel="across the load, mm", ylabel="against the load, mm")
-        pressure = f"{held.pressure / made.case.cm:.4g} {column_unit(made.case.cm)}"
+        pressure = f"{held.pressure / made.case.cm:.4g} {units.column_unit(made.case.cm)}"
         press = ", ".join(f"{force * 1e3:.3g}" for force in held.press)
         figure.supxlabel("arrows: force of each finger on the object, and its load (downwards)", fontsize="small")
         axes.set_title(f"{pressure}, load {held.load * 1e3:.3g} mN\nfingers press with {press} mN", fontsize="medium")
     return figure
 
 
-@matplotlib.rc_context(STYLE)
+@matplotlib.rc_context(style.STYLE)
 def scatter_figure(
     limits: Sequence[tuple[Mapping[str, float], float]],
-    tolerances: Sequence[Tolerance],
+    tolerances: Sequence[analyses.Tolerance],
     what: str,
     nominal: float,
     working: float | None,
@@ -108,21 +95,21 @@ def scatter_figure(
     the pressure is stands at the axes, such as ``"limit pressure"``, with the ``unit`` of the column."""
     label = f"{what}, {unit}"
     pressures = np.sort([pressure for _, pressure in limits])
-    figure = Figure((WIDTH, 4.8 if len(tolerances) < 3 else 4.4), dpi=DPI, layout="constrained")
+    figure = Figure((style.WIDTH, 4.8 if len(tolerances) < 3 else 4.4), dpi=style.DPI, layout="constrained")
     axes = figure.subplots(1, 1 + len(tolerances))
     share = (np.arange(len(pressures)) + 0.5) / len(pressures) * 100
-    axes[0].step(pressures, share, where="mid", color=CURVE)
+    axes[0].step(pressures, share, where="mid", color=style.CURVE)
     for percent in (5, 50, 95):
-        axes[0].plot(np.percentile(pressures, percent), percent, "o", color=INK, markersize=5)
-    axes[0].axvline(nominal, color=FAINT, linestyle="--", label=f"nominal: {nominal:.3g} cm")
+        axes[0].plot(np.percentile(pressures, percent), percent, "o", color=style.INK, markersize=5)
+    axes[0].axvline(nominal, color=style.FAINT, linestyle="--", label=f"nominal: {nominal:.3g} cm")
     if working is not None:
-        axes[0].axvline(working, color=WARNING, label=f"working: {working:.3g} cm")
+        axes[0].axvline(working, color=style.WARNING, label=f"working: {working:.3g} cm")
     axes[0].set(xlabel=label, ylabel="devices below it, %", ylim=(0, 100))
     axes[0].legend(loc="best", fontsize=9)
     for place, tolerance in zip(axes[1:], tolerances, strict=True):
         factor, unit = SHOWN[tolerance.unit]
         values = [changes[tolerance.name] * factor for changes, _ in limits]
-        place.plot(values, [pressure for _, pressure in limits], "o", color=CURVE, markersize=4)
+        place.plot(values, [pressure for _, pressure in limits], "o", color=style.CURVE, markersize=4)
         place.set(xlabel=f"{tolerance.name.replace('_', ' ')}{unit}", ylabel=label)
     return figure
 
@@ -150,16 +137,16 @@ class SolidShapes:
     before: Array
     bent: Array
     normals: Array
-    triangles: Cells
-    edges: Cells
+    triangles: grid.Cells
+    edges: grid.Cells
     up: Array
     towards: Array
 
 
-@matplotlib.rc_context(STYLE)
+@matplotlib.rc_context(style.STYLE)
 def frequency_figure(pressures: Array, frequencies: Array, sealed: bool, unit: str) -> Figure:
     """Plot the frequencies in Hz, shape (states, modes), over the pressures in a ``unit``; of a single state as bars."""
-    figure, axes = chart(5.0)
+    figure, axes = style.chart(5.0)
     numbers = range(1, frequencies.shape[1] + 1)
     if len(pressures) == 1:
         axes.bar(numbers, frequencies[0], width=0.5)
@@ -174,8 +161,8 @@ def frequency_figure(pressures: Array, frequencies: Array, sealed: bool, unit: s
     return figure
 
 
-@matplotlib.rc_context({**STYLE, "font.size": 10, "axes.titlesize": 10})
-def section_shapes(moved: Array, shapes: Sequence[Array], cells: Cells, titles: Sequence[str]) -> Figure:
+@matplotlib.rc_context({**style.STYLE, "font.size": 10, "axes.titlesize": 10})
+def section_shapes(moved: Array, shapes: Sequence[Array], cells: grid.Cells, titles: Sequence[str]) -> Figure:
     """Draw an axisymmetric section of cells, shape (c, 6), in its first modes (largest entry 1, shape (n, 3) each) with their
     titles, over its outline without them; nodes of the state in m, shape (n, 3) with y = 0."""
     flat = moved[:, ::2] * 1e3
@@ -185,11 +172,11 @@ def section_shapes(moved: Array, shapes: Sequence[Array], cells: Cells, titles: 
     shape_of_panel = (high - low)[1] / (high - low)[0]
     columns = 2 if shape_of_panel < 0.8 else DRAWN
     rows = -(-len(shapes) // columns)
-    tall = rows * (min(WIDTH / columns * shape_of_panel, WIDTH) + 0.6)
-    figure = Figure((WIDTH, tall), dpi=DPI, layout="constrained")
+    tall = rows * (min(style.WIDTH / columns * shape_of_panel, style.WIDTH) + 0.6)
+    figure = Figure((style.WIDTH, tall), dpi=style.DPI, layout="constrained")
     for place, shape, title in zip(figure.subplots(rows, columns, squeeze=False).flat, bent, titles, strict=False):
-        for shown, colour in ((flat, FAINT), (shape, INK)):
-            place.add_collection(LineCollection(list(outline(shown, cells)), colors=colour, linewidths=1.4))
+        for shown, colour in ((flat, style.FAINT), (shape, style.INK)):
+            place.add_collection(LineCollection(list(grid.outline(shown, cells)), colors=colour, linewidths=1.4))
         place.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", title=title)
     for place in list(figure.axes)[len(shapes) :]:
         place.remove()
@@ -199,15 +186,15 @@ def section_shapes(moved: Array, shapes: Sequence[Array], cells: Cells, titles: 
 
 
 def solid_shapes(
-    points: Array, cells: Cells, cell_name: str, actuator: Actuator, moved: Array, shapes: Sequence[Array]
+    points: Array, cells: grid.Cells, cell_name: str, actuator: Actuator, moved: Array, shapes: Sequence[Array]
 ) -> SolidShapes:
     """Return what `main` renders of a slice: undeformed nodes in m, shape (n, 3), cells, shape (c, 10), with XDMF's name of
     them, nodes of the state in m, and the modes."""
-    skin, up = surface_of(points, cells, cell_name, actuator), np.asarray(actuator.lift)
+    skin, up = grid.surface_of(points, cells, cell_name, actuator), np.asarray(actuator.lift)
     size = AMOUNT * np.ptp(points, axis=0).max()
-    walls = FacingWalls(points, cells, cell_name, [plane.normal for plane in actuator.cut_planes])
+    walls = state_values.FacingWalls(points, cells, cell_name, [plane.normal for plane in actuator.cut_planes])
     bent = np.array([skin.points(moved + _apart(walls, moved - points, size * shape)) for shape in shapes])
-    whole = direction(*((-45.0, 32.0) if actuator.axial else (-58.0, 24.0)), up)
+    whole = offscreen.direction(*((-45.0, 32.0) if actuator.axial else (-58.0, 24.0)), up)
     return SolidShapes(
         before=skin.points(moved),
         bent=bent,
@@ -215,11 +202,11 @@ def solid_shapes(
         triangles=skin.triangles,
         edges=np.concatenate([skin.edges, skin.rims]),
         up=up,
-        towards=across_cut(skin, up) if len(skin.planes) else whole,
+        towards=offscreen.across_cut(skin, up) if len(skin.planes) else whole,
     )
 
 
-def _apart(walls: FacingWalls, displacement: Array, shape: Array) -> Array:
+def _apart(walls: state_values.FacingWalls, displacement: Array, shape: Array) -> Array:
     """Return a mode as large, and of that sign, as makes no walls pass through each other."""
     for share in SMALLER:
         for sign in (1.0, -1.0):
@@ -230,17 +217,17 @@ def _apart(walls: FacingWalls, displacement: Array, shape: Array) -> Array:
 
 def draw_solids(told: SolidShapes, titles: Sequence[str]) -> Figure:
     """Render what `solid_shapes` has made."""
-    camera, edges = ViewCamera.around([told.before, *told.bent], told.towards, told.up), told.edges
-    with studio(camera) as shoot:
+    camera, edges = offscreen.ViewCamera.around([told.before, *told.bent], told.towards, told.up), told.edges
+    with offscreen.studio(camera) as shoot:
         images = [
             shoot([
-                (surface(bent, told.triangles, normals), {**SOLID_STYLE, "color": SOLID}),
-                (lines(bent, edges), {"color": INK, "line_width": 2.0}),
-                (lines(told.before, edges), {"color": FAINT, "line_width": 1.5}),
+                (offscreen.surface(bent, told.triangles, normals), {**offscreen.SOLID_STYLE, "color": style.SOLID}),
+                (offscreen.lines(bent, edges), {"color": style.INK, "line_width": 2.0}),
+                (offscreen.lines(told.before, edges), {"color": style.FAINT, "line_width": 1.5}),
             ])
             for bent, normals in zip(told.bent, told.normals, strict=True)
         ]  # fmt: skip
-    return tiled(list(zip(titles, images, strict=True)))
+    return solid.tiled(list(zip(titles, images, strict=True)))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -254,19 +241,19 @@ PERCENTILES = (5, 50, 95)
 
 def _label(one: Input | str) -> str:
     """Return an input's or a column's name with its unit."""
-    name, unit = split(one) if isinstance(one, str) else (one.key.rpartition(".")[2], one.unit)
+    name, unit = table.split(one) if isinstance(one, str) else (one.key.rpartition(".")[2], one.unit)
     words = name.replace("_", " ")
     return f"{words}, {unit}" if unit else words
 
 
-@matplotlib.rc_context({**STYLE, "axes.grid": False})
+@matplotlib.rc_context({**style.STYLE, "axes.grid": False})
 def parallel(study: Study) -> Figure:
     """Return the samples as lines over the inputs and responses, coloured by the first response."""
     inputs, responses = study.plan.inputs, study.responses
     points, values = study.plan.points, [study.values(name) for name in responses]
     columns = [*points.T, *values]
     places: list[Input | str] = [*inputs, *responses]
-    figure, axes = chart(4.4)
+    figure, axes = style.chart(4.4)
     shares = []
     for one, column in zip(places, columns, strict=True):
         low, high = float(np.nanmin(column)), float(np.nanmax(column))
@@ -281,7 +268,7 @@ def parallel(study: Study) -> Figure:
     whole = np.isfinite(lines[..., 1]).all(axis=1)
     order = np.argsort(values[0][whole])
     bundle = LineCollection(
-        list(lines[whole][order]), array=values[0][whole][order], cmap=LINES, linewidths=1.0, alpha=0.7
+        list(lines[whole][order]), array=values[0][whole][order], cmap=style.LINES, linewidths=1.0, alpha=0.7
     )
     axes.add_collection(bundle)
     figure.colorbar(bundle, ax=axes, label=_label(responses[0]), pad=0.02)
@@ -295,7 +282,7 @@ def parallel(study: Study) -> Figure:
 
 def _axis_texts(axes: Axes, place: int, one: Input | str, ends: tuple[float, float]) -> None:
     """Draw the axis of an input or a response, with the values at its ends or of its texts."""
-    axes.axvline(place, color=FAINT, linewidth=1.0, zorder=0)
+    axes.axvline(place, color=style.FAINT, linewidth=1.0, zorder=0)
     low, high = ends
     marks = [(0.0, low), (0.5, (low + high) / 2), (1.0, high)]
     texts = [(share, f"{value:.4g}") for share, value in marks]
@@ -307,7 +294,7 @@ def _axis_texts(axes: Axes, place: int, one: Input | str, ends: tuple[float, flo
                       bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.7})  # fmt: skip
 
 
-@matplotlib.rc_context({**STYLE, "axes.grid": False})
+@matplotlib.rc_context({**style.STYLE, "axes.grid": False})
 def surface_figure(study: Study, response: str, strongest: tuple[int, int]) -> Figure:
     """Return a response over the two strongest inputs, the others in their middle: its surrogate, and the samples."""
     inputs, model = study.plan.inputs, study.surrogate(response)
@@ -319,21 +306,21 @@ def surface_figure(study: Study, response: str, strongest: tuple[int, int]) -> F
     points[:, strongest[1]] = np.tile(up, len(across))
     values = model(points).reshape(len(across), len(up)).T
     first, second = (inputs[k] for k in strongest)
-    figure, axes = chart(4.8, 0.72 * WIDTH)
+    figure, axes = style.chart(4.8, 0.72 * style.WIDTH)
     x, y = _shown(first, across), _shown(second, up)
     low, high = float(values.min()), float(values.max())
     levels = np.linspace(low, high if high > low else low + 1.0, 15)
-    filled = axes.contourf(x, y, values, levels=levels, cmap=LINES)
+    filled = axes.contourf(x, y, values, levels=levels, cmap=style.LINES)
     own = study.values(response)
     known = np.isfinite(own)
     at = study.plan.points
     axes.scatter(
-        _shown(first, at[known, strongest[0]]), _shown(second, at[known, strongest[1]]), c=own[known], cmap=LINES,
+        _shown(first, at[known, strongest[0]]), _shown(second, at[known, strongest[1]]), c=own[known], cmap=style.LINES,
         vmin=levels[0], vmax=levels[-1], edgecolors="white", s=36, label="samples",
     )  # fmt: skip
     if not known.all():
         gone = ~known
-        axes.plot(_shown(first, at[gone, strongest[0]]), _shown(second, at[gone, strongest[1]]), "x", color=WARNING,
+        axes.plot(_shown(first, at[gone, strongest[0]]), _shown(second, at[gone, strongest[1]]), "x", color=style.WARNING,
                   label="no result")  # fmt: skip
         axes.legend(loc="best", fontsize=9)
     figure.colorbar(filled, ax=axes, label=_label(response), format="%.4g")
@@ -358,15 +345,25 @@ def _shown(one: Input, points: Array) -> Array:
     return np.array(one.values, dtype=float)[points.astype(int)]
 
 
-@matplotlib.rc_context(STYLE)
+@matplotlib.rc_context(style.STYLE)
 def shares_figure(found: dict[str, Indices]) -> Figure:
     """Return the Sobol indices of each response as bars with their 95 % intervals."""
     names = next(iter(found.values())).inputs
-    figure = Figure((WIDTH, 1.3 + 0.45 * len(names)), dpi=DPI, layout="constrained")
+    figure = Figure((style.WIDTH, 1.3 + 0.45 * len(names)), dpi=style.DPI, layout="constrained")
     for axes, (response, one) in zip(np.ravel(figure.subplots(1, len(found), sharey=True)), found.items(), strict=True):
         places = np.arange(len(names))
-        axes.barh(places - 0.2, one.first, 0.38, xerr=one.first_half, color=CURVE, ecolor=FAINT, label="first order")
-        axes.barh(places + 0.2, one.total, 0.38, xerr=one.total_half, color=FAINT, ecolor=CURVE, label="total")
+        axes.barh(
+            places - 0.2,
+            one.first,
+            0.38,
+            xerr=one.first_half,
+            color=style.CURVE,
+            ecolor=style.FAINT,
+            label="first order",
+        )
+        axes.barh(
+            places + 0.2, one.total, 0.38, xerr=one.total_half, color=style.FAINT, ecolor=style.CURVE, label="total"
+        )
         axes.set(xlim=(0, None), xlabel="share of the variance", title=_label(response))
         axes.set_yticks(places, [name.rpartition(".")[2].replace("_", " ") for name in names])
         axes.grid(axis="y", visible=False)
@@ -405,36 +402,41 @@ def study_page(study: Study, seconds: float) -> tuple[str, dict[str, Figure]]:
         for name, one in indices.items()
         for key, a, b, c, d in zip(one.inputs, one.first, one.total, one.first_half, one.total_half, strict=True)
     ]
-    facts = [Fact("samples", str(len(plan.points)), f"{plan.sampling}, seed {plan.seed}")]
-    facts += [Fact("without a result", str(len(failures)), "see below", True)] if failures else []
+    facts = [pages.Fact("samples", str(len(plan.points)), f"{plan.sampling}, seed {plan.seed}")]
+    facts += [pages.Fact("without a result", str(len(failures)), "see below", True)] if failures else []
     for name in study.responses:
         note = f"surrogate's error {errors[name]}" if name in errors else ""
-        facts.append(Fact(_label(name), f"{np.nanmedian(study.values(name)):.4g} {split(name)[1]}".strip(), note))
+        facts.append(
+            pages.Fact(_label(name), f"{np.nanmedian(study.values(name)):.4g} {table.split(name)[1]}".strip(), note)
+        )
 
-    def charts(start: str) -> Charts:
-        return Charts([(f"{name}.svg", drawing(one, cm)) for name, one in figures.items() if name.startswith(start)])
+    def charts(start: str) -> pages.Charts:
+        return pages.Charts(
+            [(f"{name}.svg", curves.drawing(one, cm)) for name, one in figures.items() if name.startswith(start)]
+        )
 
     answer = f"{len(plan.points) - len(failures)} of {len(plan.points)} samples of {plan.case.name} have a result."
     report = Page(
         f"Study {plan.name}", answer,
         [
             ("Samples", [charts("parallel")]),
-            ("Responses", [Table(spread, ["response", "mean", "standard deviation", *(f"{p} %" for p in PERCENTILES)])]),
+            ("Responses", [pages.Table(spread, ["response", "mean", "standard deviation", *(f"{p} %" for p in PERCENTILES)])]),
             ("Response surfaces", [
-                Text("The surrogate over the two strongest inputs, the others in their middle. Points: the samples."),
+                pages.Text("The surrogate over the two strongest inputs, the others in their middle. Points: the samples."),
                 charts("surface"),
-                Bullets([f"{name}: cross-validated error {text} (rms)" for name, text in errors.items()]),
+                pages.Bullets([f"{name}: cross-validated error {text} (rms)" for name, text in errors.items()]),
             ]),
             ("Sobol indices", [
-                Text("Shares of the variance by each input: by itself (first order), with all interactions (total); "
+                pages.Text("Shares of the variance by each input: by itself (first order), with all interactions (total); "
                      + _of_what(indices)) if indices else None,
-                charts("indices"), Table(rows, ["input", "first order", "total"]) if rows else None,
+                charts("indices"), pages.Table(rows, ["input", "first order", "total"]) if rows else None,
             ]),
-            ("Samples without a result", [Bullets([f"sample {k}: {text}" for k, text in failures.items()])]),
-            ("Inputs", [Table([[one.key, _range(one)] for one in plan.inputs], numbers=False)]),
-            ("The case", [Folded("case.toml", [Listing(plan.case.to_toml())])]),
+            ("Samples without a result", [pages.Bullets([f"sample {k}: {text}" for k, text in failures.items()])]),
+            ("Inputs", [pages.Table([[one.key, _range(one)] for one in plan.inputs], numbers=False)]),
+            ("The case", [pages.Folded("case.toml", [pages.Listing(plan.case.to_toml())])]),
         ],
-        Provenance.now(seconds), facts, notes, publications(plan.case.material), {"study.csv": study_table(study)}, cm,
+        commands.Provenance.now(seconds), facts, notes, silicones.publications(plan.case.material),
+        {"study.csv": study_table(study)}, cm,
     )  # fmt: skip
     return report.html(), figures
 
@@ -455,7 +457,7 @@ def _analysed(study: Study, figures: dict[str, Figure]) -> tuple[dict[str, Indic
         indices[name] = found
         notes += [f"{name}: {found.doubt}"] if found.doubt else []
         share = made.error / made.spread if made.spread else 0.0
-        size = f"{made.error:.3g} {split(name)[1]}".strip()
+        size = f"{made.error:.3g} {table.split(name)[1]}".strip()
         errors[name] = f"{size}, {100 * share:.2g} % of the standard deviation"
         order = np.argsort(found.total)[::-1]
         if len(order) > 1:
@@ -492,11 +494,11 @@ def _range(one: Input) -> str:
 @click.argument("titles", nargs=-1)
 def main(shapes: Path, picture: Path, titles: tuple[str, ...]) -> None:
     """Render the SHAPES, a file of numpy, into a PICTURE; each has one of the TITLES."""
-    if not can_render():
-        say("this machine cannot render (no OpenGL)", err=True)
+    if not offscreen.can_render():
+        processes.say("this machine cannot render (no OpenGL)", err=True)
         sys.exit(1)
     with np.load(shapes) as told:
-        write_bytes(picture, png(draw_solids(SolidShapes(**told), titles)))
+        files.write_bytes(picture, style.png(draw_solids(SolidShapes(**told), titles)))
 
 
 if __name__ == "__main__":

@@ -18,20 +18,16 @@ import numpy.typing as npt
 from matplotlib.figure import Figure
 
 from softmodels.case.case import Case
+from softmodels.common import cards, commands, errors, files, pages
 from softmodels.common.arrays import Array
-from softmodels.common.cards import Shown, Table as CardRows
-from softmodels.common.commands import Provenance
-from softmodels.common.errors import Spoken, no_case
-from softmodels.common.files import fingerprint, write_text
 from softmodels.common.lazy import scipy
-from softmodels.common.pages import Bullets, Cell, Charts, Fact, Page, Part, Table, Text
-from softmodels.materials.silicones import publications
-from softmodels.pictures.curves import drawing, limits, over_of, profile, smooth
+from softmodels.common.pages import Page
+from softmodels.materials import silicones
+from softmodels.pictures import curves
 from softmodels.pictures.style import LINE_COLOURS, STYLE, WIDTH, chart
-from softmodels.runs.columns import term
+from softmodels.runs import columns, table
 from softmodels.runs.states import StoredStates
 from softmodels.runs.store import ResultsError
-from softmodels.runs.table import PathTable
 
 COMPARED = ("added_volume", "max_stretch", "peak_stretch", "max_von_mises", "blocked_force", "contact_force")
 """Variables compared at the highest common load, beside the rise."""
@@ -42,7 +38,7 @@ FLAT = 0.3
 """Height of outlines over their width below which both axes have scales of their own."""
 
 
-class ComparisonError(Spoken, ValueError):
+class ComparisonError(errors.Spoken, ValueError):
     """What cannot be compared; the message is for the user."""
 
 
@@ -54,18 +50,18 @@ class Compared:
 
     name: str
     case: Case
-    rows: PathTable
+    rows: table.PathTable
     points: Array
     cells: int
     displacement: Callable[[int], Array]
-    made: Provenance = dataclasses.field(default_factory=Provenance)
+    made: commands.Provenance = dataclasses.field(default_factory=commands.Provenance)
 
     @classmethod
     def from_folder(cls, folder: Path) -> Compared:
         """Return the results of a folder; ResultsError if it holds none that can be read, CaseError if its case file is
         wrong."""
         if not (folder / "case.toml").is_file():
-            raise ResultsError(f"{folder} holds no results of a run ({no_case(folder)})")
+            raise ResultsError(f"{folder} holds no results of a run ({errors.no_case(folder)})")
         states = StoredStates(folder)
 
         def displacement(step: int) -> Array:
@@ -82,7 +78,7 @@ class Compared:
     @property
     def loads(self) -> Array:
         """The loads in the unit in which they are shown, shape (states,)."""
-        return self.rows.shown(over_of(self.case)[0])
+        return self.rows.shown(curves.over_of(self.case)[0])
 
     @functools.cached_property
     def sign(self) -> float:
@@ -90,7 +86,7 @@ class Compared:
         return -1.0 if -self.loads.min() > self.loads.max() else 1.0
 
     @functools.cached_property
-    def rising(self) -> tuple[Array, PathTable]:
+    def rising(self) -> tuple[Array, table.PathTable]:
         """Sizes of the loads, and states, up to the highest one of the first part of the path, where it only rises."""
         loads = self.sign * self.loads
         falls = np.flatnonzero(np.diff(loads) <= 0.0)
@@ -132,7 +128,7 @@ class Figures:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Comparison(Shown):
+class Comparison(cards.Shown):
     """Results side by side; the first is what the others are held against.
 
     Attributes:
@@ -161,7 +157,7 @@ class Comparison(Shown):
         names = " and ".join(one.name for one in self.results)
         return f"of {names}: {count} field{'s' * (count != 1)} of the cases differ{'s' * (count == 1)}{first}"
 
-    def _figures(self) -> CardRows:
+    def _figures(self) -> cards.Table:
         return [(one.what, "; ".join(one.texts)) for one in self.figures]
 
     def _remarks(self) -> list[str]:
@@ -172,14 +168,14 @@ class Comparison(Shown):
         """Plot the paths over each other: the rise of the gauge over the load."""
         figure, axes = chart(4.6, 0.6 * WIDTH)
         for one, colour in zip(self.results, itertools.cycle(LINE_COLOURS), strict=False):
-            over = over_of(one.case)[0]
+            over = curves.over_of(one.case)[0]
             path = np.column_stack([one.loads, one.rows.shown(one.gauge)])
-            axes.plot(*smooth(path).T, color=colour, label=one.name)
+            axes.plot(*curves.smooth(path).T, color=colour, label=one.name)
             axes.plot(*path.T, "o", color=colour, markersize=3.5)
-            for row in limits(one.rows):
+            for row in curves.limits(one.rows):
                 axes.plot(row.shown(over), row.shown(one.gauge), "D", color=colour, markersize=8)
         gauges = dict.fromkeys(f"rise of the {one.case.actuator.gauge}" for one in self.results)
-        axes.set(xlabel=over_of(self.results[0].case)[1], ylabel=f"{' and '.join(gauges)} in mm")
+        axes.set(xlabel=curves.over_of(self.results[0].case)[1], ylabel=f"{' and '.join(gauges)} in mm")
         axes.set_title("Paths; a diamond is a limit point")
         axes.legend(loc="best")
         return figure
@@ -196,7 +192,7 @@ class Comparison(Shown):
                 return None
             states = ((np.zeros_like(one.points), ":", ", undeformed"), (one.displacement(step), "-", ""))
             for moved, style, label in states:
-                line = profile(one.points, moved, one.case.actuator) * 1e3
+                line = curves.profile(one.points, moved, one.case.actuator) * 1e3
                 axes.plot(*line.T, style, color=colour, label=f"{one.name}{label}")
         axes.margins(0.05)
         if np.ptp(axes.get_ylim()) > FLAT * np.ptp(axes.get_xlim()):
@@ -209,43 +205,45 @@ class Comparison(Shown):
         """Return the report as one self-contained page."""
         names, first = [one.name for one in self.results], self.results[0]
         outlines = self.outlines()
-        drawings = [("paths.svg", drawing(self.plot(), first.case.cm))]
-        drawings += [("outlines.svg", drawing(outlines, first.case.cm))] if outlines else []
-        same: list[Part | None] = [Text("The cases are the same.")]
+        drawings = [("paths.svg", curves.drawing(self.plot(), first.case.cm))]
+        drawings += [("outlines.svg", curves.drawing(outlines, first.case.cm))] if outlines else []
+        same: list[pages.Part | None] = [pages.Text("The cases are the same.")]
         rows = [[one.field, *one.values] for one in self.differences]
         head = ["", *names[:1], *itertools.chain(*((name, "difference") for name in names[1:]))]
         figures = self.figures[:1] if self.common is not None else ()
         where = f"The outlines are those {figures[0].what.removeprefix('rise ')}." if outlines else ""
         facts = [
-            Fact(f"{one.what}: {name}", f"{_value(value)} {one.unit}", _change(change))
+            pages.Fact(f"{one.what}: {name}", f"{_value(value)} {one.unit}", _change(change))
             for one in figures
             for name, value, change in zip(names, one.values, (math.nan, *one.changes), strict=True)
         ]
-        made = [Bullets([f"{one.name}: {', '.join(f'{a} {b}' for a, b in one.made.rows)}" for one in self.results])]
-        sources = dict.fromkeys(text for one in self.results for text in publications(one.case.material))
+        made = [
+            pages.Bullets([f"{one.name}: {', '.join(f'{a} {b}' for a, b in one.made.rows)}" for one in self.results])
+        ]
+        sources = dict.fromkeys(text for one in self.results for text in silicones.publications(one.case.material))
         return Page(
             " and ".join(names), f"{len(self.differences)} fields of the cases differ." if rows else "The cases are the same.",
             [
-                ("Paths and outlines", [Charts(drawings), Text(where)]),
-                ("Figures", [Table([_cells(one) for one in self.figures], head)]),
-                ("What differs in the cases", [Table(rows, ["", *names], numbers=False)] if rows else same),
+                ("Paths and outlines", [pages.Charts(drawings), pages.Text(where)]),
+                ("Figures", [pages.Table([_cells(one) for one in self.figures], head)]),
+                ("What differs in the cases", [pages.Table(rows, ["", *names], numbers=False)] if rows else same),
                 ("Where the results come from", made),
             ],
-            Provenance.now(), facts, (), list(sources), {}, first.case.cm,
+            commands.Provenance.now(), facts, (), list(sources), {}, first.case.cm,
         ).html()  # fmt: skip
 
     def save(self, path: str | Path) -> None:
         """Write the report to an HTML file."""
-        write_text(Path(path), self.html())
+        files.write_text(Path(path), self.html())
 
 
-def _cells(one: Figures) -> list[str | Cell]:
+def _cells(one: Figures) -> list[str | pages.Cell]:
     """Return a row of the table of figures: each value, and behind all but the first its difference."""
     name = f"{one.what} ({one.unit})" if one.unit else one.what
-    cells: list[str | Cell] = [Cell(name, unit="cm" if one.pascal else "")]
+    cells: list[str | pages.Cell] = [pages.Cell(name, unit="cm" if one.pascal else "")]
     for value, change in zip(one.values, (None, *one.changes), strict=True):
         exact = value * one.pascal if one.pascal and math.isfinite(value) else None
-        cells += [Cell(_value(value), str(value), exact), *([] if change is None else [_change(change)])]
+        cells += [pages.Cell(_value(value), str(value), exact), *([] if change is None else [_change(change)])]
     return cells
 
 
@@ -276,7 +274,7 @@ def compared(results: Sequence[Compared]) -> Comparison:
         seen[one.name] += 1
         name = one.name if counted[one.name] == 1 else f"{one.name} ({seen[one.name]})"
         unique.append(dataclasses.replace(one, name=name))
-    loaded = {over_of(one.case) for one in unique}
+    loaded = {curves.over_of(one.case) for one in unique}
     if len(loaded) > 1:
         loads = f"different loads ({' and '.join(sorted(label for _, label in loaded))})"
         raise ComparisonError(f"the results are over {loads}; compare runs with the same kind of load")
@@ -310,14 +308,14 @@ def _text(value: object) -> str:
     if isinstance(value, list):
         return ", ".join(map(_text, value)) or "none"
     if isinstance(value, str) and len(value) < 1000 and "/" in value and Path(value).is_file():
-        return f"{Path(value).name} (SHA-256 {fingerprint(Path(value))[:12]})"
+        return f"{Path(value).name} (SHA-256 {files.fingerprint(Path(value))[:12]})"
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _figures(results: Sequence[Compared], over: str) -> tuple[tuple[Figures, ...], float | None]:
     """Return the main figures, and the highest common load; see `Comparison`."""
     first_row, cm = results[0].rows[0], results[0].case.cm
-    meaning = term(first_row.column(over))
+    meaning = columns.term(first_row.column(over))
     found, common, sign = [], min(float(one.rising[0][-1]) for one in results), results[0].sign
     common = common if len({one.sign for one in results}) == 1 else 0.0
     if common > 0.0:
@@ -327,13 +325,13 @@ def _figures(results: Sequence[Compared], over: str) -> tuple[tuple[Figures, ...
         for name in COMPARED:
             values = tuple(_between(one, name, common) for one in results)
             if any(map(math.isfinite, values)):
-                known = term(next(one.rows[0].column(name) for one in results if name in one.rows))
+                known = columns.term(next(one.rows[0].column(name) for one in results if name in one.rows))
                 found.append(Figures(f"{known.name} {where}", known.unit, values))
         for value in _shared(results, common):
             rises = tuple(_between(one, one.gauge, value) for one in results)
             found.append(Figures(f"rise at {sign * value:.5g} {meaning.unit}", "mm", rises))
     pascal = cm if meaning.unit == "cm" else 0.0
-    first = [next(iter(limits(one.rows)), None) for one in results]
+    first = [next(iter(curves.limits(one.rows)), None) for one in results]
     if any(first):
         values = tuple(math.nan if row is None else row.shown(over) for row in first)
         found.append(Figures("limit point", meaning.unit, values, pascal))

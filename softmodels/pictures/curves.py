@@ -17,17 +17,12 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from geometries import Actuator
+from softmodels.common import pages, units
 from softmodels.common.arrays import Array
-from softmodels.common.pages import UNITS, inline_svg, pascal
-from softmodels.common.units import column_unit
-from softmodels.materials.silicones import product_of
+from softmodels.materials import silicones
 from softmodels.pictures.style import BRANCH, CURVE, DPI, EDGE, FAINT, INK, LINES, SPAN, STYLE, WARNING, WIDTH, chart
-from softmodels.runs.columns import SourceTables, key_of, term
-from softmodels.runs.grid import parabolas
-from softmodels.runs.labels import StateLabels, number, state_labels
-from softmodels.runs.notes import cycles, jumped_over
-from softmodels.runs.states import Line, States, round_steps, row_at, told
-from softmodels.runs.table import PathTable, Row, at_rise, band_of, parsed
+from softmodels.runs import columns, grid, labels, notes, states, table
+from softmodels.runs.states import Line, States
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,7 +43,7 @@ PRESSURE = "pressure"
 """Default abscissa of the plots."""
 
 
-def _pressure(words: StateLabels) -> tuple[str, str]:
+def _pressure(words: labels.StateLabels) -> tuple[str, str]:
     """Return the default abscissa: the variable and its label."""
     return PRESSURE, f"pressure in {words.unit}"
 
@@ -56,8 +51,8 @@ def _pressure(words: StateLabels) -> tuple[str, str]:
 def over_of(case: Case) -> tuple[str, str]:
     """Return the abscissa of a case's plots: the variable and its label; the pressure unless a dead load is requested."""
     if case.driven is None:
-        return _pressure(state_labels(case))
-    return parsed(case.column)[0], str(term(case.column))
+        return _pressure(labels.state_labels(case))
+    return table.parsed(case.column)[0], str(columns.term(case.column))
 
 
 def rise_of(states: States) -> Figure:
@@ -67,19 +62,19 @@ def rise_of(states: States) -> Figure:
 
 
 def rise(
-    rows: PathTable,
+    rows: table.PathTable,
     gauge: str,
     pascal_per_cm: float,
-    branch: PathTable | None = None,
-    over: tuple[str, str] = (PRESSURE, f"pressure in {column_unit()}"),
-    sources: SourceTables = MappingProxyType({}),
+    branch: table.PathTable | None = None,
+    over: tuple[str, str] = (PRESSURE, f"pressure in {units.column_unit()}"),
+    sources: columns.SourceTables = MappingProxyType({}),
 ) -> Figure:
     """Plot the rise of the device's `Actuator.gauge`, such as the disk's apex, over the pressure or else (see `over_of`), of
     all states, of the branch that was followed, if one was, and of each source of the silicone where they were
     solved; ``pascal_per_cm`` is Pa in one cm of the column."""
     figure, axes = chart(6.4)
 
-    def place(row: Row) -> str:
+    def place(row: table.Row) -> str:
         kilopascals = f" ({row['pressure'] / 1e3:.4g} kPa)" if over[0] == PRESSURE else ""
         return f"{row.told(over[0])}{kilopascals}, {row.told(gauge)}"
 
@@ -111,11 +106,11 @@ def drawing(figure: Figure, pascal_per_cm: float) -> str:
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": "softmodels"}):
         for axes in figure.axes:
             for axis in (axes.xaxis, axes.yaxis):
-                if column_unit(pascal_per_cm) in axis.label.get_text():
+                if units.column_unit(pascal_per_cm) in axis.label.get_text():
                     axis.set_gid("pu-cm")
                     axes.add_artist(_OtherUnits(axis, pascal_per_cm))
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
-    return inline_svg(stream.getvalue())
+    return pages.inline_svg(stream.getvalue())
 
 
 class _OtherUnits(Artist):
@@ -129,20 +124,20 @@ class _OtherUnits(Artist):
 
     def draw(self, renderer: RendererBase) -> None:
         axis, label, (low, high) = self._axis, self._axis.label.get_text(), self._axis.get_view_interval()
-        for unit, share in {**{unit: self._pascal / pascal(unit) for unit in UNITS}, "cm": 1.0}.items():
+        for unit, share in {**{unit: self._pascal / pages.pascal(unit) for unit in pages.UNITS}, "cm": 1.0}.items():
             axis.set_view_interval(share * low, share * high, ignore=True)
-            axis.set_label_text(label.replace(column_unit(self._pascal), unit) if unit in UNITS else label)
+            axis.set_label_text(label.replace(units.column_unit(self._pascal), unit) if unit in pages.UNITS else label)
             axis.set_gid(f"pu-{unit}")
-            if unit in UNITS:  # the figure draws its own
+            if unit in pages.UNITS:  # the figure draws its own
                 axis.draw(renderer)
 
 
 def curves(
-    rows: PathTable,
-    words: StateLabels,
-    branch: PathTable | None = None,
-    over: tuple[str, str] = (PRESSURE, f"pressure in {column_unit()}"),
-    sources: SourceTables = MappingProxyType({}),
+    rows: table.PathTable,
+    words: labels.StateLabels,
+    branch: table.PathTable | None = None,
+    over: tuple[str, str] = (PRESSURE, f"pressure in {units.column_unit()}"),
+    sources: columns.SourceTables = MappingProxyType({}),
 ) -> list[Figure]:
     """Plot the gauge's rise, the added volume and the blocked force, if any, over the pressure.
 
@@ -153,8 +148,8 @@ def curves(
         (over, (words.gauge, f"rise of the {words.gauge} in mm")),
         *([(over, ("added_volume", "added volume in ml"))] if words.volume else []),
     ]
-    wanted += [(over, (name, f"{term(rows[0].column(name)).name} in N")) for name in FORCES if name in rows]
-    wanted += [(over, (name, str(term(rows[0].column(name))))) for name in words.moved]
+    wanted += [(over, (name, f"{columns.term(rows[0].column(name)).name} in N")) for name in FORCES if name in rows]
+    wanted += [(over, (name, str(columns.term(rows[0].column(name))))) for name in words.moved]
     if "stroke" in rows:
         wanted.insert(0, (("stroke", f"stroke of the {words.driver} in ml"), _pressure(words)))
     figures = []
@@ -178,7 +173,7 @@ def along_line(line: Line, title: str) -> Figure:
     for k, (stress, style) in enumerate(zip(line["principal_stresses"].T, ("-", "--", ":"), strict=True), 1):
         axes.plot(distance, stress / 1e3, style, color=CURVE, label=f"principal stress {k}")
     axes.plot(distance, line.normal_stress / 1e3, "-.", color=WARNING, label="normal stress along the line")
-    begin, end = (told(place) for place in line.points[[0, -1]])
+    begin, end = (states.told(place) for place in line.points[[0, -1]])
     axes.set(xlabel=f"undeformed distance in mm, from {begin} to {end}", ylabel="Cauchy stress in kPa")
     axes.set_title(title, fontsize=11)
     axes.axhline(0.0, color=FAINT, linewidth=0.8)
@@ -186,7 +181,7 @@ def along_line(line: Line, title: str) -> Figure:
     return figure
 
 
-def _events(rows: PathTable) -> list[tuple[str, str, str, PathTable]]:
+def _events(rows: table.PathTable) -> list[tuple[str, str, str, table.PathTable]]:
     """Return the events of a path that occur: name, colour, marker and states."""
     kinds = (
         ("limit point", WARNING, "D", limits(rows)),
@@ -195,12 +190,14 @@ def _events(rows: PathTable) -> list[tuple[str, str, str, PathTable]]:
     return [kind for kind in kinds if kind[3]]
 
 
-def _path(axes: Axes, rows: PathTable, variable: str, branch: PathTable | None, over: str = PRESSURE) -> None:
+def _path(
+    axes: Axes, rows: table.PathTable, variable: str, branch: table.PathTable | None, over: str = PRESSURE
+) -> None:
     """Plot curve, steps, requested values and snap-throughs of a path over the variable ``over``, and its branch."""
     places = np.column_stack([rows.shown(over), rows.shown(variable)])
     jumps = np.flatnonzero(rows.get("jump")).tolist()
     held = np.ones(len(rows), dtype=bool)
-    held[jumped_over(rows)] = False
+    held[notes.jumped_over(rows)] = False
     # States skipped by a supply's snap-through are on the path too.
     parts = np.split(places, [k for k in jumps if held[k - 1]])
     for k, part in enumerate(parts):
@@ -218,12 +215,12 @@ def _path(axes: Axes, rows: PathTable, variable: str, branch: PathTable | None, 
         way = {"arrowstyle": "-|>", "color": WARNING, "mutation_scale": 16}
         axes.annotate("", 0.45 * start + 0.55 * end, 0.55 * start + 0.45 * end, arrowprops=way)
     if branch and over in branch:
-        whole = PathTable([rows.where("bifurcation")[0], *branch])
+        whole = table.PathTable([rows.where("bifurcation")[0], *branch])
         aside = np.column_stack([whole.shown(over), whole.shown(variable)])
         axes.plot(*smooth(aside).T, "--", color=BRANCH, label="branch")
 
 
-def _sources(axes: Axes, sources: SourceTables, rows: PathTable, variable: str, over: str) -> None:
+def _sources(axes: Axes, sources: columns.SourceTables, rows: table.PathTable, variable: str, over: str) -> None:
     """Plot the paths of the other sources of a silicone, and the band they span: areas between neighbours, as far as
     both extend."""
     if not sources:
@@ -233,17 +230,17 @@ def _sources(axes: Axes, sources: SourceTables, rows: PathTable, variable: str, 
     for k, pair in enumerate(itertools.pairwise(lines.values())):
         farthest = min(line[:, 0].max() for line in pair)
         soft, stiff = (line[line[:, 0] <= farthest] for line in pair)
-        label = "" if k else f"band of the {len(lines)} sources of {product_of(next(iter(lines)))}"
+        label = "" if k else f"band of the {len(lines)} sources of {silicones.product_of(next(iter(lines)))}"
         axes.fill(*np.vstack([soft, stiff[::-1]]).T, color=SPAN, linewidth=0, zorder=0.5, label=label)
     others = [name for name in lines if sources[name] != rows]
     for name, dashes in zip(others, itertools.cycle(DASHES), strict=False):
-        axes.plot(*lines[name].T, linestyle=dashes, color=FAINT, linewidth=1.2, label=key_of(name), zorder=1.5)
+        axes.plot(*lines[name].T, linestyle=dashes, color=FAINT, linewidth=1.2, label=columns.key_of(name), zorder=1.5)
 
 
-def _band(axes: Axes, rows: PathTable, variable: str, over: str) -> None:
+def _band(axes: Axes, rows: table.PathTable, variable: str, over: str) -> None:
     """Plot the 95 % band of the pressure from the material's errors at equal values of the variable, regular at limit
     points: at the same rise, or at the same added volume."""
-    half = band_of(PRESSURE) if variable == "added_volume" else at_rise(variable)
+    half = table.band_of(PRESSURE) if variable == "added_volume" else table.at_rise(variable)
     if over != PRESSURE or half not in rows:
         return
     found = np.column_stack([rows.shown(over), rows.shown(variable), rows.shown(half)])
@@ -257,7 +254,7 @@ def _band(axes: Axes, rows: PathTable, variable: str, over: str) -> None:
     axes.fill_betweenx(y, x - width, x + width, color=CURVE, alpha=0.18, linewidth=0, label=label)
 
 
-def limits(rows: PathTable) -> PathTable:
+def limits(rows: table.PathTable) -> table.PathTable:
     """Return the states that are limit points of the pressure."""
     return rows.where("limit")
 
@@ -296,7 +293,7 @@ SUPPLIED = {"source_pressure": "source pressure\nin {}", "flow": "flow in\nml/mi
 """Variables of a supply in time, with their labels."""
 
 
-def steps(rows: PathTable, words: StateLabels) -> Figure:
+def steps(rows: table.PathTable, words: labels.StateLabels) -> Figure:
     """Plot the gauge's rise, the cavities' pressures, their added volumes and the loads over the steps, in panels."""
     panels = [
         ([words.gauge], f"{words.gauge} rise in mm"),
@@ -307,7 +304,7 @@ def steps(rows: PathTable, words: StateLabels) -> Figure:
             for name, label in SUPPLIED.items()
             if not np.isnan(rows[0].get(name, np.nan))
         ),
-        *(([name], str(term(rows[0].column(name)))) for name in words.loads),
+        *(([name], str(columns.term(rows[0].column(name)))) for name in words.loads),
         *([(["kinetic_energy"], "kinetic energy\nin mJ")] if "kinetic_energy" in rows else []),
     ]
     panels = [panel for panel in panels if panel[0]]
@@ -341,15 +338,15 @@ MOST_MARKED = 150
 """Number of states up to which each has a marker."""
 
 
-def _marked(rows: PathTable) -> str:
+def _marked(rows: table.PathTable) -> str:
     """Return matplotlib's style of a line through states."""
     return "o-" if len(rows) <= MOST_MARKED else "-"
 
 
-def loop(rows: PathTable, words: StateLabels) -> Figure:
+def loop(rows: table.PathTable, words: labels.StateLabels) -> Figure:
     """Plot the pressure over the added volume and over the gauge's rise in each cycle of a load with times, with the areas of
     the loops."""
-    found = cycles(rows)
+    found = notes.cycles(rows)
     figure = Figure((WIDTH, 5.4), dpi=DPI, layout="constrained")
     places = figure.subplots(1, 2, sharey=True)
     shades = matplotlib.colormaps[LINES](np.linspace(0.1, 0.8, len(found))) if len(found) > 1 else [CURVE]
@@ -387,7 +384,7 @@ def profile(points: Array, displacement: Array, actuator: Actuator) -> Array:
     return np.column_stack([radius + moved[:, :2] @ along, start[:, 2] + moved[:, 2]])[order]
 
 
-def profile_steps(rows: PathTable, words: StateLabels) -> list[float]:
+def profile_steps(rows: table.PathTable, words: labels.StateLabels) -> list[float]:
     """Return the steps of the profile besides the undeformed line: the requested ones, limit points and the last.
 
     If few were requested, up to eight round pressures as well (see `round_steps`), or steps evenly in the gauge's rise.
@@ -398,7 +395,7 @@ def profile_steps(rows: PathTable, words: StateLabels) -> list[float]:
     shown: set[float] = {k for k in loaded if rows[k]["requested"] or rows[k]["limit"]} | {loaded[-1]}
     if sum(bool(rows[k]["requested"]) for k in loaded) > FEW:
         return sorted(shown)
-    if even := round_steps(rows, PRESSURE, 8) if words.pressure and "load_step" not in rows else []:
+    if even := states.round_steps(rows, PRESSURE, 8) if words.pressure and "load_step" not in rows else []:
         shown |= set(even)
     else:
         risen = rows[words.gauge][loaded]
@@ -408,7 +405,11 @@ def profile_steps(rows: PathTable, words: StateLabels) -> list[float]:
 
 
 def cut_profiles(
-    lines: Mapping[float, Array], rest: Array, path: tuple[PathTable, StateLabels], axes_of_plane: Array, plane: str
+    lines: Mapping[float, Array],
+    rest: Array,
+    path: tuple[table.PathTable, labels.StateLabels],
+    axes_of_plane: Array,
+    plane: str,
 ) -> Figure:
     """Plot the section of the outer surface by a plane at rest, seen along its normal: pieces (k, 2, 3) in m by number of the
     step, as `softmodels.runs.states.cut_line` gives them, and the undeformed ones, along unit vectors to the right and
@@ -448,7 +449,7 @@ TALLEST = 8.0
 def profiles(
     lines: Mapping[float, Array],
     rest: Array,
-    path: tuple[PathTable, StateLabels],
+    path: tuple[table.PathTable, labels.StateLabels],
     axial: bool = True,
     plate: float | None = None,
 ) -> Figure:
@@ -481,29 +482,29 @@ def profiles(
     return figure
 
 
-def _legend_beside(axes: Axes, words: StateLabels) -> None:
+def _legend_beside(axes: Axes, words: labels.StateLabels) -> None:
     """A legend to the right of the axes, on no line."""
     title = f"column of\n{words.unit.removeprefix('cm, ')}" if words.pressure else "load"
     axes.legend(title=title, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, alignment="left")
 
 
-def _labels(rows: PathTable, words: StateLabels, steps: Collection[float]) -> dict[float, str]:
+def _labels(rows: table.PathTable, words: labels.StateLabels, steps: Collection[float]) -> dict[float, str]:
     """Return the legend entries of some steps: load, and part of the path."""
     places, found = branches(rows, words), dict[float, str]()
     for step in steps:
-        row, part = row_at(rows, step), places[math.ceil(step)]
-        name = f"{number(row.shown(PRESSURE))} cm" if words.pressure else textwrap.fill(words.place(row), 19)
+        row, part = states.row_at(rows, step), places[math.ceil(step)]
+        name = f"{labels.number(row.shown(PRESSURE))} cm" if words.pressure else textwrap.fill(words.place(row), 19)
         found[step] = name + ("\n" + textwrap.fill(f"({part})", 19) if part else "")
     return found
 
 
-def branches(rows: PathTable, words: StateLabels) -> list[str]:
+def branches(rows: table.PathTable, words: labels.StateLabels) -> list[str]:
     """Return the part of the path of each state, in words for a legend; empty for the first part.
 
     Where the device jumps, the way of the load counts too: up, and down after the highest one. A state past a limit
     point that stands under its pressure again is on another part of the path, not past the limit.
     """
-    over, (raised, moved) = set(jumped_over(rows)), words.along
+    over, (raised, moved) = set(notes.jumped_over(rows)), words.along
     landings = np.flatnonzero(rows.get("jump")).tolist()
     before = [row[moved] for k, row in enumerate(rows[: landings[0] if landings else 0]) if k not in over]
     largest_before = max(before, default=0.0)
@@ -534,5 +535,5 @@ def _outline(line: Array, axial: bool) -> Array:
     """Return an outline in mm, on both sides of an axis, between nodes as second-order cells have it; (k, 2) m to (m, 2) mm."""
     fine = line
     if len(line) % 2 and len(line) >= 3:  # corners and mid-edge nodes in turn
-        fine = parabolas(np.stack([line[:-2:2], line[2::2], line[1:-1:2]], axis=1), 8).reshape(-1, 2)
+        fine = grid.parabolas(np.stack([line[:-2:2], line[2::2], line[1:-1:2]], axis=1), 8).reshape(-1, 2)
     return (np.concatenate([fine[::-1] * (-1.0, 1.0), fine]) if axial else fine) * 1e3

@@ -19,21 +19,17 @@ import click
 import matplotlib
 import numpy as np
 
+from softmodels.case import materials
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
-from softmodels.case.materials import OwnModuleError, import_own_modules
+from softmodels.common import commands, errors, folders, processes
 from softmodels.common.arrays import Array
-from softmodels.common.commands import ALL_PICTURES, DrawingOptions, options, unswept
-from softmodels.common.errors import no_case
-from softmodels.common.folders import PATIENCE, InUseError, OwnFolderError
-from softmodels.common.processes import say
-from softmodels.components.contact import obstacle_of
-from softmodels.pictures import curves, report, solid
-from softmodels.pictures.offscreen import Look, can_render, draw_outlines, look
-from softmodels.pictures.solid import AtRest
-from softmodels.pictures.style import STYLE, DrawnFolder
+from softmodels.common.folders import InUseError, OwnFolderError
+from softmodels.components import contact
+from softmodels.pictures import curves, offscreen, report, solid, style
+from softmodels.runs import store
 from softmodels.runs.states import States, StoredStates, axes_of, cut_line
-from softmodels.runs.store import ResultsError, picture_files, picture_folder
+from softmodels.runs.store import ResultsError
 
 
 def orders() -> Iterator[list[Any]]:
@@ -53,8 +49,8 @@ def draw(
     name: str,
     say: Callable[[str], object] = print,
     *,
-    wanted: DrawingOptions = ALL_PICTURES,
-    at_rest: AtRest | None = None,
+    wanted: commands.DrawingOptions = commands.ALL_PICTURES,
+    at_rest: solid.AtRest | None = None,
     each: Callable[[Path], object] = lambda path: None,
 ) -> list[Path]:
     """Draw the wanted pictures and the report of a results folder with its ``case.toml`` into it, replacing earlier ones;
@@ -67,23 +63,29 @@ def draw(
     """
     if not (folder / f"{name}.h5").exists():
         raise ResultsError(f"{folder} holds no {name}.h5, so there is nothing to draw")
-    own = picture_folder(folder)
-    own.take(PATIENCE)
+    own = store.picture_folder(folder)
+    own.take(folders.PATIENCE)
     try:
         states = StoredStates(folder, name)
         # Check all files before removing any, so that a foreign file does not cost the earlier pictures.
-        own.check_names(picture_files(states.actuator.gauge))
+        own.check_names(store.picture_files(states.actuator.gauge))
         own.remove(own.files)
-        own.claim(picture_files(states.actuator.gauge))
-        with DrawnFolder(folder, each) as out, matplotlib.rc_context(STYLE):
-            _draw(look(states, wanted.colormap), out, wanted, at_rest or AtRest(), say)
+        own.claim(store.picture_files(states.actuator.gauge))
+        with style.DrawnFolder(folder, each) as out, matplotlib.rc_context(style.STYLE):
+            _draw(offscreen.look(states, wanted.colormap), out, wanted, at_rest or solid.AtRest(), say)
         own.forget_unwritten()
         return out.written
     finally:
         own.leave()
 
 
-def _draw(shown: Look, out: DrawnFolder, wanted: DrawingOptions, at_rest: AtRest, say: Callable[[str], object]) -> None:
+def _draw(
+    shown: offscreen.Look,
+    out: style.DrawnFolder,
+    wanted: commands.DrawingOptions,
+    at_rest: solid.AtRest,
+    say: Callable[[str], object],
+) -> None:
     """Draw what is wanted; ``say`` gets a sentence if something had to be left out."""
     states = shown.states
     _curves(states, out)
@@ -92,10 +94,10 @@ def _draw(shown: Look, out: DrawnFolder, wanted: DrawingOptions, at_rest: AtRest
             out.add(stem, picture)
     if states.actuator.dimension == 2:
         _sections(shown, out, wanted.few)
-    elif can_render():
+    elif offscreen.can_render():
         _solids(shown, out, wanted.few)
     page = report.Report(shown, out.path, states.name)
-    if (states.actuator.dimension == 3 or wanted.film) and not can_render():
+    if (states.actuator.dimension == 3 or wanted.film) and not offscreen.can_render():
         say(NO_RENDERING)
     elif wanted.film:
         written, left_out = solid.make_film(shown, out.path)
@@ -107,11 +109,11 @@ def _draw(shown: Look, out: DrawnFolder, wanted: DrawingOptions, at_rest: AtRest
     out.drew(page.write())
 
 
-def _curves(states: States, out: DrawnFolder) -> None:
+def _curves(states: States, out: style.DrawnFolder) -> None:
     actuator, path = states.actuator, (states.rows, states.words)
     if states.case.program:
         out.save(actuator.gauge, curves.steps(*path))
-        if states.case.timed and curves.cycles(states.rows):
+        if states.case.timed and curves.notes.cycles(states.rows):
             out.save("loop", curves.loop(*path))
     else:
         out.save(actuator.gauge, curves.rise_of(states))
@@ -135,18 +137,18 @@ def _curves(states: States, out: DrawnFolder) -> None:
 
 def _plate(states: States) -> float | None:
     """Return the height in m of a rigid plane across the lift that stops the device; None without one."""
-    obstacle = obstacle_of(states.case.components)
+    obstacle = contact.obstacle_of(states.case.components)
     if obstacle is None or obstacle.on_cut:
         return None
     point, normal = obstacle.place(states.actuator)
     return point[2] if abs(normal[2]) > 1 - 1e-12 else None
 
 
-def _sections(shown: Look, out: DrawnFolder, few: bool) -> None:
+def _sections(shown: offscreen.Look, out: style.DrawnFolder, few: bool) -> None:
     """Draw the pictures of an axisymmetric section, without its mesh."""
     states = shown.states
     stress = solid.section_stress(shown, states.main, _plate(states))
-    draw_outlines(stress.axes[0], states, states.main)
+    offscreen.draw_outlines(stress.axes[0], states, states.main)
     out.save("slice", stress)
     out.save("stress", solid.section_sheet(shown))
     if few:
@@ -156,7 +158,7 @@ def _sections(shown: Look, out: DrawnFolder, few: bool) -> None:
     out.save("hot-spots", solid.section_hot(shown))
 
 
-def _solids(shown: Look, out: DrawnFolder, few: bool) -> None:
+def _solids(shown: offscreen.Look, out: style.DrawnFolder, few: bool) -> None:
     """Draw the rendered pictures of the deformed solid."""
     states, scale = shown.states, shown.scales["von_mises"]
     images, camera = solid.stress(shown)
@@ -189,31 +191,34 @@ def _solids(shown: Look, out: DrawnFolder, few: bool) -> None:
 def reported(folder: Path) -> Iterator[None]:
     """End a command that draws into a folder with a sentence for an error, and status 2."""
     try:
-        import_own_modules()
+        materials.import_own_modules()
         yield
-    except (ResultsError, CaseError, OwnFolderError, OwnModuleError, InUseError) as error:
+    except (ResultsError, CaseError, OwnFolderError, materials.OwnModuleError, InUseError) as error:
         sentence = str(error)
     except OSError as error:
         sentence = f"the pictures cannot be written into {folder} ({error.strerror or error})"
     else:
         return
-    say(f"softmodels: {sentence}", err=True)
+    processes.say(f"softmodels: {sentence}", err=True)
     sys.exit(2)
 
 
 def draw_folder(
-    folder: Path, name: str | None = None, wanted: DrawingOptions = ALL_PICTURES, at_rest: AtRest | None = None
+    folder: Path,
+    name: str | None = None,
+    wanted: commands.DrawingOptions = commands.ALL_PICTURES,
+    at_rest: solid.AtRest | None = None,
 ) -> None:
     """Draw a folder's pictures and report for a command, see `draw`; print the files as they come, or the error and exit with
     status 2. Without a name the results have the case's own."""
     with reported(folder):
         if name is None:
             if not (folder / "case.toml").exists():
-                raise ResultsError(f"{folder} holds no results ({no_case(folder)})")
+                raise ResultsError(f"{folder} holds no results ({errors.no_case(folder)})")
             name = Case.from_file(folder / "case.toml").name
 
         def left_out(text: str) -> None:
-            say(f"softmodels: {text}", err=True)
+            processes.say(f"softmodels: {text}", err=True)
 
         draw(folder, name, left_out, wanted=wanted, at_rest=at_rest, each=functools.partial(print, flush=True))
 
@@ -221,8 +226,8 @@ def draw_folder(
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("folder", type=click.Path(path_type=Path), required=False)
 @click.option("--name", help="Stem of the result files.  [default: the case's name]")
-@options(DrawingOptions, "wanted")
-def main(folder: Path | None, name: str | None, wanted: DrawingOptions) -> None:
+@commands.options(commands.DrawingOptions, "wanted")
+def main(folder: Path | None, name: str | None, wanted: commands.DrawingOptions) -> None:
     """Draw the pictures and the report of the results in FOLDER.
 
     Without FOLDER: get ready, then read orders from standard input, each a list in JSON on a line: a folder, the results'
@@ -231,8 +236,8 @@ def main(folder: Path | None, name: str | None, wanted: DrawingOptions) -> None:
 
     Exit status: 0 drawn, 2 the folder holds no results that can be drawn.
     """
-    at_rest = AtRest()
-    with unswept():
+    at_rest = solid.AtRest()
+    with commands.unswept():
         if folder is not None:
             draw_folder(folder, name, wanted)
             return

@@ -17,38 +17,16 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
+from softmodels.common import commands, files, pages, units
 from softmodels.common.arrays import Array
-from softmodels.common.commands import COLORMAP, COLORMAP_OPTION, Provenance
-from softmodels.common.files import image_uri, read_json, read_text, write_text
-from softmodels.common.pages import Bullets, Charts, Fact, Folded, Listing, Page, Part, Picture, Table, Text
-from softmodels.common.units import column_unit
-from softmodels.design.result import CAPTIONS, REPORT, DesignTold, ParameterTold, TrialTold
-from softmodels.materials.silicones import publications
-from softmodels.pictures.curves import drawing, kilopascals, limits, smooth
+from softmodels.common.pages import Page
+from softmodels.design import result
+from softmodels.materials import silicones
+from softmodels.pictures import curves, offscreen, solid, style
 from softmodels.pictures.draw import reported
-from softmodels.pictures.offscreen import PIXELS, ViewCamera, can_render, look, studio
-from softmodels.pictures.solid import tiled
-from softmodels.pictures.style import (
-    BRANCH,
-    CURVE,
-    DPI,
-    FAINT,
-    FOOT,
-    INK,
-    LINE_COLOURS,
-    STYLE,
-    WARNING,
-    WIDTH,
-    DrawnFolder,
-    chart,
-    rulers,
-    wrapped,
-)
-from softmodels.runs.grid import outline
-from softmodels.runs.labels import headline, load
+from softmodels.runs import grid, labels, table
 from softmodels.runs.states import States, StoredStates
 from softmodels.runs.store import ResultsError
-from softmodels.runs.table import PathTable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,38 +38,38 @@ if TYPE_CHECKING:
 
 SHOWN_LIMITS = 7
 """Maximum number of limits plotted in the history: the closest ones."""
-BEFORE, AFTER = BRANCH, CURVE
+BEFORE, AFTER = style.BRANCH, style.CURVE
 NEAR = -0.3
 """Relative distance to a limit within which it is plotted."""
 DEEPEST = -0.6
 """Lower end of the plotted violations."""
 
 
-def paths(before: PathTable, after: PathTable, gauge: str, pascal_per_cm: float) -> Figure:
+def paths(before: table.PathTable, after: table.PathTable, gauge: str, pascal_per_cm: float) -> Figure:
     """Plot the gauge's rise over the pressure, of the given and the optimised device; ``pascal_per_cm`` is Pa in one cm of the
     column."""
-    figure, axes = chart(6.2)
+    figure, axes = style.chart(6.2)
     for rows, colour, words in ((before, BEFORE, "as given"), (after, AFTER, "design")):
         places = np.column_stack([rows.shown("pressure"), rows.shown(gauge)])
         asked = places[rows["requested"] != 0]
         end = f": {asked[-1, 1]:.4g} mm at {asked[-1, 0]:.4g} cm" if len(asked) else ""
-        axes.plot(*smooth(places).T, color=colour, label=f"{words}{end}")
+        axes.plot(*curves.smooth(places).T, color=colour, label=f"{words}{end}")
         axes.plot(*places.T, "o", color=colour, markersize=3.5)
         axes.plot(*asked.T, "o", color=colour, mfc="white", markersize=8, markeredgewidth=2)
-        for row in limits(rows):
+        for row in curves.limits(rows):
             label = f"limit point, {words}: {row.told('pressure')}"
-            axes.plot(row.shown("pressure"), row.shown(gauge), "D", color=WARNING, markersize=9, label=label)
-    axes.set(xlabel=f"pressure in {column_unit(pascal_per_cm)}", ylabel=f"rise of the {gauge} in mm")
+            axes.plot(row.shown("pressure"), row.shown(gauge), "D", color=style.WARNING, markersize=9, label=label)
+    axes.set(xlabel=f"pressure in {units.column_unit(pascal_per_cm)}", ylabel=f"rise of the {gauge} in mm")
     axes.margins(0.06)
-    kilopascals(axes, pascal_per_cm)
+    curves.kilopascals(axes, pascal_per_cm)
     axes.legend(loc="best")
     return figure
 
 
-def history(told: DesignTold) -> Figure:
+def history(told: result.DesignTold) -> Figure:
     """Plot objective and limits over the designs in the order of their evaluation; ``told`` is
     ``design.json``."""
-    figure = Figure((WIDTH, 8.4), dpi=DPI, layout="constrained")
+    figure = Figure((style.WIDTH, 8.4), dpi=style.DPI, layout="constrained")
     top, below = figure.subplots(2, sharex=True)
     trials, objective = told["trials"], told["objective"]
     numbers = np.array([trial["number"] for trial in trials])
@@ -103,17 +81,17 @@ def history(told: DesignTold) -> Figure:
     starts = np.array([trial["start"] for trial in trials])
     for start in dict.fromkeys(starts):
         mine = starts == start
-        top.plot(numbers[mine], values[mine], "-", color=FAINT, linewidth=1.2)
-    top.plot(numbers[kept], values[kept], "o", color=CURVE, markersize=7, label="all limits satisfied")
+        top.plot(numbers[mine], values[mine], "-", color=style.FAINT, linewidth=1.2)
+    top.plot(numbers[kept], values[kept], "o", color=style.CURVE, markersize=7, label="all limits satisfied")
     passed, label = ~kept & np.isfinite(values), "a limit violated"
     if passed.any():
-        top.plot(numbers[passed], values[passed], "o", color=WARNING, mfc="white", markersize=7, label=label)
+        top.plot(numbers[passed], values[passed], "o", color=style.WARNING, mfc="white", markersize=7, label=label)
     best = numbers == told["best"]
-    top.plot(numbers[best], values[best], "o", color=CURVE, mfc="none", markersize=14, label="the design")
+    top.plot(numbers[best], values[best], "o", color=style.CURVE, mfc="none", markersize=14, label="the design")
     _failures(top, below, trials)
     _limit_curves(below, told, numbers, starts)
     unit = f" in {objective['unit']}" if objective["unit"] else ""
-    top.set_ylabel(wrapped(f"{objective['words']}{unit}", 3.6, 12))
+    top.set_ylabel(style.wrapped(f"{objective['words']}{unit}", 3.6, 12))
     top.legend(loc="best")
     below.set(xlabel="design", ylabel="relative violation of a limit")
     below.xaxis.get_major_locator().set_params(integer=True)
@@ -125,7 +103,7 @@ def _numbers(values: Sequence[float | None]) -> Array:
     return np.array([float("nan") if value is None else value for value in values])
 
 
-def _failures(top: Axes, below: Axes, trials: Sequence[TrialTold]) -> None:
+def _failures(top: Axes, below: Axes, trials: Sequence[result.TrialTold]) -> None:
     """Mark failed designs and the starts, as lines across both panels."""
 
     def across(place: float, label: str, color: str, linestyle: str, linewidth: float) -> None:
@@ -136,31 +114,31 @@ def _failures(top: Axes, below: Axes, trials: Sequence[TrialTold]) -> None:
 
     for trial in trials:
         if trial["failure"]:
-            across(trial["number"], "no state or invalid device", WARNING, ":", 1.4)
+            across(trial["number"], "no state or invalid device", style.WARNING, ":", 1.4)
     for before, after in itertools.pairwise(trials):
         place = after["number"] - 0.5
         if after["start"] != before["start"]:
-            across(place, "", INK, "-", 0.8)
+            across(place, "", style.INK, "-", 0.8)
             top.annotate(f"start {after['start']}", (place + 0.1, 1.0), xycoords=("data", "axes fraction"), va="top",
-                         fontsize=10, color=INK)  # fmt: skip
+                         fontsize=10, color=style.INK)  # fmt: skip
         elif after["mesh"] != before["mesh"]:
             fresh = "confirmed and continued on a fresh mesh"
-            across(place, fresh, FAINT, "--", 1.2)
+            across(place, fresh, style.FAINT, "--", 1.2)
 
 
-def _limit_curves(axes: Axes, told: DesignTold, numbers: Array, starts: Array) -> None:
-    axes.axhline(0.0, color=INK, linewidth=1.2)
+def _limit_curves(axes: Axes, told: result.DesignTold, numbers: Array, starts: Array) -> None:
+    axes.axhline(0.0, color=style.INK, linewidth=1.2)
     largest = [float(np.nanmax(_numbers(limit["passed"]), initial=-np.inf)) for limit in told["limits"]]
     nearest = [told["limits"][k] for k in np.argsort([-value for value in largest], kind="stable")]
     near = nearest[: min(sum(value > NEAR for value in largest), SHOWN_LIMITS)]
-    for limit, colour in zip(near, LINE_COLOURS, strict=False):
-        passed, label = np.maximum(_numbers(limit["passed"]), DEEPEST), wrapped(limit["words"], 4.4, 10)
+    for limit, colour in zip(near, style.LINE_COLOURS, strict=False):
+        passed, label = np.maximum(_numbers(limit["passed"]), DEEPEST), style.wrapped(limit["words"], 4.4, 10)
         for start in dict.fromkeys(starts):
             mine = starts == start
             axes.plot(numbers[mine], passed[mine], "o-", markersize=4, linewidth=1.5, color=colour, label=label)
             label = ""
     if not nearest:
-        axes.annotate("no limits were set", (0.5, 0.5), xycoords="axes fraction", ha="center", color=FAINT)
+        axes.annotate("no limits were set", (0.5, 0.5), xycoords="axes fraction", ha="center", color=style.FAINT)
         return
     if near:
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, fontsize=9.5, frameon=False)
@@ -168,22 +146,22 @@ def _limit_curves(axes: Axes, told: DesignTold, numbers: Array, starts: Array) -
         axes.set_title(f"{rest} further limit{'s' if rest > 1 else ''}, inactive, not shown", fontsize=11)
 
 
-def parameters(told: Sequence[ParameterTold]) -> Figure:
+def parameters(told: Sequence[result.ParameterTold]) -> Figure:
     """Plot each free parameter between its bounds, before and after."""
-    figure, axes = chart(1.5 + 0.62 * len(told))
+    figure, axes = style.chart(1.5 + 0.62 * len(told))
     for k, one in enumerate(told):
         low, high, unit = one["low"], one["high"], one["unit"]
         before, after = ((one[name] - low) / (high - low) for name in ("before", "after"))
-        axes.plot([0, 1], [k, k], "|-", color=FAINT, linewidth=1.2, markersize=14)
+        axes.plot([0, 1], [k, k], "|-", color=style.FAINT, linewidth=1.2, markersize=14)
         arrow = {"arrowstyle": "-|>", "color": AFTER, "mutation_scale": 15}
         axes.annotate("", (after, k), (before, k), arrowprops=arrow)
         label = "" if k else "as given"
         axes.plot(before, k, "o", color=BEFORE, mfc="white", markersize=9, markeredgewidth=2, label=label)
         axes.plot(after, k, "o", color=AFTER, markersize=8, label="" if k else "design")
-        axes.text(-0.02, k, f"{low:.4g}", ha="right", va="center", fontsize=10, color=FAINT)
-        axes.text(1.02, k, f"{high:.4g} {unit}", ha="left", va="center", fontsize=10, color=FAINT)
+        axes.text(-0.02, k, f"{low:.4g}", ha="right", va="center", fontsize=10, color=style.FAINT)
+        axes.text(1.02, k, f"{high:.4g} {unit}", ha="left", va="center", fontsize=10, color=style.FAINT)
         text = f"{one['before']:.4g} to {one['after']:.4g} {unit}"
-        axes.text(0.5, k - 0.3, text, ha="center", va="center", fontsize=10, color=INK)
+        axes.text(0.5, k - 0.3, text, ha="center", va="center", fontsize=10, color=style.INK)
     axes.set_yticks(range(len(told)), [one["name"] for one in told])
     axes.set(xlim=(-0.16, 1.2), ylim=(len(told) - 0.4, -0.75), xticks=[])
     axes.grid(False)
@@ -200,54 +178,54 @@ def parameters(told: Sequence[ParameterTold]) -> Figure:
 NAMES = ("as given", "design")
 
 
-def shapes(pair: tuple[States, States], colormap: str = COLORMAP) -> Figure:
+def shapes(pair: tuple[States, States], colormap: str = commands.COLORMAP) -> Figure:
     """Return both devices at their last requested state, coloured by von Mises stress."""
-    looks = [look(states, colormap) for states in pair]
+    looks = [offscreen.look(states, colormap) for states in pair]
     scales = [one.scales["von_mises"] for one in looks]
     scale = max(scales, key=lambda one: one.top)
     clouds = [one.points(step) for one in looks for step in (0, one.states.main)]
-    camera = ViewCamera.around(clouds, looks[0].direction, looks[0].up, PIXELS // 2, 1.1)
+    camera = offscreen.ViewCamera.around(clouds, looks[0].direction, looks[0].up, offscreen.PIXELS // 2, 1.1)
     images = []
     for one, name in zip(looks, NAMES, strict=True):
         states = one.states
-        with studio(camera) as shoot:
+        with offscreen.studio(camera) as shoot:
             shot = shoot(one.coloured(states.main, scale))
-        images.append((f"{name}: {headline(states.rows[states.main], states.words)}", shot))
-    figure = tiled(images, FOOT)
+        images.append((f"{name}: {labels.headline(states.rows[states.main], states.words)}", shot))
+    figure = solid.tiled(images, style.FOOT)
     shown = [(one.states, one.states.main) for one in looks]
     values = np.concatenate([states.field(step, scale.field) for states, step in shown])
     scale.bar(figure, scale.largest([states.rows[step] for states, step in shown], values))
-    rulers(figure, camera.metres, camera.axes)
+    style.rulers(figure, camera.metres, camera.axes)
     return figure
 
 
 def sections(pair: tuple[States, States]) -> Figure:
     """Return the outlines of both half sections, at rest and deformed; of axisymmetric devices."""
-    figure = Figure((WIDTH, 5.6), dpi=DPI, layout="constrained")
+    figure = Figure((style.WIDTH, 5.6), dpi=style.DPI, layout="constrained")
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     for axes, states, name in zip(panels, pair, NAMES, strict=True):
-        title = f"{name}: {headline(states.rows[states.main], states.words)}"
-        for points, colour in ((states.points, FAINT), (states.moved(states.main), INK)):
-            flat = list(outline(points[:, ::2] * 1e3, states.cells))
+        title = f"{name}: {labels.headline(states.rows[states.main], states.words)}"
+        for points, colour in ((states.points, style.FAINT), (states.moved(states.main), style.INK)):
+            flat = list(grid.outline(points[:, ::2] * 1e3, states.cells))
             axes.add_collection(LineCollection(flat, colors=colour, linewidths=1.4))
         axes.autoscale_view()
         axes.set_aspect("equal")
-        axes.set_title(wrapped(title, WIDTH / 2, 12), fontsize=12)
+        axes.set_title(style.wrapped(title, style.WIDTH / 2, 12), fontsize=12)
         axes.set_xlabel("radius in mm")
     panels[0].set_ylabel("height in mm")
     return figure
 
 
-def draw(folder: Path, colormap: str = COLORMAP) -> list[Path]:
+def draw(folder: Path, colormap: str = commands.COLORMAP) -> list[Path]:
     """Draw the pictures and the report of a folder of ``softmodels design``, fields in the colours of a map; return the
     files. ResultsError or CaseError if it holds no design that can be read, OSError if it cannot be written."""
     try:
-        told = read_json(folder / "design.json")
+        told = files.read_json(folder / "design.json")
     except (OSError, ValueError):
         raise ResultsError(f"{folder} holds no design (design.json)") from None
     before, after = (StoredStates(folder / name) for name in ("before", "after"))
     actuator = before.actuator
-    with DrawnFolder(folder) as out, matplotlib.rc_context(STYLE):
+    with style.DrawnFolder(folder) as out, matplotlib.rc_context(style.STYLE):
         charts = {
             "paths": paths(before.rows, after.rows, actuator.gauge, before.case.cm),
             "history": history(told),
@@ -257,60 +235,64 @@ def draw(folder: Path, colormap: str = COLORMAP) -> list[Path]:
             charts["sections"] = sections((before, after))
         for name, figure in charts.items():
             out.save(name, figure)
-        if can_render():
+        if offscreen.can_render():
             out.save("shapes", shapes((before, after), colormap))
-    shown: dict[str, Part] = {
-        f"{name}.png": Charts([(f"{name}.svg", drawing(figure, before.case.cm))], CAPTIONS[f"{name}.png"])
+    shown: dict[str, pages.Part] = {
+        f"{name}.png": pages.Charts(
+            [(f"{name}.svg", curves.drawing(figure, before.case.cm))], result.CAPTIONS[f"{name}.png"]
+        )
         for name, figure in charts.items()
     }
     for path in out.written:
-        shown.setdefault(path.name, Picture(image_uri(path), CAPTIONS[path.name]))
-    write_text(
-        folder / REPORT, page(folder, told, [shown[name] for name in CAPTIONS if name in shown], (before, after))
+        shown.setdefault(path.name, pages.Picture(files.image_uri(path), result.CAPTIONS[path.name]))
+    files.write_text(
+        folder / result.REPORT,
+        page(folder, told, [shown[name] for name in result.CAPTIONS if name in shown], (before, after)),
     )
-    return [*out.written, folder / REPORT]
+    return [*out.written, folder / result.REPORT]
 
 
-def page(folder: Path, told: DesignTold, drawn: Sequence[Part], pair: tuple[States, States]) -> str:
+def page(folder: Path, told: result.DesignTold, drawn: Sequence[pages.Part], pair: tuple[States, States]) -> str:
     """Return the report of a design: ``told`` is its ``design.json``, ``drawn`` are its pictures."""
     rows = [
         (one["name"], *(f"{one[name]:.5g} {one['unit']}".strip() for name in ("low", "before", "after", "high")))  # type: ignore[literal-required]
         for one in told["parameters"]
     ]
     finer = f", refined {told['finer']} times" if told["finer"] != 1.0 else ""
-    downloads = {name: read_text(folder / name) for name in ("iterates.csv",) if (folder / name).is_file()}
+    downloads = {name: files.read_text(folder / name) for name in ("iterates.csv",) if (folder / name).is_file()}
     given, best = (states.rows[states.main] for states in pair)
-    gauge, limit = pair[0].actuator.gauge, next(iter(limits(pair[1].rows)), None)
+    gauge, limit = pair[0].actuator.gauge, next(iter(curves.limits(pair[1].rows)), None)
     return Page(
         told["name"], f"{told['headline']}.",
         [
             ("Pictures", drawn),
             ("Limits on the design", [
-                Bullets(told["reasons"]), Text(f"{told['agreement']}." if told["agreement"] else ""),
-                Table(rows, ("parameter", "from", "as given", "design", "to")),
+                pages.Bullets(told["reasons"]), pages.Text(f"{told['agreement']}." if told["agreement"] else ""),
+                pages.Table(rows, ("parameter", "from", "as given", "design", "to")),
             ]),
-            (f"Check on a new mesh{finer}", [Bullets(told["confirmation"])]),
-            ("Sensitivity of the target to the parameters", [Bullets(told["recovered"])]),
-            ("Tolerances and material errors", [Bullets(told["margins"])]),
-            ("Notes", [Bullets(told["notes"])]),
-            ("The case of the design", [Folded("design.toml", [Listing(read_text(folder / "design.toml"))])]),
+            (f"Check on a new mesh{finer}", [pages.Bullets(told["confirmation"])]),
+            ("Sensitivity of the target to the parameters", [pages.Bullets(told["recovered"])]),
+            ("Tolerances and material errors", [pages.Bullets(told["margins"])]),
+            ("Notes", [pages.Bullets(told["notes"])]),
+            ("The case of the design", [pages.Folded("design.toml", [pages.Listing(files.read_text(folder / "design.toml"))])]),
         ],
-        Provenance.from_table(told.get("made")),
+        commands.Provenance.from_table(told.get("made")),
         [
-            Fact("Limits of the design", "all kept" if told["feasible"] else "violated",
+            pages.Fact("Limits of the design", "all kept" if told["feasible"] else "violated",
                  "" if told["feasible"] else "see the warnings and reasons below", not told["feasible"]),
-            *(Fact(f"Rise of the {gauge}, {name}", row.told(gauge), load(row, states.words))
+            *(pages.Fact(f"Rise of the {gauge}, {name}", row.told(gauge), labels.load(row, states.words))
               for name, row, states in (("as given", given, pair[0]), ("design", best, pair[1]))),
-            *([Fact("Limit point of the design", f"{limit.shown('pressure'):.4g} {pair[1].words.unit}")] if limit else []),
+            *([pages.Fact("Limit point of the design",
+            f"{limit.shown('pressure'):.4g} {pair[1].words.unit}")] if limit else []),
         ],
         [*([f"{told['trouble']}."] if told["trouble"] else []), *told["missed"]],
-        publications(pair[1].case.material), downloads, pair[1].case.cm,
+        silicones.publications(pair[1].case.material), downloads, pair[1].case.cm,
     ).html()  # fmt: skip
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--colormap", **COLORMAP_OPTION)
+@click.option("--colormap", **commands.COLORMAP_OPTION)
 def main(folder: Path, colormap: str) -> None:
     """Draw the pictures and the report of the design in FOLDER."""
     with reported(folder):

@@ -11,26 +11,20 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from measurement.outline.outline import reached
+from measurement.outline import outline
+from softmodels.common import commands, pages, processes, units
 from softmodels.common.arrays import Array
-from softmodels.common.commands import Provenance
-from softmodels.common.pages import Bullets, Charts, Fact, Page, Part, Table, Text
-from softmodels.common.processes import plain
-from softmodels.common.units import pascal_per_cm, with_prefix
-from softmodels.fitting.comparison import FitReport, FittedLaw, correlation_rows, parameter_rows, residual_rows
+from softmodels.common.pages import Page
+from softmodels.fitting import comparison, least_squares
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.residuals import predicted
-from softmodels.fitting.least_squares import unseen
-from softmodels.fitting.outlines.residuals import MatchedPhotograph
-from softmodels.fitting.outlines.shapes import Shape, half_outline
-from softmodels.materials.specimens import MODE_NAMES, instabilities
-from softmodels.pictures.curves import drawing
-from softmodels.pictures.style import DPI, FAINT, INK, LINE_COLOURS, STYLE, WARNING, WIDTH, chart, png
+from softmodels.fitting.outlines import residuals, shapes
+from softmodels.fitting.outlines.shapes import Shape
+from softmodels.materials import specimens
+from softmodels.pictures import curves, style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from softmodels.materials.specimens import MaterialCurves
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -42,18 +36,18 @@ SHOWN = 400
 COLUMNS = 3
 
 
-def draw_outlines(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
+def draw_outlines(matches: Sequence[residuals.MatchedPhotograph], law: str) -> Figure:
     """Plot all outlines in device coordinates: measured points, simulated lines, a colour per pressure."""
-    figure, axes = chart(0.55 * WIDTH)
+    figure, axes = style.chart(0.55 * style.WIDTH)
     for fitting, colour in zip(matches, _colours(len(matches)), strict=True):
         stride = max(len(fitting.points) // SHOWN, 1)
         measured = 1e3 * (fitting.points * np.column_stack([fitting.side, np.ones_like(fitting.side)]))[::stride]
-        axes.plot(measured[:, 0], measured[:, 1], ".", ms=2.5, color=INK, alpha=0.5)
-        half = 1e3 * half_outline(fitting.shadow.curve, 2e-5)[0]
+        axes.plot(measured[:, 0], measured[:, 1], ".", ms=2.5, color=style.INK, alpha=0.5)
+        half = 1e3 * shapes.half_outline(fitting.shadow.curve, 2e-5)[0]
         label = _name(fitting.shape)
         whole = np.concatenate([half[:0:-1] * (-1.0, 1.0), half])
         axes.plot(*whole.T, color=colour, lw=1.4, label=label)
-    axes.axhline(0.0, color=FAINT, linewidth=0.8)
+    axes.axhline(0.0, color=style.FAINT, linewidth=0.8)
     reach = 1e3 * max(float(fitting.points[:, 0].max()) for fitting in matches)
     top = 1e3 * max(float(fitting.points[:, 1].max()) for fitting in matches)
     axes.set_xlim(-1.15 * reach, 1.15 * reach)
@@ -72,7 +66,7 @@ def _legend_beside(axes: Axes) -> None:
     axes.legend(handles[::-1], labels[::-1], loc="center left", bbox_to_anchor=(1.0, 0.5), title="read")
 
 
-def draw_photographs(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
+def draw_photographs(matches: Sequence[residuals.MatchedPhotograph], law: str) -> Figure:
     """Plot the residuals (simulated - measured) along the outline, one panel per photograph, with a band of two standard
     errors."""
     rows = -(-len(matches) // COLUMNS)
@@ -92,19 +86,19 @@ def _name(shape: Shape) -> str:
     return f"{shape.pressure / 1e3:.3g} kPa{held}"
 
 
-def draw_creep(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
+def draw_creep(matches: Sequence[residuals.MatchedPhotograph], law: str) -> Figure:
     """Plot the heights of photographs with times over their hold times, a colour per level of the pressure."""
-    figure, axes = chart(0.5 * WIDTH, 0.75 * WIDTH)
-    levels: dict[tuple[object, ...], list[MatchedPhotograph]] = {}
+    figure, axes = style.chart(0.5 * style.WIDTH, 0.75 * style.WIDTH)
+    levels: dict[tuple[object, ...], list[residuals.MatchedPhotograph]] = {}
     for one in matches:
         history, device = one.shape.history, one.shape.source.rpartition("/")[0]
-        levels.setdefault((device, *history[: reached(history) + 1]), []).append(one)
+        levels.setdefault((device, *history[: outline.reached(history) + 1]), []).append(one)
     for part, colour in zip(levels.values(), _colours(len(levels)), strict=True):
         part = sorted(part, key=lambda one: one.shape.hold)
         holds = [one.shape.hold for one in part]
         measured = [1e3 * (one.shape.height - one.values["zero"]) / one.factor for one in part]
         computed = [1e3 * float(one.shadow.curve.nodes[:, :, 1].max()) for one in part]
-        axes.plot(holds, measured, "o", mfc="none", mec=INK, ms=6)
+        axes.plot(holds, measured, "o", mfc="none", mec=style.INK, ms=6)
         axes.plot(holds, computed, ".-", color=colour, lw=1.4, label=f"{part[0].shape.pressure / 1e3:.3g} kPa")
     axes.set(xscale="log", xlabel="time held (s)", ylabel="height (mm)")
     axes.set_title(f"{law}: measured (circles) and simulated (lines) heights")
@@ -112,14 +106,14 @@ def draw_creep(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
     return figure
 
 
-def _panel(axes: Axes, fitting: MatchedPhotograph) -> None:
+def _panel(axes: Axes, fitting: residuals.MatchedPhotograph) -> None:
     shape = fitting.shape
     count = np.bincount(shape.bins)
     place = np.bincount(shape.bins, 1e3 * fitting.side * fitting.points[:, 0]) / count
     error = 1e6 * np.bincount(shape.bins, shape.error) / count / shape.weight
-    axes.fill_between(place, -2 * error, 2 * error, color=FAINT, alpha=0.35, lw=0)
-    axes.axhline(0.0, color=FAINT, linewidth=0.8)
-    axes.plot(place, fitting.residuals * error, ".-", ms=4, lw=0.8, color=INK)
+    axes.fill_between(place, -2 * error, 2 * error, color=style.FAINT, alpha=0.35, lw=0)
+    axes.axhline(0.0, color=style.FAINT, linewidth=0.8)
+    axes.plot(place, fitting.residuals * error, ".-", ms=4, lw=0.8, color=style.INK)
     chi2 = float((fitting.residuals**2).sum())
     read = f"{_name(shape)} ({fitting.reading * shape.pressure_error:+.0f} Pa)"
     axes.set_title(f"{read}: $\\chi^2$ {chi2:.0f} of {len(fitting.residuals)}", fontsize=9)
@@ -136,11 +130,11 @@ BOTH = {**NAMES, "uniaxial": "uniaxial tension and compression"}
 
 def _plot_law(axes: Axes, i: int, x: Array, y: Array, label: str = "", marker: str = "") -> None:
     """Plot the i-th law in its colour and dashes."""
-    colour, dashes = LINE_COLOURS[i % len(LINE_COLOURS)], STYLES[i % len(STYLES)]
+    colour, dashes = style.LINE_COLOURS[i % len(style.LINE_COLOURS)], STYLES[i % len(STYLES)]
     axes.plot(x, y, color=colour, linestyle=dashes, linewidth=1.8, label=label, marker=marker, markersize=4)
 
 
-def draw_curves(report: FitReport) -> Figure:
+def draw_curves(report: comparison.FitReport) -> Figure:
     """Plot measured and fitted nominal stress, one panel per test; for a history in time two, against stretch and time."""
     timed = any(curve.time is not None for curve in report.curves)
     shown = [(curve, against) for curve in report.curves for against in ("stretch", "time")[: 1 + timed]]
@@ -150,7 +144,7 @@ def draw_curves(report: FitReport) -> Figure:
         if along is None:
             axes.set_visible(False)
             continue
-        axes.plot(along, curve.stress / 1e3, "o", ms=4, mfc="none", mec=INK, mew=0.8, label="measured")
+        axes.plot(along, curve.stress / 1e3, "o", ms=4, mfc="none", mec=style.INK, mew=0.8, label="measured")
         drawn = curve
         if curve.time is None:
             along = np.linspace(min(curve.stretch[0], 1.0), curve.stretch[-1], 300)
@@ -159,7 +153,7 @@ def draw_curves(report: FitReport) -> Figure:
             stress = _gauge(one, report, curve) * predicted(one.material, drawn)
             _plot_law(axes, i, along, stress / 1e3, label=one.choice.name)
         names = BOTH if curve.stretch.min() < 0.99 else NAMES
-        axes.set_title(f"{names[curve.mode]}\n{plain(curve.name)}")
+        axes.set_title(f"{names[curve.mode]}\n{processes.plain(curve.name)}")
         axes.set(xlabel="stretch" if against == "stretch" else "time (s)", ylabel="nominal stress (kPa)")
         measured = curve.stress / 1e3
         room = 0.08 * float(np.ptp(measured))
@@ -168,45 +162,45 @@ def draw_curves(report: FitReport) -> Figure:
     return figure
 
 
-def _gauge(one: FittedLaw, report: FitReport, curve: TensileCurve) -> float:
+def _gauge(one: comparison.FittedLaw, report: comparison.FitReport, curve: TensileCurve) -> float:
     number = next(i for i, c in enumerate(report.curves, 1) if c is curve)
     return one.fit.values.get(f"gauge{number}", 1.0)
 
 
-def draw_residuals(report: FitReport) -> Figure:
+def draw_residuals(report: comparison.FitReport) -> Figure:
     """Plot the residuals (fit - measured) of the nominal stress, one panel per test."""
     figure, panels = _panels(len(report.curves), 4.0)
     for axes, curve in zip(panels, report.curves, strict=True):
         along, label = (curve.stretch, "stretch") if curve.time is None else (curve.time, "time (s)")
-        axes.axhline(0.0, color=FAINT, linewidth=1.0)
+        axes.axhline(0.0, color=style.FAINT, linewidth=1.0)
         for i, one in enumerate(report.laws):
             residuals = _gauge(one, report, curve) * predicted(one.material, curve) - curve.stress
             _plot_law(axes, i, along, residuals / 1e3, label=one.choice.name, marker=".")
-        axes.set(title=plain(curve.name), xlabel=label, ylabel="residual (fit - measured) (kPa)")
+        axes.set(title=processes.plain(curve.name), xlabel=label, ylabel="residual (fit - measured) (kPa)")
         # A poor law must not flatten the others' residuals.
         sizes = [np.abs(lines.get_ydata()).max() for lines in axes.lines[1:]]
         reach = 1.15 * min(max(sizes), 8 * min(sizes))
         if max(sizes) * 1.15 > reach:
             axes.set_ylim(-reach, reach)
-            axes.set_title(f"{plain(curve.name)}\n(the worst laws exceed the axes)")
+            axes.set_title(f"{processes.plain(curve.name)}\n(the worst laws exceed the axes)")
     panels[0].legend(loc="best")
     return figure
 
 
-def draw_profiles(one: FittedLaw) -> Figure:
+def draw_profiles(one: comparison.FittedLaw) -> Figure:
     """Return the rise of the deviance along every free parameter, the limit of the 95 % interval, and the quadratic
     approximation."""
     figure, grid = _panels(len(one.profiles), 3.6 + 0.3 / -(-len(one.profiles) // COLUMNS), whole=True)
     for axes, profile in zip(grid, one.profiles.values(), strict=True):
         best = one.fit.values[profile.name]
-        _, unit = with_prefix(best, profile.unit)
+        _, unit = units.with_prefix(best, profile.unit)
         factor = {"MPa": 1e-6, "kPa": 1e-3}.get(unit, 1.0)
-        axes.plot(profile.values * factor, profile.rises, "o-", ms=4, color=LINE_COLOURS[0], label="profile")
+        axes.plot(profile.values * factor, profile.rises, "o-", ms=4, color=style.LINE_COLOURS[0], label="profile")
         error = one.fit.error(profile.name)
         if np.isfinite(error) and error > 0.0:
             quadratic = ((profile.values - best) / error) ** 2
-            axes.plot(profile.values * factor, quadratic, ":", color=FAINT, label="quadratic")
-        axes.axhline(profile.limit, color=WARNING, linewidth=1.2, label="95 %")
+            axes.plot(profile.values * factor, quadratic, ":", color=style.FAINT, label="quadratic")
+        axes.axhline(profile.limit, color=style.WARNING, linewidth=1.2, label="95 %")
         axes.set_ylim(-0.05 * profile.limit, 2.5 * profile.limit)
         axes.set(xlabel=f"{profile.name} ({unit})" if unit else profile.name, ylabel="rise of the deviance")
         axes.tick_params(axis="x", labelrotation=25)
@@ -223,18 +217,22 @@ def _panels(
     """Return a figure of panels side by side, ``height`` inches each; a single one is narrower unless ``whole``."""
     columns = min(count, most)
     rows = -(-count // columns)
-    figure = Figure((WIDTH if columns > 1 or whole else 0.75 * WIDTH, height * rows), dpi=DPI, layout="constrained")
+    figure = Figure(
+        (style.WIDTH if columns > 1 or whole else 0.75 * style.WIDTH, height * rows),
+        dpi=style.DPI,
+        layout="constrained",
+    )
     grid = figure.subplots(rows, columns, squeeze=False, sharex=sharex).ravel()
     for axes in grid[count:]:
         axes.set_visible(False)
     return figure, list(grid[:count])
 
 
-SMALL = {**STYLE, "font.size": 10, "axes.titlesize": 11, "legend.fontsize": 9}
+SMALL = {**style.STYLE, "font.size": 10, "axes.titlesize": 11, "legend.fontsize": 9}
 
 
 @matplotlib.rc_context(SMALL)
-def figures(report: FitReport) -> dict[str, Figure]:
+def figures(report: comparison.FitReport) -> dict[str, Figure]:
     """Return all pictures by the stem of their file's name."""
     found = {"curves": draw_curves(report), "residuals": draw_residuals(report)} if report.curves else {}
     for law, states in report.photographs.items():
@@ -248,11 +246,11 @@ def figures(report: FitReport) -> dict[str, Figure]:
     return found
 
 
-def page(report: FitReport, figures: Mapping[str, Figure], tables: Mapping[str, str]) -> str:
+def page(report: comparison.FitReport, figures: Mapping[str, Figure], tables: Mapping[str, str]) -> str:
     """Return the report as one self-contained page, with pictures by the stem of their file's name, and texts of CSV files to
     download by file name."""
     charts = {
-        name: Charts([(f"{name}.svg", drawing(figure, pascal_per_cm()))], _caption(name))
+        name: pages.Charts([(f"{name}.svg", curves.drawing(figure, units.pascal_per_cm()))], _caption(name))
         for name, figure in figures.items()
     }
     ranked = [
@@ -264,11 +262,11 @@ def page(report: FitReport, figures: Mapping[str, Figure], tables: Mapping[str, 
         "Fitted material", f"{report.verdict}.",
         [
             ("Pictures", [chart for name, chart in charts.items() if not name.startswith("profiles-")]),
-            ("Laws compared", [Table(ranked, ("law", "parameters", "AICc", "BIC")) if ranked else None]),
+            ("Laws compared", [pages.Table(ranked, ("law", "parameters", "AICc", "BIC")) if ranked else None]),
             *((one.choice.name, _law(one, charts)) for one in report.laws),
-            ("Measurements", [Bullets([*report.ranges, report.how])]),
+            ("Measurements", [pages.Bullets([*report.ranges, report.how])]),
         ],
-        Provenance.now(), _facts(chosen),
+        commands.Provenance.now(), _facts(chosen),
         [*([] if chosen.sound else [f"Unreliable fit: {chosen.warnings[0]}"]),
          *(report.separate.sentences if report.separate else ())],
         [f"{name}: {source}" for name, source in known.items() if source], tables,
@@ -291,33 +289,39 @@ def _caption(name: str) -> str:
     return f"{CAPTIONS[kind]}{f': {law}' if law else ''}"
 
 
-def _facts(one: FittedLaw) -> list[Fact]:
+def _facts(one: comparison.FittedLaw) -> list[pages.Fact]:
     """Return the answer of a fit: the chosen law, its stiffness and its parameters with their intervals."""
     values = [
-        Fact(name, f"{value} {unit}".strip(), f"95 %: {interval} {unit}".strip() if " to " in interval else interval)
-        for name, value, unit, interval in parameter_rows(one)
+        pages.Fact(
+            name, f"{value} {unit}".strip(), f"95 %: {interval} {unit}".strip() if " to " in interval else interval
+        )
+        for name, value, unit, interval in comparison.parameter_rows(one)
     ]
-    modulus = " ".join(with_prefix(one.material.shear_modulus_0, "Pa"))
+    modulus = " ".join(units.with_prefix(one.material.shear_modulus_0, "Pa"))
     note = "" if one.sound else "the fit was rejected"
-    return [Fact("Law", one.choice.name, note, not one.sound), Fact("Shear modulus at small strain", modulus), *values]
+    return [
+        pages.Fact("Law", one.choice.name, note, not one.sound),
+        pages.Fact("Shear modulus at small strain", modulus),
+        *values,
+    ]
 
 
-def _law(one: FittedLaw, charts: Mapping[str, Charts]) -> list[Part | None]:
+def _law(one: comparison.FittedLaw, charts: Mapping[str, pages.Charts]) -> list[pages.Part | None]:
     """Return the report's section on a law."""
-    correlations = correlation_rows(one)
+    correlations = comparison.correlation_rows(one)
     width = max(map(len, correlations), default=0)
-    told = (one.material.remark, *one.judgement.notes, *unseen(one.fit), *one.verdict.notes)
+    told = (one.material.remark, *one.judgement.notes, *least_squares.unseen(one.fit), *one.verdict.notes)
     names = ["correlation", *(p.name for p in one.fit.free[: max(width - 1, 0)])]
     return [
-        Text(
-            f"Shear modulus at small strain {' '.join(with_prefix(one.material.shear_modulus_0, 'Pa'))}. "
+        pages.Text(
+            f"Shear modulus at small strain {' '.join(units.with_prefix(one.material.shear_modulus_0, 'Pa'))}. "
             f"The least squares {'converged' if one.fit.converged else 'did not converge'}."
         ),
-        Bullets(one.warnings, alarm=True),
-        Table(parameter_rows(one), ("parameter", "value", "unit", "95 % interval")),
-        Table([[*row, *[""] * (width - len(row))] for row in correlations], names),
-        Table(residual_rows(one), ("residuals", "rms", "mean", "largest", "correlation length")),
-        Bullets([text for text in told if text]),
+        pages.Bullets(one.warnings, alarm=True),
+        pages.Table(comparison.parameter_rows(one), ("parameter", "value", "unit", "95 % interval")),
+        pages.Table([[*row, *[""] * (width - len(row))] for row in correlations], names),
+        pages.Table(comparison.residual_rows(one), ("residuals", "rms", "mean", "largest", "correlation length")),
+        pages.Bullets([text for text in told if text]),
         charts.get(f"profiles-{one.choice.name}"),
     ]
 
@@ -327,20 +331,24 @@ def _law(one: FittedLaw, charts: Mapping[str, Charts]) -> list[Part | None]:
 
 
 @matplotlib.rc_context(SMALL)
-def draw(many: Sequence[MaterialCurves], measured: Sequence[TensileCurve], radius: float, thickness: float) -> bytes:
+def draw(
+    many: Sequence[specimens.MaterialCurves], measured: Sequence[TensileCurve], radius: float, thickness: float
+) -> bytes:
     """Return three tests and the balloon of a radius and thickness in m, with measured curves beside them, as PNG; nominal
     stresses are solid, unstable parts marked."""
-    figure = Figure((WIDTH, 8.4), dpi=DPI, layout="constrained")
+    figure = Figure((style.WIDTH, 8.4), dpi=style.DPI, layout="constrained")
     panels = figure.subplots(2, 2).ravel()
-    for axes, mode in zip(panels[:3], MODE_NAMES, strict=True):
+    for axes, mode in zip(panels[:3], specimens.MODE_NAMES, strict=True):
         for i, one in enumerate(many):
             stress = one.responses[mode].stress / 1e3
-            _plot_law(axes, i, one.stretch, stress, label=plain(one.name))
+            _plot_law(axes, i, one.stretch, stress, label=processes.plain(one.name))
             _mark(axes, one, mode, stress)
         for curve, marker in zip(measured, itertools.cycle("osd^v"), strict=False):
             if curve.mode == mode:
-                label = plain(curve.name)
-                axes.plot(curve.stretch, curve.stress / 1e3, marker, ms=3.5, mfc="none", mec=INK, mew=0.7, label=label)
+                label = processes.plain(curve.name)
+                axes.plot(
+                    curve.stretch, curve.stress / 1e3, marker, ms=3.5, mfc="none", mec=style.INK, mew=0.7, label=label
+                )
         names = BOTH if many[0].stretch[0] < 0.99 else NAMES
         axes.set(title=names[mode], xlabel="stretch", ylabel="nominal stress (kPa)")
         axes.set_xlim(many[0].stretch[0], many[0].stretch[-1])
@@ -353,19 +361,21 @@ def draw(many: Sequence[MaterialCurves], measured: Sequence[TensileCurve], radiu
     axes.set(xlabel="circumference over undeformed circumference", ylabel="pressure (kPa)")
     handles = {text: handle for axes in panels for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)}
     figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=2)
-    return png(figure)
+    return style.png(figure)
 
 
-def _mark(axes: Axes, one: MaterialCurves, mode: str, stress: Array) -> None:
+def _mark(axes: Axes, one: specimens.MaterialCurves, mode: str, stress: Array) -> None:
     """Mark the first instability of the law in this mode by a cross."""
-    for weak in instabilities(one.material):
+    for weak in specimens.instabilities(one.material):
         if weak.mode == mode and one.stretch[0] <= weak.stretch <= one.stretch[-1]:
             height = float(np.interp(weak.stretch, one.stretch, stress))
-            axes.plot(weak.stretch, height, "x", ms=9, mew=2.2, color=WARNING, zorder=5)
-            axes.annotate("not stable", (weak.stretch, height), (6, -14), textcoords="offset points", color=WARNING)
+            axes.plot(weak.stretch, height, "x", ms=9, mew=2.2, color=style.WARNING, zorder=5)
+            axes.annotate(
+                "not stable", (weak.stretch, height), (6, -14), textcoords="offset points", color=style.WARNING
+            )
 
 
-def _limit(axes: Axes, many: Sequence[MaterialCurves], measured: Sequence[TensileCurve], mode: str) -> None:
+def _limit(axes: Axes, many: Sequence[specimens.MaterialCurves], measured: Sequence[TensileCurve], mode: str) -> None:
     """Limit the axes so that a law near locking, or in strong compression, does not flatten the others."""
     stresses = [one.responses[mode].stress / 1e3 for one in many]
     own = [curve.stress[curve.stretch <= many[0].stretch[-1]] / 1e3 for curve in measured if curve.mode == mode]

@@ -15,14 +15,14 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image as Picture, ImageFilter
 
+from softmodels.common import commands
 from softmodels.common.arrays import Array
-from softmodels.common.commands import COLORMAP
 from softmodels.common.lazy import pyvista
-from softmodels.components.contact import RigidShape, obstacle_of, surface_of
+from softmodels.components import contact
+from softmodels.components.contact import RigidShape
 from softmodels.pictures.style import DPI, EDGE, INK, WARNING, WIDTH, Caption, Scale, subject
+from softmodels.runs import grid, labels
 from softmodels.runs.fields import coloured
-from softmodels.runs.grid import CUT, OUTSIDE, Cells, Surface
-from softmodels.runs.labels import headline, load, number
 from softmodels.runs.states import States
 
 if TYPE_CHECKING:
@@ -192,7 +192,9 @@ AROUND, ALONG = 48, 16
 """Facets around a shape, and from an end to its middle."""
 
 
-def surface(points: Array, triangles: Cells, normals: Array | None = None, values: Array | None = None) -> PolyData:
+def surface(
+    points: Array, triangles: grid.Cells, normals: Array | None = None, values: Array | None = None
+) -> PolyData:
     """Return the mesh of triangles; points (n, 3) in m, triangles (t, 3), normals (n, 3), values (n,) to colour them by."""
     data = pyvista.PolyData.from_regular_faces(points, triangles)
     if values is not None:
@@ -202,12 +204,12 @@ def surface(points: Array, triangles: Cells, normals: Array | None = None, value
     return data
 
 
-def lines(points: Array, pairs: Cells) -> PolyData:
+def lines(points: Array, pairs: grid.Cells) -> PolyData:
     """Return the straight lines to draw; points (n, 3) in m, pairs of them (e, 2)."""
     return pyvista.PolyData(points, lines=np.column_stack([np.full(len(pairs), 2), pairs]).ravel())
 
 
-def seen_lines(points: Array, pairs: Cells) -> list[Layer]:
+def seen_lines(points: Array, pairs: grid.Cells) -> list[Layer]:
     """Return the layers of straight lines that are seen on all colours, white with a dark rim; arguments as of `lines`."""
     drawn = lines(points, pairs) if len(pairs) else None
     styles: tuple[Style, ...] = ({"color": INK, "line_width": 4.0}, {"color": "#e4e7eb", "line_width": 2.0})
@@ -291,7 +293,7 @@ def profile(shape: RigidShape, reach: float) -> Array:
 def shape_surface(shape: RigidShape, reach: float) -> PolyData:
     """Return the surface of a shape, in m."""
     if shape.file:
-        return surface(*surface_of(shape))
+        return surface(*contact.surface_of(shape))
     axis = shape.direction
     first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     first /= np.linalg.norm(first)
@@ -368,7 +370,7 @@ class Look:
     states: States
     kept: npt.NDArray[np.intp]
     direction: Array
-    colours: str = COLORMAP
+    colours: str = commands.COLORMAP
 
     @property
     def opened(self) -> bool:
@@ -389,7 +391,7 @@ class Look:
     ) -> Caption:
         """Return what stands around a picture of a state, with further fields of `Caption`; ``scale`` is of its colours."""
         states = self.states
-        texts = {"title": headline(states.row(step), states.words), **more}
+        texts = {"title": labels.headline(states.row(step), states.words), **more}
         of = subject(states.case) + ("; grey: undeformed" if step else "")
         of += "; interpolated between computed states" if step % 1 else ""
         return Caption(
@@ -417,7 +419,7 @@ class Look:
 
         A cut plane on which walls meet their mirror image is the device's own middle, and is not drawn.
         """
-        obstacle, skin = obstacle_of(self.states.case.components), self.states.skin
+        obstacle, skin = contact.obstacle_of(self.states.case.components), self.states.skin
         if obstacle is None or obstacle.on_cut:
             return None
         point, normal = (np.asarray(vector) for vector in obstacle.place(self.states.actuator))
@@ -490,7 +492,7 @@ class Look:
         everything = np.arange(len(skin.images))
         shown, normals = skin.device(moved), skin.device(skin.normals(moved))
         found: list[Layer] = []
-        for chosen, style in ((skin.part > OUTSIDE, walls), (skin.part == OUTSIDE, outside)):
+        for chosen, style in ((skin.part > grid.OUTSIDE, walls), (skin.part == grid.OUTSIDE, outside)):
             if chosen.any() and style is not None:
                 data = surface(shown, skin.device_triangles(chosen, everything), normals)
                 found.append((data, {"color": "#8fa8c0", "smooth_shading": True, **style}))
@@ -512,9 +514,9 @@ class Look:
         """
         skin = self.states.skin
         if not self.opened:
-            return skin.device_triangles(skin.part == OUTSIDE, self.kept)
-        cuts = self._single(skin.device_triangles(skin.part == CUT, self.kept))
-        return np.concatenate([skin.device_triangles(skin.part != CUT, self.kept), cuts])
+            return skin.device_triangles(skin.part == grid.OUTSIDE, self.kept)
+        cuts = self._single(skin.device_triangles(skin.part == grid.CUT, self.kept))
+        return np.concatenate([skin.device_triangles(skin.part != grid.CUT, self.kept), cuts])
 
     def _single(self, corners: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
         """Of lines or triangles between the shown images, those that are there once; vertices, shape (k, 2 or 3)."""
@@ -523,7 +525,7 @@ class Look:
         return np.asarray(corners[np.bincount(first, minlength=len(first))[first] == 1])
 
 
-def joined_places(points: Array, size: float) -> Cells:
+def joined_places(points: Array, size: float) -> grid.Cells:
     """Return for each point the first one at its place, shape (n,); lengths and ``size`` in m."""
     # Off the round numbers that meshes like, where the last digit would decide.
     _, first, place = np.unique(np.floor(points / size * 1e6 + 0.4142), axis=0, return_index=True, return_inverse=True)
@@ -539,7 +541,7 @@ def direction(azimuth: float, elevation: float, up: Array) -> Array:
     return np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)]) @ turned
 
 
-def look(states: States, colours: str = COLORMAP) -> Look:
+def look(states: States, colours: str = commands.COLORMAP) -> Look:
     """Return how a device is shown: a round one without a quarter, another one whole, from the side of its free end."""
     skin, up = states.skin, np.asarray(states.actuator.lift)
     whole = np.arange(len(skin.images))
@@ -564,7 +566,7 @@ def towards_slice(states: States) -> Array:
     return across_cut(states.skin, np.asarray(states.actuator.lift))
 
 
-def across_cut(skin: Surface, up: Array) -> Array:
+def across_cut(skin: grid.Surface, up: Array) -> Array:
     """Return the view across the first cut plane of a slice, a little from the side and from above."""
     planes = skin.planes
     # A wide slice shows its second cut plane too, unless the view is edge-on to it.
@@ -600,15 +602,19 @@ def hot_spot(states: States, step: int) -> HotSpot:
     flat = np.array([np.hypot(*rest[:2]), 0.0, rest[2]]) if states.actuator.dimension == 2 else rest
     # The wall that the nearest cell has nodes on, and of these the one nearest to the place.
     cell = states.cells[np.argmin(np.linalg.norm(states.points[states.cells].mean(axis=1) - flat, axis=1))]
-    part_of = np.full(len(states.points), CUT)
+    part_of = np.full(len(states.points), grid.CUT)
     for walls in range(skin.cavities + 1):
         part_of[skin.nodes[skin.triangles[skin.part == walls]]] = walls
     near = cell[np.argsort(np.linalg.norm(states.points[cell] - flat, axis=1))]
-    part = next((int(part_of[node]) for node in near if part_of[node] != CUT), None)
-    name = {None: "inside the silicone", OUTSIDE: "on the outer face"}.get(part, f"on the wall of cavity {part}")
+    part = next((int(part_of[node]) for node in near if part_of[node] != grid.CUT), None)
+    name = {None: "inside the silicone", grid.OUTSIDE: "on the outer face"}.get(part, f"on the wall of cavity {part}")
     name = "on the cavity's wall" if part == skin.cavities == 1 else name
     words = states.words
-    under = load(row, words) if "load_step" in row else words.under(row, f"{number(row.shown('pressure'))} cm")
+    under = (
+        labels.load(row, words)
+        if "load_step" in row
+        else words.under(row, f"{labels.number(row.shown('pressure'))} cm")
+    )
     at = ", ".join(f"{axis} = {1e3 * x:.2f}" for axis, x in zip("xyz", rest, strict=True))
     return HotSpot(
         value, flat + states.field(step, "displacement")[near[:4]].mean(axis=0), part, name,

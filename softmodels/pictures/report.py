@@ -23,42 +23,18 @@ from PIL import Image
 
 from geometries import registry as geometry_table
 from softmodels.case import materials
-from softmodels.common import schema
+from softmodels.common import files, pages, schema, units
 from softmodels.common.arrays import Array
-from softmodels.common.files import data_uri, image_uri, read_json, read_text, render, write_text
-from softmodels.common.pages import (
-    Bullets,
-    Cell,
-    Charts,
-    Fact,
-    Folded,
-    Listing,
-    Page,
-    Picture,
-    Program,
-    Section,
-    Table,
-    Terms,
-    Text,
-)
-from softmodels.common.schema import about
-from softmodels.common.units import as_amount, readable
-from softmodels.components.contact import obstacle_of
+from softmodels.common.pages import Page
+from softmodels.components import contact
+from softmodels.materials import silicones
 from softmodels.materials.laws import parameter_fields
-from softmodels.materials.silicones import break_words, publications, stretch_at_break, stretches_of
-from softmodels.mechanics.newton import TOLERANCE
-from softmodels.path.steps import VOLUME, courses, times_of
-from softmodels.pictures import curves
-from softmodels.pictures.curves import drawing
-from softmodels.pictures.offscreen import Look, ViewCamera
-from softmodels.pictures.style import DPI, STYLE, encoded, subject
-from softmodels.runs.columns import term
-from softmodels.runs.grid import CUT, OUTSIDE, QUARTERS, SECTOR, Cells, turn
-from softmodels.runs.labels import headline, load, overlap_text
+from softmodels.mechanics import newton
+from softmodels.path import steps
+from softmodels.pictures import curves, offscreen, style
+from softmodels.runs import columns, grid, labels, outcomes, table
 from softmodels.runs.notes import ending, left_out, notes_of, stability_text
-from softmodels.runs.outcomes import NO_EQUILIBRIUM
 from softmodels.runs.states import States
-from softmodels.runs.table import Cell as Value, PathTable
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The case of a report: device, material, load and solver as tables with units.
@@ -71,9 +47,9 @@ type CaseTable = tuple[str, list[tuple[str, str, str]]]
 def case_tables(states: States) -> list[CaseTable]:
     """Return all tables of a case."""
     device, material = states.actuator, states.case.material
-    fields, laws = about(device), {field.name: field.metadata["help"] for field in parameter_fields(material)}
+    fields, laws = schema.about(device), {field.name: field.metadata["help"] for field in parameter_fields(material)}
     laws["fitted_stretch"] = "fitted range of stretch"
-    shown, law = geometry_table.to_table(device, readable), materials.to_table(material, readable)
+    shown, law = geometry_table.to_table(device, units.readable), materials.to_table(material, units.readable)
     initial = f"{material.shear_modulus_0 / 1e3:.4g} kPa"
     silicone = [(name, value, laws.get(name, "")) for name, value in law.items() if name != "law"]
     tables: list[tuple[str, Iterable[tuple[str, object, str]]]] = [
@@ -93,11 +69,11 @@ def _load(states: States) -> Iterator[tuple[str, object, str]]:
     asked: list[tuple[str, Sequence[float], str]] = [(case.load.requested.words, case.values, case.unit)]
     if case.program:
         asked = []
-        for one in courses(case.steps):
-            values = [as_amount(value) for value in one.values]
-            added = " added" if one.quantity == VOLUME else ""
+        for one in steps.courses(case.steps):
+            values = [units.as_amount(value) for value in one.values]
+            added = " added" if one.quantity == steps.VOLUME else ""
             asked.append((one.name, [value.number for value in values], f"{values[0].unit}{added}"))
-        asked += [("time", times_of(case.steps), "s")] if case.timed else []
+        asked += [("time", steps.times_of(case.steps), "s")] if case.timed else []
     for what, numbers, unit in asked:
         yield what, f"{', '.join(f'{number:g}' for number in numbers)} {unit}", "requested"
     if case.load.has_pressure:
@@ -105,11 +81,11 @@ def _load(states: States) -> Iterator[tuple[str, object, str]]:
     yield "control", case.control, "control of the continuation"
     yield "formulation", case.formulation, "unknowns of the equations"
     for part in case.components:
-        for name, value in part.write_table(readable).items():
+        for name, value in part.write_table(units.readable).items():
             yield f"{part.where.strip('[]')} {name}", str(value), part.explained.get(name, "")
     if case.supply is not None:
-        texts = {field.key or name: field.help for name, field in about(case.supply).items()}
-        for name, value in schema.to_table(case.supply, readable).items():
+        texts = {field.key or name: field.help for name, field in schema.about(case.supply).items()}
+        for name, value in schema.to_table(case.supply, units.readable).items():
             yield name, value, texts[name]
 
 
@@ -132,7 +108,7 @@ VALUES = 2_500_000
 FULL = 65535
 
 
-def view(look: Look) -> dict[str, object]:
+def view(look: offscreen.Look) -> dict[str, object]:
     """Return the data of the template ``web_view.html``: the controls' ranges, the data and their description."""
     states = look.states
     steps = _steps(states)
@@ -162,18 +138,18 @@ PARTS = ((0, 4, 6, 7), (1, 5, 4, 8), (2, 6, 5, 9), (3, 7, 9, 8), (4, 9, 5, 6), (
 """A tetrahedron of ten nodes, in VTK's order, as eight of four nodes, whose faces are those of `QUARTERS`."""
 
 
-def solid_cells(states: States) -> tuple[Cells, Cells]:
+def solid_cells(states: States) -> tuple[grid.Cells, grid.Cells]:
     """Return cells of a solid, shape (c, k), and the tetrahedra that each is cut as, of k nodes, shape (p, 4).
 
     Those of a half section are prisms between its nodes and the turned ones, each quarter of which is three tetrahedra.
     """
     if states.actuator.dimension == 3:
         return states.cells, np.array(PARTS)
-    parts = [((a, b, c, a + 6), (b, c, a + 6, b + 6), (c, a + 6, b + 6, c + 6)) for a, b, c in QUARTERS]
+    parts = [((a, b, c, a + 6), (b, c, a + 6, b + 6), (c, a + 6, b + 6, c + 6)) for a, b, c in grid.QUARTERS]
     return np.concatenate([states.cells, states.cells + len(states.points)], axis=1), np.reshape(parts, (-1, 4))
 
 
-def packed(look: Look, steps: list[int]) -> tuple[dict[str, object], bytes]:
+def packed(look: offscreen.Look, steps: list[int]) -> tuple[dict[str, object], bytes]:
     """Return the packed data of the view's program at some steps: the description (lengths in m; each cell, of as many nodes
     as ``split`` names, is cut as the tetrahedra in it), and the packed numbers: triangles, edges and cells, then for each
     step places and fields of the nodes; of a half section of its nodes, and of these turned to the end of the wedge that is
@@ -181,14 +157,14 @@ def packed(look: Look, steps: list[int]) -> tuple[dict[str, object], bytes]:
     states, skin, count = look.states, look.states.skin, len(look.states.points)
     flat = states.actuator.dimension == 2
     node = skin.nodes + count * skin.turned
-    order = np.argsort(skin.part[skin.part != CUT], kind="stable")  # the outside first
-    triangles, edges = node[skin.triangles[skin.part != CUT][order]], node[skin.edges]
+    order = np.argsort(skin.part[skin.part != grid.CUT], kind="stable")  # the outside first
+    triangles, edges = node[skin.triangles[skin.part != grid.CUT][order]], node[skin.edges]
     cells, split = solid_cells(states)
 
     def whole(nodal: Array, turned: Array) -> Array:
         return np.concatenate([nodal, turned]) if flat else nodal
 
-    places = [whole(moved, moved @ turn(SECTOR).T) for moved in map(states.moved, steps)]
+    places = [whole(moved, moved @ grid.turn(grid.SECTOR).T) for moved in map(states.moved, steps)]
     low = np.min([place.min(axis=0) for place in places], axis=0)
     span = float(max(np.max([place.max(axis=0) for place in places], axis=0) - low))
     pieces = [
@@ -206,11 +182,11 @@ def packed(look: Look, steps: list[int]) -> tuple[dict[str, object], bytes]:
             pieces.append(_bytes(column - before[k]))
             before[k] = column
     rest = look.rest(everything := np.arange(len(skin.images)))
-    camera = ViewCamera.around([rest, look.points(states.main, everything)], look.direction, look.up)
+    camera = offscreen.ViewCamera.around([rest, look.points(states.main, everything)], look.direction, look.up)
     colours = (matplotlib.colormaps[look.colours](np.linspace(0, 1, 256))[:, :3] * 255).round().astype(int)
     meta = {
-        "subject": subject(states.case), "vertices": len(places[0]), "triangles": len(triangles),
-        "outside": int((skin.part == OUTSIDE).sum()), "edges": len(edges), "cells": len(cells), "split": split.tolist(),
+        "subject": style.subject(states.case), "vertices": len(places[0]), "triangles": len(triangles),
+        "outside": int((skin.part == grid.OUTSIDE).sum()), "edges": len(edges), "cells": len(cells), "split": split.tolist(),
         "low": low.tolist(), "span": span, "planes": skin.planes.tolist(),
         "images": skin.images.reshape(-1, 9).round(12).tolist(),
         "box": [rest.min(axis=0).tolist(), rest.max(axis=0).tolist()],
@@ -220,7 +196,7 @@ def packed(look: Look, steps: list[int]) -> tuple[dict[str, object], bytes]:
             {"what": one.what, "label": f"{one.what}, {one.kind}", "unit": one.unit, "low": one.low, "power": one.power,
              "top": one.top} for one in look.scales.values()
         ],
-        "steps": [{"step": step, "label": headline(states.rows[step], states.words)} for step in steps],
+        "steps": [{"step": step, "label": labels.headline(states.rows[step], states.words)} for step in steps],
     }  # fmt: skip
     return meta, gzip.compress(b"".join(pieces), 6, mtime=0)
 
@@ -250,28 +226,29 @@ REPORT = "report.html"
 class Report:
     """The report of a results folder without its pictures, which may still be in progress."""
 
-    def __init__(self, look: Look, folder: Path, name: str):
+    def __init__(self, look: offscreen.Look, folder: Path, name: str):
         self.folder = folder
         states, told = look.states, summary(folder)
-        viewer = Markup(render("web_view.html", "softmodels.pictures", view=view(look)))
+        viewer = Markup(files.render("web_view.html", "softmodels.pictures", view=view(look)))
         asked = states.rows.where("requested") or states.rows[-1:]
-        terms = [(name, term(name, states.actuator, states.case.load.driver)) for name in states.rows.columns]
+        terms = [(name, columns.term(name, states.actuator, states.case.load.driver)) for name in states.rows.columns]
         warnings = told.get("notes")
         if warnings is None:
             warnings = [*states.mesh_notes, *notes_of(states.case, states.rows, states.sources)]
-        self._head: list[Section] = [
-            ("3-D view", [Program(viewer)]),
-            ("The path", [Charts(_curves(states)), Text(_contact(states))]),
+        self._head: list[pages.Section] = [
+            ("3-D view", [pages.Program(viewer)]),
+            ("The path", [pages.Charts(_curves(states)), pages.Text(_contact(states))]),
         ]
-        case = [Table(rows, numbers=False, caption=heading) for heading, rows in case_tables(states)]
-        self._tail: list[Section] = [
+        case = [pages.Table(rows, numbers=False, caption=heading) for heading, rows in case_tables(states)]
+        self._tail: list[pages.Section] = [
             ("Requested values", [_lines(asked, states)]),
-            ("The case", [*case, Folded("case.toml", [Listing(states.case.to_toml())])]),
-            ("Convergence", [Bullets(convergence(states))]),
-            ("Notes", [Bullets(_notes(states))]),
+            ("The case", [*case, pages.Folded("case.toml", [pages.Listing(states.case.to_toml())])]),
+            ("Convergence", [pages.Bullets(convergence(states))]),
+            ("Notes", [pages.Bullets(_notes(states))]),
             ("All steps", [
-                Folded("Columns", [Terms([(str(meaning), name, meaning.text) for name, meaning in terms if meaning.text])]),
-                Folded("Every state", [_lines(states.rows, states)]),
+                pages.Folded("Columns", [pages.Terms([(str(meaning), name, meaning.text) for name,
+                meaning in terms if meaning.text])]),
+                pages.Folded("Every state", [_lines(states.rows, states)]),
             ]),
         ]  # fmt: skip
         made = states.made
@@ -279,16 +256,16 @@ class Report:
             made = dataclasses.replace(made, command=shlex.join(["softmodels", "run", f"{folder}/case.toml"]))
         self._page = Page(
             name, ending(states.rows, states.rows[states.main], states.words, told), (), made,
-            facts(states, told), warnings if isinstance(warnings, list) else [], publications(states.case.material),
-            {"path.csv": read_text(folder / "path.csv")} if (folder / "path.csv").exists() else {}, states.case.cm,
+            facts(states, told), warnings if isinstance(warnings, list) else [], silicones.publications(states.case.material),
+            {"path.csv": files.read_text(folder / "path.csv")} if (folder / "path.csv").exists() else {}, states.case.cm,
         )  # fmt: skip
 
     def write(self) -> Path:
         """Write the report with the pictures that are in the folder; return its file."""
         shown = [self.folder / name for name in CAPTIONS if (self.folder / name).exists()]
-        pictures = [Picture(image_uri(file), CAPTIONS[file.name], _last_frame(file)) for file in shown]
+        pictures = [pages.Picture(files.image_uri(file), CAPTIONS[file.name], _last_frame(file)) for file in shown]
         page = dataclasses.replace(self._page, sections=[*self._head, ("Pictures", pictures), *self._tail])
-        write_text(self.folder / REPORT, page.html())
+        files.write_text(self.folder / REPORT, page.html())
         return self.folder / REPORT
 
 
@@ -296,49 +273,49 @@ class Report:
 # The answer, and what it rests on.
 
 
-def facts(states: States, told: dict[str, object]) -> list[Fact]:
+def facts(states: States, told: dict[str, object]) -> list[pages.Fact]:
     """Return the figures that a run was made for: rise, limit, largest stretch."""
     row, words = states.rows[states.main], states.words
-    overlap = overlap_text(row)
-    under = load(row, words).removesuffix(f" - {overlap}") if overlap else load(row, words)
-    rise = Fact(f"Rise of the {words.gauge}", row.told(words.gauge), overlap or f"at {under}", bool(overlap))
+    overlap = labels.overlap_text(row)
+    under = labels.load(row, words).removesuffix(f" - {overlap}") if overlap else labels.load(row, words)
+    rise = pages.Fact(f"Rise of the {words.gauge}", row.told(words.gauge), overlap or f"at {under}", bool(overlap))
     return [rise, _limit(states, told), *_stretch(states)]
 
 
-def _limit(states: States, told: dict[str, object]) -> Fact:
+def _limit(states: States, told: dict[str, object]) -> pages.Fact:
     """Return the limit point that was met and the margin to it, or how far none was."""
     rows, words, row = states.rows, states.words, states.rows[states.main]
     name, raised = f"Limit point of the {words.kept[0]}", words.along[0]
     if states.case.program:
         name = "Limit point of the loads"
     if found := curves.limits(rows):
-        beyond = told.get("status") == NO_EQUILIBRIUM
+        beyond = told.get("status") == outcomes.NO_EQUILIBRIUM
         note = "there is no equilibrium at what was requested beyond it" if beyond else ""
         if not beyond and not states.case.program and row["requested"] and row[raised]:
             note = f"{found[0][raised] / row[raised]:.3g} times the last requested {words.kept[0]}"
-        return Fact(name, load(found[0], words), note, beyond)
+        return pages.Fact(name, labels.load(found[0], words), note, beyond)
     highest = rows[int(np.abs(rows[raised]).argmax())]
     way = "up" if highest[raised] >= 0.0 else "down"
     note = "the margin is not known from this run: softmodels limit case.toml finds it"
-    return Fact(name, f"none {way} to {load(highest, words)}", note if words.kept[0] == "pressure" else "")
+    return pages.Fact(name, f"none {way} to {labels.load(highest, words)}", note if words.kept[0] == "pressure" else "")
 
 
-def _stretch(states: States) -> list[Fact]:
+def _stretch(states: States) -> list[pages.Fact]:
     """Return the largest stretch beside those that the material was fitted to and breaks at."""
     if "max_stretch" not in states.rows:
         return []
     most, material = float(states.rows["max_stretch"].max()), states.case.material
-    fitted, breaks = stretches_of(material), stretch_at_break(material)
+    fitted, breaks = silicones.stretches_of(material), silicones.stretch_at_break(material)
     known = [f"fitted up to {fitted[1]:.4g}"] if fitted else ["the range of the material's fit is unknown"]
-    known += [break_words(material)] if breaks else []
+    known += [silicones.break_words(material)] if breaks else []
     beyond = most > min(fitted[1] if fitted else math.inf, breaks or math.inf)
-    return [Fact("Largest stretch", f"{most:.4g}", "; ".join(known), beyond)]
+    return [pages.Fact("Largest stretch", f"{most:.4g}", "; ".join(known), beyond)]
 
 
 def convergence(states: States) -> list[str]:
     """Return what is known of the errors of a run's numbers, in sentences."""
     rows = states.rows.where(lambda row: not row.get("bifurcation"))
-    text = f"Newton's method converged in every state: residual below {TOLERANCE:g} of the pressure's load"
+    text = f"Newton's method converged in every state: residual below {newton.TOLERANCE:g} of the pressure's load"
     if "newton_iterations" in states.rows:
         text += f", {rows['newton_iterations'].sum():.0f} iterations in {len(rows)} states"
     count = f"{len(states.cells)} cells of second order, {len(states.points)} nodes"
@@ -353,7 +330,7 @@ def convergence(states: States) -> list[str]:
 def summary(folder: Path) -> dict[str, object]:
     """Return ``summary.json``'s data on the end of the run; empty if it was interrupted."""
     try:
-        found = read_json(folder / "summary.json")
+        found = files.read_json(folder / "summary.json")
     except (OSError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}
@@ -361,21 +338,21 @@ def summary(folder: Path) -> dict[str, object]:
 
 def _curves(states: States) -> list[tuple[str, str]]:
     """Return the curves of a path: names of files and drawings."""
-    with matplotlib.rc_context(STYLE):
+    with matplotlib.rc_context(style.STYLE):
         rows, words = states.rows, states.words
         if states.case.program:
-            looped = states.case.timed and curves.cycles(rows)
+            looped = states.case.timed and curves.notes.cycles(rows)
             drawn = {"steps": curves.steps(rows, words), **({"loop": curves.loop(rows, words)} if looped else {})}
             figures = list(drawn.items())
         else:
             found = curves.curves(rows, words, states.branch, curves.over_of(states.case), states.sources)
             figures = [(f"path-{number}", figure) for number, figure in enumerate(found, 1)]
-        return [(f"{states.name}-{name}.svg", drawing(figure, states.case.cm)) for name, figure in figures]
+        return [(f"{states.name}-{name}.svg", curves.drawing(figure, states.case.cm)) for name, figure in figures]
 
 
 def _contact(states: States) -> str:
     """The rigid plane of a run, and the force on it, in a sentence."""
-    obstacle = obstacle_of(states.case.components)
+    obstacle = contact.obstacle_of(states.case.components)
     if obstacle is None:
         return ""
     text = f"The rigid plane {obstacle.plane} is in frictionless contact with {obstacle.faces} (red in the pictures)."
@@ -384,28 +361,30 @@ def _contact(states: States) -> str:
         return f"{text} No contact occurred."
     first, row, words = pressed[0], states.rows[states.main], states.words
     force, depth = row.told("contact_force"), row.told("contact_depth", ".2g")
-    text += f" Contact starts at {load(first, words)}; at {load(row, words)} the force is {force}"
+    text += f" Contact starts at {labels.load(first, words)}; at {labels.load(row, words)} the force is {force}"
     return f"{text}, the penetration {depth}."
 
 
-def _lines(rows: PathTable, states: States) -> Table:
+def _lines(rows: table.PathTable, states: States) -> pages.Table:
     """Return the rows of ``path.csv`` side by side: one line per column of the file, with exact and displayed values."""
     lines = []
     for name in states.rows.columns:
         if name == "requested" or states.words.hides(name):
             continue
-        meaning = term(name, states.actuator, states.case.load.driver)
+        meaning = columns.term(name, states.actuator, states.case.load.driver)
         factor = states.case.cm if meaning.unit == "cm" else math.nan
         cells = [(row.cells.get(name, ""), _shown(row.cells.get(name))) for row in rows]
         values = [
-            Cell(shown, str(exact), factor * exact if isinstance(exact, float) and meaning.unit == "cm" else None)
+            pages.Cell(shown, str(exact), factor * exact if isinstance(exact, float) and meaning.unit == "cm" else None)
             for exact, shown in cells
         ]
-        lines.append([Cell(str(meaning), meaning.text, unit=meaning.unit if meaning.unit == "cm" else ""), *values])
-    return Table(lines)
+        lines.append(
+            [pages.Cell(str(meaning), meaning.text, unit=meaning.unit if meaning.unit == "cm" else ""), *values]
+        )
+    return pages.Table(lines)
 
 
-def _shown(value: Value) -> str:
+def _shown(value: table.Cell) -> str:
     if isinstance(value, float):
         return f"{value:.6g}" if abs(value) > ROUNDING else "0"
     return "" if value is None else str(value)
@@ -417,7 +396,7 @@ def _last_frame(path: Path) -> str:
         return ""
     with Image.open(path) as film:
         film.seek(getattr(film, "n_frames", 1) - 1)
-        return data_uri(encoded(film.convert("RGB"), DPI), "image/png")
+        return files.data_uri(style.encoded(film.convert("RGB"), style.DPI), "image/png")
 
 
 def _notes(states: States) -> list[str]:

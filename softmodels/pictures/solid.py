@@ -21,29 +21,10 @@ from PIL import Image as Picture, ImageDraw, ImageFont
 
 from geometries import Actuator
 from softmodels.case.entries import CaseError
+from softmodels.common import files
 from softmodels.common.arrays import Array
-from softmodels.common.files import replace, write_bytes
 from softmodels.common.lazy import pyvista
-from softmodels.pictures.offscreen import (
-    SOLID_STYLE,
-    HotSpot,
-    Image,
-    Layer,
-    Look,
-    Style,
-    ViewCamera,
-    can_render,
-    hot_spot,
-    joined_places,
-    lines,
-    look,
-    outlined,
-    ring,
-    seen_lines,
-    studio,
-    surface,
-    towards_slice,
-)
+from softmodels.pictures import offscreen
 from softmodels.pictures.style import (
     CURVE,
     DPI,
@@ -63,20 +44,8 @@ from softmodels.pictures.style import (
     title_colour,
     wrapped,
 )
-from softmodels.runs.grid import (
-    CUT,
-    EDGES,
-    OUTSIDE,
-    Cells,
-    Surface,
-    edge_curves,
-    fine_triangles,
-    outer_faces,
-    outline,
-    parabolas,
-)
-from softmodels.runs.labels import headline, load, number
-from softmodels.runs.states import States, StoredStates
+from softmodels.runs import grid, labels, states
+from softmodels.runs.states import States
 from softmodels.runs.store import ResultsError
 
 if TYPE_CHECKING:
@@ -88,16 +57,16 @@ if TYPE_CHECKING:
 # Pictures of an axisymmetric section in millimetres; no rendering needed.
 
 
-def section_mesh(look: Look) -> Figure:
+def section_mesh(look: offscreen.Look) -> Figure:
     """Draw the undeformed half section with the edges of its cells."""
     flat, cells = look.states.points[:, ::2] * 1e3, look.states.cells
     figure, axes = _section_axes(flat, 0.0, f"Undeformed half section, {len(cells)} cells", look.caption(0).subject)
-    around = parabolas(flat[cells[:, EDGES]].reshape(-1, 3, 2), 8).reshape(len(cells), -1, 2)
+    around = grid.parabolas(flat[cells[:, grid.EDGES]].reshape(-1, 3, 2), 8).reshape(len(cells), -1, 2)
     axes.add_collection(PolyCollection(list(around), facecolors=SOLID, edgecolors=EDGE, linewidths=0.9, zorder=2))
     return figure
 
 
-def section_stress(look: Look, step: float, plate: float | None = None) -> Figure:
+def section_stress(look: offscreen.Look, step: float, plate: float | None = None) -> Figure:
     """Draw the deformed half section coloured by stress, over the undeformed outline, with a rigid plane at a height in m
     that stops it."""
     states, scale, caption = look.states, look.scales["von_mises"], look.caption(step)
@@ -118,20 +87,20 @@ def _section_points(states: States, step: float) -> Array:
 def _coloured_section(axes: Axes, states: States, step: float, scale: Scale) -> None:
     """Draw a deformed half section in the colours of a field, over the undeformed outline."""
     after, values = states.moved(step)[:, ::2] * 1e3, scale.factor * states.field(step, scale.field)
-    fine, triangles = fine_triangles(np.column_stack([after, values]), states.cells)
+    fine, triangles = grid.fine_triangles(np.column_stack([after, values]), states.cells)
     flat = Triangulation(fine[:, 0], fine[:, 1], triangles)
     axes.tripcolor(flat, fine[:, 2], shading="gouraud", cmap=scale.colours, norm=scale.norm)
     for shown, colour in ((after, INK), (states.points[:, ::2] * 1e3, FAINT)):  # thin, as walls may be
-        axes.add_collection(LineCollection(list(outline(shown, states.cells)), colors=colour, linewidths=0.6))
+        axes.add_collection(LineCollection(list(grid.outline(shown, states.cells)), colors=colour, linewidths=0.6))
 
 
-def section_sheet(look: Look) -> Figure:
+def section_sheet(look: offscreen.Look) -> Figure:
     """Draw the half sections of the shown states side by side over one colour bar."""
     states, steps, scale = look.states, look.states.shown(), look.scales["von_mises"]
     flat = np.concatenate([states.points, *(states.moved(step) for step in steps)])[:, ::2] * 1e3
     low, (wide, tall) = flat.min(axis=0), np.ptp(flat, axis=0)
     columns = COLUMNS[len(steps)] if tall < 1.2 * wide else len(steps)
-    titles = [wrapped(load(states.row(step), states.words), WIDTH / columns, 11) for step in steps]
+    titles = [wrapped(labels.load(states.row(step), states.words), WIDTH / columns, 11) for step in steps]
     inner = WIDTH / columns - 0.4
     head = max(0.55, 0.15 + 1.25 * 11 / 72 * max(1 + title.count("\n") for title in titles))
     height = min(inner * tall / wide, 5.0)
@@ -152,10 +121,10 @@ def section_sheet(look: Look) -> Figure:
     return figure
 
 
-def section_hot(look: Look) -> Figure:
+def section_hot(look: offscreen.Look) -> Figure:
     """Draw the deformed half section coloured by stretch, with a ring around the largest one."""
     states, step, scale = look.states, look.states.main, look.scales["largest_stretch"]
-    hot, points = hot_spot(states, step), _section_points(states, step)
+    hot, points = offscreen.hot_spot(states, step), _section_points(states, step)
     figure, axes = _section_axes(points, FOOT + 0.3, hot_title(hot), look.caption(step).subject)
     _coloured_section(axes, states, step, scale)
     x, _, z = 1e3 * hot.place
@@ -166,12 +135,12 @@ def section_hot(look: Look) -> Figure:
     return figure
 
 
-def hot_title(hot: HotSpot) -> str:
+def hot_title(hot: offscreen.HotSpot) -> str:
     """Return the title of the picture."""
     return f"Largest stretch {hot.value:.4g}, {hot.wall}"
 
 
-def section_mode(look: Look, step: int, amount: float = 0.15) -> Figure:
+def section_mode(look: offscreen.Look, step: int, amount: float = 0.15) -> Figure:
     """Draw the half section at a bifurcation and the two branches; the mode's largest displacement is an amount of widths of
     the undeformed section."""
     states, cells = look.states, look.states.cells
@@ -183,7 +152,7 @@ def section_mode(look: Look, step: int, amount: float = 0.15) -> Figure:
     everything = np.concatenate([shape for shape, colour in shapes if colour != INK])
     figure, axes = _section_axes(everything, 0.0, title, caption.subject)
     for shown, colour in shapes:
-        axes.add_collection(LineCollection(list(outline(shown, cells)), colors=colour, linewidths=1.4))
+        axes.add_collection(LineCollection(list(grid.outline(shown, cells)), colors=colour, linewidths=1.4))
     return figure
 
 
@@ -223,13 +192,13 @@ Plane = tuple[Array, Array]
 """A unit normal and a point in m."""
 
 
-def best_plane(skin: Surface, points: Array, up: Array, axial: bool) -> Plane:
+def best_plane(skin: grid.Surface, points: Array, up: Array, axial: bool) -> Plane:
     """Return the plane normal to a coordinate axis (only along ``up`` if ``axial``) that cuts the most cavities, and of these
     the most air; undeformed nodes in m, shape (n, 3)."""
     vertices = skin.device(skin.points(points))
     count = max(skin.cavities, 1)
     cavities = [vertices[skin.device_triangles(skin.part == k)] for k in range(1, count + 1)]
-    corners = np.concatenate(cavities) if skin.cavities else vertices[skin.device_triangles(skin.part == OUTSIDE)]
+    corners = np.concatenate(cavities) if skin.cavities else vertices[skin.device_triangles(skin.part == grid.OUTSIDE)]
     places = [_centre(corners), *(_centre(walls) for walls in cavities if len(walls))]
     best, most = (np.eye(3)[1], places[0]), (-1, -1.0)
     for normal in np.eye(3):
@@ -266,7 +235,7 @@ def _section_area(corners: Array, normal: Array, place: Array) -> float:
     return float(abs((np.cross(begin - place, end - place) @ normal).sum()) / 2)
 
 
-def cut_open(states: States, step: float, plane: Plane, viewer: Array, scale: Scale) -> list[Layer]:
+def cut_open(states: States, step: float, plane: Plane, viewer: Array, scale: Scale) -> list[offscreen.Layer]:
     """Return the layers of a state whose material before a plane of the undeformed device is taken away; the cut is turned to
     the viewer."""
     normal, place = plane
@@ -274,12 +243,12 @@ def cut_open(states: States, step: float, plane: Plane, viewer: Array, scale: Sc
     skin = states.skin
     place = _aside(skin.device(skin.points(states.points)), normal, place)
     u, values = states.field(step, "displacement"), scale.share(states.field(step, scale.field))
-    shell = surface(skin.device(skin.points(states.points)), skin.device_triangles(skin.part != CUT))
+    shell = offscreen.surface(skin.device(skin.points(states.points)), skin.device_triangles(skin.part != grid.CUT))
     shell.point_data["displacement"] = skin.device(skin.points(u))
     shell.point_data["values"] = np.tile(values[skin.nodes], len(skin.images))
-    style: Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
-    found: list[Layer] = [(shell.clip(normal=normal, origin=place).warp_by_vector("displacement"), style)]
-    rest, moved, shares, faces, count = list[Array](), list[Array](), list[Array](), list[Cells](), 0
+    style: offscreen.Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
+    found: list[offscreen.Layer] = [(shell.clip(normal=normal, origin=place).warp_by_vector("displacement"), style)]
+    rest, moved, shares, faces, count = list[Array](), list[Array](), list[Array](), list[grid.Cells](), 0
     for image in skin.images:
         piece = _section(states.points, states.cells, u, values, image.T @ normal, image.T @ place)
         if piece.n_cells:
@@ -290,14 +259,14 @@ def cut_open(states: States, step: float, plane: Plane, viewer: Array, scale: Sc
             shares.append(piece.point_data["values"])
     if faces:
         # Images of the slice meet in their symmetry plane: one face, so that no edge is drawn there.
-        corners = joined_places(np.concatenate(rest), states.actuator.size)[np.concatenate(faces)]
+        corners = offscreen.joined_places(np.concatenate(rest), states.actuator.size)[np.concatenate(faces)]
         points = np.concatenate(moved)
-        found.append((surface(points, corners, None, np.concatenate(shares)), style))
-        found += seen_lines(points, border_of(corners))
+        found.append((offscreen.surface(points, corners, None, np.concatenate(shares)), style))
+        found += offscreen.seen_lines(points, border_of(corners))
     return found
 
 
-def border_of(triangles: Cells) -> Cells:
+def border_of(triangles: grid.Cells) -> grid.Cells:
     """Return the edges that belong to a single triangle, shape (e, 2)."""
     ends = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
     ends = ends[ends[:, 0] < ends[:, 1]]
@@ -315,7 +284,7 @@ def _aside(vertices: Array, normal: Array, place: Array) -> Array:
     return place - ASIDE * size * normal if on_plane.any() else place
 
 
-def _section(points: Array, cells: Cells, u: Array, values: Array, normal: Array, place: Array) -> PolyData:
+def _section(points: Array, cells: grid.Cells, u: Array, values: Array, normal: Array, place: Array) -> PolyData:
     """Return where a plane meets the solid."""
     grid = pyvista.UnstructuredGrid({QUADRATIC_TETRA: cells}, points)
     grid.point_data["displacement"], grid.point_data["values"] = u, values
@@ -327,12 +296,12 @@ COLUMNS = {1: 1, 2: 2, 3: 3, 4: 2}
 """Columns of the sheet for each number of pictures."""
 
 
-def undeformed(look: Look) -> Figure:
+def undeformed(look: offscreen.Look) -> Figure:
     """Draw the undeformed device, translucent, with its cavity walls (thesis, Fig. 8)."""
     states = look.states
     whole = states.skin.device(states.skin.points(states.points))
-    camera = ViewCamera.around([whole], look.direction, look.up)
-    with studio(camera) as shoot:
+    camera = offscreen.ViewCamera.around([whole], look.direction, look.up)
+    with offscreen.studio(camera) as shoot:
         image = shoot(look.translucent(0, {"color": AIR}, {"opacity": 0.35, "culling": "back"}))
     count = states.skin.cavities
     what = {0: "", 1: ", its cavity inside"}.get(count, f", its {count} cavities inside")
@@ -340,21 +309,21 @@ def undeformed(look: Look) -> Figure:
 
 
 def _size(points: Array) -> str:
-    return " x ".join(number(length * 1e3) for length in np.ptp(points, axis=0)) + " mm"
+    return " x ".join(labels.number(length * 1e3) for length in np.ptp(points, axis=0)) + " mm"
 
 
-def mesh(look: Look) -> Figure:
+def mesh(look: offscreen.Look) -> Figure:
     """Draw the undeformed slice with the edges of its cells."""
     states = look.states
     skin, points = states.skin, states.skin.points(states.points)
-    faces = outer_faces(states.cells, states.cell_name)
-    curves = edge_curves(states.points, faces, 2)
+    faces = grid.outer_faces(states.cells, states.cell_name)
+    curves = grid.edge_curves(states.points, faces, 2)
     pairs = np.arange(curves.shape[0] * 3).reshape(-1, 3)[:, [[0, 1], [1, 2]]].reshape(-1, 2)
-    camera = ViewCamera.around([points], towards_slice(states), look.up)
-    with studio(camera) as shoot:
-        solid = surface(points, skin.triangles, skin.normals(points))
-        edges = lines(curves.reshape(-1, 3), pairs)
-        image = shoot([(solid, {**SOLID_STYLE, "color": SOLID}), (edges, {"color": EDGE, "line_width": 1.0})])
+    camera = offscreen.ViewCamera.around([points], offscreen.towards_slice(states), look.up)
+    with offscreen.studio(camera) as shoot:
+        solid = offscreen.surface(points, skin.triangles, skin.normals(points))
+        edges = offscreen.lines(curves.reshape(-1, 3), pairs)
+        image = shoot([(solid, {**offscreen.SOLID_STYLE, "color": SOLID}), (edges, {"color": EDGE, "line_width": 1.0})])
     title = f"Undeformed {_slice_name(states.actuator)}, {len(states.cells)} cells"
     return page(image, look.caption(0, camera, title=title))
 
@@ -365,28 +334,28 @@ def _slice_name(actuator: Actuator) -> str:
     return f"{360 / actuator.copies:g}° slice" if actuator.axial else {2: "half"}.get(actuator.copies, "slice")
 
 
-def slice_stress(look: Look) -> Figure:
+def slice_stress(look: offscreen.Look) -> Figure:
     """Draw the deformed slice seen on its cut, coloured by stress, with the undeformed edges."""
     states, step, scale = look.states, look.states.main, look.scales["von_mises"]
     skin = states.skin
     rest, moved = skin.points(states.points), skin.points(states.moved(step))
     values = scale.share(states.field(step, scale.field))[skin.nodes]
     edges = np.concatenate([skin.edges, skin.rims])
-    style: Style = {"culling": "back", "scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
-    camera = ViewCamera.around([rest, moved], towards_slice(states), look.up)
-    with studio(camera) as shoot:
+    style: offscreen.Style = {"culling": "back", "scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
+    camera = offscreen.ViewCamera.around([rest, moved], offscreen.towards_slice(states), look.up)
+    with offscreen.studio(camera) as shoot:
         image = shoot(
             [
-                (surface(moved, skin.triangles, None, values), style),
-                *seen_lines(moved, edges),
-                (lines(rest, edges), {"color": FAINT, "line_width": 2.0}),
+                (offscreen.surface(moved, skin.triangles, None, values), style),
+                *offscreen.seen_lines(moved, edges),
+                (offscreen.lines(rest, edges), {"color": FAINT, "line_width": 2.0}),
                 *look.plate_layers(step),
             ]
         )
     return page(image, look.caption(step, camera, scale), scale)
 
 
-def mode(look: Look, step: int, amount: float = 0.15) -> Figure:
+def mode(look: offscreen.Look, step: int, amount: float = 0.15) -> Figure:
     """Draw the slice at a bifurcation with its mode added, largest an amount of sizes of the slice, over the edges of the
     slice without it."""
     states, skin = look.states, look.states.skin
@@ -395,34 +364,37 @@ def mode(look: Look, step: int, amount: float = 0.15) -> Figure:
         skin.points(states.moved(step) + share * size * states.field(step, "mode")) for share in (0.0, 1.0)
     )
     edges = np.concatenate([skin.edges, skin.rims])
-    camera = ViewCamera.around([before, moved], towards_slice(states), look.up)
-    with studio(camera) as shoot:
+    camera = offscreen.ViewCamera.around([before, moved], offscreen.towards_slice(states), look.up)
+    with offscreen.studio(camera) as shoot:
         image = shoot(
             [
-                (surface(moved, skin.triangles, skin.normals(moved)), {**SOLID_STYLE, "color": SOLID}),
-                (lines(moved, edges), {"color": INK, "line_width": 2.0}),
-                (lines(before, edges), {"color": FAINT, "line_width": 2.0}),
+                (
+                    offscreen.surface(moved, skin.triangles, skin.normals(moved)),
+                    {**offscreen.SOLID_STYLE, "color": SOLID},
+                ),
+                (offscreen.lines(moved, edges), {"color": INK, "line_width": 2.0}),
+                (offscreen.lines(before, edges), {"color": FAINT, "line_width": 2.0}),
             ]
         )
-    title = f"Bifurcation at {headline(states.rows[step], states.words)}: the mode (arbitrary amplitude)"
+    title = f"Bifurcation at {labels.headline(states.rows[step], states.words)}: the mode (arbitrary amplitude)"
     return page(image, look.caption(step, camera, title=title))
 
 
-def stress(look: Look) -> tuple[list[tuple[float, Image]], ViewCamera]:
+def stress(look: offscreen.Look) -> tuple[list[tuple[float, offscreen.Image]], offscreen.ViewCamera]:
     """Draw the von Mises stress on the deformed device at the shown states, with the same camera and colour scale; return
     steps and images, with the undeformed outline, and the camera."""
     steps, scale = look.states.shown(), look.scales["von_mises"]
     camera = look.camera([0, *steps])
-    with studio(camera) as shoot:
+    with offscreen.studio(camera) as shoot:
         rest = look.at_rest(shoot, look.kept)
-        images = outlined([shoot(look.coloured(step, scale)) for step in steps], rest)
+        images = offscreen.outlined([shoot(look.coloured(step, scale)) for step in steps], rest)
     return list(zip(steps, images, strict=True)), camera
 
 
-def sheet(images: list[tuple[float, Image]], look: Look, camera: ViewCamera) -> Figure:
+def sheet(images: list[tuple[float, offscreen.Image]], look: offscreen.Look, camera: offscreen.ViewCamera) -> Figure:
     """Return the images of `stress` side by side over one colour bar."""
     states = look.states
-    named = [(load(states.row(step), states.words), image) for step, image in images]
+    named = [(labels.load(states.row(step), states.words), image) for step, image in images]
     figure = tiled(named, FOOT, look.caption(states.main).subject)
     scale = look.scales["von_mises"]
     scale.bar(figure, look.largest(scale, *(step for step, _ in images)))
@@ -430,7 +402,7 @@ def sheet(images: list[tuple[float, Image]], look: Look, camera: ViewCamera) -> 
     return figure
 
 
-def tiled(images: Sequence[tuple[str, Image]], foot: float = 0.0, name: str = "") -> Figure:
+def tiled(images: Sequence[tuple[str, offscreen.Image]], foot: float = 0.0, name: str = "") -> Figure:
     """Return up to four images side by side under their titles and a name, with ``foot`` inches free below them."""
     columns = COLUMNS[len(images)]
     rows_ = -(-len(images) // columns)
@@ -451,7 +423,7 @@ def tiled(images: Sequence[tuple[str, Image]], foot: float = 0.0, name: str = ""
     return figure
 
 
-def cut(look: Look) -> Figure:
+def cut(look: offscreen.Look) -> Figure:
     """Draw the device cut open through its channels, with the von Mises stress on the cut."""
     states, step, scale = look.states, look.states.main, look.scales["von_mises"]
     plane = best_plane(states.skin, states.points, look.up, states.actuator.axial)
@@ -459,37 +431,39 @@ def cut(look: Look) -> Figure:
     direction = 0.8 * towards + 0.6 * look.direction
     layers = cut_open(states, step, plane, towards, scale) + look.plate_layers(step)
     axis = int(np.argmax(np.abs(plane[0])))
-    where = f"; cut at {'xyz'[axis]} = {number(plane[1][axis] * 1e3)} mm"
+    where = f"; cut at {'xyz'[axis]} = {labels.number(plane[1][axis] * 1e3)} mm"
     clouds = [np.asarray(data.points) for data, _ in layers]
-    camera = ViewCamera.around(clouds, direction, look.up if abs(direction @ look.up) < 0.99 else np.eye(3)[0])
-    with studio(camera) as shoot:
+    camera = offscreen.ViewCamera.around(
+        clouds, direction, look.up if abs(direction @ look.up) < 0.99 else np.eye(3)[0]
+    )
+    with offscreen.studio(camera) as shoot:
         image = shoot(layers)
     caption = look.caption(step, camera, scale)
     return page(image, dataclasses.replace(caption, title=caption.title + where), scale)
 
 
-def hot_spots(look: Look) -> Figure:
+def hot_spots(look: offscreen.Look) -> Figure:
     """Draw the wall with the largest stretch, coloured by stretch, and a ring around its place.
 
     Of a cavity the device is drawn translucent around its coloured walls, otherwise its outside is coloured.
     """
     states, step, scale = look.states, look.states.main, look.scales["largest_stretch"]
-    skin, hot, everything = states.skin, hot_spot(states, step), np.arange(len(states.skin.images))
-    outside = hot.part == OUTSIDE or not skin.cavities
+    skin, hot, everything = states.skin, offscreen.hot_spot(states, step), np.arange(len(states.skin.images))
+    outside = hot.part == grid.OUTSIDE or not skin.cavities
     points = skin.device(skin.points(states.moved(step)))
     values = np.tile(scale.share(states.field(step, scale.field))[skin.nodes], len(skin.images))
-    walls = skin.device_triangles(skin.part == OUTSIDE if outside else skin.part > OUTSIDE)
-    style: Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
-    layers = [(surface(points, walls, None, values), style)]
+    walls = skin.device_triangles(skin.part == grid.OUTSIDE if outside else skin.part > grid.OUTSIDE)
+    style: offscreen.Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
+    layers = [(offscreen.surface(points, walls, None, values), style)]
     # Of the translucent outside only what is behind the walls, whose colours are those of the bar.
     layers += look.translucent(step, None, {"opacity": 0.0 if outside else 0.3, "culling": "front"})
-    camera = ViewCamera.around([points, look.rest(everything)], look.direction, look.up)
+    camera = offscreen.ViewCamera.around([points, look.rest(everything)], look.direction, look.up)
     places = skin.images @ hot.place  # of the equal places in the images of the slice, the one nearest to the viewer
     nearest = places[np.argmax(places @ look.direction)] + 3 * camera.scale * look.direction
-    circle = ring(nearest, look.direction, 0.05 * camera.scale)  # in front of everything
+    circle = offscreen.ring(nearest, look.direction, 0.05 * camera.scale)  # in front of everything
     layers += [(circle, {"color": colour, "line_width": wide}) for colour, wide in (("white", 7.0), ("black", 3.0))]
-    with studio(camera) as shoot:
-        (image,) = outlined([shoot(layers)], look.at_rest(shoot, everything))
+    with offscreen.studio(camera) as shoot:
+        (image,) = offscreen.outlined([shoot(layers)], look.at_rest(shoot, everything))
     return page(image, look.caption(step, camera, scale, title=hot_title(hot), note=hot.note), scale)
 
 
@@ -501,28 +475,28 @@ class AtRest:
     """Pictures of a device at rest, drawn once."""
 
     def __init__(self) -> None:
-        self._of: Look | None = None
+        self._of: offscreen.Look | None = None
         self._drawn: dict[str, bytes] = {}
 
     def draw_early(self, folder: Path, name: str) -> None:
         """Draw them from the first states of results with their ``case.toml``; errors are reported when all is drawn."""
         with contextlib.suppress(ResultsError, CaseError, OSError):
-            self.pictures(look(StoredStates(folder, name)))
+            self.pictures(offscreen.look(states.StoredStates(folder, name)))
 
-    def pictures(self, shown: Look) -> dict[str, bytes]:
+    def pictures(self, shown: offscreen.Look) -> dict[str, bytes]:
         """Return PNG files by their stems, drawn now unless already drawn of this device."""
         if self._of is None or not _same(self._of, shown):
             figures = {}
             with matplotlib.rc_context(STYLE):
                 if shown.states.actuator.dimension == 2:
                     figures["mesh"] = section_mesh(shown)
-                elif can_render():
+                elif offscreen.can_render():
                     figures = {"undeformed": undeformed(shown), "mesh": mesh(shown)}
                 self._of, self._drawn = shown, {stem: png(figure) for stem, figure in figures.items()}
         return self._drawn
 
 
-def _same(one: Look, other: Look) -> bool:
+def _same(one: offscreen.Look, other: offscreen.Look) -> bool:
     """Return whether two looks show the same mesh in the same way."""
     pairs = [(look.states.points, look.states.cells, look.kept, look.direction) for look in (one, other)]
     return one.states.actuator == other.states.actuator and all(map(np.array_equal, *pairs))
@@ -553,23 +527,23 @@ FILM_HEAD, FILM_FOOT = 48, 64
 """Pixels above and below the device, for the pressure and the colours."""
 
 
-def render_frames(look: Look, count: int = FRAMES) -> list[Image]:
+def render_frames(look: offscreen.Look, count: int = FRAMES) -> list[offscreen.Image]:
     """Return pictures of states evenly spaced along the path (see `States.along`), interpolated linearly between steps."""
     states, scale = look.states, look.scales["von_mises"]
     last = len(states.rows) - 1
     camera = look.camera(sorted({0, *states.shown(8), states.main, last}), WIDE, tallest=0.75)
     count = count if states.loaded and last else 1
     found = []
-    with studio(camera) as shoot:
+    with offscreen.studio(camera) as shoot:
         for place in np.linspace(0.0, 1.0, count):
             step = float(np.interp(place, states.along, range(last + 1))) if count > 1 else float(last)
             row, words = states.row(step), states.words
-            text = f"{load(row, words, kilopascals=False)}   {words.gauge} rise {row.told(words.gauge, '+.2f')}"
+            text = f"{labels.load(row, words, kilopascals=False)}   {words.gauge} rise {row.told(words.gauge, '+.2f')}"
             found.append(_captioned(shoot(look.coloured(step, scale)), text, scale))
     return found
 
 
-def _captioned(image: Image, text: str, scale: Scale) -> Image:
+def _captioned(image: offscreen.Image, text: str, scale: Scale) -> offscreen.Image:
     """Return a frame with its caption above and its colour bar below."""
     height, width, _ = image.shape
     framed = Picture.new("RGB", (width, 2 * ((height + FILM_HEAD + FILM_FOOT) // 2)), "white")
@@ -587,7 +561,7 @@ def _captioned(image: Image, text: str, scale: Scale) -> Image:
     return np.asarray(framed)
 
 
-def gif(images: list[Image]) -> bytes:
+def gif(images: list[offscreen.Image]) -> bytes:
     """Return the frames as a GIF of at most `LARGEST` bytes, dropping frames if necessary."""
     # One common palette avoids flickering colours.
     sample = np.concatenate([image[::4, ::4] for image in [*images[:: max(len(images) // 10, 1)], images[-1]]])
@@ -611,7 +585,7 @@ def gif(images: list[Image]) -> bytes:
     return data
 
 
-def webp(images: list[Image]) -> bytes:
+def webp(images: list[offscreen.Image]) -> bytes:
     """Return the frames as an animated WebP, in all their colours."""
     # Method 2 takes 50 % longer and saves a fifth. Each frame is encoded by itself: skipped small differences show as blocks.
     return _animated([*map(Picture.fromarray, images)], "WEBP", quality=QUALITY, method=0, kmin=0, kmax=1)
@@ -630,7 +604,7 @@ def can_mp4() -> bool:
     return importlib.util.find_spec("imageio_ffmpeg") is not None
 
 
-def write_mp4(path: Path, images: list[Image]) -> None:
+def write_mp4(path: Path, images: list[offscreen.Image]) -> None:
     """Write frames as an H.264 film that every browser plays; RuntimeError if the encoder failed."""
     import imageio_ffmpeg
 
@@ -648,12 +622,12 @@ def write_mp4(path: Path, images: list[Image]) -> None:
         writer.close()
 
     try:
-        replace(path, fill)
+        files.replace(path, fill)
     except (OSError, StopIteration) as error:
         raise RuntimeError(f"the film could not be encoded ({error})") from error
 
 
-def make_film(shown: Look, folder: Path) -> tuple[list[Path], str]:
+def make_film(shown: offscreen.Look, folder: Path) -> tuple[list[Path], str]:
     """Render the frames and write the film in each format into a folder; return the files, and a sentence if a format was
     left out."""
     frames = render_frames(shown)
@@ -661,7 +635,7 @@ def make_film(shown: Look, folder: Path) -> tuple[list[Path], str]:
     with ThreadPoolExecutor(len(encoders)) as both:  # encoders are written in C and let each other run
         encoded = {name: both.submit(encoder, frames) for name, encoder in encoders.items()}
     for name, data in encoded.items():
-        write_bytes(folder / name, data.result())
+        files.write_bytes(folder / name, data.result())
     written = [folder / name for name in encoders]
     if can_mp4():
         try:

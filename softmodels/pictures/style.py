@@ -30,13 +30,10 @@ from matplotlib.transforms import Bbox
 from PIL import Image as Picture
 from PIL.PngImagePlugin import PngInfo
 
+from softmodels.common import commands, files
 from softmodels.common.arrays import Array
-from softmodels.common.commands import COLORMAP
-from softmodels.common.files import write_bytes
-from softmodels.materials.silicones import named
-from softmodels.runs.fields import coloured
-from softmodels.runs.labels import INVALID
-from softmodels.runs.table import Row
+from softmodels.materials import silicones
+from softmodels.runs import fields, labels, table
 
 if TYPE_CHECKING:
     from matplotlib.backend_bases import RendererBase
@@ -74,7 +71,7 @@ def chart(height: float, width: float = WIDTH) -> tuple[Figure, Axes]:
 
 def title_colour(title: str) -> str:
     """Return the colour of a state's title: the warning colour if walls overlap."""
-    return WARNING if INVALID in title else "black"
+    return WARNING if labels.INVALID in title else "black"
 
 
 def wrapped(text: str, width: float, size: float) -> str:
@@ -110,7 +107,7 @@ class Caption:
 def subject(case: Case) -> str:
     """Return the device and the silicone of a case in words."""
     material = case.material
-    silicone = named(material) or material.name
+    silicone = silicones.named(material) or material.name
     modulus = f"{material.shear_modulus_0 / 1e3:.3g} kPa initial shear modulus"
     return f"{type(case.actuator).__name__}, {silicone} ({modulus})"
 
@@ -192,8 +189,10 @@ class Scale:
     picture, from the table, over the integration points of the whole device: nodal values scatter around it.
     """
 
-    def __init__(self, values: Array, field: str = "von_mises", rows: Sequence[Row] = (), colours: str = COLORMAP):
-        shown, how = coloured()[field]
+    def __init__(
+        self, values: Array, field: str = "von_mises", rows: Sequence[table.Row] = (), colours: str = commands.COLORMAP
+    ):
+        shown, how = fields.coloured()[field]
         self.what, self.unit, self.factor, self.low = shown.title, how.unit, how.factor, how.rest
         self._variable = shown.largest.name if shown.largest else ""
         self.field, self.power = field, how.power
@@ -202,12 +201,12 @@ class Scale:
         self.top = self.low + _round_up(end - self.low) if end > self.low else self.low + 1.0
         self.colours = matplotlib.colormaps[colours]
 
-    def _highest(self, rows: Sequence[Row], values: Array) -> tuple[float, str]:
+    def _highest(self, rows: Sequence[table.Row], values: Array) -> tuple[float, str]:
         """Return the largest value of some states in the bar's unit, and where it is taken."""
         told = [row.shown(self._variable) for row in rows if self._variable in row]
         return (max(told), "at an integration point") if told else (float(values.max()) * self.factor, "at a node")
 
-    def largest(self, rows: Sequence[Row], values: Array) -> str:
+    def largest(self, rows: Sequence[table.Row], values: Array) -> str:
         """Return the largest value of the states in a picture, from their rows or their nodal values in SI units, in words."""
         value, place = self._highest(rows, values)
         beyond = f"; at most {100 - CLIPPED:g} % of the nodes lie above the scale" if value > self.top else ""
@@ -303,7 +302,7 @@ class DrawnFolder:
 
     def _write(self, name: str, picture: Callable[[], bytes]) -> None:
         path = self.path / f"{name}.png"
-        self._pending.append(self._beside.submit(lambda: write_bytes(path, picture())))
+        self._pending.append(self._beside.submit(lambda: files.write_bytes(path, picture())))
         self.drew(path)
 
     def drew(self, path: Path) -> None:

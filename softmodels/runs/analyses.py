@@ -11,45 +11,26 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from geometries import Actuator, GeometryError
-from geometries.registry import flag
+from geometries import Actuator, GeometryError, registry
+from softmodels.case import load, materials
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
-from softmodels.case.load import STIFFNESS_RANGE
-from softmodels.case.materials import import_own_modules
+from softmodels.common import cards, errors, processes, schema, units
 from softmodels.common.arrays import Array
-from softmodels.common.cards import Shown, Table
-from softmodels.common.errors import FieldError
 from softmodels.common.lazy import MPI, scipy
 from softmodels.common.names import read_only
-from softmodels.common.processes import answers, cores
-from softmodels.common.schema import Length, Quantity, about, shown
-from softmodels.common.units import UnitError, brief, column_unit, number, quantity
-from softmodels.components.loads import weighed
+from softmodels.components import loads
+from softmodels.materials import silicones
 from softmodels.materials.laws import Material
-from softmodels.materials.silicones import (
-    PRODUCTS,
-    SILICONES,
-    full_name,
-    named,
-    product_of,
-    sheet_of,
-    spanning,
-    spread_sentence,
-)
+from softmodels.mechanics import mpi, newton
 from softmodels.mechanics.body import Body
-from softmodels.mechanics.mpi import on_root, start
-from softmodels.mechanics.newton import NoConvergence
-from softmodels.path.continuation import Continuation, trace
-from softmodels.path.schedule import LostInTime, StageEnd, follow
-from softmodels.path.stability import PathEnd, Point
+from softmodels.path import continuation, schedule, stability, supply
+from softmodels.path.continuation import Continuation
 from softmodels.path.steps import PRESSURE, VOLUME, Prescribed, Step, Steps
-from softmodels.path.supply import AMBIENT
+from softmodels.runs import grid, notes, outcomes, simulation
 from softmodels.runs.fields import Fields
-from softmodels.runs.grid import Cells
-from softmodels.runs.notes import sentences, unseen
-from softmodels.runs.outcomes import Ended, RunError
-from softmodels.runs.simulation import AtRest, Equilibrium, Mode, Model, meshed
+from softmodels.runs.outcomes import RunError
+from softmodels.runs.simulation import Equilibrium, Mode, Model
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The limit of a design: the first pressure at which it loses stability, and the place of the largest stretch there.
@@ -73,7 +54,7 @@ KINDS = {
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
-class Limit(Shown):
+class Limit(cards.Shown):
     """Inflation limits of a design; SI units.
 
     Attributes:
@@ -110,7 +91,7 @@ class Limit(Shown):
     def _line(self) -> str:
         return f"at {self.pressure / 1e3:.4g} kPa: {KINDS[self.kind]}, largest stretch {self.stretch:.4g}"
 
-    def _figures(self) -> Table:
+    def _figures(self) -> cards.Table:
         place = ", ".join(f"{axis} = {1e3 * x:.3g}" for axis, x in zip("xyz", self.place, strict=True))
         return [
             ("end", KINDS[self.kind]),
@@ -130,11 +111,11 @@ def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm, hold: 
     """Find the limits of one device in several materials, on one mesh; the case's load and material are not looked at.
     ``hold`` is the time in s for which the pressure must be borne by silicones with a memory; 0 for ever. MeshingError,
     RunError, MaterialError and ComponentError as for a run."""
-    body, known = meshed(case.actuator, comm), {}
+    body, known = simulation.meshed(case.actuator, comm), {}
     found = []
     try:
         for material in materials:
-            own = weighed(case.components, material)
+            own = loads.weighed(case.components, material)
             key = (type(material), len(getattr(material, "mu", ())), own)
             if key not in known:
                 known[key] = Model.of(case, body, material, own)
@@ -152,8 +133,8 @@ def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm, hold: 
 def check_hold(hold: object, materials: Sequence[Material]) -> float:
     """Return a time in s for which pressures must be borne; `CaseError` for no such time, or a silicone that does not creep."""
     try:
-        seconds = Quantity("s").settled("hold", hold)
-    except FieldError as error:
+        seconds = schema.Quantity("s").settled("hold", hold)
+    except errors.FieldError as error:
         raise CaseError(str(error)) from None
     if seconds < 0.0:
         raise CaseError(f"hold is {seconds:g} s; it must be 0 or more")
@@ -172,7 +153,7 @@ HELD_WITHIN = 1e-3
 def _held(case: Case, body: Body, material: Material, relaxed: Limit, hold: float) -> Limit:
     """Return the largest pressure that is applied at once and borne for a time, by bisection between the limits of the relaxed
     silicone and of one that does not creep at all."""
-    parts, times = weighed(case.components, material), (Step((Prescribed(PRESSURE, (100.0,)),), hold),)
+    parts, times = loads.weighed(case.components, material), (Step((Prescribed(PRESSURE, (100.0,)),), hold),)
     asked = dataclasses.replace(case, material=material, components=parts, steps=times)
     model = Model.of(asked, body)
     try:
@@ -186,10 +167,10 @@ def _held(case: Case, body: Body, material: Material, relaxed: Limit, hold: floa
             )
             potential.keep(rest.w, anew=True)
             try:
-                for _, point in follow(model.solver, (Step(applied, 0.0), Step(applied, hold)), hung=hung):
+                for _, point in schedule.follow(model.solver, (Step(applied, 0.0), Step(applied, hold)), hung=hung):
                     last = point
-            except PathEnd as end:
-                if not isinstance(end, LostInTime):
+            except stability.PathEnd as end:
+                if not isinstance(end, schedule.LostInTime):
                     raise RunError(f"{tried / case.cm:.4g} cm could not be followed for {hold:g} s: {end}") from end
                 high = tried
                 continue
@@ -199,13 +180,15 @@ def _held(case: Case, body: Body, material: Material, relaxed: Limit, hold: floa
         model.release()
 
 
-def _search(model: Model, hung: StageEnd | None = None) -> Limit:
+def _search(model: Model, hung: schedule.StageEnd | None = None) -> Limit:
     """Return the first limit of a device; ``hung``: its `Model.preload`, where it is known."""
     path, fields = model.continuation(hung=hung), model.fields
     kind, why, last, passed = "none", "", None, list[tuple[float, float]]()
     try:
-        goal = STIFFNESS_RANGE if model.system.direction > 0 else VACUUM * AMBIENT / model.system.stress_unit
-        for point in trace(path, [goal]):
+        goal = (
+            load.STIFFNESS_RANGE if model.system.direction > 0 else VACUUM * supply.AMBIENT / model.system.stress_unit
+        )
+        for point in continuation.trace(path, [goal]):
             before, last = last, point
             passed.append(_volume_and_pressure(fields, point))
             if point.limit or point.bifurcation:
@@ -215,21 +198,21 @@ def _search(model: Model, hung: StageEnd | None = None) -> Limit:
                 last = _stretched(path, fields, before, point)
                 passed[-1] = _volume_and_pressure(fields, last)
                 break
-    except (PathEnd, NoConvergence) as end:
+    except (stability.PathEnd, newton.NoConvergence) as end:
         kind, why = "lost", str(end)
-        if isinstance(end, PathEnd) and end.cause:
+        if isinstance(end, stability.PathEnd) and end.cause:
             kind, why = "lost" if end.cause.of_mesh else "limit", end.cause.clause
     assert last is not None  # the state at rest always exists
     return dataclasses.replace(_limit_of(fields, last, kind, why), path=tuple(passed))
 
 
-def _volume_and_pressure(fields: Fields, point: Point) -> tuple[float, float]:
+def _volume_and_pressure(fields: Fields, point: stability.Point) -> tuple[float, float]:
     """Return the added volume in m3 and the pressure in Pa at a point, without its other figures, which take longer."""
     eq, state = fields.system, point.state
     return float((state.V - fields.rest_volume) * eq.volume_unit), float(state.P * eq.stress_unit)
 
 
-def _limit_of(fields: Fields, point: Point, kind: str, why: str = "") -> Limit:
+def _limit_of(fields: Fields, point: stability.Point, kind: str, why: str = "") -> Limit:
     figures = fields.figures(point.state)
     return Limit(
         kind, figures.pressure, figures.added_volume, dict(figures.rises), figures.max_stretch,
@@ -237,7 +220,7 @@ def _limit_of(fields: Fields, point: Point, kind: str, why: str = "") -> Limit:
     )  # fmt: skip
 
 
-def _stretched(path: Continuation, fields: Fields, before: Point, after: Point) -> Point:
+def _stretched(path: Continuation, fields: Fields, before: stability.Point, after: stability.Point) -> stability.Point:
     """Return the point between two where the largest stretch is `LARGEST_STRETCH`, to about 0.1 %."""
     for _ in range(2):  # from the nearer end
         low, high = (fields.figures(point.state).max_stretch for point in (before, after))
@@ -269,13 +252,13 @@ class Tolerance:
         form, parameter or unit."""
         match = len(text) < LONGEST_TEXT and re.fullmatch(r"\s*([\w-]+)\s*=\s*(.+?)\s*(?:\+/?-|±)\s*(.+?)\s*", text)
         if not match:
-            raise CaseError(f"--vary {brief(text)} is not of the form membrane=2mm+-0.2mm")
+            raise CaseError(f"--vary {units.brief(text)} is not of the form membrane=2mm+-0.2mm")
         name, middle, half = match[1].replace("-", "_"), match[2], match[3]
-        kinds = {name: field.kind for name, field in about(device).items()}
+        kinds = {name: field.kind for name, field in schema.about(device).items()}
         known = {
-            name: (kind.unit, isinstance(kind, Length) and kind.signed)
+            name: (kind.unit, isinstance(kind, schema.Length) and kind.signed)
             for name, kind in kinds.items()
-            if isinstance(kind, Quantity)
+            if isinstance(kind, schema.Quantity)
         }
         known |= dict.fromkeys(device.deviations, ("m", True))
         if name not in known:
@@ -285,9 +268,9 @@ class Tolerance:
             )
         unit, signed = known[name]
         try:
-            value = quantity(middle, unit)
-            width = abs(value) * number(half[:-1]) / 100 if half.endswith("%") else quantity(half, unit)
-        except UnitError as error:
+            value = units.quantity(middle, unit)
+            width = abs(value) * units.number(half[:-1]) / 100 if half.endswith("%") else units.quantity(half, unit)
+        except units.UnitError as error:
             raise CaseError(f"--vary {text!r}: {error}") from None
         if not width > 0.0 or (not signed and width >= value):
             between = "above zero" if signed else "between zero and the value"
@@ -314,7 +297,7 @@ def scatter(
     except GeometryError as error:
         raise CaseError(f"the tolerances include a device that cannot be built: {error}") from None
     tasks = {k: dataclasses.replace(case, actuator=one, material=material) for k, one in enumerate(devices)}
-    found = on_root(comm, lambda: dict(answers(__name__, limit_of.__name__, tasks, cores())))
+    found = mpi.on_root(comm, lambda: dict(processes.answers(__name__, limit_of.__name__, tasks, processes.cores())))
     for done, value in found.values():
         if not done:
             raise RunError(value)
@@ -323,9 +306,9 @@ def scatter(
 
 def limit_of(case: Case) -> Limit:
     """Return the limit of a case, whose load is not looked at; called in a process of its own."""
-    import_own_modules()
-    comm = start()
-    with sentences():
+    materials.import_own_modules()
+    comm = mpi.start()
+    with notes.sentences():
         return find_limit(case, [case.material], comm)[0]
 
 
@@ -339,12 +322,12 @@ def with_sources(materials: Mapping[str, Material]) -> tuple[dict[str, Material]
     every: dict[str, Material] = dict(materials)
     bands: dict[str, tuple[str, ...]] = {}
     for name, material in materials.items():
-        known = named(material)
-        if known is None or known not in PRODUCTS or "/" in name:
+        known = silicones.named(material)
+        if known is None or known not in silicones.PRODUCTS or "/" in name:
             continue
-        product, band = product_of(known), []
-        for one in spanning(product):
-            label = name if one is SILICONES[product] else full_name(product, one)
+        product, band = silicones.product_of(known), []
+        for one in silicones.spanning(product):
+            label = name if one is silicones.SILICONES[product] else silicones.full_name(product, one)
             every.setdefault(label, _like(one.material, material))
             band.append(label)
         bands[product] = tuple(band)
@@ -362,11 +345,11 @@ def band_texts(bands: Mapping[str, tuple[str, ...]], limits: Mapping[str, Limit]
     texts = []
     for product, names in bands.items():
         if not names:
-            texts.append(f"note: {spread_sentence(product)}")
+            texts.append(f"note: {silicones.spread_sentence(product)}")
             continue
         found = sorted(((limits[name], name) for name in names), key=lambda pair: pair[0].pressure)
         low, high = (
-            f"{one.pressure / cm:.4g} {column_unit(cm)} ({one.pressure / 1e3:.4g} kPa, {_what(one, name)})"
+            f"{one.pressure / cm:.4g} {units.column_unit(cm)} ({one.pressure / 1e3:.4g} kPa, {_what(one, name)})"
             for one, name in (found[0], found[-1])
         )
         texts.append(f"{product} over its {len(names)} sources: {low} to {high}; see softmodels silicones {product}")
@@ -390,7 +373,7 @@ def check_varied(actuator: Actuator, tolerances: Sequence[Tolerance], comm: MPI.
         except GeometryError as error:
             raise CaseError(f"the tolerances include a device that cannot be built: {error}") from None
         if len({_figures(device) for device in devices}) == 1 and _of_one_mesh(devices, comm):
-            low, high = (shown(one.middle + way * one.half, one.unit) for way in (-1, 1))
+            low, high = (schema.shown(one.middle + way * one.half, one.unit) for way in (-1, 1))
             raise CaseError(
                 f"--vary {one.name.replace('_', '-')}: this {type(actuator).__name__} is the same at {low} and at {high}"
                 f"{_because(actuator, one.name)}, so the limit does not scatter; leave it out"
@@ -415,14 +398,18 @@ def _of_one_mesh(devices: Sequence[Actuator], comm: MPI.Comm) -> bool:
             first = next(meshes)
             return all(mesh == first for mesh in meshes)
 
-    return on_root(comm, on_rank_0)
+    return mpi.on_root(comm, on_rank_0)
 
 
 def _because(actuator: Actuator, name: str) -> str:
     """Return the parameter that makes this one ineffective, if known, as a clause with a leading blank."""
-    field = about(actuator).get(name)
+    field = schema.about(actuator).get(name)
     other = field.idle(actuator) if field else ""
-    return f" ({flag(name)} has no effect with {flag(other)} {getattr(actuator, other)})" if other else ""
+    return (
+        f" ({registry.flag(name)} has no effect with {registry.flag(other)} {getattr(actuator, other)})"
+        if other
+        else ""
+    )
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -434,7 +421,7 @@ MOST_MODES = 20
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class NaturalFrequencies(Shown):
+class NaturalFrequencies(cards.Shown):
     """Natural frequencies along a path, SI units; arrays are read-only.
 
     Attributes:
@@ -458,17 +445,17 @@ class NaturalFrequencies(Shown):
     modes: tuple[tuple[Mode, ...], ...]
     points: Array
     displacement: Array
-    cells: Cells
+    cells: grid.Cells
     cell_name: str
     notes: tuple[str, ...]
-    ended: Ended
+    ended: outcomes.Ended
 
     def _line(self) -> str:
         lowest = " to ".join(f"{value:.4g}" for value in dict.fromkeys(self.frequency[[0, -1], 0].tolist()))
         pressures = " to ".join(f"{value / 1e3:.4g}" for value in dict.fromkeys(self.pressure[[0, -1]].tolist()))
         return f"at {pressures} kPa: lowest {lowest} Hz"
 
-    def _figures(self) -> Table:
+    def _figures(self) -> cards.Table:
         return [
             (f"{pressure / 1e3:.4g} kPa", f"{', '.join(f'{value:.4g}' for value in values)} Hz")
             for pressure, values, asked in zip(self.pressure, self.frequency, self.requested, strict=True)
@@ -510,13 +497,13 @@ def case_for_modes(case: Case, pressures: Steps | None = None) -> Case:
         "band": None,
         "inertia": False,
     }
-    return (Case if any(asked) else AtRest)(**{**values, **others})
+    return (Case if any(asked) else simulation.AtRest)(**{**values, **others})
 
 
 def find_frequencies(case: Case, count: int, sealed: bool, comm: MPI.Comm) -> NaturalFrequencies:
     """Find the natural frequencies at every state of a case's path; all ranks call it. See `case_for_modes` and
     `Model.modes`. CaseError, MeshingError and RunError as for a run."""
-    model, ended, states = Model.of(case, meshed(case.actuator, comm)), Ended(), list[Equilibrium]()
+    model, ended, states = Model.of(case, simulation.meshed(case.actuator, comm)), outcomes.Ended(), list[Equilibrium]()
     try:
         try:
             path = model.followed(case, case.quantity) if case.steps else [model.solve()]
@@ -525,11 +512,11 @@ def find_frequencies(case: Case, count: int, sealed: bool, comm: MPI.Comm) -> Na
         except RunError as error:
             if not states:
                 raise
-            ended = Ended.by(error)
+            ended = outcomes.Ended.by(error)
         modes = tuple(tuple(model.modes(state, count, sealed=sealed)[:count]) for state in states)
         grid, shape = model.fields.grid, model.fields.shape
         shapes = [shape(state.state.w) for state in states]
-        points, cells, moved = on_root(comm, lambda: (grid.points, grid.cells, np.array(shapes)))
+        points, cells, moved = mpi.on_root(comm, lambda: (grid.points, grid.cells, np.array(shapes)))
         return NaturalFrequencies(
             read_only(np.array([state.pressure for state in states])),
             read_only(np.array([state.volume for state in states])),
@@ -548,7 +535,7 @@ def find_frequencies(case: Case, count: int, sealed: bool, comm: MPI.Comm) -> Na
 
 
 def _notes(case: Case, density: float, sealed: bool) -> list[str]:
-    sheet = sheet_of(case.material.relaxed)
+    sheet = silicones.sheet_of(case.material.relaxed)
     source = " by its data sheet" if sheet and sheet.density == density else ""
     texts = [f"the silicone has {density:g} kg/m^3{source}, and no damping"]
     if sealed:
@@ -560,4 +547,4 @@ def _notes(case: Case, density: float, sealed: bool) -> list[str]:
             "the silicone has a memory, and these are the frequencies of the relaxed one: vibrations that are quicker than it "
             "relaxes meet a stiffer silicone"
         )
-    return [*texts, *filter(None, [unseen(case.actuator)])]
+    return [*texts, *filter(None, [notes.unseen(case.actuator)])]

@@ -19,20 +19,15 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
+from softmodels.case import load, materials
 from softmodels.case.case import Case
-from softmodels.case.load import CM, in_unit
-from softmodels.case.materials import MaterialErrors
+from softmodels.common import files, units
 from softmodels.common.arrays import Array
-from softmodels.common.files import csv_text, write_text
-from softmodels.common.units import Amount
-from softmodels.materials.silicones import named, silicone_called, source_names, stretch_at_break
-from softmodels.mechanics.component import COMPONENTS
-from softmodels.mechanics.controls import volume_control
-from softmodels.mechanics.newton import NoConvergence
-from softmodels.path.schedule import source_at
-from softmodels.path.stability import AddedVolume, DeadForce, Point, Pressure, Supply
-from softmodels.path.steps import PRESSURE, time_at
-from softmodels.path.supply import Reservoir, Source
+from softmodels.materials import silicones
+from softmodels.mechanics import component, controls, newton
+from softmodels.path import schedule, stability, steps, supply
+from softmodels.path.supply import Reservoir
+from softmodels.runs import state_values, table
 from softmodels.runs.fields import (
     OUTPUTS,
     Extreme,
@@ -44,8 +39,6 @@ from softmodels.runs.fields import (
     outputs,
     register_output,
 )
-from softmodels.runs.state_values import OVERLAP, Gap
-from softmodels.runs.table import UNITS, Cell, ColumnText, PathTable, Row, at_rise, band_of, column_of, described, split
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Variables of the table: name, description, and how each is computed from a state.
@@ -64,12 +57,12 @@ class Solved:
 
     case: Case
     fields: Fields
-    point: Point
+    point: stability.Point
     figures: Figures
     nodal: Mapping[str, npt.NDArray[np.float64]]
     number: int
     load_step: float
-    band: Mapping[str, Cell] = dataclasses.field(default_factory=dict)
+    band: Mapping[str, table.Cell] = dataclasses.field(default_factory=dict)
 
     @property
     def pressure(self) -> float:
@@ -77,7 +70,7 @@ class Solved:
         return max(self.figures.cavity_pressures, default=0.0, key=abs) if self.case.program else self.figures.pressure
 
     @functools.cached_property
-    def gap(self) -> Gap | None:
+    def gap(self) -> state_values.Gap | None:
         """The least gap between the device's walls."""
         return self.fields.walls.least(self.nodal["displacement"])
 
@@ -95,29 +88,29 @@ class Variable(Output):
     unit: str
     title: str
     text: str
-    value: Callable[[Solved], Cell]
+    value: Callable[[Solved], table.Cell]
     present: Callable[[Case], bool] = lambda case: True
 
     @property
     def key(self) -> str:
         """Its column of ``path.csv``."""
-        return column_of(self.name, self.unit)
+        return table.column_of(self.name, self.unit)
 
-    def cells(self, solved: Solved) -> dict[str, Cell]:
+    def cells(self, solved: Solved) -> dict[str, table.Cell]:
         return {self.key: self.written(self.value(solved))} if self.present(solved.case) else {}
 
-    def written(self, value: Cell) -> Cell:
+    def written(self, value: table.Cell) -> table.Cell:
         """Return its value in the unit of its column."""
-        return UNITS[self.unit].written(value) if self.unit and isinstance(value, int | float) else value
+        return table.UNITS[self.unit].written(value) if self.unit and isinstance(value, int | float) else value
 
-    def term(self, column: str, device: Actuator | None) -> ColumnText | None:
-        return described(column, (self.title, self.text)) if column == self.key else None
+    def term(self, column: str, device: Actuator | None) -> table.ColumnText | None:
+        return table.described(column, (self.title, self.text)) if column == self.key else None
 
 
 class VariableAsWritten(Variable):
     """A variable that is computed in the unit of its column, such as a height of the case's column, as it was typed."""
 
-    def written(self, value: Cell) -> Cell:
+    def written(self, value: table.Cell) -> table.Cell:
         return value
 
 
@@ -126,16 +119,16 @@ class Variables(Output):
     """Several variables whose names depend on the device or the case: their columns with the values there, and what a column
     is; None for another's."""
 
-    cells: Callable[[Solved], Mapping[str, Cell]]
-    term: Callable[[str, Actuator | None], ColumnText | None]
+    cells: Callable[[Solved], Mapping[str, table.Cell]]
+    term: Callable[[str, Actuator | None], table.ColumnText | None]
 
 
-def row_of(solved: Solved) -> Row:
+def row_of(solved: Solved) -> table.Row:
     """Return the row of a state, on rank 0."""
-    cells: dict[str, Cell] = {}
+    cells: dict[str, table.Cell] = {}
     for entry in every_variable():
         cells |= entry.cells(solved)
-    return Row(cells, solved.case.cm)
+    return table.Row(cells, solved.case.cm)
 
 
 def every_variable() -> Iterator[Variable | Variables]:
@@ -145,17 +138,20 @@ def every_variable() -> Iterator[Variable | Variables]:
         yield from (variable for variable in _extremes(field.name) if variable.key not in OUTPUTS)
 
 
-def term(column: str, device: Actuator | None = None, supply: str = "supply") -> ColumnText:
+def term(column: str, device: Actuator | None = None, supply: str = "supply") -> table.ColumnText:
     """Return the description of a column of ``path.csv``; an unknown column is described by its own name. ``supply`` is in a
     word what drives the air."""
     # A column that is known by its whole name is not described by a pattern that fits it too, such as that of named gaps.
     entries = sorted((DEVICE, *every_variable(), NAMED), key=lambda entry: isinstance(entry, Variables))
     found = (entry.term(column, device) for entry in entries)
-    known = next((one for one in found if one is not None), described(column, (split(column)[0].replace("_", " "), "")))
+    known = next(
+        (one for one in found if one is not None),
+        table.described(column, (table.split(column)[0].replace("_", " "), "")),
+    )
     return known.told_of(supply)
 
 
-def of_cavities(row: Row, what: str) -> list[str]:
+def of_cavities(row: table.Row, what: str) -> list[str]:
     """Return a variable of each cavity, such as ``pressure_1`` and ``pressure_2``; of a single cavity ``pressure``."""
     numbered = (f"{what}_{k}" for k in itertools.count(1))
     return list(itertools.takewhile(row.__contains__, numbered)) or [what]
@@ -164,7 +160,7 @@ def of_cavities(row: Row, what: str) -> list[str]:
 def _height(solved: Solved) -> float:
     """Return the height of the column in cm."""
     requested = solved.point.state.P  # with its text, if it is a requested pressure
-    if isinstance(requested, Amount) and requested.unit == CM and solved.case.load.of(PRESSURE):
+    if isinstance(requested, units.Amount) and requested.unit == load.CM and solved.case.load.of(steps.PRESSURE):
         return requested.number
     return solved.pressure / solved.case.cm
 
@@ -175,7 +171,7 @@ def _stroke(solved: Solved) -> float:
     return float(curve.value(V, P) * solved.fields.system.volume_unit)
 
 
-def _on_supply(solved: Solved) -> tuple[float, float, Supply]:
+def _on_supply(solved: Solved) -> tuple[float, float, stability.Supply]:
     """Return the dimensionless volume and pressure of a state, and the supply's curves."""
     eq, supply = solved.fields.system, solved.case.supply
     assert supply is not None
@@ -196,7 +192,7 @@ def _held(solved: Solved) -> int:
     return int(solved.point.stable_under(curve.line(V, P)))
 
 
-def _cavity_cells(solved: Solved) -> dict[str, Cell]:
+def _cavity_cells(solved: Solved) -> dict[str, table.Cell]:
     """Return the pressure and added volume of each cavity, where there are several."""
     figures = solved.figures
     if len(figures.cavity_volumes) < 2:
@@ -205,65 +201,65 @@ def _cavity_cells(solved: Solved) -> dict[str, Cell]:
     return {**pressures, **{f"added_volume_{i}_ml": value * 1e6 for i, value in enumerate(figures.cavity_volumes, 1)}}
 
 
-def _cavity_term(column: str, device: Actuator | None) -> ColumnText | None:
+def _cavity_term(column: str, device: Actuator | None) -> table.ColumnText | None:
     found = re.fullmatch(r"(pressure|added_volume)_(\d+)_(cm|ml)", column)
     if not found:
         return None
     words = found[1].replace("_", " ")
-    return described(column, (f"{words} of cavity{found[2]}", f"of the device's cavity{found[2]} only"))
+    return table.described(column, (f"{words} of cavity{found[2]}", f"of the device's cavity{found[2]} only"))
 
 
-def _rise_term(column: str, device: Actuator | None) -> ColumnText | None:
-    probe, unit = split(column)
+def _rise_term(column: str, device: Actuator | None) -> table.ColumnText | None:
+    probe, unit = table.split(column)
     if device is None or unit != "mm" or probe not in device.probes:
         return None
-    return described(
+    return table.described(
         column, (f"rise of the {probe.replace('_', ' ')}", "displacement of that point along the device's lift")
     )
 
 
-def _device_term(column: str, device: Actuator | None) -> ColumnText | None:
+def _device_term(column: str, device: Actuator | None) -> table.ColumnText | None:
     if device is not None and column in device.figure_texts:
-        return described(column, device.figure_texts[column])
+        return table.described(column, device.figure_texts[column])
     texts = [
         *(measure.texts for measure in outputs(ForceMeasure)),
-        *(kind.figure_texts for kind in COMPONENTS.values()),
+        *(kind.figure_texts for kind in component.COMPONENTS.values()),
     ]
     if exact := next((known[column] for known in texts if column in known), None):
-        return described(column, exact)
+        return table.described(column, exact)
     for pattern, (title, text) in (entry for known in texts for entry in known.items()):
         if found := re.fullmatch(pattern, column):
-            return described(column, (title.format(*found.groups()), text.format(*found.groups())))
+            return table.described(column, (title.format(*found.groups()), text.format(*found.groups())))
     return None
 
 
-def _named_term(column: str, device: Actuator | None) -> ColumnText | None:
+def _named_term(column: str, device: Actuator | None) -> table.ColumnText | None:
     """Return the description of a point, an angle or a rigid part named by the user."""
-    name, unit = split(column)
+    name, unit = table.split(column)
     if unit == "mm" and (found := re.fullmatch(r"(\w+)_([xyz])", name)):
         text = "for a named point its position in this state, for a rigid part the displacement of its centre"
-        return described(column, (f"{found[1].replace('_', ' ')}, {found[2]}", text))
+        return table.described(column, (f"{found[1].replace('_', ' ')}, {found[2]}", text))
     if unit == "mm" and name.endswith("_off"):
         text = "distance of the tracked surface point from the named point, undeformed"
-        return described(column, (f"{name.removesuffix('_off').replace('_', ' ')}, off the surface", text))
+        return table.described(column, (f"{name.removesuffix('_off').replace('_', ' ')}, off the surface", text))
     if unit == "°":
-        return described(
+        return table.described(
             column,
             (name.replace("_", " "), "named angle: the rotation of its line, or the angle between its two lines"),
         )
     return None
 
 
-def _band_term(column: str, device: Actuator | None) -> ColumnText | None:
-    name, unit = split(column)
+def _band_term(column: str, device: Actuator | None) -> table.ColumnText | None:
+    name, unit = table.split(column)
     if not name.endswith("_ci95") or not unit:
         return None
-    if device is not None and name == at_rise(device.gauge):
+    if device is not None and name == table.at_rise(device.gauge):
         text = f"half the 95 % confidence interval from the material's errors, at the same rise of the {device.gauge}"
-        return described(column, ("band of the pressure at equal rise", text))
+        return table.described(column, ("band of the pressure at equal rise", text))
     whole = term(f"{name.removesuffix('_ci95')}{column.removeprefix(name)}", device)
     kept = "at the same added volume" if name == "pressure_ci95" else "at the same requested value"
-    return described(
+    return table.described(
         column, (f"band of the {whole.name}", f"half the 95 % confidence interval from the material's errors, {kept}")
     )
 
@@ -293,7 +289,7 @@ def _place_of_largest(axis: str) -> Variable:
 
 
 def _break_margin(solved: Solved) -> float | None:
-    limit = stretch_at_break(solved.case.material)
+    limit = silicones.stretch_at_break(solved.case.material)
     return None if limit is None else limit / solved.figures.max_stretch
 
 
@@ -320,14 +316,14 @@ def _in_time(case: Case) -> bool:
     return case.supply is not None and case.supply.in_time
 
 
-def _source(solved: Solved) -> Source:
+def _source(solved: Solved) -> supply.Source:
     """Return what the source of the supply does."""
-    return source_at(solved.case.steps, solved.load_step)
+    return schedule.source_at(solved.case.steps, solved.load_step)
 
 
 def _source_height(solved: Solved) -> float | None:
     source = _source(solved)
-    return None if source.flow is not None else in_unit(source.pressure, CM, solved.case.cm)
+    return None if source.flow is not None else load.in_unit(source.pressure, load.CM, solved.case.cm)
 
 
 def _flow(solved: Solved) -> float:
@@ -372,7 +368,7 @@ _VARIABLES: tuple[Variable | Variables, ...] = (
            lambda case: _supplied(case) and _at_rest(case)),
     Variable("load_step", "", "load step", "number of the step in a program of several cavities",
            lambda s: s.load_step, lambda case: case.program),
-    Variable("time", "s", "time", "since the load began", lambda s: time_at(s.case.steps, s.load_step),
+    Variable("time", "s", "time", "since the load began", lambda s: steps.time_at(s.case.steps, s.load_step),
            lambda case: case.timed),
     Variables("cavities", _cavity_cells, _cavity_term),
     Variables("rises", lambda s: {f"{name}_mm": rise * 1e3 for name, rise in s.figures.rises.items()}, _rise_term),
@@ -382,7 +378,7 @@ _VARIABLES: tuple[Variable | Variables, ...] = (
     *_extremes("largest_stretch"),
     Variable("break_margin", "", "break margin",
            "least published stretch at break of the silicone in tension over the largest stretch; below 1 it may tear",
-           _break_margin, lambda case: stretch_at_break(case.material) is not None),
+           _break_margin, lambda case: silicones.stretch_at_break(case.material) is not None),
     *(_place_of_largest(axis) for axis in "xyz"),
     *_extremes("von_mises"),
     *_extremes("J"),
@@ -398,7 +394,8 @@ _VARIABLES: tuple[Variable | Variables, ...] = (
            "smallest distance between facing walls, negative if they overlap; empty if no walls are near",
            lambda s: None if s.gap is None else s.gap.value),
     Variable("walls_touch", "", "walls overlap",
-           f"1 where walls overlap by more than {OVERLAP:.0%} of their thickness, or where the surface is folded onto itself "
+           f"1 where walls overlap by more than {state_values.OVERLAP:.0%} of their thickness, or where the "
+           "surface is folded onto itself "
            "within a cell: the state is invalid", lambda s: int(s.overlaps)),
     Variable("requested", "", "requested", "1 for a requested state", lambda s: int(s.point.requested)),
     Variable("limit", "", "limit point",
@@ -451,20 +448,26 @@ class Band:
     """Bands of a device's states from its material's errors. What is requested is ``kept``, and rises are reported at the same
     value of it: ``"pressure"``, ``"volume"``, or the ``"force"`` of dead loads, such as shares of the weight."""
 
-    def __init__(self, fields: Fields, errors: MaterialErrors, pascal_per_cm: float, kept: str = Pressure.name):
+    def __init__(
+        self,
+        fields: Fields,
+        errors: materials.MaterialErrors,
+        pascal_per_cm: float,
+        kept: str = stability.Pressure.name,
+    ):
         self.fields, self.errors, self.cm, self.kept = fields, errors, pascal_per_cm, kept
         from softmodels.mechanics.sensitivity import Sensitivity
 
         self._sensitivity = Sensitivity(fields.solver)
 
-    def cells(self, point: Point) -> dict[str, float | None]:
+    def cells(self, point: stability.Point) -> dict[str, float | None]:
         """Half widths of the 95 % intervals at a point of the path, by column of ``path.csv``; None if undefined.
 
         Called by all ranks.
         """
         try:
             moves = [] if point.bifurcation else [self._move(point, root) for root in self.errors.roots.T]
-        except NoConvergence:
+        except newton.NoConvergence:
             moves = []
         if not moves:
             return dict.fromkeys(self._columns())
@@ -479,11 +482,11 @@ class Band:
         actuator = self.fields.system.body.actuator
         figures = actuator.device_figures(actuator.probes)
         rises = [*(_named(f"{probe}_mm") for probe in actuator.probes), *map(_named, figures)]
-        if self.kept == DeadForce.name:
+        if self.kept == stability.DeadForce.name:
             return rises
-        return ["pressure_ci95_cm", f"{at_rise(actuator.gauge)}_cm", "added_volume_ci95_ml", *rises]
+        return ["pressure_ci95_cm", f"{table.at_rise(actuator.gauge)}_cm", "added_volume_ci95_ml", *rises]
 
-    def _move(self, point: Point, root: Array) -> dict[str, float]:
+    def _move(self, point: stability.Point, root: Array) -> dict[str, float]:
         """Return the changes by column if the parameters change by ``root`` (SI units)."""
         eq, fields, state = self.fields.system, self.fields, point.state
         eq.load(state)
@@ -492,24 +495,24 @@ class Band:
             own, slope = self._sensitivity.material_force(name)
             force += change * own
             dmu += change * slope
-        mu, forced = eq.stress_unit, self.kept == DeadForce.name
+        mu, forced = eq.stress_unit, self.kept == stability.DeadForce.name
         if forced:  # P is a dead load, already fixed in newtons; the cavities' pressures are fixed too
             cavities = len(eq.volumes())
             force += dmu / mu * eq.pressures[:cavities] @ eq.pressure_loads()[:cavities]
-        moved = fields.solver.aside(state, volume_control(state.V), -force, TOLERANCE)
+        moved = fields.solver.aside(state, controls.volume_control(state.V), -force, TOLERANCE)
         dP, w, dV = moved.P * mu + (0.0 if forced else state.P * dmu), moved.w, 0.0
         sideways = math.nan if forced else dP - self._slope(point) * self._gauge_rise(moved.w)
-        if self.kept != AddedVolume.name:
+        if self.kept != stability.AddedVolume.name:
             slide = -dP / (mu * point.tangent.P) if point.tangent.P else math.inf
             w = w + slide * point.tangent.w
             dV = slide * point.tangent.V * eq.volume_unit
         if forced:
             return self._rises(state.w, w)
         gauge = fields.system.body.actuator.gauge
-        pressures = {"pressure_ci95_cm": dP / self.cm, f"{at_rise(gauge)}_cm": sideways / self.cm}
+        pressures = {"pressure_ci95_cm": dP / self.cm, f"{table.at_rise(gauge)}_cm": sideways / self.cm}
         return {**pressures, "added_volume_ci95_ml": 1e6 * dV, **self._rises(state.w, w)}
 
-    def _slope(self, point: Point) -> float:
+    def _slope(self, point: stability.Point) -> float:
         """Return Return the pressure in Pa by which the pressure rises along the path for each m of the gauge's rise."""
         rise = self._gauge_rise(point.tangent.w)
         return point.tangent.P * self.fields.system.stress_unit / rise if rise else math.inf
@@ -538,15 +541,15 @@ class Band:
 
 def _named(column: str) -> str:
     """Return the column of another column's band: ``apex_ci95_mm`` of ``apex_mm``."""
-    name = split(column)[0]
-    return f"{band_of(name)}{column.removeprefix(name)}"
+    name = table.split(column)[0]
+    return f"{table.band_of(name)}{column.removeprefix(name)}"
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The paths of a device for every source of its silicone: the file ``sources.csv`` and a summary.
 
 
-type SourceTables = Mapping[str, PathTable]
+type SourceTables = Mapping[str, table.PathTable]
 """PathTable of each source by its name, from the softest to the stiffest."""
 
 FILE = "sources.csv"
@@ -559,42 +562,42 @@ def write_sources(folder: Path, sources: SourceTables) -> None:
     rows = [(name, row) for name, many in sources.items() for row in many]
     columns = list(dict.fromkeys(column for _, row in rows for column in row.cells))
     cells = ([name, *(row.cells.get(column, "") for column in columns)] for name, row in rows)
-    write_text(folder / FILE, csv_text(["source", *columns], cells))
+    files.write_text(folder / FILE, files.csv_text(["source", *columns], cells))
 
 
-def read_sources(folder: Path, cm: float) -> dict[str, PathTable]:
+def read_sources(folder: Path, cm: float) -> dict[str, table.PathTable]:
     """Return the table of each source, ``cm`` being Pa in one cm of the case's column; empty where there is none, or none that
     can be read."""
-    found: dict[str, PathTable] = {}
+    found: dict[str, table.PathTable] = {}
     try:
         with (folder / FILE).open(newline="", encoding="utf-8") as file:
             for cells in csv.DictReader(file):
-                own = found.setdefault(cells.pop("source"), PathTable())
-                own.append(Row({k: _cell(k, v) for k, v in cells.items()}, cm))
+                own = found.setdefault(cells.pop("source"), table.PathTable())
+                own.append(table.Row({k: _cell(k, v) for k, v in cells.items()}, cm))
     except (OSError, ValueError, KeyError):
         return {}
     return found
 
 
-def _cell(column: str, text: str) -> Cell:
+def _cell(column: str, text: str) -> table.Cell:
     return text if column in WORDS else float(text) if text else None
 
 
-def in_order(case: Case, rows: PathTable, others: SourceTables) -> dict[str, PathTable]:
+def in_order(case: Case, rows: table.PathTable, others: SourceTables) -> dict[str, table.PathTable]:
     """Return all sources from the softest to the stiffest, the run's own path among them; empty where there are no others."""
-    own = named(case.material)
+    own = silicones.named(case.material)
     if own is None or not others:
         return {}
     every = {own: rows, **others}
-    return {name: every[name] for name in source_names(own) if name in every}
+    return {name: every[name] for name in silicones.source_names(own) if name in every}
 
 
-def stands_at(row: Row, case: Case, value: float) -> bool:
+def stands_at(row: table.Row, case: Case, value: float) -> bool:
     """Return whether a state is at a requested value of its case, in the unit of the request."""
     return math.isclose(row.cell(case.column), value, rel_tol=1e-6)
 
 
 def key_of(name: str) -> str:
     """Return the short name of a source, of a product's plain name too."""
-    found = silicone_called(name)
+    found = silicones.silicone_called(name)
     return found.origin.key if found else name

@@ -10,23 +10,21 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from geometries.actuator import Vector, reflected
-from softmodels.case.entries import NO_PROBES, CaseError, ProbeError, Probes, followed_text
+from geometries import actuator
+from geometries.actuator import Vector
+from softmodels.case import entries
+from softmodels.case.entries import CaseError
+from softmodels.common import errors, names, units
 from softmodels.common.arrays import Array
-from softmodels.common.errors import known_are
 from softmodels.common.lazy import fem, ufl
-from softmodels.common.names import Registry
-from softmodels.common.units import brief
-from softmodels.components.rigid import symmetric_motions
-from softmodels.mechanics.body import SAME, in_section, in_space
-from softmodels.mechanics.compiling import JIT
+from softmodels.components import rigid
+from softmodels.mechanics import body, compiling, mpi, regions, system
 from softmodels.mechanics.component import ComponentError
-from softmodels.mechanics.mpi import largest, summed, total
-from softmodels.mechanics.regions import RigidMotion, rotation_vector
+from softmodels.mechanics.mpi import largest
 from softmodels.mechanics.solver import Solver
-from softmodels.mechanics.system import State, System, held_force
-from softmodels.runs.state_values import WORDS, FacingWalls, Grid, Sampling, StateValues, volume_peak
-from softmodels.runs.table import column_of
+from softmodels.mechanics.system import State, System
+from softmodels.runs import state_values, table
+from softmodels.runs.state_values import StateValues
 
 AT_POINTS = "over all integration points of the whole device, not only those shown in a picture"
 """Where the largest stretch and stress are taken, for every table, picture and message."""
@@ -93,7 +91,7 @@ class TrackedPoint:
     away: float
 
 
-def tracked_points(system: System, grid: Grid, gauges: Probes) -> dict[str, TrackedPoint]:
+def tracked_points(system: System, grid: state_values.Grid, gauges: entries.Probes) -> dict[str, TrackedPoint]:
     """Return the surface points, cavity walls included, nearest to the named points; `ProbeError` if one is farther than a
     cell is large."""
     if not gauges.points:
@@ -113,7 +111,8 @@ class TurningFace:
     def __init__(self, system: System, nodes: Nodes, places: Array, middle: Array):
         self.nodes, self._comm = nodes, system.comm
         self._images = [
-            np.asarray(image) for image in reflected([plane.normal for plane in system.body.actuator.cut_planes])
+            np.asarray(image)
+            for image in actuator.reflected([plane.normal for plane in system.body.actuator.cut_planes])
         ]
         sides = places[:, 1:] - places[:, :1]
         areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
@@ -127,7 +126,7 @@ class TurningFace:
         """Return the area of the face and its images, its centre at places ``now``, and the moments of these with the
         undeformed ones."""
         weighed = self._areas[:, None] * self._places
-        sums = summed(
+        sums = mpi.summed(
             self._comm,
             np.concatenate([[self._areas.sum()], weighed.sum(axis=0), self._areas @ now, (weighed.T @ now).ravel()]),
         )
@@ -147,14 +146,14 @@ class TurningFace:
         return np.asarray(Vt.T @ (U.T @ self.normal))
 
 
-def turning_faces(system: System, grid: Grid, gauges: Probes) -> dict[str, TurningFace]:
+def turning_faces(system: System, grid: state_values.Grid, gauges: entries.Probes) -> dict[str, TurningFace]:
     """Return the faces whose mean rotation is an angle; `ProbeError` if the device has no such face."""
     if not gauges.faces:
         return {}
     facets = _surface(system, grid)[:, :3]
     here = grid.space.tabulate_dof_coordinates()[facets.ravel()] * system.length_unit
     places = system.body.actuator.device_points(here).reshape(-1, 3, 3) if len(here) else np.empty((0, 3, 3))
-    sums = summed(system.comm, np.append(places.reshape(-1, 3).sum(axis=0), 3.0 * len(places)))
+    sums = mpi.summed(system.comm, np.append(places.reshape(-1, 3).sum(axis=0), 3.0 * len(places)))
     near = 1e-5 * system.length_unit
     found = {}
     for name, face in gauges.turning.items():
@@ -163,13 +162,13 @@ def turning_faces(system: System, grid: Grid, gauges: Probes) -> dict[str, Turni
         else:
             low, high = (np.asarray(end) for end in face.box or ((), ()))
             chosen = ((places > low - near) & (places < high + near)).all(axis=(1, 2))
-        if not total(system.comm, float(chosen.sum())):
-            raise ProbeError(f"angle {name}: the device has no face 'face {face.text}'")
+        if not mpi.total(system.comm, float(chosen.sum())):
+            raise entries.ProbeError(f"angle {name}: the device has no face 'face {face.text}'")
         found[name] = TurningFace(system, facets[chosen], places[chosen], sums[:3] / sums[3])
     return found
 
 
-def _surface(system: System, grid: Grid) -> Nodes:
+def _surface(system: System, grid: state_values.Grid) -> Nodes:
     """Return the local nodes of the facets that bound the silicone, cut planes excluded, shape (m, 6), or (m, 3) of a section.
 
     The corners come first, then the middles of the edges, each opposite to its corner.
@@ -195,18 +194,18 @@ def _nearest(system: System, name: str, wanted: Array, facets: Nodes, places: Ar
     distance = np.linalg.norm(found - wanted, axis=1)
     away = -largest(comm, -float(distance.min()) if len(distance) else -math.inf)
     # Among equally near places the first in order of x, y, z, so that the rank does not decide.
-    near = np.flatnonzero(distance <= away + SAME * unit)
+    near = np.flatnonzero(distance <= away + body.SAME * unit)
     place = []
     for axis in range(3):
         least = -largest(comm, -float(found[near, axis].min()) if len(near) else -math.inf)
-        near = near[found[near, axis] <= least + SAME * unit]
-        place.append(least if abs(least) > SAME * unit else 0.0)
-    holders = total(comm, float(bool(len(near))))  # several ranks know a place on an edge between them
+        near = near[found[near, axis] <= least + body.SAME * unit]
+        place.append(least if abs(least) > body.SAME * unit else 0.0)
+    holders = mpi.total(comm, float(bool(len(near))))  # several ranks know a place on an edge between them
     edge = places[near, 0] - places[near, 1] if len(near) else np.zeros((0, 3))
     size = largest(comm, float(np.linalg.norm(edge, axis=1).max()) if len(near) else -math.inf)
     if away > size:
         told = ", ".join(f"{1e3 * value:.5g}" for value in place)
-        raise ProbeError(
+        raise entries.ProbeError(
             f"point {name} is {away * 1e3:.4g} mm off the surface; the nearest surface point is {told} mm, "
             f"and the cell size there {size * 1e3:.3g} mm. Name a point on the surface of the modelled part"
         )
@@ -276,7 +275,7 @@ class Output:
         return self.name
 
 
-OUTPUTS: Registry[Output] = Registry("output", lambda output: output.key)
+OUTPUTS: names.Registry[Output] = names.Registry("output", lambda output: output.key)
 """In the order in which they are computed and stand in ``path.csv``."""
 register_output = OUTPUTS.register
 
@@ -319,7 +318,7 @@ class Extreme:
     @property
     def column(self) -> str:
         """Its column of ``path.csv``."""
-        return column_of(self.name, self.unit)
+        return table.column_of(self.name, self.unit)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -367,7 +366,7 @@ for _field in (
         lambda at: at.von_mises,
         (Extreme("max_von_mises", "kPa", "largest von Mises stress", f"von Mises norm of the deviatoric Cauchy stress; "
                                                                      f"{AT_POINTS}"),
-         Extreme("peak_von_mises", "kPa", "peak von Mises stress", f"{WORDS}; used as the objective and limit of "
+         Extreme("peak_von_mises", "kPa", "peak von Mises stress", f"{state_values.WORDS}; used as the objective and limit of "
                                                                    f"designs", peak=True)),
         Colours("kPa", 1e-3, 0.0, 0.5),
     ),
@@ -377,7 +376,8 @@ for _field in (
         (Extreme("max_stretch", "", "largest stretch",
                  f"largest principal stretch; {AT_POINTS}, so at sharp corners and clamped "
                  f"edges it grows with every refinement of the mesh"),
-         Extreme("peak_stretch", "", "peak stretch", f"of the largest stretch the {WORDS}, which converges with the mesh; used "
+         Extreme("peak_stretch", "", "peak stretch",
+         f"of the largest stretch the {state_values.WORDS}, which converges with the mesh; used "
                  "as the objective and limit of designs", peak=True)),
         Colours("", 1.0, 1.0),
     ),
@@ -430,7 +430,7 @@ def check_requested(names: Sequence[str]) -> None:
     """Raise `CaseError` for a name that is none of `requestable`."""
     for name in names:
         if name not in requestable():
-            raise CaseError(f"fields has {brief(name)}; {known_are(name, requestable())}")
+            raise CaseError(f"fields has {units.brief(name)}; {errors.known_are(name, requestable())}")
 
 
 def coloured() -> dict[str, tuple[OutputField, Colours]]:
@@ -442,7 +442,7 @@ def coloured() -> dict[str, tuple[OutputField, Colours]]:
 # Figures of rigid parts: their motion, and the forces of the device on them.
 
 
-def rigid_parts(sampling: Sampling, state: State) -> dict[str, float]:
+def rigid_parts(sampling: state_values.Sampling, state: State) -> dict[str, float]:
     """Return the columns of the rigid parts in the state that is loaded, of the whole device, on all ranks."""
     eq = sampling.system
     moving = eq.unknowns.moving
@@ -458,21 +458,21 @@ def rigid_parts(sampling: Sampling, state: State) -> dict[str, float]:
     return found
 
 
-def _figures(eq: System, motion: RigidMotion, forces: Array) -> Iterator[tuple[str, float]]:
+def _figures(eq: System, motion: regions.RigidMotion, forces: Array) -> Iterator[tuple[str, float]]:
     """Yield the columns of one part, without its name, and their values."""
     actuator, free = eq.body.actuator, motion.freedom
     length, unit = eq.length_unit, eq.stress_unit * eq.length_unit**2 * actuator.copies
-    directions, axes = symmetric_motions(actuator)
-    for axis in _axes(in_space(free.directions)):
-        yield f"{'xyz'[axis]}_mm", float(in_space(motion.translation)[axis]) * length * 1e3
+    directions, axes = rigid.symmetric_motions(actuator)
+    for axis in _axes(body.in_space(free.directions)):
+        yield f"{'xyz'[axis]}_mm", float(body.in_space(motion.translation)[axis]) * length * 1e3
     for axis in _axes(free.axes):
-        yield f"turn_{'xyz'[axis]}_deg", float(np.degrees(rotation_vector(motion.rotation)[axis]))
+        yield f"turn_{'xyz'[axis]}_deg", float(np.degrees(regions.rotation_vector(motion.rotation)[axis]))
     force, moment = motion.wrench(forces)
-    force = in_space(force @ directions.T @ directions) * unit  # the rest, the device's other slices push back
+    force = body.in_space(force @ directions.T @ directions) * unit  # the rest, the device's other slices push back
     along = free.directions[0] if len(free.directions) == 1 else None
-    yield "force_N", float(force @ (np.asarray(actuator.lift) if along is None else in_space(along)))
+    yield "force_N", float(force @ (np.asarray(actuator.lift) if along is None else body.in_space(along)))
     if len(directions) > 1:
-        for axis in _axes(in_space(directions)):
+        for axis in _axes(body.in_space(directions)):
             yield f"force_{'xyz'[axis]}_N", float(force[axis])
     for axis in _axes(axes):
         yield f"moment_{'xyz'[axis]}_Nmm", float((moment @ axes.T @ axes)[axis]) * unit * length * 1e3
@@ -493,7 +493,7 @@ class ForceMeasure(Output):
     state is loaded, none if not available of a device; and short name and meaning by column, or by a pattern of `re` with a
     group ``{0}``."""
 
-    compute: Callable[[Sampling, State], dict[str, float]]
+    compute: Callable[[state_values.Sampling, State], dict[str, float]]
     texts: Mapping[str, tuple[str, str]]
 
 
@@ -502,13 +502,13 @@ def _force_unit(eq: System) -> float:
     return eq.stress_unit * eq.length_unit**2 * eq.body.actuator.copies
 
 
-def blocked_force(sampling: Sampling, state: State) -> dict[str, float]:
+def blocked_force(sampling: state_values.Sampling, state: State) -> dict[str, float]:
     """Return the blocked force in N of the whole device, if it is blocked."""
     role = sampling.system.body.actuator.blocked
     return {} if role is None else {"blocked_force_N": _held_along_lift(sampling.system, role)}
 
 
-def standing_force(sampling: Sampling, state: State) -> dict[str, float]:
+def standing_force(sampling: state_values.Sampling, state: State) -> dict[str, float]:
     """Return the force in N with which the whole device presses on what it stands on, if it stands."""
     body = sampling.system.body
     role = body.actuator.standing if not body.seal else ""
@@ -518,23 +518,23 @@ def standing_force(sampling: Sampling, state: State) -> dict[str, float]:
 def _held_along_lift(eq: System, role: str) -> float:
     """Return the force in N of the whole device along the lift on what holds a face."""
     # Held along the lift, so one row of the skew basis is the lift.
-    along = in_section(eq.body.actuator.lift, eq.body.actuator.dimension)
-    return held_force(eq, role, int(np.argmax(eq.body.skew @ along))) * _force_unit(eq)
+    along = body.in_section(eq.body.actuator.lift, eq.body.actuator.dimension)
+    return system.held_force(eq, role, int(np.argmax(eq.body.skew @ along))) * _force_unit(eq)
 
 
-def part_figures(sampling: Sampling, state: State) -> dict[str, float]:
+def part_figures(sampling: state_values.Sampling, state: State) -> dict[str, float]:
     """Return the figures of the parts added to the device."""
     eq = sampling.system
     return {name: value for term in eq.potential.terms.values() for name, value in term.figures(eq).items()}
 
 
-def dead_loads(sampling: Sampling, state: State) -> dict[str, float]:
+def dead_loads(sampling: state_values.Sampling, state: State) -> dict[str, float]:
     """Return the weights, forces and moments on the device, and what they move."""
     eq = sampling.system
     return eq.dead.figures(eq.drives_at(state)[len(eq.body.actuator.ratios) :])
 
 
-def stiffness(sampling: Sampling, state: State) -> dict[str, float]:
+def stiffness(sampling: state_values.Sampling, state: State) -> dict[str, float]:
     """Return the tangent stiffness in N/m of the whole device along the lift, if the device defines one.
 
     The load is spread over the `Actuator.pushed` face, and the motion is that face's mean; the pressure is kept.
@@ -584,30 +584,30 @@ class Fields:
         rest_volume: Of the cavity, dimensionless.
     """
 
-    def __init__(self, solver: Solver, gauges: Probes = NO_PROBES, requested: Sequence[str] = ()):
+    def __init__(self, solver: Solver, gauges: entries.Probes = entries.NO_PROBES, requested: Sequence[str] = ()):
         self.solver, self.system = solver, solver.system
         system = self.system
-        self.grid = Grid(system)
-        self.sampling = Sampling(solver, self.grid)
+        self.grid = state_values.Grid(system)
+        self.sampling = state_values.Sampling(solver, self.grid)
         self.rest_volume = system.rest().V
         self._rest_volumes = system.volumes()
         places = ufl.SpatialCoordinate(system.body.mesh)
-        self._places = fem.Expression(places, system.points, jit_options=JIT)
+        self._places = fem.Expression(places, system.points, jit_options=compiling.JIT)
         self._probes = {name: self._owner(point) for name, point in system.body.actuator.probes.items()}
         self._gauges, self._followed = gauges, tracked_points(system, self.grid, gauges)
         self._turning = turning_faces(system, self.grid, gauges)
         self._wanted = [one for one in outputs(OutputField) if not one.requested or one.name in requested]
 
     @functools.cached_property
-    def walls(self) -> FacingWalls:
+    def walls(self) -> state_values.FacingWalls:
         """The device's surface, on rank 0."""
         planes = [plane.normal for plane in self.system.body.actuator.cut_planes]
-        return FacingWalls(self.grid.points, self.grid.cells, self.grid.cell_name, planes)
+        return state_values.FacingWalls(self.grid.points, self.grid.cells, self.grid.cell_name, planes)
 
     @property
     def followed(self) -> list[str]:
         """A sentence on each named point: where it is tracked."""
-        return [followed_text(name, one.away, one.place) for name, one in self._followed.items()]
+        return [entries.followed_text(name, one.away, one.place) for name, one in self._followed.items()]
 
     def values(self, state: State) -> StateValues:
         """Return a state's values; the state is loaded into the equations."""
@@ -670,7 +670,7 @@ class Fields:
             max_stretch_at=self._place_of(values.stretches[..., -1], extremes["largest_stretch"][1]),
             extremes=extremes,
             peaks={
-                field.name: volume_peak(eq.comm, found, eq.point_volumes(), field.rest)[0]
+                field.name: state_values.volume_peak(eq.comm, found, eq.point_volumes(), field.rest)[0]
                 for field, found in sampled.items()
                 if any(one.peak for one in field.extremes)
             },
@@ -703,14 +703,14 @@ class Fields:
 
     def _at(self, u: Array, node: int) -> Array:
         """Return the displacement (3,) of a node that one rank owns, on all ranks; ``node`` is -1 on the others."""
-        return np.array([total(self.system.comm, float(u[node, i]) if node >= 0 else 0.0) for i in range(3)])
+        return np.array([mpi.total(self.system.comm, float(u[node, i]) if node >= 0 else 0.0) for i in range(3)])
 
     def _normals(self, w: Array) -> dict[str, tuple[Array, Array]]:
         """Return the normals of the faces whose rotation is tracked, undeformed and rotated."""
         eq, skew = self.system, self.sampling.skew
         found = {}
         for name, face in self._turning.items():
-            moved = in_space(w[skew[face.nodes]] @ eq.body.skew_inverse.T * eq.length_unit)
+            moved = body.in_space(w[skew[face.nodes]] @ eq.body.skew_inverse.T * eq.length_unit)
             found[name] = face.normal, face.turned(moved)
         return found
 
@@ -719,7 +719,7 @@ class Fields:
         eq = self.system
         u = one.weights @ state.w[self.sampling.skew[one.nodes]] @ eq.body.skew_inverse.T * eq.length_unit
         u = u if self.grid.dimension == 3 else np.array([u[0], 0.0, u[1]])
-        return np.array([total(eq.comm, float(value)) for value in u])
+        return np.array([mpi.total(eq.comm, float(value)) for value in u])
 
     def _place_of(self, values: Array, peak: float) -> tuple[float, float, float]:
         """Return where a value at the integration points, shape (cells, points), reaches its peak over all ranks."""

@@ -18,9 +18,9 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.common.files import check_file, csv_text, parse_json, replace, replace_hdf5, write_text
-from softmodels.path.stability import Point
-from softmodels.runs.table import Cell
+from softmodels.common import files
+from softmodels.path import stability
+from softmodels.runs import table
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Restart data of a state, besides its fields.
@@ -43,7 +43,7 @@ class Restart(TypedDict):
     signature: dict[str, Any]
 
 
-def restart_of(point: Point) -> Restart:
+def restart_of(point: stability.Point) -> Restart:
     """Return the restart data of a point's step."""
     return {
         "P": point.state.P, "V": point.state.V, "requested": point.requested, "limit": point.limit, "jump": point.jump,
@@ -72,7 +72,7 @@ class ForeignDataError(ValueError):
 @contextlib.contextmanager
 def opened(path: Path) -> Iterator[h5py.File]:
     """Open a results file for reading; `OSError` if it is not a regular file, or not HDF5."""
-    check_file(path, LARGEST)
+    files.check_file(path, LARGEST)
     with h5py.File(path, "r") as file:
         yield file
 
@@ -121,7 +121,7 @@ class StoredStep:
 
     file: str
     group: str
-    cells: Mapping[str, Cell]
+    cells: Mapping[str, table.Cell]
     restart: Restart
     shapes: Mapping[str, tuple[int, ...]]
 
@@ -142,7 +142,9 @@ def read_step(group: h5py.Group, file: str, path: str) -> StoredStep:
     """Return a step from its group of an HDF5 file, named relative to the folder of results; `ForeignDataError` if a field is
     not in it."""
     fields = {name: inside(group, name) for name in group}
-    return StoredStep(file, path, parse_json(group.attrs[ROW]), parse_json(group.attrs[RESTART]), shapes_of(fields))
+    return StoredStep(
+        file, path, files.parse_json(group.attrs[ROW]), files.parse_json(group.attrs[RESTART]), shapes_of(fields)
+    )
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -258,9 +260,9 @@ def link_vtkhdf(file: Path, heavy: Path) -> None:
     """Make the VTKHDF of a gathered run a second name of the file with the grid and all steps; a reference to it on disks that
     have no second names."""
     try:
-        replace(file, lambda aside: os.link(heavy, aside))
+        files.replace(file, lambda aside: os.link(heavy, aside))
     except OSError:
-        replace_hdf5(file, lambda light: light.__setitem__(GROUP, h5py.ExternalLink(heavy.name, f"/{GROUP}")))
+        files.replace_hdf5(file, lambda light: light.__setitem__(GROUP, h5py.ExternalLink(heavy.name, f"/{GROUP}")))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -313,15 +315,15 @@ def _grid(
 def write_light(heavy: Path, shapes: Shapes, stored: Sequence[StoredStep], gathered: bool) -> None:
     """Write ``path.csv``, the XDMF and the light VTKHDF of a run, each replaced whole; ``heavy`` has the grid, and if
     ``gathered`` all steps' fields."""
-    write_text(heavy.with_name("path.csv"), csv_text(stored[0].cells, (step.cells for step in stored)))
+    files.write_text(heavy.with_name("path.csv"), files.csv_text(stored[0].cells, (step.cells for step in stored)))
     light = xdmf(heavy.stem, heavy.name, shapes, stored)
-    replace(heavy.with_suffix(".xdmf"), lambda path: path.write_bytes(light))
+    files.replace(heavy.with_suffix(".xdmf"), lambda path: path.write_bytes(light))
 
     light_hdf5 = heavy.with_suffix(".vtkhdf")
     if gathered:
         link_vtkhdf(light_hdf5, heavy)
     else:
-        replace_hdf5(light_hdf5, lambda file: write_vtkhdf(file, heavy.name, shapes, stored))
+        files.replace_hdf5(light_hdf5, lambda file: write_vtkhdf(file, heavy.name, shapes, stored))
 
 
 def write_gathered(

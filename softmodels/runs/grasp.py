@@ -20,21 +20,19 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from softmodels.case.case import Case
+from softmodels.common import errors, units
 from softmodels.common.arrays import Array
-from softmodels.common.errors import Spoken
 from softmodels.common.lazy import scipy
-from softmodels.common.units import written
-from softmodels.components.contact import RigidShape, RubbingShapeTerm, SampledShapeTerm, StandingTerm, copies_around
+from softmodels.components import contact
+from softmodels.components.contact import RigidShape
 from softmodels.components.pressing import Grip, Rubbed
-from softmodels.mechanics.assembly import FaceNodes
-from softmodels.mechanics.component import Component, EnergyTerm, FormContext
-from softmodels.mechanics.controls import pressure_control
-from softmodels.mechanics.mpi import start
-from softmodels.mechanics.newton import NoConvergence
+from softmodels.mechanics import assembly, component, controls, mpi, newton
+from softmodels.mechanics.component import Component
 from softmodels.mechanics.system import State
 from softmodels.path.steps import PRESSURE
-from softmodels.runs.outcomes import NO_EQUILIBRIUM, RunError
-from softmodels.runs.simulation import Model, meshed
+from softmodels.runs import outcomes, simulation
+from softmodels.runs.outcomes import RunError
+from softmodels.runs.simulation import Model
 
 MOST_FINGERS = 12
 BALANCED = 1e-7
@@ -46,14 +44,14 @@ STEPS, SHORTEST = 10, 1 / 64
 """Steps to a pressure or to the load, and the shortest one in theirs."""
 
 
-class GraspError(Spoken, ValueError):
+class GraspError(errors.Spoken, ValueError):
     """No grasp can be computed; the message is for the user."""
 
 
-class HeldTerm(RubbingShapeTerm):
+class HeldTerm(contact.RubbingShapeTerm):
     """The contact with a shape that has been moved in the plane, in sizes in device coordinates, and turned, shape (3, 3)."""
 
-    def __init__(self, shape: RigidShape, standing: StandingTerm, setting: FormContext):
+    def __init__(self, shape: RigidShape, standing: contact.StandingTerm, setting: component.FormContext):
         self.moved, self.turn = np.zeros(3), np.eye(3)
         self.centre = np.asarray(shape.at) / setting.body.actuator.size
         super().__init__(shape, standing, setting)
@@ -89,7 +87,7 @@ class HeldTerm(RubbingShapeTerm):
     def pushes(self, w: Array) -> Pushes:
         """Return what the finger does to the shape in a state, of all its slices."""
         self._take(w)
-        copies, pressed = copies_around(self.actuator, self.standing.crossed), self._pressed
+        copies, pressed = contact.copies_around(self.actuator, self.standing.crossed), self._pressed
         forces, on = self.forces_here(), pressed.touching
         arms = self.nodes.moved(w) - self.centre - self.moved
         places = pressed.surface.places(pressed.nodes)[on] - self.centre
@@ -114,8 +112,8 @@ class Pushes:
 class HeldShape(RigidShape):
     """A rigid shape that is moved in the plane; the same table as `RigidShape`."""
 
-    def term(self, setting: FormContext) -> EnergyTerm:
-        return HeldTerm(self, SampledShapeTerm(self, setting), setting)
+    def term(self, setting: component.FormContext) -> component.EnergyTerm:
+        return HeldTerm(self, contact.SampledShapeTerm(self, setting), setting)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -232,7 +230,7 @@ class Grasp:
         chosen = check_grasp(case, label, fingers, direction)
         self.shape = HeldShape(**{field.name: getattr(chosen, field.name) for field in dataclasses.fields(chosen)})
         parts: tuple[Component, ...] = tuple(self.shape if part is chosen else part for part in case.components)
-        self.model = Model.of(case, meshed(case.actuator, start()), components=parts)
+        self.model = Model.of(case, simulation.meshed(case.actuator, mpi.start()), components=parts)
         self.solver, self.system = self.model.solver, self.model.system
         term = self.system.potential.terms[self.shape.label]
         assert isinstance(term, HeldTerm)
@@ -245,7 +243,7 @@ class Grasp:
         size, stress = self.system.length_unit, self.system.stress_unit
         self.force_unit, self.moment_unit = stress * size**2, stress * size**3
         (cut,) = [p.name for p in case.actuator.cut_planes if abs(np.asarray(p.normal) @ self.axis) > 1 - 1e-9][:1]
-        self.section = FaceNodes(self.model.body, self.system.space, [cut])
+        self.section = assembly.FaceNodes(self.model.body, self.system.space, [cut])
 
     def rest(self) -> Held:
         """Return the fingers without pressure."""
@@ -263,7 +261,7 @@ class Grasp:
         states, found = [], []
         for finger in range(len(self.angles)):
             self._put(pose, finger, before.grips[finger])
-            states.append(self.solver.solve(pressure_control(P), before.states[finger].w, P))
+            states.append(self.solver.solve(controls.pressure_control(P), before.states[finger].w, P))
             found.append(self.term.pushes(states[-1].w))
         size, turns = self.system.length_unit, [self.plane @ turning(self.axis, angle) for angle in self.angles]
         sides = list(zip(turns, found, strict=True))
@@ -303,12 +301,12 @@ class Grasp:
                 J = np.array(columns).T
             step = -np.linalg.lstsq(J, wrong, rcond=1e-6)[0]
             if not 0.0 < np.abs(step).max() < 0.2:  # 0 where no finger resists
-                raise NoConvergence("the object leaves the fingers")
+                raise newton.NoConvergence("the object leaves the fingers")
             after = self.at(self._pose(held) + step, P, load, held)
             found = self.imbalance(after)
             J = J + np.outer(found - wrong - J @ step, step) / (step @ step)
             held, wrong = after, found
-        raise NoConvergence("the object's equilibrium was not found")
+        raise newton.NoConvergence("the object's equilibrium was not found")
 
     def _kept(self, held: Held) -> Held:
         grips = []
@@ -327,7 +325,7 @@ class Grasp:
             try:
                 at = done + share
                 here = self.balanced(P0 + at * (P - P0), start.load + at * (load - start.load), here)
-            except NoConvergence:
+            except newton.NoConvergence:
                 step = share / 2
                 if step < SHORTEST / self.steps:
                     return
@@ -362,9 +360,9 @@ def grasp(
         here = [here, *made.follow(here, P, 0.0)][-1]
         if abs(here.states[0].P / P - 1) > 1e-9:
             raise RunError(
-                f"the fingers do not close to {written(pressure)}: the object is no longer in equilibrium beyond "
+                f"the fingers do not close to {units.written(pressure)}: the object is no longer in equilibrium beyond "
                 f"{here.pressure / case.cm:.4g} cm; lower the pressure, or use more fingers or friction",
-                NO_EQUILIBRIUM,
+                outcomes.NO_EQUILIBRIUM,
             )
         found.append(here)
     if load:

@@ -10,10 +10,9 @@ import dataclasses
 import re
 
 from softmodels.case.case import Case
-from softmodels.common.units import column_unit
-from softmodels.mechanics.controls import LoadPart
-from softmodels.runs.columns import of_cavities
-from softmodels.runs.table import Row, parsed
+from softmodels.common import units
+from softmodels.mechanics import controls
+from softmodels.runs import columns, table
 
 PRESSURE_AND_VOLUME = ("pressure", "added_volume")
 OF_PRESSURE = re.compile(r"pressure(_\d+|_ci95|_at_\w+_ci95)*_(cm|Pa)")
@@ -23,7 +22,7 @@ OF_VOLUME = re.compile(r"added_volume(_\d+|_ci95)*_ml")
 INVALID = "invalid state"
 
 
-def overlap_text(row: Row) -> str:
+def overlap_text(row: table.Row) -> str:
     """Return a warning that walls overlap in a state or its surface is folded, for its line, title and picture; else ""."""
     if not row.get("walls_touch"):
         return ""
@@ -31,7 +30,7 @@ def overlap_text(row: Row) -> str:
     return f"{f'WALLS OVERLAP by {overlap:.3g} mm' if overlap > 0.0 else 'SURFACE FOLDED onto itself'}: {INVALID}"
 
 
-def overlap_of(row: Row) -> float:
+def overlap_of(row: table.Row) -> float:
     """Return by how many m walls overlap in a state; 0 where none do."""
     gap = row.get("least_gap")  # NaN where no walls are near
     return -gap if gap < 0.0 else 0.0
@@ -57,35 +56,35 @@ class StateLabels:
     along: tuple[str, str] = PRESSURE_AND_VOLUME
     loads: tuple[str, ...] = ()
     moved: tuple[str, ...] = ()
-    unit: str = column_unit()
+    unit: str = units.column_unit()
 
-    def loads_in(self, row: Row) -> list[str]:
+    def loads_in(self, row: table.Row) -> list[str]:
         """Return the weights, forces and moments that a row has."""
         return [name for name in self.loads if name in row]
 
-    def loads_words(self, row: Row) -> list[str]:
+    def loads_words(self, row: table.Row) -> list[str]:
         """Return the weights, forces and moments of a state in words, such as ``"force tip 2 N"``."""
         return [f"{name.replace('_', ' ')} {row.told(name)}" for name in self.loads_in(row)]
 
-    def under(self, row: Row, pressure: str) -> str:
+    def under(self, row: table.Row, pressure: str) -> str:
         """Return the loads of a state: the given words for its pressure, then its weights, forces and moments."""
         return ", ".join([*([pressure] if self.pressure else []), *self.loads_words(row)]) or "no load"
 
-    def place(self, row: Row) -> str:
+    def place(self, row: table.Row) -> str:
         """Return the loads of a state, short: ``"34.81 cm"``, ``"12 cm, force tip 2 N"``."""
         return self.under(row, row.told("pressure") if self.pressure else "")
 
-    def loaded(self, row: Row) -> bool:
+    def loaded(self, row: table.Row) -> bool:
         """Return whether anything acts on a state."""
         return any(row.get(name) for name in (*self.along, *PRESSURE_AND_VOLUME, *self.loads))
 
-    def pressures(self, row: Row) -> list[str]:
+    def pressures(self, row: table.Row) -> list[str]:
         """Return the pressures that are shown: one for each cavity, or none."""
-        return of_cavities(row, "pressure") if self.pressure else []
+        return columns.of_cavities(row, "pressure") if self.pressure else []
 
-    def volumes(self, row: Row) -> list[str]:
+    def volumes(self, row: table.Row) -> list[str]:
         """Return the added volumes that are shown: one for each cavity, or none."""
-        return of_cavities(row, "added_volume") if self.volume else []
+        return columns.of_cavities(row, "added_volume") if self.volume else []
 
     def hides(self, column: str) -> bool:
         """Return whether to hide a column of ``path.csv``, because the device has no air in it."""
@@ -104,16 +103,17 @@ class StateLabels:
 
 def state_labels(case: Case) -> StateLabels:
     """Return the labels of a case's states."""
-    loads = [part for part in case.components if isinstance(part, LoadPart) and not part.idle(case.components)]
+    loads = [part for part in case.components if isinstance(part, controls.LoadPart) and not part.idle(case.components)]
     words = StateLabels(
         case.actuator.gauge, case.load.has_pressure, bool(case.actuator.ratios), case.load.driver,
-        loads=tuple(parsed(load.column)[0] for load in loads), moved=tuple(parsed(load.moved_column)[0] for load in loads),
-        unit=column_unit(case.cm),
+        loads=tuple(table.parsed(load.column)[0] for load in loads),
+        moved=tuple(table.parsed(load.moved_column)[0] for load in loads),
+        unit=units.column_unit(case.cm),
     )  # fmt: skip
     if case.driven is None:
         return words
     load = case.load.driven_part
-    return dataclasses.replace(words, along=(parsed(load.column)[0], parsed(load.moved_column)[0]))
+    return dataclasses.replace(words, along=(table.parsed(load.column)[0], table.parsed(load.moved_column)[0]))
 
 
 def number(value: float) -> str:
@@ -121,7 +121,7 @@ def number(value: float) -> str:
     return f"{round(value, 1) + 0.0:.1f}".removesuffix(".0")  # + 0.0: no minus before a zero
 
 
-def load(row: Row, words: StateLabels, kilopascals: bool = True) -> str:
+def load(row: table.Row, words: StateLabels, kilopascals: bool = True) -> str:
     """Return the load of a state in words and units: its pressure, or its program step and every cavity's pressure.
 
     Args:
@@ -137,6 +137,6 @@ def load(row: Row, words: StateLabels, kilopascals: bool = True) -> str:
     return f"{step}{words.under(row, pressure)}{f' - {overlap}' if overlap else ''}"
 
 
-def headline(row: Row, words: StateLabels) -> str:
+def headline(row: table.Row, words: StateLabels) -> str:
     """Return the title of a state."""
     return f"{load(row, words)}, {words.gauge} rise {row.told(words.gauge, '.2f')}"

@@ -14,40 +14,22 @@ from types import MappingProxyType
 import numpy as np
 
 from geometries import Actuator
+from softmodels.case import entries, materials
 from softmodels.case.case import Case
-from softmodels.case.entries import followed_text
-from softmodels.case.materials import Region, SourceBand
-from softmodels.common.commands import FULL
-from softmodels.common.units import column_unit
-from softmodels.components.contact import Walls, obstacle_of
+from softmodels.case.materials import Region
+from softmodels.common import commands, units
+from softmodels.components import contact
+from softmodels.components.contact import Walls
 from softmodels.components.loads import Gravity
 from softmodels.components.rigid import Clamp, Rigid
-from softmodels.materials.laws import STIFFEST
-from softmodels.materials.silicones import (
-    break_words,
-    density_of,
-    extrapolated,
-    material_spread,
-    named,
-    product_of,
-    sheet_of,
-    stretch_at_break,
-)
-from softmodels.materials.specimens import described, instabilities, last_stretch, weakest, weakness
-from softmodels.mechanics.compiling import LONG
-from softmodels.mechanics.component import PathFailure, names_in
-from softmodels.mechanics.controls import LoadPart, requestable
-from softmodels.mechanics.mpi import petsc_reason
+from softmodels.materials import laws, silicones, specimens
+from softmodels.mechanics import compiling, component, controls, mpi
+from softmodels.path import schedule, stability, steps
 from softmodels.path.continuation import Continuation
-from softmodels.path.schedule import LostInTime, SnapInTime
-from softmodels.path.stability import PathEnd
-from softmodels.path.steps import VALVE, prescribes, step_text, time_at, value_at
 from softmodels.path.supply import TURBULENT_FROM, Reservoir
-from softmodels.runs.columns import SourceTables, key_of, stands_at, term
+from softmodels.runs import columns, labels, outcomes, table
 from softmodels.runs.fields import Fields
-from softmodels.runs.labels import StateLabels, load, overlap_of, overlap_text, state_labels
-from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM, RunError, UnwrittenError, no_memory
-from softmodels.runs.table import PathTable, Row, at_rise, band_of, parsed
+from softmodels.runs.outcomes import RunError
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The warnings of a run.
@@ -65,7 +47,7 @@ VOLUME_CHANGE = 0.05
 """Change of the silicone's volume (J - 1 at a vertex) above which the user is warned."""
 
 
-def notes_of(case: Case, rows: PathTable, sources: SourceTables = MappingProxyType({})) -> list[str]:
+def notes_of(case: Case, rows: table.PathTable, sources: columns.SourceTables = MappingProxyType({})) -> list[str]:
     """Return the warnings for a run's states, as sentences, from its table and those of every source of the silicone."""
     return [
         *typed_notes(case),
@@ -97,7 +79,7 @@ class Cycle:
     """A cycle of a run in time, from one state without pressure to the next: its rows, the work of the air on the way up, and
     what it does not get back, the area of the loop, in J."""
 
-    rows: PathTable
+    rows: table.PathTable
     work: float
     lost: float
 
@@ -111,7 +93,7 @@ class Cycle:
         return f"{1e3 * self.lost:.3g} mJ, {self.lost / self.work:.1%} of the work"
 
 
-def cycles(rows: PathTable) -> list[Cycle]:
+def cycles(rows: table.PathTable) -> list[Cycle]:
     """Return the cycles of one cavity in time, an unfinished one among them; none where nothing inflates it."""
     ends = [0, *(i for i, row in enumerate(rows) if i and row["requested"] and not row["pressure"]), len(rows) - 1]
     found = []
@@ -124,7 +106,7 @@ def cycles(rows: PathTable) -> list[Cycle]:
     return found
 
 
-def time_notes(case: Case, rows: PathTable) -> Iterator[str]:
+def time_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
     """Yield sentences on the last cycle of a load in time, or on times and memories that do nothing without each other."""
     if case.remembers and not case.timed:
         yield (
@@ -150,14 +132,14 @@ def time_notes(case: Case, rows: PathTable) -> Iterator[str]:
     yield from dict.fromkeys(told[:1] + told[-1:])
 
 
-def _holds(rows: PathTable) -> list[tuple[Row, Row]]:
+def _holds(rows: table.PathTable) -> list[tuple[table.Row, table.Row]]:
     """Return the ends of the times at which the pressure of one cavity is held above zero."""
     asked = [*rows.where("requested"), *rows[-1:]]
     pairs = itertools.pairwise(asked)
     return [(a, b) for a, b in pairs if 0.0 < a["pressure"] == b["pressure"] and b["time"] > a["time"]]
 
 
-def motion_notes(case: Case, rows: PathTable) -> Iterator[str]:
+def motion_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
     """Yield the density that inertia has, and the balance of energy, as sentences; none without inertia."""
     if not case.inertia or not rows:
         return
@@ -178,21 +160,21 @@ def motion_notes(case: Case, rows: PathTable) -> Iterator[str]:
 def density_of_main(case: Case) -> float:
     """Return the density in kg/m3 of a case's silicone."""
     given = next((part.density for part in case.components if isinstance(part, Gravity)), None)
-    return density_of(case.material) if given is None else given
+    return silicones.density_of(case.material) if given is None else given
 
 
-def supplied_work(case: Case, rows: PathTable) -> float:
+def supplied_work(case: Case, rows: table.PathTable) -> float:
     """Return the work in J of the air and of dead loads along a run's states."""
     count = len(case.actuator.ratios)
     pairs = [(f"pressure_{i}", f"added_volume_{i}") for i in range(1, count + 1)]
     pairs = [("pressure", "added_volume")] if count == 1 else pairs
-    loads = [part for part in case.components if isinstance(part, LoadPart)]
-    names = [(parsed(part.column)[0], parsed(part.moved_column)[0]) for part in loads]
+    loads = [part for part in case.components if isinstance(part, controls.LoadPart)]
+    names = [(table.parsed(part.column)[0], table.parsed(part.moved_column)[0]) for part in loads]
     pairs += [pair for pair in names if pair[0] in rows]
     return sum(float(np.sum((rows[f][1:] + rows[f][:-1]) / 2 * np.diff(rows[x]))) for f, x in pairs)
 
 
-def supply_notes(case: Case, rows: PathTable) -> Iterator[str]:
+def supply_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
     """Yield sentences on a supply in time: how long it fills the device, how the device leaks, and whether a tube's flow is
     turbulent."""
     supply = case.supply
@@ -202,8 +184,8 @@ def supply_notes(case: Case, rows: PathTable) -> Iterator[str]:
     if (seconds := fill_time(rows)) is not None:
         most = max(rows, key=lambda row: row["source_pressure"])
         yield f"the device takes {seconds:.3g} s to {FILLED:.0%} of the source's {most.told('source_pressure')}"
-    opening = prescribes(case.steps, VALVE)
-    closed = np.array([opening and value_at(case.steps, VALVE, row["load_step"]) == 0.0 for row in rows])
+    opening = steps.prescribes(case.steps, steps.VALVE)
+    closed = np.array([opening and steps.value_at(case.steps, steps.VALVE, row["load_step"]) == 0.0 for row in rows])
     if supply.leak is not None and closed.any():
         first = int(np.argmax(closed))
         length = int(np.argmin(np.append(closed[first:], False)))
@@ -226,7 +208,7 @@ FILLED = 0.9
 """Share of the source's pressure at which a device counts as filled."""
 
 
-def fill_time(rows: PathTable) -> float | None:
+def fill_time(rows: table.PathTable) -> float | None:
     """Return the time in s in which a device fills to `FILLED` of the source's largest pressure; None if it does not."""
     if not (most := rows["source_pressure"].max()) > 0.0:  # NaN where the source gives a flow
         return None
@@ -251,7 +233,7 @@ def vacuum_notes(case: Case) -> Iterator[str]:
         )
 
 
-def lifted_notes(case: Case, rows: PathTable) -> Iterator[str]:
+def lifted_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
     """Yield where a face that only stands on its plane lifts off, as a sentence; none if it does not."""
     role = case.actuator.standing
     forces = rows.get(f"{role}_force", math.nan)
@@ -269,7 +251,7 @@ BARELY = 1e-3
 """Share of the holding force below which the lateral force at which a lip slides is not told."""
 
 
-def sealing_notes(case: Case, rows: PathTable) -> Iterator[str]:
+def sealing_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
     """Yield what each seal holds in the last state, as sentences."""
     for part in case.components if rows else ():
         last, label = rows[-1], part.label
@@ -282,12 +264,12 @@ def sealing_notes(case: Case, rows: PathTable) -> Iterator[str]:
             )
 
 
-def law_notes(case: Case, rows: PathTable) -> Iterator[str]:
+def law_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
     """Yield a sentence if the law's numbers look like those of another convention, if the material is stiffer than silicones
     and soft rubbers, and if a run stretches it beyond the stability of its law by Drucker's criterion."""
     if case.material.misread:
         yield case.material.misread
-    if (modulus := case.material.shear_modulus_0) > STIFFEST:
+    if (modulus := case.material.shear_modulus_0) > laws.STIFFEST:
         yield (
             f"the material's shear modulus is {modulus / 1e6:.4g} MPa; silicones have 5 to 500 kPa, so check the units of its "
             "parameters"
@@ -296,7 +278,9 @@ def law_notes(case: Case, rows: PathTable) -> Iterator[str]:
     # Of all deformations with this largest stretch, uniaxial tension has the least I1: the others reach it earlier. In the
     # other modes of tension the stretch itself is compared, because a membrane is pulled in both directions.
     strain = most**2 + 2 / most - 3
-    weak = [str(one) for one in instabilities(case.material) if one.strain <= strain or 1 < one.stretch <= most]
+    weak = [
+        str(one) for one in specimens.instabilities(case.material) if one.strain <= strain or 1 < one.stretch <= most
+    ]
     if weak:
         yield (
             f"by Drucker's criterion the law {case.material.name} is unstable in {'; '.join(weak)}, and the run's largest "
@@ -305,7 +289,7 @@ def law_notes(case: Case, rows: PathTable) -> Iterator[str]:
         )
 
 
-def band_notes(rows: PathTable) -> Iterator[str]:
+def band_notes(rows: table.PathTable) -> Iterator[str]:
     """Yield the 95 % interval of the limit pressure from the material's errors, as a sentence; none if unknown."""
     for row in rows:
         if row.get("limit") and not math.isnan(row.get("pressure_ci95", math.nan)):
@@ -322,9 +306,12 @@ def bonded_notes(case: Case) -> Iterator[str]:
     """Yield a sentence if plates or rings of a device are modelled as silicone, unlike real plates."""
     meshed = {part.name for part in case.components if isinstance(part, Region)}
     rigid = {
-        name for part in case.components if isinstance(part, Rigid) for name in (*names_in(part.face), part.region)
+        name
+        for part in case.components
+        if isinstance(part, Rigid)
+        for name in (*component.names_in(part.face), part.region)
     }
-    rigid |= {name for part in case.components if isinstance(part, Clamp) for name in names_in(part.face)}
+    rigid |= {name for part in case.components if isinstance(part, Clamp) for name in component.names_in(part.face)}
     soft = [name for name in case.actuator.plated if name not in meshed | rigid]
     if not soft:
         return
@@ -337,33 +324,35 @@ def bonded_notes(case: Case) -> Iterator[str]:
     )
 
 
-def stretch_notes(case: Case, rows: PathTable) -> Iterator[str]:
+def stretch_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
     """Yield a sentence on stretches beyond the silicone's range or its stretch at break; none if unknown or below."""
     if "max_stretch" not in rows:
         return
-    breaks = stretch_at_break(case.material)
+    breaks = silicones.stretch_at_break(case.material)
     most = float(rows["max_stretch"].max())
     torn = next((row for row in rows if breaks is not None and row["max_stretch"] > breaks), None)
     if torn is not None:
-        product = product_of(named(case.material) or "")
+        product = silicones.product_of(silicones.named(case.material) or "")
         yield (
-            f"at {state_labels(case).place(torn)} the largest stretch, {torn['max_stretch']:.3g}, passes {breaks:.3g}, the "
-            f"least stretch at break of {product} ({break_words(case.material)}): the device may tear there, and states from "
+            f"at {labels.state_labels(case).place(torn)} the largest stretch, {torn['max_stretch']:.3g}, passes "
+            f"{breaks:.3g}, the "
+            f"least stretch at break of {product} ({silicones.break_words(case.material)}): the device may tear "
+            "there, and states from "
             "there on may not be real"
         )
-    elif text := extrapolated(case.material, most):
+    elif text := silicones.extrapolated(case.material, most):
         yield text
 
 
-def source_notes(case: Case, sources: SourceTables) -> Iterator[str]:
+def source_notes(case: Case, sources: columns.SourceTables) -> Iterator[str]:
     """Yield the spread of a named silicone's sources, and of this device's states if solved for them."""
-    texts = (material_spread(case.material), span_sentence(case, sources) if sources else "")
+    texts = (silicones.material_spread(case.material), span_sentence(case, sources) if sources else "")
     yield from (text for text in texts if text)
 
 
-def span_sentence(case: Case, sources: SourceTables) -> str:
+def span_sentence(case: Case, sources: columns.SourceTables) -> str:
     """Return the range over the sources of a silicone at the last value that all reach, and at their limits."""
-    words, own = state_labels(case), named(case.material)
+    words, own = labels.state_labels(case), silicones.named(case.material)
     common = _common(case, sources)
     parts = []
     if common:
@@ -377,19 +366,19 @@ def span_sentence(case: Case, sources: SourceTables) -> str:
             parts.append(f"the pressure is {_ends(rows, 'pressure')}")
     limits = {name: many.where("limit")[0] for name, many in sources.items() if many["limit"].any()}
     if limits:
-        none = [key_of(name) for name in sources if name not in limits]
+        none = [columns.key_of(name) for name in sources if name not in limits]
         met = f" (none met with {', '.join(none)})" if none else ""
         parts.append(f"the limit point lies at {_ends(limits, 'pressure')}{met}")
-    band = case.band.product if isinstance(case.band, SourceBand) else own
+    band = case.band.product if isinstance(case.band, materials.SourceBand) else own
     return f"over the {len(sources)} sources of {band}, {'; '.join(parts)}" if parts else ""
 
 
-def _common(case: Case, sources: SourceTables) -> dict[str, int]:
+def _common(case: Case, sources: columns.SourceTables) -> dict[str, int]:
     """Return the row of each source at the last requested value that all of them reach; empty if they share none under load."""
     for value in sorted(case.values, key=abs, reverse=True):
         found: dict[str, int] = {}
         for name, rows in sources.items():
-            there = [k for k, row in enumerate(rows) if stands_at(row, case, value)]
+            there = [k for k, row in enumerate(rows) if columns.stands_at(row, case, value)]
             if there:
                 found[name] = there[0]
         if value and len(found) == len(sources):
@@ -397,21 +386,24 @@ def _common(case: Case, sources: SourceTables) -> dict[str, int]:
     return {}
 
 
-def _ends(rows: Mapping[str, Row], variable: str) -> str:
+def _ends(rows: Mapping[str, table.Row], variable: str) -> str:
     ordered = sorted(rows, key=lambda name: rows[name][variable])
-    low, high = (f"{rows[name].told(variable)} ({key_of(name)})" for name in (ordered[0], ordered[-1]))
+    low, high = (f"{rows[name].told(variable)} ({columns.key_of(name)})" for name in (ordered[0], ordered[-1]))
     return low if len(rows) == 1 else f"{low} to {high}"
 
 
 def weight_notes(case: Case) -> Iterator[str]:
     """Yield the assumed density if gravity acts and none was given, as a sentence."""
     if any(isinstance(part, Gravity) and part.density is None for part in case.components):
-        sheet = sheet_of(case.material)
+        sheet = silicones.sheet_of(case.material)
         source = f"by the {sheet.source}" if sheet else "assumed, as for most silicones, because no density was given"
-        yield f"the silicone weighs {density_of(case.material):g} kg/m^3, {source} ([gravity] density, --gravity-density)"
+        yield (
+            f"the silicone weighs {silicones.density_of(case.material):g} kg/m^3, {source} ([gravity] density, "
+            "--gravity-density)"
+        )
 
 
-def volume_notes(rows: PathTable) -> Iterator[str]:
+def volume_notes(rows: table.PathTable) -> Iterator[str]:
     """Yield a sentence if the silicone's own volume changed more than that of rubber can."""
     least, most = rows.get("J_min", 1.0).min(initial=1.0), rows.get("J_max", 1.0).max(initial=1.0)
     if least < 1 - VOLUME_CHANGE or most > 1 + VOLUME_CHANGE:
@@ -421,22 +413,23 @@ def volume_notes(rows: PathTable) -> Iterator[str]:
         )
 
 
-def contact_notes(case: Case, rows: PathTable) -> Iterator[str]:
+def contact_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
     """Yield a sentence on walls that overlap or a surface that is folded onto itself; none if there are none."""
     invalid = rows.where("walls_touch")
     if not invalid:
         return
-    where, deepest = state_labels(case), max(invalid, key=overlap_of)
+    where, deepest = labels.state_labels(case), max(invalid, key=labels.overlap_of)
     count = f"{len(invalid)} of {len(rows)} states" if len(invalid) > 1 else "one state"
     since, told = f"from {where.place(invalid[0])} on, in {count},", "these states are invalid"
-    if not overlap_of(deepest):
+    if not labels.overlap_of(deepest):
         yield (
             f"SURFACE FOLDED: {since} the silicone's surface is folded onto itself within a cell: {told} (walls_touch in "
             "path.csv); round its edges more, or use smaller cells there (--cell-size)"
         )
         return
     found = (
-        f"WALLS OVERLAP: {since} walls overlap by up to {1e3 * overlap_of(deepest):.3g} mm at {where.place(deepest)}: {told} "
+        f"WALLS OVERLAP: {since} walls overlap by up to {1e3 * labels.overlap_of(deepest):.3g} mm at "
+        f"{where.place(deepest)}: {told} "
         "(least_gap_mm and walls_touch in path.csv)"
     )
     walls = [part for part in case.components if isinstance(part, Walls) and not part.off]
@@ -450,10 +443,10 @@ def contact_notes(case: Case, rows: PathTable) -> Iterator[str]:
         yield f"{found}; enable self-contact{auto}, or name the faces in a [walls] table of a case file"
 
 
-def depth_notes(case: Case, rows: PathTable) -> Iterator[str]:
+def depth_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
     """Yield a sentence if faces penetrate deep into the contact plane."""
     deepest, size = rows.get("contact_depth").max(initial=0.0), case.actuator.size
-    if deepest <= DEEPEST * size or (plane := obstacle_of(case.components)) is None:
+    if deepest <= DEEPEST * size or (plane := contact.obstacle_of(case.components)) is None:
         return
     force = np.abs(rows.get("contact_force")).max(initial=0.0)
     # The penetration of this force if spread over the device; an edge that curls into the plane carries little of it.
@@ -471,10 +464,12 @@ def depth_notes(case: Case, rows: PathTable) -> Iterator[str]:
         )
 
 
-def place_notes(case: Case, rows: PathTable) -> Iterator[str]:
+def place_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
     """Yield a sentence on each named point that is tracked away from its named position."""
     away = {name: rows[0].get(f"{name}_off") for name in case.gauges.places} if rows else {}
-    yield from (followed_text(name, far) for name, far in away.items() if far > FOLLOWED_DISTANCE * case.actuator.size)
+    yield from (
+        entries.followed_text(name, far) for name, far in away.items() if far > FOLLOWED_DISTANCE * case.actuator.size
+    )
 
 
 def left_out(case: Case) -> str:
@@ -491,7 +486,7 @@ def left_out(case: Case) -> str:
 # Report stability: sentences for the end of a run, and a table for ``summary.json``.
 
 
-def events(rows: PathTable, words: StateLabels) -> list[dict[str, float | str]]:
+def events(rows: table.PathTable, words: labels.StateLabels) -> list[dict[str, float | str]]:
     """Return the limit points, bifurcations and snap-throughs of a path in order, as in ``summary.json``.
 
     A jump includes its starting point: volume and the gauge's rise before, and whether the device inflates or collapses, or a
@@ -510,7 +505,7 @@ def events(rows: PathTable, words: StateLabels) -> list[dict[str, float | str]]:
     return found
 
 
-def jumps(rows: PathTable) -> list[tuple[Row, Row]]:
+def jumps(rows: table.PathTable) -> list[tuple[table.Row, table.Row]]:
     """Return the snap-throughs of a path: the last state before and the first one after each."""
     over, found = set(jumped_over(rows)), []
     for k, row in enumerate(rows):
@@ -524,7 +519,7 @@ LOCAL_SNAP = 0.02
 """Share of the volume or travel of a path up to which a snap-through is that of a part of the device."""
 
 
-def _way(before: Row, after: Row, words: StateLabels, rows: PathTable) -> str:
+def _way(before: table.Row, after: table.Row, words: labels.StateLabels, rows: table.PathTable) -> str:
     moved = words.along[1]
     if abs(after[moved] - before[moved]) < LOCAL_SNAP * np.ptp(rows[moved]):
         return "snaps in a part"
@@ -532,7 +527,7 @@ def _way(before: Row, after: Row, words: StateLabels, rows: PathTable) -> str:
     return onwards if after[moved] > before[moved] else back
 
 
-def jumps_text(rows: PathTable, words: StateLabels) -> str:
+def jumps_text(rows: table.PathTable, words: labels.StateLabels) -> str:
     """Return the load, direction and heights of a path's snap-throughs in a sentence without full stop; "" if none."""
     gauge, components = words.gauge, []
     for before, after in jumps(rows):
@@ -545,7 +540,7 @@ def jumps_text(rows: PathTable, words: StateLabels) -> str:
     return f"snap-through: {'; '.join(components)}" if components else ""
 
 
-def jumped_over(rows: PathTable) -> list[int]:
+def jumped_over(rows: table.PathTable) -> list[int]:
     """Return which states of a path a supply skips by snap-through: the unstable ones, and all up to the next stable one."""
     found, falling = [], False
     for k, row in enumerate(rows):
@@ -566,7 +561,7 @@ def unseen(actuator: Actuator) -> str:
     return ""
 
 
-def unlocated(rows: PathTable, words: StateLabels) -> str:
+def unlocated(rows: table.PathTable, words: labels.StateLabels) -> str:
     """Return that a bifurcation was passed but not located; empty if none was. The number of negative eigenvalues changes only
     at limit points and bifurcations, whose own rows still have the old one; a cycle comes to some of them from the other
     side."""
@@ -581,18 +576,20 @@ def unlocated(rows: PathTable, words: StateLabels) -> str:
     return ""
 
 
-def _between(before: Row, after: Row, words: StateLabels) -> str:
+def _between(before: table.Row, after: table.Row, words: labels.StateLabels) -> str:
     if words.pressure:
         return f"{before.shown('pressure'):.4g} and {after.told('pressure')}"
     return f"{words.place(before)} and {words.place(after)}"
 
 
-def _state(row: Row, words: StateLabels) -> str:
+def _state(row: table.Row, words: labels.StateLabels) -> str:
     """Return the load of a state, and in brackets its added volume."""
     return f"{words.place(row)} ({row.told('added_volume')})" if words.volume else words.place(row)
 
 
-def stability_text(rows: PathTable, actuator: Actuator, words: StateLabels, branch: PathTable | None = None) -> str:
+def stability_text(
+    rows: table.PathTable, actuator: Actuator, words: labels.StateLabels, branch: table.PathTable | None = None
+) -> str:
     """Return one or two sentences on the stability of the last state of a path, or of the branch that was followed, and its
     changes, for the closing message."""
     if not rows or "negative_eigenvalues" not in rows[-1]:
@@ -638,36 +635,36 @@ def stability_text(rows: PathTable, actuator: Actuator, words: StateLabels, bran
 # The last state of a run, and how the run has ended.
 
 
-def closing(case: Case, row: Row) -> list[str]:
+def closing(case: Case, row: table.Row) -> list[str]:
     """Return the last state of a run that has reached all its values, for its closing message."""
-    words, gauge = state_labels(case), case.actuator.gauge
+    words, gauge = labels.state_labels(case), case.actuator.gauge
     volume = f", added volume {row.shown('added_volume'):.5g}{_band(row, 'added_volume')} ml" if words.volume else ""
-    breaks, overlap = break_words(case.material), overlap_text(row)
+    breaks, overlap = silicones.break_words(case.material), labels.overlap_text(row)
     state = (
         f"{_loaded(row, words)}: {gauge} rise {row.shown(gauge):+.5g}{_band(row, gauge)} mm{volume}{pressed(row)}, "
         f"largest stretch {row['max_stretch']:.4g}{f' [{breaks}]' if breaks else ''} and von Mises stress "
         f"{row.told('max_von_mises')} (at integration points), J {row['J_min']:.4f} to {row['J_max']:.4f} (at vertices)"
         f"{f'; {overlap}' if overlap else ''}"
     )
-    gauges = ", ".join(_gauge(parsed(column)[0], row) for column in case.gauges.columns())
+    gauges = ", ".join(_gauge(table.parsed(column)[0], row) for column in case.gauges.columns())
     return [text for text in (state, _sideways(row, gauge), gauges) if text]
 
 
-def _gauge(name: str, row: Row) -> str:
+def _gauge(name: str, row: table.Row) -> str:
     """Return a named point or angle with its value and unit."""
     unit = row.unit(name)
     return f"{name.replace('_', ' ')} {row.shown(name):.5g}{unit if unit == '°' else f' {unit}'}"
 
 
-def _band(row: Row, name: str) -> str:
+def _band(row: table.Row, name: str) -> str:
     """Return half the 95 % interval due to the material's errors, to print after a variable; empty if unknown."""
-    width = row.shown(band_of(name)) if band_of(name) in row else math.nan
+    width = row.shown(table.band_of(name)) if table.band_of(name) in row else math.nan
     return "" if math.isnan(width) or not width else f" +- {width:.3g} (95 %)"
 
 
-def _sideways(row: Row, gauge: str) -> str:
+def _sideways(row: table.Row, gauge: str) -> str:
     """Return what the intervals mean, and the pressure's own, which differs at equal rise and at equal volume."""
-    bands = band_of("pressure"), at_rise(gauge)
+    bands = table.band_of("pressure"), table.at_rise(gauge)
     at_volume, rising = (row.shown(name) if name in row else math.nan for name in bands)
     if math.isnan(at_volume) or not at_volume:
         return ""
@@ -678,7 +675,7 @@ def _sideways(row: Row, gauge: str) -> str:
     )
 
 
-def _loaded(row: Row, words: StateLabels) -> str:
+def _loaded(row: table.Row, words: labels.StateLabels) -> str:
     cavities, pressure = (
         words.pressures(row),
         f"{row.shown('pressure'):.6g} {words.unit} ({row['pressure'] / 1e3:.5g} kPa)",
@@ -688,31 +685,33 @@ def _loaded(row: Row, words: StateLabels) -> str:
     return words.under(row, pressure)
 
 
-def pressed(row: Row) -> str:
+def pressed(row: table.Row) -> str:
     """Return the contact forces of the device, for the closing line."""
     forces = ("blocked_force", "contact_force")
-    return "".join(f", {term(row.column(name)).name} {row.told(name)}" for name in forces if name in row)
+    return "".join(f", {columns.term(row.column(name)).name} {row.told(name)}" for name in forces if name in row)
 
 
-def ending(rows: PathTable, row: Row, words: StateLabels, told: Mapping[str, object]) -> str:
+def ending(rows: table.PathTable, row: table.Row, words: labels.StateLabels, told: Mapping[str, object]) -> str:
     """Return how a run ended and what one of its states has reached, in a sentence or two; ``told`` is ``summary.json``, empty
     if it was interrupted."""
     stroke = f"{row.told('stroke')} of stroke and " if "stroke" in row else ""
-    reached = f"At {stroke}{load(row, words)} the {words.gauge} has {risen(row[words.gauge])}{_taken(row, words)}"
+    reached = (
+        f"At {stroke}{labels.load(row, words)} the {words.gauge} has {risen(row[words.gauge])}{_taken(row, words)}"
+    )
     if "max_stretch" in row:
         reached += f"; the largest stretch is {row['max_stretch']:.4g}"
     for name in ("blocked_force", "contact_force"):
         if name in row:
-            reached += f"; the {term(row.column(name)).name} is {row.told(name)}"
+            reached += f"; the {columns.term(row.column(name)).name} is {row.told(name)}"
     if not told:
         return f"The run was interrupted; {len(rows)} states are stored. {reached}."
-    if told.get("status") == DONE:
+    if told.get("status") == outcomes.DONE:
         return f"All requested values were reached in {len(rows)} states. {reached}."
-    start = "The run stopped at a limit point" if told.get("status") == NO_EQUILIBRIUM else "The run failed"
+    start = "The run stopped at a limit point" if told.get("status") == outcomes.NO_EQUILIBRIUM else "The run failed"
     return f"{start}: {told.get('message', '')}. {reached}."
 
 
-def _taken(row: Row, words: StateLabels) -> str:
+def _taken(row: table.Row, words: labels.StateLabels) -> str:
     count = len(words.volumes(row))
     taker = "the cavities have together" if count > 1 else "the cavity has"
     return f" and {taker} {gained(row['added_volume'])}" if count else ""
@@ -732,17 +731,17 @@ FOLDED = 0.3
 
 def unstable_law(case: Case, stretch: float) -> str:
     """Return a sentence without full stop if the law is unstable at a stretch, else ""."""
-    weak = weakest(case.material)
+    weak = specimens.weakest(case.material)
     if weak is None or stretch < NEAR_STRETCH_LIMIT * weak.stretch:
         return ""
     return (
-        f"{weakness(case.material)}, and the last state has stretch {stretch:.3g}: the material itself is "
+        f"{specimens.weakness(case.material)}, and the last state has stretch {stretch:.3g}: the material itself is "
         f"unstable there, so a finer mesh or smaller steps do not help. Use a law that is stable over the stretches "
         f"of this run (see softmodels curve; fit a wider range, or use neo-hookean), or stay below"
     )
 
 
-def known_causes(case: Case, row: Row, petsc: bool = False) -> list[str]:
+def known_causes(case: Case, row: table.Row, petsc: bool = False) -> list[str]:
     """Return possible causes of the end of a path, the most certain first; empty if none is found. The row has at least
     ``max_stretch``, ``J_min`` and ``pressure`` of the last state, and the variables of parts; ``petsc`` says whether PETSc's
     own options were given."""
@@ -752,10 +751,12 @@ def known_causes(case: Case, row: Row, petsc: bool = False) -> list[str]:
         found.append("PETSc options were given: first try without them (what follows --)")
     if weak := unstable_law(case, stretch):
         found.append(weak)
-    if stretch >= NEAR_STRETCH_LIMIT * last_stretch(case.material, "equibiaxial"):
-        ends = ", ".join(f"{last_stretch(case.material, mode):.3g} ({mode})" for mode in ("uniaxial", "equibiaxial"))
+    if stretch >= NEAR_STRETCH_LIMIT * specimens.last_stretch(case.material, "equibiaxial"):
+        ends = ", ".join(
+            f"{specimens.last_stretch(case.material, mode):.3g} ({mode})" for mode in ("uniaxial", "equibiaxial")
+        )
         found.append(
-            f"the chains of the law {described(case.material)} lock at stretch {ends}, and the last state "
+            f"the chains of the law {specimens.described(case.material)} lock at stretch {ends}, and the last state "
             f"has {stretch:.3g}: it cannot deform further. Use a larger limit, or stay below"
         )
     modulus = case.material.shear_modulus_0
@@ -774,13 +775,13 @@ def known_causes(case: Case, row: Row, petsc: bool = False) -> list[str]:
     return found
 
 
-def mended(case: Case, cause: PathFailure, stretch: float) -> str:
+def mended(case: Case, cause: component.PathFailure, stretch: float) -> str:
     """Return the fix for a known cause: its own advice, unless the law is unstable rather than the device."""
     weak = unstable_law(case, stretch)
     return weak[0].upper() + weak[1:] if weak else cause.advice
 
 
-def advice(case: Case, row: Row, petsc: bool = False) -> str:
+def advice(case: Case, row: table.Row, petsc: bool = False) -> str:
     """Return the known causes of a failed continuation and their fixes, as sentences, the last without full stop."""
     stretch, J = row["max_stretch"], row["J_min"]
     if causes := known_causes(case, row, petsc):
@@ -796,15 +797,15 @@ def advice(case: Case, row: Row, petsc: bool = False) -> str:
 # Messages on why and where a path ended, and how to fix it.
 
 
-def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc: bool = False) -> str:
+def explain(case: Case, end: stability.PathEnd, fields: Fields, path: Continuation, petsc: bool = False) -> str:
     """Return why and where the path ended and how to fix it; ``petsc`` is whether the user gave PETSc options."""
     asked = f"{case.values[-1]:g} {case.unit}"
     device, last = case.actuator, fields.figures(path.last.state)
-    pressure = f"{last.pressure / case.cm:.4g} {column_unit(case.cm)} ({last.pressure:.4g} Pa)"
+    pressure = f"{last.pressure / case.cm:.4g} {units.column_unit(case.cm)} ({last.pressure:.4g} Pa)"
     cells = {"pressure_Pa": last.pressure, "max_stretch": last.max_stretch, "J_min": last.extremes["J"][0]}
-    row = Row(cells | last.device, case.cm)
+    row = table.Row(cells | last.device, case.cm)
     where = (
-        f"The last state is at {state_labels(case).under(row, pressure)}, {device.gauge} rise "
+        f"The last state is at {labels.state_labels(case).under(row, pressure)}, {device.gauge} rise "
         f"{last.rises[device.gauge] * 1e3:+.4g} mm, largest stretch {last.max_stretch:.3g}. "
     )
     if end.cause:
@@ -814,7 +815,7 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
     at = fields.figures(end.limit.state)
     if case.driven is not None:
         load = case.load.driven_part
-        most = Row(at.device, case.cm).told(parsed(load.column)[0], ".5g")
+        most = table.Row(at.device, case.cm).told(table.parsed(load.column)[0], ".5g")
         return (
             f"no equilibrium at {asked} on this path: the {load.table} has a limit point at {most}, "
             f"where {_risen(device, at.rises)}; beyond it the device collapses. Stay below, "
@@ -833,18 +834,18 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
     happens = "balloons" if at.added_volume > 0.0 else "collapses"
     return (
         f"no equilibrium at {asked} on this path: the pressure has a limit point at {at.pressure / case.cm:.4g} "
-        f"{column_unit(case.cm)} ({at.pressure:.5g} Pa), where {_risen(device, at.rises)} and the cavity has "
+        f"{units.column_unit(case.cm)} ({at.pressure:.5g} Pa), where {_risen(device, at.rises)} and the cavity has "
         f"{gained(at.added_volume)}; beyond it the device {happens}. Stay below (with 25 % margin: "
         f"{0.8 * at.pressure / case.cm:.4g} cm), use {device.stiffer} or a stiffer silicone, or drive it by volume "
         f"past the limit (--volume-ml, or --control volume)"
     )
 
 
-def explain_step(case: Case, end: PathEnd, rows: PathTable, come: float, petsc: bool = False) -> str:
+def explain_step(case: Case, end: stability.PathEnd, rows: table.PathTable, come: float, petsc: bool = False) -> str:
     """Return the same for a program's step."""
     number = math.floor(come) + 1
     at = next((row for row in reversed(rows) if row["limit"]), rows[-1]) if end.limit else rows[-1]
-    words = state_labels(case)
+    words = labels.state_labels(case)
     pressures, volumes = words.pressures(at), words.volumes(at) if words.pressure else []
     names = [f"cavity{i} at " for i in range(1, len(pressures) + 1)] if len(pressures) > 1 else [""]
     cavities = [
@@ -852,7 +853,7 @@ def explain_step(case: Case, end: PathEnd, rows: PathTable, come: float, petsc: 
         for name, pressure, volume in zip(names, pressures, volumes, strict=True)
     ]
     place = ", ".join([*cavities, *words.loads_words(at)])
-    asked = f"step {number} of the program ({step_text(case.steps, number)})"
+    asked = f"step {number} of the program ({steps.step_text(case.steps, number)})"
     gauge = case.actuator.gauge
     moved = f"the {gauge} has moved {at.told(gauge, '+.4g')}"
     if end.cause:
@@ -860,13 +861,14 @@ def explain_step(case: Case, end: PathEnd, rows: PathTable, come: float, petsc: 
             f"{_not_met(asked, end.cause)}: {end.cause.clause}. The last state has {place}, and {moved}. "
             f"{mended(case, end.cause, at['max_stretch'])}"
         )
-    if isinstance(end, SnapInTime):
+    if isinstance(end, schedule.SnapInTime):
         return (
-            f"{asked} was not reached: at {time_at(case.steps, come):.4g} s, {place}, where {moved}, {end}. Stay below, use "
+            f"{asked} was not reached: at {steps.time_at(case.steps, come):.4g} s, {place}, where {moved}, {end}. "
+            "Stay below, use "
             f"{case.actuator.stiffer} or a stiffer silicone, or request added volumes without the supply (volume_ml)"
         )
-    if isinstance(end, LostInTime):
-        time = time_at(case.steps, come)
+    if isinstance(end, schedule.LostInTime):
+        time = steps.time_at(case.steps, come)
         return (
             f"{asked} was not reached: at {time:.4g} s {end}, {place}, where {moved}; beyond it {_beyond(case)[0]}. Stay "
             f"below, hold it for less time, use {case.actuator.stiffer} or a stiffer silicone, or request volumes (volume_ml)"
@@ -887,14 +889,14 @@ def _beyond(case: Case) -> tuple[str, str]:
     return "a cavity balloons", "that cavity's added volume (volume_ml) instead of its pressure"
 
 
-def _not_met(asked: str, cause: PathFailure) -> str:
+def _not_met(asked: str, cause: component.PathFailure) -> str:
     """Return that the requested value was not reached: no equilibrium exists, or the mesh fails first."""
     return f"{asked} was not reached" if cause.of_mesh else f"no equilibrium at {asked} on this path"
 
 
 def _or_its_travel(table: str) -> str:
     """Return the request that passes a load's limit point: its travel, if a case can request that."""
-    options = (f"--{key.replace('_', '-')}" for key, given in requestable()[table].items() if given.held)
+    options = (f"--{key.replace('_', '-')}" for key, given in controls.requestable()[table].items() if given.held)
     option = next(options, None)
     return f", or request its travel ({option}), which passes the limit" if option else ""
 
@@ -915,7 +917,7 @@ def gained(volume: float) -> str:
     return f"{'lost' if volume < 0.0 else 'gained'} {1e6 * abs(volume):.4g} ml"
 
 
-def explain_failure(case: Case, failure: Exception, last: Row | None, petsc: bool = False) -> str:
+def explain_failure(case: Case, failure: Exception, last: table.Row | None, petsc: bool = False) -> str:
     """Return the same if no state was found at the start or at a limit point, where no step can be shortened, from the
     solver's failure and the last row, if there is one."""
     words = "leave out PETSc's options (what follows --), " if petsc else ""
@@ -923,11 +925,11 @@ def explain_failure(case: Case, failure: Exception, last: Row | None, petsc: boo
     return f"the path could not be followed ({failure})" + (f"; {told}" if last is None else f". {advice(case, last)}")
 
 
-def no_branch(case: Case, rows: PathTable) -> str:
+def no_branch(case: Case, rows: table.PathTable) -> str:
     """Return why a run has no branch to follow."""
     if rows.get("bifurcation").any():
         return "the bifurcation was passed before the run was resumed; run without --resume to follow the branch"
-    if text := unlocated(rows, state_labels(case)):
+    if text := unlocated(rows, labels.state_labels(case)):
         return text
     hidden = unseen(case.actuator)
     return f"no bifurcation on this path, so there is no branch to follow{f'; {hidden}' if hidden else ''}"
@@ -940,7 +942,7 @@ def no_branch(case: Case, rows: PathTable) -> str:
 def unwritten(error: OSError) -> str:
     """Return why results cannot be written, and the fix."""
     place = f" into {Path(error.filename).parent}" if isinstance(error.filename, str) else ""
-    advice = "free some disk space" if error.errno in FULL else "check the permissions"
+    advice = "free some disk space" if error.errno in commands.FULL else "check the permissions"
     return f"the results cannot be written{place} ({error.strerror or error}); {advice} and continue with --resume"
 
 
@@ -959,10 +961,10 @@ def sentences(of_the_disk: Callable[[OSError], str] = no_mesh) -> Iterator[None]
         loaded = sys.modules.get("petsc4py.PETSc")  # not where curves are fitted
         if loaded is None or not isinstance(error, loaded.Error):
             raise
-        raise RunError(f"PETSc stopped ({petsc_reason(error)})") from error
+        raise RunError(f"PETSc stopped ({mpi.petsc_reason(error)})") from error
     except MemoryError as error:
-        raise RunError(no_memory(error)) from error
+        raise RunError(outcomes.no_memory(error)) from error
     except TimeoutError as error:
-        raise RunError(LONG) from error
+        raise RunError(compiling.LONG) from error
     except OSError as error:
-        raise UnwrittenError(of_the_disk(error)) from error
+        raise outcomes.UnwrittenError(of_the_disk(error)) from error

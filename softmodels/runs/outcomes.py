@@ -9,18 +9,15 @@ import time
 from html import escape
 from typing import TYPE_CHECKING
 
-from softmodels.common.errors import MeshingError, Spoken, spoken, written
+from softmodels.common import errors, processes
+from softmodels.common.errors import MeshingError
 from softmodels.common.lazy import consoles, progress
-from softmodels.common.processes import COLUMNS, columns, in_notebook, wrapped
-from softmodels.mechanics.body import BodyError
-from softmodels.mechanics.compiling import CompilingError
-from softmodels.mechanics.mpi import TooLargeError
+from softmodels.mechanics import body, compiling, mpi
 
 if TYPE_CHECKING:
     from IPython.display import DisplayHandle
 
-    from softmodels.runs.labels import StateLabels
-    from softmodels.runs.table import Row
+    from softmodels.runs import labels, table
 
 
 DONE, FAILED, BAD_INPUT, NO_EQUILIBRIUM, STOPPED = 0, 1, 2, 3, 130
@@ -32,10 +29,10 @@ NO_MEMORY = "out of memory; use a larger --cell-size, or a smaller slice of the 
 
 def no_memory(error: MemoryError) -> str:
     """Return the message for a memory that is or would be full."""
-    return str(error) if isinstance(error, TooLargeError) else NO_MEMORY
+    return str(error) if isinstance(error, mpi.TooLargeError) else NO_MEMORY
 
 
-class RunError(Spoken, RuntimeError):
+class RunError(errors.Spoken, RuntimeError):
     """A run failed; ``status`` is the exit status, the message is for the user."""
 
     def __init__(self, message: str, status: int = FAILED):
@@ -61,9 +58,9 @@ class Ended:
     @classmethod
     def by(cls, error: Exception) -> Ended:
         """The end by an error whose message is a sentence for the user; all but runs and meshers were given bad input."""
-        failed = FAILED if isinstance(error, MeshingError | BodyError | CompilingError) else BAD_INPUT
+        failed = FAILED if isinstance(error, MeshingError | body.BodyError | compiling.CompilingError) else BAD_INPUT
         status = error.status if isinstance(error, RunError) else failed
-        return cls(status, written(error), error)
+        return cls(status, errors.written(error), error)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -73,7 +70,7 @@ class Ended:
 class Progress:
     """Reports the progress of a path towards its last requested value, in ``"cm"`` or ``"ml"``, unless quiet."""
 
-    def __init__(self, last: float, unit: str, words: StateLabels, quiet: bool):
+    def __init__(self, last: float, unit: str, words: labels.StateLabels, quiet: bool):
         self.last, self.unit, self.words, self.quiet = last, unit, words, quiet
         self._way = -1.0 if last < 0.0 else 1.0  # down to a vacuum
         self.started = time.monotonic()
@@ -84,18 +81,18 @@ class Progress:
         self._first: tuple[float, float] | None = None
 
     def __enter__(self) -> Progress:
-        if in_notebook() and not self.quiet:
+        if processes.in_notebook() and not self.quiet:
             from IPython.display import HTML, display
 
             self._cell = display(HTML(""), display_id=True)
             return self
-        width = columns("stderr")
+        width = processes.columns("stderr")
         if self.quiet or sys.stderr is None or width is None:
             return self  # a log has no bar, so rich need not be imported
 
         self._console = consoles.Console(
             stderr=True, highlight=False, markup=False, emoji=False,
-            force_terminal=COLUMNS["stderr"] in os.environ or None, width=width,
+            force_terminal=processes.COLUMNS["stderr"] in os.environ or None, width=width,
         )  # fmt: skip
         self._console.on_broken_pipe = self._hush  # type: ignore[method-assign]
         if self._console.is_terminal:
@@ -123,13 +120,13 @@ class Progress:
             from IPython.display import HTML
 
             bar = f'<progress value="{self._done:.6g}" max="{abs(self.last):.6g}" style="width:20em"></progress>'
-            self._cell.update(HTML(f"{bar} {escape(spoken(text))}"))
+            self._cell.update(HTML(f"{bar} {escape(errors.spoken(text))}"))
             return
         try:
             if self._console is not None:
-                self._console.print(wrapped(spoken(text), self._console.width))
+                self._console.print(processes.wrapped(errors.spoken(text), self._console.width))
             else:
-                print(spoken(text), file=sys.stderr, flush=True)
+                print(errors.spoken(text), file=sys.stderr, flush=True)
         except (OSError, ValueError):  # writing to a closed stream raises ValueError
             self._hush()
 
@@ -139,7 +136,7 @@ class Progress:
         if self._console is not None:
             self._console.quiet = True
 
-    def step(self, row: Row, value: float) -> None:
+    def step(self, row: table.Row, value: float) -> None:
         """Report a step: its row of the table, and the progress towards the last requested value."""
         gauge, done = self.words.gauge, max(0.0, min(self._way * value, abs(self.last)))
         if self._cell is not None:

@@ -18,28 +18,19 @@ from typing import TypedDict
 import numpy as np
 
 from softmodels.case.case import Case, difference, identity
-from softmodels.common.commands import FULL, Provenance
-from softmodels.common.errors import Spoken, reason
-from softmodels.common.files import file_digest, is_same, read_text, write_text
-from softmodels.common.folders import OwnFolder, OwnFolderError, numbered, take_default
+from softmodels.common import commands, errors, files, folders
+from softmodels.common.folders import OwnFolderError
 from softmodels.common.lazy import MPI
 from softmodels.materials.silicones import stretch_at_break
-from softmodels.mechanics.controls import Tangent
-from softmodels.mechanics.mpi import is_root, kept_on_root, largest, on_root, together
+from softmodels.mechanics import controls, mpi
 from softmodels.mechanics.system import State
-from softmodels.path.schedule import StageEnd
-from softmodels.path.stability import Point, Signature
-from softmodels.path.steps import goes_on
-from softmodels.runs.columns import of_cavities, stands_at
+from softmodels.path import schedule, stability, steps
+from softmodels.runs import columns, formats, labels, notes, outcomes, store, table
 from softmodels.runs.fields import Fields
-from softmodels.runs.formats import Restart
-from softmodels.runs.labels import state_labels
-from softmodels.runs.notes import events, no_branch, notes_of, sentences, stability_text, unwritten
-from softmodels.runs.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM, Ended, RunError, UnwrittenError
+from softmodels.runs.notes import events
+from softmodels.runs.outcomes import RunError
 from softmodels.runs.simulation import FROM_REST, Begun, Listener, PathEnded, Simulation, Step, solve_sources
 from softmodels.runs.states import States
-from softmodels.runs.store import BRANCH, RUN, Results, picture_files, picture_folder
-from softmodels.runs.table import PathTable, parsed
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Resume an interrupted run: check that the case matches the stored results, and load the states to continue from.
@@ -56,16 +47,16 @@ def check_same(case: Case, old: Case, known: Mapping[str, str], wanted: Mapping[
         other = f"another {what} ({name} is {there} there, {here} here); resume with its options"
     elif case.load_unload and case.values != old.values:
         other = "a --load-unload through other pressures; resume with the same pressures"
-    elif case.program != old.program or (case.program and not goes_on(case.steps, old.steps)):
+    elif case.program != old.program or (case.program and not steps.goes_on(case.steps, old.steps)):
         other = "other steps; resume with the same steps (further ones may follow)"
     elif old.quantity != case.quantity:
         other = f"requested {old.quantity}s; resume with the same"
     else:
         return
-    raise RunError(f"{folder} holds a run with {other}, or run without --resume", BAD_INPUT)
+    raise RunError(f"{folder} holds a run with {other}, or run without --resume", outcomes.BAD_INPUT)
 
 
-def set_back(case: Case, results: Results) -> None:
+def set_back(case: Case, results: store.Results) -> None:
     """Go back to the last state that is not found between two steps, or within a step of a program, but for its beginning. The
     others are found again, and stay until then."""
     while len(results.stored) > 1:
@@ -79,37 +70,39 @@ def set_back(case: Case, results: Results) -> None:
         results.later = {len(results.stored): last} | results.later
 
 
-def check_values(case: Case, results: Results) -> None:
+def check_values(case: Case, results: store.Results) -> None:
     """Reject requested values that the stored states have passed without stopping."""
     reached = max((row.cell(case.column) for row in results.rows), default=0.0)
     for value in case.values:
         if 0.0 < value < reached * (1 - 1e-9) and not stopped_at(case, results, value):
             text = f"{results.folder} holds a run that passed {value:g} {case.unit} without stopping there"
-            raise RunError(f"{text}; resume with the run's own values, or run without --resume", BAD_INPUT)
+            raise RunError(f"{text}; resume with the run's own values, or run without --resume", outcomes.BAD_INPUT)
 
 
-def last_stop(case: Case, results: Results, fields: Fields, comm: MPI.Comm) -> StageEnd:
+def last_stop(case: Case, results: store.Results, fields: Fields, comm: MPI.Comm) -> schedule.StageEnd:
     """Return the end of a program's step that the stored states end with."""
-    last, row, record = on_root(comm, lambda: (len(results.stored) - 1, results.rows[-1], results.stored[-1].restart))
+    last, row, record = mpi.on_root(
+        comm, lambda: (len(results.stored) - 1, results.rows[-1], results.stored[-1].restart)
+    )
     state = stored_state(results, fields, comm, last, record["P"], record["V"])
     system = fields.system
-    pressures = [row[name] / system.stress_unit for name in of_cavities(row, "pressure")]
-    dead = [row[parsed(load.column)[0]] for load in system.dead.loads] / system.dead.units
+    pressures = [row[name] / system.stress_unit for name in columns.of_cavities(row, "pressure")]
+    dead = [row[table.parsed(load.column)[0]] for load in system.dead.loads] / system.dead.units
     system.load(state)
     drives = np.concatenate([pressures[: len(system.body.actuator.ratios)], dead])
-    return StageEnd(round(row["load_step"]), state, drives, system.driven())
+    return schedule.StageEnd(round(row["load_step"]), state, drives, system.driven())
 
 
-def stopped_at(case: Case, results: Results, value: float) -> bool:
+def stopped_at(case: Case, results: store.Results, value: float) -> bool:
     """Return whether a requested value is among the stored states."""
-    return any(row["requested"] and stands_at(row, case, value) for row in results.rows)
+    return any(row["requested"] and columns.stands_at(row, case, value) for row in results.rows)
 
 
-def stored_points(results: Results, fields: Fields, comm: MPI.Comm) -> list[Point]:
+def stored_points(results: store.Results, fields: Fields, comm: MPI.Comm) -> list[stability.Point]:
     """The points a trace goes on from: bifurcations, the first limit point, the last turn of a stroke, and the last two."""
-    records = on_root(comm, lambda: [stored.restart for stored in results.stored])
+    records = mpi.on_root(comm, lambda: [stored.restart for stored in results.stored])
     # A bifurcation is interpolated: the path did not continue from it.
-    branching = on_root(comm, lambda: np.flatnonzero(results.rows["bifurcation"]).tolist())
+    branching = mpi.on_root(comm, lambda: np.flatnonzero(results.rows["bifurcation"]).tolist())
     solved = [i for i in range(len(records)) if i not in branching]
     limits = [i for i, record in enumerate(records) if record["limit"]][:1]
     turns = [i for i, record in enumerate(records) if record["turn"]][-1:]
@@ -117,7 +110,7 @@ def stored_points(results: Results, fields: Fields, comm: MPI.Comm) -> list[Poin
     return [stored_point(results, fields, comm, i, records[i], i in branching) for i in chosen]
 
 
-def recall(results: Results | States, fields: Fields, comm: MPI.Comm, steps: Mapping[int, float]) -> None:
+def recall(results: store.Results | States, fields: Fields, comm: MPI.Comm, steps: Mapping[int, float]) -> None:
     """Restore what friction, silicone and motion remember, by going through stored steps, whose times in s are given."""
     potential, last = fields.system.potential, 0.0
     for step, time in steps.items() if potential.remembers else ():
@@ -129,26 +122,33 @@ def recall(results: Results | States, fields: Fields, comm: MPI.Comm, steps: Map
 
 
 def stored_point(
-    results: Results | States, fields: Fields, comm: MPI.Comm, step: int, restart: Restart, branching: bool
-) -> Point:
+    results: store.Results | States,
+    fields: Fields,
+    comm: MPI.Comm,
+    step: int,
+    restart: formats.Restart,
+    branching: bool,
+) -> stability.Point:
     """The point of a stored step; of its tangent the changes of P and V alone are stored."""
     state = stored_state(results, fields, comm, step, restart["P"], restart["V"])
-    tangent = Tangent(np.zeros_like(state.w), *restart["tangent"])
+    tangent = controls.Tangent(np.zeros_like(state.w), *restart["tangent"])
     mode = None
     if branching:
-        nodal = results.fields(step, ("mode",)) if is_root(comm) else None
+        nodal = results.fields(step, ("mode",)) if mpi.is_root(comm) else None
         shape = None if nodal is None else {"displacement": nodal["mode"], "p": np.zeros(len(nodal["mode"]))}
         mode = fields.state(shape, 0.0, 0.0).w
-        mode /= largest(comm, float(np.abs(mode).max()))
-    return Point(
+        mode /= mpi.largest(comm, float(np.abs(mode).max()))
+    return stability.Point(
         state, tangent, restart["requested"], restart["limit"], restart["step"], restart["line"], restart["stiffest"],
-        Signature(**restart["signature"]), mode, restart["jump"], restart["turn"],
+        stability.Signature(**restart["signature"]), mode, restart["jump"], restart["turn"],
     )  # fmt: skip
 
 
-def stored_state(results: Results | States, fields: Fields, comm: MPI.Comm, step: int, P: float, V: float) -> State:
+def stored_state(
+    results: store.Results | States, fields: Fields, comm: MPI.Comm, step: int, P: float, V: float
+) -> State:
     """A stored step's state."""
-    return fields.state(results.fields(step, ("displacement", "p")) if is_root(comm) else None, P, V)
+    return fields.state(results.fields(step, ("displacement", "p")) if mpi.is_root(comm) else None, P, V)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -168,20 +168,20 @@ class ResultsPlace:
     draw: bool = False
 
 
-def begin(case: Case, place: ResultsPlace) -> tuple[Results, bool]:
+def begin(case: Case, place: ResultsPlace) -> tuple[store.Results, bool]:
     """Take a folder for a run and prepare it; return the results, locked, and whether there are states to go on from.
     RunError, OwnFolderError, InUseError, ResultsError or CaseError if the folder, or what is in it, cannot be used."""
     try:
         wanted, output, base = identity(case), place.folder, Path("results") / case.name
         if output is None and place.resume:
             output = _found(base, case, wanted)
-        own = take_default(base, RUN, wanted) if output is None else OwnFolder(output, RUN)
-        results = Results(own.path, case.name, case.actuator.gauge, cm=case.cm)
+        own = folders.take_default(base, store.RUN, wanted) if output is None else folders.OwnFolder(output, store.RUN)
+        results = store.Results(own.path, case.name, case.actuator.gauge, cm=case.cm)
         results.own = own
         own.take()
         try:
             if place.draw:
-                picture_folder(own.path).check_names(picture_files(case.actuator.gauge))
+                store.picture_folder(own.path).check_names(store.picture_files(case.actuator.gauge))
             resumed = place.resume and _go_on(case, wanted, results)
             if not resumed:
                 _begin_anew(case, wanted, results, place.inputs)
@@ -190,15 +190,15 @@ def begin(case: Case, place: ResultsPlace) -> tuple[Results, bool]:
             raise
         return results, resumed
     except OSError as error:
-        status = FAILED if error.errno in FULL else BAD_INPUT
+        status = outcomes.FAILED if error.errno in commands.FULL else outcomes.BAD_INPUT
         raise RunError(f"the folder {place.folder or base} cannot be written ({error.strerror})", status) from None
 
 
-def begin_together(case: Case, place: ResultsPlace, comm: MPI.Comm) -> tuple[Results, bool]:
+def begin_together(case: Case, place: ResultsPlace, comm: MPI.Comm) -> tuple[store.Results, bool]:
     """The same on all ranks, where rank 0 alone takes the folder and writes there."""
-    begun = kept_on_root(comm, lambda: begin(case, place))
+    begun = mpi.kept_on_root(comm, lambda: begin(case, place))
     home, at, resumed = comm.bcast(None if begun is None else (begun[0].own.path, begun[0].folder, begun[1]))
-    results = begun[0] if begun else Results(home, case.name, case.actuator.gauge, cm=case.cm)
+    results = begun[0] if begun else store.Results(home, case.name, case.actuator.gauge, cm=case.cm)
     results.folder = at
     return results, resumed
 
@@ -206,8 +206,8 @@ def begin_together(case: Case, place: ResultsPlace, comm: MPI.Comm) -> tuple[Res
 def _found(base: Path, case: Case, wanted: Mapping[str, str]) -> Path:
     """Return the numbered folder with a run of this case, or else with the only one that it can resume."""
     fitting = []
-    for path in itertools.takewhile(Path.exists, numbered(base)):
-        old = OwnFolder(path, RUN).about.get("inputs")
+    for path in itertools.takewhile(Path.exists, folders.numbered(base)):
+        old = folders.OwnFolder(path, store.RUN).about.get("inputs")
         if isinstance(old, dict) and difference(old, wanted) is None:
             if old == dict(wanted):
                 return path
@@ -216,12 +216,12 @@ def _found(base: Path, case: Case, wanted: Mapping[str, str]) -> Path:
         return fitting[0]
     if fitting:
         several = " and ".join(map(str, fitting))
-        raise RunError(f"{several} hold runs that this case can resume; choose one with --output", BAD_INPUT)
+        raise RunError(f"{several} hold runs that this case can resume; choose one with --output", outcomes.BAD_INPUT)
     what = f"none of the folders {base}, {base.name}-2 and so on holds a run of this case to resume"
-    raise RunError(f"{what}; give its folder (--output), or run without --resume", BAD_INPUT)
+    raise RunError(f"{what}; give its folder (--output), or run without --resume", outcomes.BAD_INPUT)
 
 
-def _go_on(case: Case, wanted: Mapping[str, str], results: Results) -> bool:
+def _go_on(case: Case, wanted: Mapping[str, str], results: store.Results) -> bool:
     """Load the states of an earlier run; return whether there are any."""
     folder, about = results.own.path, results.own.about
     stored = [file for file in results.own.files if file.endswith(".h5") and (folder / file).exists()]
@@ -230,7 +230,7 @@ def _go_on(case: Case, wanted: Mapping[str, str], results: Results) -> bool:
     file = folder / "case.toml"
     if not file.exists():
         text = f"{file} is missing, the case of the states in that folder; restore it, or run without --resume"
-        raise RunError(f"{text}, which replaces them", BAD_INPUT)
+        raise RunError(f"{text}, which replaces them", outcomes.BAD_INPUT)
     _check_unchanged(results)
     results.load(go_on=True)  # first: how a case is identified changes between versions too
     check_same(case, Case.from_file(file), about.get("inputs", {}), wanted, folder)
@@ -241,40 +241,42 @@ def _go_on(case: Case, wanted: Mapping[str, str], results: Results) -> bool:
     text = case.to_toml(there)
     if results.stored:
         results.record(inputs=dict(wanted), case_file=_digest(text))
-        write_text(file, text)
+        files.write_text(file, text)
     return bool(results.stored)
 
 
-def _begin_anew(case: Case, wanted: Mapping[str, str], results: Results, inputs: Sequence[Path]) -> None:
+def _begin_anew(case: Case, wanted: Mapping[str, str], results: store.Results, inputs: Sequence[Path]) -> None:
     """Prepare new results beside the earlier ones."""
     copies = results.inputs_of(case.files)
     text, own = case.to_toml(copies), results.own.path / "case.toml"
     # A case file among its own run's results may be run again: it is written unchanged.
-    results.own.check_inputs(file for file in inputs if not (is_same(own, file) and read_text(file) == text))
+    results.own.check_inputs(
+        file for file in inputs if not (files.is_same(own, file) and files.read_text(file) == text)
+    )
     _check_unchanged(results)
     results.prepare({"inputs": dict(wanted), "case_file": _digest(text)})
     for source, copy in copies.items():
         (results.folder / copy).parent.mkdir(exist_ok=True)
         shutil.copyfile(source, results.folder / copy)
-    write_text(results.folder / "case.toml", text)
+    files.write_text(results.folder / "case.toml", text)
 
 
-def _check_unchanged(results: Results) -> None:
+def _check_unchanged(results: store.Results) -> None:
     """Raise `RunError` if the user has changed the case.toml that is to be replaced."""
     file, known = results.own.path / "case.toml", results.own.about.get("case_file")
-    if known is not None and file.exists() and file_digest(file) != known:
+    if known is not None and file.exists() and files.file_digest(file) != known:
         fix = "move it out of the results folder and run it from there, or use another folder (--output)"
-        raise RunError(f"{file} has changed since its run wrote it; {fix}", BAD_INPUT)
+        raise RunError(f"{file} has changed since its run wrote it; {fix}", outcomes.BAD_INPUT)
 
 
 def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def mesh_is_known(results: Results, mesh: Path) -> bool:
+def mesh_is_known(results: store.Results, mesh: Path) -> bool:
     """Return whether a mesh file is still the one that the run wrote."""
     known = results.own.about.get("mesh")
-    return mesh.is_file() and known == file_digest(mesh)
+    return mesh.is_file() and known == files.file_digest(mesh)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -294,35 +296,35 @@ class Summary(TypedDict, total=False):
     stability: str
 
 
-def gather(case: Case, results: Results, ended: Ended) -> Summary:
+def gather(case: Case, results: store.Results, ended: outcomes.Ended) -> Summary:
     """Bring all steps into one file, and write and return the summary; on rank 0. `OSError` if there is no room."""
-    if ended.status in (DONE, NO_EQUILIBRIUM):
+    if ended.status in (outcomes.DONE, outcomes.NO_EQUILIBRIUM):
         results.later.clear()  # the path has ended before them
     results.finish()
-    words = state_labels(case)
+    words = labels.state_labels(case)
     summary: Summary = {
         "status": ended.status, "message": ended.message, "steps": len(results.stored), "last": results.rows[-1].cells,
         "events": events(results.rows, words), "stretch_at_break": stretch_at_break(case.material),
-        "notes": [*results.mesh_notes, *notes_of(case, results.rows, results.sources(case))],
-        "stability": stability_text(results.rows, case.actuator, words, results.branch_rows),
+        "notes": [*results.mesh_notes, *notes.notes_of(case, results.rows, results.sources(case))],
+        "stability": notes.stability_text(results.rows, case.actuator, words, results.branch_rows),
     }  # fmt: skip
     started = results.started
-    made = Provenance.now(None if started is None else monotonic() - started)
+    made = commands.Provenance.now(None if started is None else monotonic() - started)
     results.own.claim(["summary.json"], {"made": made.table()})
-    write_text(results.folder / "summary.json", json.dumps(summary, indent=2) + "\n")
+    files.write_text(results.folder / "summary.json", json.dumps(summary, indent=2) + "\n")
     return summary
 
 
 class Observer:
     """Is told on rank 0 how a folder of results comes about."""
 
-    def opened(self, results: Results) -> None:
+    def opened(self, results: store.Results) -> None:
         """The folder is taken; nothing is solved yet."""
 
-    def begun(self, results: Results) -> None:
+    def begun(self, results: store.Results) -> None:
         """The folder holds the first state of this run."""
 
-    def closed(self, results: Results | None, ended: Ended, summary: Summary) -> None:
+    def closed(self, results: store.Results | None, ended: outcomes.Ended, summary: Summary) -> None:
         """The run has ended and its folder is complete, and still locked; None where no folder could be taken. The summary is
         empty where there are no states, or it could not be written."""
 
@@ -342,62 +344,64 @@ def solved_into(
     branch: bool = False,
     observer: Observer | None = None,
     solving: Callable[[], contextlib.AbstractContextManager[Callable[[], bool]]] = unstopped,
-) -> tuple[Path | None, bool, Ended]:
+) -> tuple[Path | None, bool, outcomes.Ended]:
     """Solve a case and store each state in a folder at once; all ranks call it.
 
     The listener gets each state, the observer the folder. ``solving`` is entered while states are solved, and gives
     whether to stop, asked between them. Return the folder, None where none could be taken; whether a state that is not at rest
     is stored; and how the run ended: `Ended.error` has the error of the input, PETSc, the memory or the disk.
     """
-    results: Results | None = None
-    ended, observer, begun = Ended(), observer or Observer(), monotonic()
+    results: store.Results | None = None
+    ended, observer, begun = outcomes.Ended(), observer or Observer(), monotonic()
     try:
         with solving() as stopped:
             simulation = Simulation(case, comm, listener, stopped)
             try:
-                with sentences(unwritten):
+                with notes.sentences(notes.unwritten):
                     results, resumed = begin_together(case, place, comm)
-                    if is_root(comm):
+                    if mpi.is_root(comm):
                         results.started = begun
                         observer.opened(results)
                     record(simulation, results, resumed, branch, observer.begun)
             except Exception as error:
-                if not (isinstance(error, Spoken) and together(comm)):
+                if not (isinstance(error, errors.Spoken) and mpi.together(comm)):
                     raise
-                ended = Ended.by(error)
+                ended = outcomes.Ended.by(error)
             finally:
                 if comm.size == 1 or sys.exception() is None:  # other ranks do not know of an exception that goes on
                     simulation.release()
-        failure, loaded = on_root(comm, lambda: _complete(case, results, ended, observer))
-        ended = Ended.by(UnwrittenError(failure)) if failure else ended
+        failure, loaded = mpi.on_root(comm, lambda: _complete(case, results, ended, observer))
+        ended = outcomes.Ended.by(outcomes.UnwrittenError(failure)) if failure else ended
         return (None if results is None else results.own.path), loaded, ended
     finally:
-        if results is not None and is_root(comm):
+        if results is not None and mpi.is_root(comm):
             results.own.leave()
 
 
-def _complete(case: Case, results: Results | None, ended: Ended, observer: Observer) -> tuple[str, bool]:
+def _complete(case: Case, results: store.Results | None, ended: outcomes.Ended, observer: Observer) -> tuple[str, bool]:
     """Gather the states of a run that has ended, on rank 0; return why only that failed, else "", and whether it is loaded."""
     failure, summary = "", Summary()
-    if results is not None and results.stored and ended.status != BAD_INPUT:
+    if results is not None and results.stored and ended.status != outcomes.BAD_INPUT:
         try:
             summary = gather(case, results, ended)
             results.own.forget_unwritten()
         except (OSError, OwnFolderError) as error:
-            if ended.status == DONE:
-                failure = f"the steps could not be gathered in one file ({reason(error)})"
-                ended = Ended.by(UnwrittenError(failure := f"{failure}; make room and run again with --resume"))
+            if ended.status == outcomes.DONE:
+                failure = f"the steps could not be gathered in one file ({errors.reason(error)})"
+                ended = outcomes.Ended.by(
+                    outcomes.UnwrittenError(failure := f"{failure}; make room and run again with --resume")
+                )
     observer.closed(results, ended, summary)
     return failure, results is not None and is_loaded(results.rows)
 
 
-def is_loaded(rows: PathTable) -> bool:
+def is_loaded(rows: table.PathTable) -> bool:
     """Whether there is a state that is not at rest."""
     return bool(rows) and bool(rows["pressure"].any() or rows["max_displacement"].any())
 
 
 def record(
-    simulation: Simulation, results: Results, resumed: bool, branch: bool, begun: Callable[[Results], None]
+    simulation: Simulation, results: store.Results, resumed: bool, branch: bool, begun: Callable[[store.Results], None]
 ) -> None:
     """Solve a case and store every state at once, after those of a ``resumed`` run; all ranks call it, rank 0 writes, and
     calls ``begun`` as soon as the folder holds a state of this run.
@@ -407,13 +411,13 @@ def record(
     """
     case, comm = simulation.case, simulation.comm
     mesh = results.folder / f"{case.name}.msh"
-    if not (resumed and on_root(comm, lambda: mesh_is_known(results, mesh))):
+    if not (resumed and mpi.on_root(comm, lambda: mesh_is_known(results, mesh))):
         simulation.write_mesh(mesh)
-        on_root(comm, lambda: results.record(mesh=file_digest(mesh)))
+        mpi.on_root(comm, lambda: results.record(mesh=files.file_digest(mesh)))
     simulation.prepare(mesh)
-    on_root(comm, lambda: results.record(mesh_notes=simulation.model.notes))
+    mpi.on_root(comm, lambda: results.record(mesh_notes=simulation.model.notes))
     if resumed:
-        on_root(comm, lambda: results.check_grid(simulation.fields.grid.points))
+        mpi.on_root(comm, lambda: results.check_grid(simulation.fields.grid.points))
     simulation.describe()
     start = _begun(simulation, results) if resumed else FROM_REST
     if not resumed:
@@ -428,18 +432,21 @@ def record(
     if branch:
         _record_branch(simulation, results)
     sources = solve_sources(simulation, results.own.path / mesh.name)  # stored since the first state
-    on_root(comm, lambda: results.write_sources(sources))
+    mpi.on_root(comm, lambda: results.write_sources(sources))
     if ended is not None:
         raise ended
 
 
-def _begin(simulation: Simulation, results: Results) -> None:
+def _begin(simulation: Simulation, results: store.Results) -> None:
     grid = simulation.fields.grid
-    on_root(simulation.comm, lambda: results.begin(grid.points, grid.cells, grid.cell_name))
+    mpi.on_root(simulation.comm, lambda: results.begin(grid.points, grid.cells, grid.cell_name))
 
 
 def _store(
-    steps: Iterable[Step], results: Results, comm: MPI.Comm, begun: Callable[[Results], None] = lambda results: None
+    steps: Iterable[Step],
+    results: store.Results,
+    comm: MPI.Comm,
+    begun: Callable[[store.Results], None] = lambda results: None,
 ) -> None:
     for number, step in enumerate(steps):
 
@@ -449,46 +456,48 @@ def _store(
             if first:
                 begun(results)
 
-        on_root(comm, add)
+        mpi.on_root(comm, add)
 
 
-def _begun(simulation: Simulation, results: Results) -> Begun:
+def _begun(simulation: Simulation, results: store.Results) -> Begun:
     """Return the state from which a resumed run continues."""
     case, fields, comm = simulation.case, simulation.fields, simulation.comm
-    rows = on_root(comm, lambda: results.rows)
+    rows = mpi.on_root(comm, lambda: results.rows)
     if case.load_unload:
         return Begun(rows)
-    solved = on_root(comm, lambda: {i: row.get("time") for i, row in enumerate(results.rows) if not row["bifurcation"]})
+    solved = mpi.on_root(
+        comm, lambda: {i: row.get("time") for i, row in enumerate(results.rows) if not row["bifurcation"]}
+    )
     again = functools.partial(recall, results, fields, comm, solved)
     if case.program:
         stop = last_stop(case, results, fields, comm)
         simulation.listener.say(f"resuming from step {stop.number} of the program")
         return Begun(rows, stop=stop, recall=again)
-    left = on_root(comm, lambda: [not stopped_at(case, results, value) for value in case.values])
+    left = mpi.on_root(comm, lambda: [not stopped_at(case, results, value) for value in case.values])
     points = stored_points(results, fields, comm)
     simulation.listener.say(f"resuming from step {len(rows) - 1}")
     return Begun(rows, left, points, recall=again)
 
 
-def _record_branch(simulation: Simulation, results: Results) -> None:
+def _record_branch(simulation: Simulation, results: store.Results) -> None:
     """Follow the branch at the first bifurcation, into its own folder."""
     case, comm = simulation.case, simulation.comm
     if not simulation.bifurcates:
-        simulation.listener.say(on_root(comm, lambda: no_branch(case, results.rows)))
+        simulation.listener.say(mpi.on_root(comm, lambda: notes.no_branch(case, results.rows)))
         return
-    on_root(comm, lambda: begin_branch(results, case))
+    mpi.on_root(comm, lambda: begin_branch(results, case))
     aside = results.branch()
     _begin(simulation, aside)
     _store(simulation.branch(), aside, comm)
-    on_root(comm, lambda: gather(case, aside, Ended()) if aside.stored else None)
+    mpi.on_root(comm, lambda: gather(case, aside, outcomes.Ended()) if aside.stored else None)
 
 
-def begin_branch(results: Results, case: Case) -> Results:
+def begin_branch(results: store.Results, case: Case) -> store.Results:
     """Create the folder of a branch beside its path, and remove an earlier branch; on rank 0."""
     aside = results.branch()
-    results.own.claim([BRANCH])
+    results.own.claim([store.BRANCH])
     aside.clear()
     copies = {file: f"../{name}" for file, name in results.inputs_of(case.files).items()}
     there = {file: name for file, name in copies.items() if (aside.folder / name).is_file()}
-    write_text(aside.folder / "case.toml", case.to_toml(there))
+    files.write_text(aside.folder / "case.toml", case.to_toml(there))
     return aside

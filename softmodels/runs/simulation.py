@@ -16,53 +16,29 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from geometries import Actuator, MeshingStopped, meshing
+from softmodels.case import load, materials
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
-from softmodels.case.load import Values, prescribed
-from softmodels.case.materials import MaterialErrors, SourceBand
+from softmodels.common import cards, errors, names, units
 from softmodels.common.arrays import Array
-from softmodels.common.cards import Shown, Table
-from softmodels.common.errors import spoken
 from softmodels.common.lazy import MPI, PETSc
-from softmodels.common.names import checked, flag, one_of, read_only, whole
+from softmodels.common.names import checked
 from softmodels.common.processes import one_at_a_time
-from softmodels.common.units import Amount, written
-from softmodels.components.loads import densities
+from softmodels.components import loads
+from softmodels.materials import specimens
 from softmodels.materials.laws import Material
-from softmodels.materials.specimens import weakness
-from softmodels.mechanics.assembly import Inertia
+from softmodels.mechanics import assembly, compiling, controls, memory, mpi, newton
 from softmodels.mechanics.body import Body, BodyError
-from softmodels.mechanics.compiling import CompilingError, compiling, told_of_waits
 from softmodels.mechanics.component import Component
-from softmodels.mechanics.controls import HeavyPart
-from softmodels.mechanics.memory import Motion
-from softmodels.mechanics.mpi import any_rank, is_root, on_root, start
-from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
-from softmodels.path import schedule
-from softmodels.path.continuation import Continuation, follow, trace
-from softmodels.path.schedule import HangingEnd, StageEnd, cycle, hang, inflate_from, load_from
-from softmodels.path.stability import (
-    DIRECT,
-    DeadForce,
-    LoadDisplacement,
-    PathEnd,
-    PathQuantity,
-    Point,
-    Pressure,
-    Springs,
-    Stability,
-)
-from softmodels.path.steps import PRESSURE, VOLUME, one_step
-from softmodels.path.supply import AMBIENT, Gas
-from softmodels.runs.columns import Band, Solved, row_of
+from softmodels.path import continuation, schedule, stability, steps, supply
+from softmodels.path.continuation import Continuation
+from softmodels.path.stability import Stability
+from softmodels.runs import columns, formats, notes, outcomes, table
 from softmodels.runs.fields import Fields, Figures, check_requested
-from softmodels.runs.formats import Restart, restart_of
-from softmodels.runs.notes import explain, explain_failure, explain_step, sentences
-from softmodels.runs.outcomes import FAILED, INTERRUPTED, NO_EQUILIBRIUM, STOPPED, RunError
+from softmodels.runs.outcomes import RunError
 from softmodels.runs.states import States
-from softmodels.runs.table import PathTable, Row
 
 # ----------------------------------------------------------------------------------------------------------------------
 # A device whose equations are made: its equilibria, its path, its natural frequencies and modes, without files.
@@ -71,11 +47,11 @@ from softmodels.runs.table import PathTable, Row
 @contextlib.contextmanager
 def temporary_folder(comm: MPI.Comm) -> Iterator[Path]:
     """Provide a temporary folder, the same on all ranks."""
-    path = on_root(comm, lambda: Path(tempfile.mkdtemp(prefix="softmodels-")))
+    path = mpi.on_root(comm, lambda: Path(tempfile.mkdtemp(prefix="softmodels-")))
     try:
         yield path
     finally:
-        if is_root(comm):
+        if mpi.is_root(comm):
             shutil.rmtree(path, ignore_errors=True)
 
 
@@ -84,7 +60,7 @@ def meshed(device: Actuator, comm: MPI.Comm) -> Body:
     nothing can be compiled."""
     with temporary_folder(comm) as folder:
         path = folder / "device.msh"
-        on_root(comm, lambda: device.write(path))
+        mpi.on_root(comm, lambda: device.write(path))
         return body_of(device, path, comm)
 
 
@@ -93,11 +69,11 @@ def body_of(device: Actuator, mesh: Path, comm: MPI.Comm) -> Body:
     another device, or nothing can be compiled."""
     try:
         return Body.from_file(device, mesh, comm)
-    except (BodyError, CompilingError) as error:
+    except (BodyError, compiling.CompilingError) as error:
         raise RunError(str(error)) from error
 
 
-SMALL_PRESSURE = one_step(PRESSURE, [100.0])
+SMALL_PRESSURE = steps.one_step(steps.PRESSURE, [100.0])
 """Load of a case whose requested values do not matter."""
 
 
@@ -112,7 +88,7 @@ class AtRest(Case):
 
 
 @checked
-class Model(Shown):
+class Model(cards.Shown):
     """A device, meshed, and the equations of its equilibrium.
 
     Under weights and other dead loads every path begins where the device hangs under them. Every call is made by all ranks.
@@ -149,8 +125,8 @@ class Model(Shown):
             "model", device, material, SMALL_PRESSURE if inflated else (),  # type: ignore[arg-type]
             components=components, formulation=formulation, solver=solver,  # type: ignore[arg-type]
         )  # fmt: skip
-        comm = start()
-        with sentences():
+        comm = mpi.start()
+        with notes.sentences():
             self._make(case, meshed(device, comm), case.material, case.components)
 
     @classmethod
@@ -167,12 +143,12 @@ class Model(Shown):
         self.case, self.body = case, body
         self.components = components
         try:
-            with compiling():
+            with compiling.compiling():
                 self.system = System(body, material, case.formulation, components, creeping=case.timed)
                 self.solver = Solver(self.system, case.solver)
                 self.fields = Fields(self.solver, case.gauges, case.fields)
             self.system.direction = case.load.direction
-        except (BodyError, CompilingError) as error:
+        except (BodyError, compiling.CompilingError) as error:
             raise RunError(str(error)) from error
 
     def _line(self) -> str:
@@ -185,7 +161,7 @@ class Model(Shown):
     @property
     def notes(self) -> list[str]:
         """Warnings about the mesh, as sentences; empty if there are none."""
-        return [spoken(note) for note in self.system.mesh_notes]
+        return [errors.spoken(note) for note in self.system.mesh_notes]
 
     def release(self) -> None:
         """Give back what PETSc and MPI hold; the model is not used afterwards."""
@@ -215,7 +191,7 @@ class Model(Shown):
 
     @checked
     def path(
-        self, pressures: Values | None = None, volumes: Values | None = None, *, control: str = "auto"
+        self, pressures: load.Values | None = None, volumes: load.Values | None = None, *, control: str = "auto"
     ) -> Iterator[Equilibrium]:
         """Follow the device from rest, and yield every state: the requested ones, those between, limit points, bifurcations.
 
@@ -230,14 +206,14 @@ class Model(Shown):
         """
         if (pressures is None) == (volumes is None):
             raise CaseError("give the pressures or the added volumes that the path goes to, one of them")
-        quantity, values = (PRESSURE, pressures) if volumes is None else (VOLUME, volumes)
-        asked = prescribed(quantity, values, self.case.cm)  # type: ignore[arg-type]
+        quantity, values = (steps.PRESSURE, pressures) if volumes is None else (steps.VOLUME, volumes)
+        asked = load.prescribed(quantity, values, self.case.cm)  # type: ignore[arg-type]
         if not any(asked.values):
             raise CaseError(
                 f"the only {quantity} requested is 0; add a value above 0, or take the state at rest by solve()"
             )
         return self.followed(
-            dataclasses.replace(self.case, control=control, steps=one_step(quantity, asked.values)), quantity
+            dataclasses.replace(self.case, control=control, steps=steps.one_step(quantity, asked.values)), quantity
         )
 
     def followed(self, case: Case, quantity: str) -> Iterator[Equilibrium]:
@@ -245,23 +221,27 @@ class Model(Shown):
         self.system.direction = case.load.direction
         unit = self.unit_of(quantity)
         try:
-            for point in trace(self.continuation(quantity, case.control), [goal / unit for goal in case.goals]):
+            for point in continuation.trace(
+                self.continuation(quantity, case.control), [goal / unit for goal in case.goals]
+            ):
                 yield Equilibrium(self, point.state, point)
-        except PathEnd as end:
-            status = NO_EQUILIBRIUM if end.physical else FAILED
+        except stability.PathEnd as end:
+            status = outcomes.NO_EQUILIBRIUM if end.physical else outcomes.FAILED
             raise RunError(f"the path ends before the last requested {quantity}: {end}", status) from end
-        except NoConvergence as failure:
+        except newton.NoConvergence as failure:
             raise RunError(f"the path could not be followed ({failure})") from failure
 
     def continuation(
-        self, quantity: str = "pressure", control: str = "auto", hung: StageEnd | None = None
+        self, quantity: str = "pressure", control: str = "auto", hung: schedule.StageEnd | None = None
     ) -> Continuation:
         """The path to pressures or added volumes, not begun yet; its values are dimensionless. ``hung``: see `hanging`."""
-        return Continuation(self.solver, DIRECT[quantity], control, start=self.hanging(hung=hung))
+        return Continuation(self.solver, stability.DIRECT[quantity], control, start=self.hanging(hung=hung))
 
     # -- preload ------------------------------------------------------------------------------------------------------
 
-    def hanging(self, report: Callable[[str], None] = lambda text: None, hung: StageEnd | None = None) -> State | None:
+    def hanging(
+        self, report: Callable[[str], None] = lambda text: None, hung: schedule.StageEnd | None = None
+    ) -> State | None:
         """The state in which the device hangs under its preload (``hung``, where it is known), from which the path to
         requested values starts; None without dead loads, `RunError` if there is none. ``report`` takes sentences on what is
         going on."""
@@ -270,10 +250,10 @@ class Model(Shown):
             self.system.coupling = self.system.inflating(np.empty(0))
             return None
         if driven is None:
-            return inflate_from(self.solver, hung)
-        return load_from(self.solver, hung, len(self.case.actuator.ratios) + self.driven_load)
+            return schedule.inflate_from(self.solver, hung)
+        return schedule.load_from(self.solver, hung, len(self.case.actuator.ratios) + self.driven_load)
 
-    def preload(self, report: Callable[[str], None] = lambda text: None) -> StageEnd | None:
+    def preload(self, report: Callable[[str], None] = lambda text: None) -> schedule.StageEnd | None:
         """The state under all loads that act before the first requested value, its drivers not coupled, see `hanging`;
         `RunError` if there is none."""
         case, system, dead = self.case, self.system, self.system.dead
@@ -288,13 +268,13 @@ class Model(Shown):
         if pressure := case.load.preload:
             inflated = magnitudes.copy()
             inflated[: len(ratios)] = pressure / system.stress_unit * ratios
-            targets.append((written(pressure), inflated))
+            targets.append((units.written(pressure), inflated))
         if words := [what for what, amounts in targets if amounts.any()]:
             report(f"applying {', then '.join(words)}")
         try:
-            hung = hang(self.solver, targets, report)
-        except HangingEnd as end:
-            raise RunError(end.sentence, NO_EQUILIBRIUM if end.physical else FAILED) from end
+            hung = schedule.hang(self.solver, targets, report)
+        except schedule.HangingEnd as end:
+            raise RunError(end.sentence, outcomes.NO_EQUILIBRIUM if end.physical else outcomes.FAILED) from end
         dead.origins = hung.driven
         return hung
 
@@ -308,9 +288,9 @@ class Model(Shown):
         """SI units in one dimensionless value of a quantity, by its name; of shares of the weight the weight; below 0 for
         pressures and volumes of a path to vacuum, see `System.direction`."""
         system, driven = self.system, self.case.driven
-        if quantity == Pressure.name:
+        if quantity == stability.Pressure.name:
             return system.direction * system.stress_unit
-        if driven is not None and quantity in (DeadForce.name, LoadDisplacement.name):
+        if driven is not None and quantity in (stability.DeadForce.name, stability.LoadDisplacement.name):
             place = self.driven_load
             unit = (system.dead.moved_units if driven.held else system.dead.units)[place]
             return float(unit / (system.dead.amounts[place] if driven.quantity == "share" else 1.0))
@@ -337,17 +317,17 @@ class Model(Shown):
             CaseError: A state of another model, a device without mass, or a sealed one without a cavity.
             RunError: There is no such state, or the modes do not converge.
         """
-        one_of("equilibrium", equilibrium, (Equilibrium, NoneType), "a state that this model has solved, or None")
+        names.one_of("equilibrium", equilibrium, (Equilibrium, NoneType), "a state that this model has solved, or None")
         if equilibrium is not None and equilibrium.model is not self:
             raise CaseError("equilibrium is a state of another model; solve it with this one (model.solve, model.path)")
-        count, sealed = whole("count", count, 1), flag("sealed", sealed)
+        count, sealed = names.whole("count", count, 1), names.flag("sealed", sealed)
         density = self._densities[0]
         state = (equilibrium or self.solve()).state
         self.system.load(state)
         springs = self._springs(state, sealed)
         try:
             pairs = self._stability.eigenpairs(state, count, springs)
-        except NoConvergence as failure:
+        except newton.NoConvergence as failure:
             raise RunError(f"the modes were not found ({failure}); ask for fewer, or use smaller cells") from failure
         unit = self.system.stress_unit / self.system.length_unit**2
         return [Mode(value * unit, density, self._shape(w)) for value, w in pairs]
@@ -360,7 +340,7 @@ class Model(Shown):
             raise CaseError(
                 f"{resting} rests on the device, and neither frequencies nor inertia are computed with it; leave out its mass"
             )
-        found = densities(self.system, self.components)
+        found = loads.densities(self.system, self.components)
         if not found[0] > 0.0:
             raise CaseError(
                 "the silicone has a density of 0 kg/m^3, and without mass no frequency and no inertia; leave out the density"
@@ -373,11 +353,11 @@ class Model(Shown):
         return Stability.of(self.solver) if self._inertia.plain else Stability(self.solver, self._inertia)
 
     @functools.cached_property
-    def _inertia(self) -> Inertia:
+    def _inertia(self) -> assembly.Inertia:
         """The device's masses."""
         main, unit = self._densities[0], self._densities[0] * self.system.volume_unit
-        heavy = [part for part in self.components if isinstance(part, HeavyPart) and part.weighs]
-        return Inertia(
+        heavy = [part for part in self.components if isinstance(part, controls.HeavyPart) and part.weighs]
+        return assembly.Inertia(
             tuple(density / main for density in self._densities),
             tuple((part.face, part.weighs / unit) for part in heavy),
         )
@@ -386,26 +366,26 @@ class Model(Shown):
         """Let the inertia of the device's masses act from here on, at rest, if the case asks for it."""
         if not self.case.inertia:
             return
-        with compiling():
-            motion = Motion(self.system, self._inertia, self._densities[0], self.case.spectral_radius)
+        with compiling.compiling():
+            motion = memory.Motion(self.system, self._inertia, self._densities[0], self.case.spectral_radius)
         self.system.potential.motion = motion
 
-    def _springs(self, state: State, sealed: bool) -> Springs:
+    def _springs(self, state: State, sealed: bool) -> stability.Springs:
         """The stiffness of sealed air, of the loaded state: -dP/dV = P/V at constant temperature, with P above vacuum."""
         cavities = len(self.case.actuator.ratios) if sealed else 0
         if sealed and not cavities:
             raise CaseError(f"{type(self.case.actuator).__name__} has no cavity to be sealed; leave out --sealed")
-        pressures = self.system.pressures_at(state)[:cavities] + AMBIENT / self.system.stress_unit
-        return Springs(self.system.pressure_loads()[:cavities], pressures / self.system.volumes()[:cavities])
+        pressures = self.system.pressures_at(state)[:cavities] + supply.AMBIENT / self.system.stress_unit
+        return stability.Springs(self.system.pressure_loads()[:cavities], pressures / self.system.volumes()[:cavities])
 
     def _shape(self, w: Array) -> Array:
         shape = self.fields.shape(w)
-        found: Array = on_root(self.body.mesh.comm, lambda: np.asarray(shape) / np.abs(np.asarray(shape)).max())
-        return read_only(found)
+        found: Array = mpi.on_root(self.body.mesh.comm, lambda: np.asarray(shape) / np.abs(np.asarray(shape)).max())
+        return names.read_only(found)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Mode(Shown):
+class Mode(cards.Shown):
     """A mode of a device at an equilibrium.
 
     Attributes:
@@ -442,7 +422,7 @@ class Mode(Shown):
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Equilibrium(Shown):
+class Equilibrium(cards.Shown):
     """A state of a `Model`, SI units. Fields are computed when they are asked for first; arrays are read-only.
 
     Attributes:
@@ -453,7 +433,7 @@ class Equilibrium(Shown):
 
     model: Model
     state: State
-    point: Point | None = None
+    point: stability.Point | None = None
 
     def _line(self) -> str:
         gauge = self.model.case.actuator.gauge
@@ -462,7 +442,7 @@ class Equilibrium(Shown):
             f"{gauge} rise {self.rises[gauge] * 1e3:.4g} mm, largest stretch {self.largest_stretch:.4g}"
         )
 
-    def _figures(self) -> Table:
+    def _figures(self) -> cards.Table:
         return [
             ("pressure", f"{self.pressure / 1e3:.4g} kPa"),
             ("added volume", f"{self.volume * 1e6:.4g} ml"),
@@ -476,7 +456,7 @@ class Equilibrium(Shown):
     def _states(self) -> States:
         """This state as pictures take it."""
         case, grid = self.model.case, self.model.fields.grid
-        row = Row({
+        row = table.Row({
             "pressure_Pa": self.pressure, "pressure_cm": self.pressure / case.cm, "added_volume_ml": self.volume * 1e6,
             **{f"{name}_mm": rise * 1e3 for name, rise in self.rises.items()}, "max_stretch": self.largest_stretch,
             "requested": 1, "limit": 0,
@@ -493,8 +473,8 @@ class Equilibrium(Shown):
     def fields(self) -> Mapping[str, Array]:
         """Nodal fields by name: ``displacement`` (n, 3), ``p``, ``von_mises``, ``largest_stretch``, ``J`` (n,)."""
         nodal = self.model.fields.nodal(self.state)
-        found = on_root(self.model.body.mesh.comm, lambda: nodal or {})
-        return {name: read_only(values) for name, values in found.items()}
+        found = mpi.on_root(self.model.body.mesh.comm, lambda: nodal or {})
+        return {name: names.read_only(values) for name, values in found.items()}
 
     @property
     def pressure(self) -> float:
@@ -530,7 +510,7 @@ class Equilibrium(Shown):
     def points(self) -> Array:
         """Undeformed nodes in device coordinates, m, shape (n, 3)."""
         grid = self.model.fields.grid
-        return read_only(on_root(self.model.body.mesh.comm, lambda: grid.points))
+        return names.read_only(mpi.on_root(self.model.body.mesh.comm, lambda: grid.points))
 
     @property
     def requested(self) -> bool:
@@ -563,7 +543,7 @@ class Listener(Protocol):
     def say(self, text: str) -> None:
         """Report a sentence on the current step."""
 
-    def step(self, row: Row, value: float) -> None:
+    def step(self, row: table.Row, value: float) -> None:
         """Report a solved state: its row of the table, and the progress towards the last requested value."""
 
 
@@ -573,7 +553,7 @@ class Silent:
     def say(self, text: str) -> None:
         pass
 
-    def step(self, row: Row, value: float) -> None:
+    def step(self, row: table.Row, value: float) -> None:
         pass
 
 
@@ -586,9 +566,9 @@ class Step:
     """One state of a run: its row of the table, on all ranks, its nodal fields by name, SI units, as `Fields.nodal` gives
     them, with the ``mode`` at a bifurcation, on rank 0, and numbers that a restart needs beside these."""
 
-    row: Row
+    row: table.Row
     fields: dict[str, Array] | None
-    restart: Restart
+    restart: formats.Restart
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -603,10 +583,10 @@ class Begun:
         recall: Lets parts remember what they do after those states; called where the path has begun.
     """
 
-    rows: PathTable = dataclasses.field(default_factory=PathTable)
+    rows: table.PathTable = dataclasses.field(default_factory=table.PathTable)
     left: Sequence[bool] = ()
-    points: Sequence[Point] = ()
-    stop: StageEnd | None = None
+    points: Sequence[stability.Point] = ()
+    stop: schedule.StageEnd | None = None
     recall: Callable[[], None] = lambda: None
 
 
@@ -636,7 +616,7 @@ class Simulation:
         self.case, self.comm, self.stopped = case, comm, stopped
         self.listener: Listener = listener or Silent()
         self._path: Continuation | None = None
-        self._bifurcations: list[Point] = []
+        self._bifurcations: list[stability.Point] = []
 
     def write_mesh(self, file: Path) -> None:
         """Mesh the device into a Gmsh file, on rank 0; `CaseError` for a field that there is not, `RunError` if it was
@@ -645,9 +625,9 @@ class Simulation:
         device = self.case.actuator
         self.listener.say(meshing.mesh_label(device))
         try:
-            on_root(self.comm, lambda: device.write(file, self.stopped))
+            mpi.on_root(self.comm, lambda: device.write(file, self.stopped))
         except MeshingStopped:
-            raise RunError("stopped by the user during meshing; nothing was solved", STOPPED) from None
+            raise RunError("stopped by the user during meshing; nothing was solved", outcomes.STOPPED) from None
 
     def prepare(self, file: Path) -> None:
         """Read the mesh and set up the equations, compiling them on the first run; `RunError` or `MeshFileError` as
@@ -655,23 +635,27 @@ class Simulation:
         case, say = self.case, self.listener.say
         say("compiling kernels (first run only, about 10 s; then cached)")
         self._stop_if_asked()
-        with told_of_waits(say, self._stop_here):
+        with compiling.told_of_waits(say, self._stop_here):
             self.body = body_of(case.actuator, file, self.comm)
             self.model = Model.of(case, self.body)
             self.solver, self.fields = self.model.solver, self.model.fields
-            with compiling():
+            with compiling.compiling():
                 self._band = self._make_band()
 
     def prepare_on(self, mesh: Callable[[], bytes]) -> None:
         """Prepare on a stored mesh, whose file is read on rank 0; errors as `prepare`, or `RunError` if the disk is full."""
-        with sentences(), temporary_folder(self.comm) as folder:
+        with notes.sentences(), temporary_folder(self.comm) as folder:
             file = folder / f"{self.case.name}.msh"
-            on_root(self.comm, lambda: file.write_bytes(mesh()))
+            mpi.on_root(self.comm, lambda: file.write_bytes(mesh()))
             self.prepare(file)
 
-    def _make_band(self) -> Band | None:
+    def _make_band(self) -> columns.Band | None:
         case = self.case
-        return Band(self.fields, case.band, case.cm, case.quantity) if isinstance(case.band, MaterialErrors) else None
+        return (
+            columns.Band(self.fields, case.band, case.cm, case.quantity)
+            if isinstance(case.band, materials.MaterialErrors)
+            else None
+        )
 
     def describe(self) -> None:
         """Report the size of the model, the tracked points, and the stable range of the law."""
@@ -686,7 +670,7 @@ class Simulation:
             say(told)
         for note in self.model.notes:
             say(f"warning: {note}")
-        if weak := weakness(self.case.material):
+        if weak := specimens.weakness(self.case.material):
             say(f"warning: {weak}; results at larger stretches are invalid")
 
     def steps(self, begun: Begun = FROM_REST) -> Iterator[Step]:
@@ -702,7 +686,7 @@ class Simulation:
         """Yield the same steps; notify the listener of each, and stop between steps if asked to."""
         for step in steps:
             yield step
-            if is_root(self.comm):
+            if mpi.is_root(self.comm):
                 self.listener.step(step.row, step.row.cell(self.case.column))
             self._stop_if_asked()
 
@@ -715,7 +699,7 @@ class Simulation:
         self._check_volumes(path.start)
         if begun.rows and not case.load_unload:
             goals = [goal for goal, wanted in zip(goals, begun.left, strict=True) if wanted]
-        points = cycle(path, goals) if case.load_unload else trace(path, goals, begun.points)
+        points = schedule.cycle(path, goals) if case.load_unload else continuation.trace(path, goals, begun.points)
         try:
             for number, point in enumerate(points):
                 if case.load_unload and number < count:
@@ -724,16 +708,16 @@ class Simulation:
                 last = step.row
                 self._bifurcations += [point] if point.bifurcation else []
                 yield step
-        except PathEnd as end:
-            text = explain(case, end, self.fields, path, _own_words())
-            raise PathEnded(text, NO_EQUILIBRIUM if end.physical else FAILED) from end
-        except NoConvergence as failure:
-            raise RunError(explain_failure(case, failure, last, _own_words())) from failure
+        except stability.PathEnd as end:
+            text = notes.explain(case, end, self.fields, path, _own_words())
+            raise PathEnded(text, outcomes.NO_EQUILIBRIUM if end.physical else outcomes.FAILED) from end
+        except newton.NoConvergence as failure:
+            raise RunError(notes.explain_failure(case, failure, last, _own_words())) from failure
 
     def _check_volumes(self, start: State | None) -> None:
         """Raise `RunError` for requested volumes below the one that the cavity has under the preload, where the path begins,
         the drivers coupled for it; None for the undeformed state."""
-        volumes = self.case.load.of(VOLUME)
+        volumes = self.case.load.of(steps.VOLUME)
         if start is None or not volumes:
             return
         system = self.solver.system
@@ -741,24 +725,24 @@ class Simulation:
         system.load(start)
         if passed := [value for value in volumes if 0.0 < value < taken]:
             raise RunError(
-                f"{written(passed[0])} are not on this path: the preload has already added "
+                f"{units.written(passed[0])} are not on this path: the preload has already added "
                 f"{taken * 1e6:.4g} ml to the undeformed cavity; request more than that, or 0 for the preloaded state",
-                NO_EQUILIBRIUM,
+                outcomes.NO_EQUILIBRIUM,
             )
 
     def _goals(self) -> list[float]:
         """Return the requested values, dimensionless, each with its text."""
         scale = self.model.unit_of(self.case.quantity)
         return [
-            Amount(goal / scale, goal.number, goal.unit) if isinstance(goal, Amount) else goal / scale
+            units.Amount(goal / scale, goal.number, goal.unit) if isinstance(goal, units.Amount) else goal / scale
             for goal in self.case.goals
         ]
 
-    def quantity(self, name: str) -> PathQuantity:
+    def quantity(self, name: str) -> stability.PathQuantity:
         """Return a requested quantity by its name; the stroke is that of the case's supply."""
         eq, supply = self.solver.system, self.case.supply
-        if supply is None or name in DIRECT:
-            return DIRECT[name]
+        if supply is None or name in stability.DIRECT:
+            return stability.DIRECT[name]
         return supply.control(eq.rest().V * eq.volume_unit, eq.stress_unit, eq.volume_unit)
 
     def _continuation(self, last: float) -> Continuation:
@@ -769,7 +753,7 @@ class Simulation:
 
     def _program(self, begun: Begun) -> Iterator[Step]:
         """Follow the device's program."""
-        case, rows = self.case, PathTable(begun.rows)
+        case, rows = self.case, table.PathTable(begun.rows)
         come = float(begun.stop.number) if begun.stop else 0.0
         try:
             say = self.listener.say
@@ -777,8 +761,8 @@ class Simulation:
             self.model.set_in_motion()
             begun.recall()
             settings = schedule.Settings(case.control, say, case.time_tolerance)
-            gas = self.quantity(Gas.name) if case.supply else None
-            if isinstance(gas, Gas):
+            gas = self.quantity(supply.Gas.name) if case.supply else None
+            if isinstance(gas, supply.Gas):
                 points = schedule.supply(self.solver, case.steps, gas, settings, begun.stop, hung)
             else:
                 points = schedule.follow(self.solver, case.steps, settings, begun.stop, hung)
@@ -786,11 +770,11 @@ class Simulation:
                 step = self.step_of(point, len(rows), come)
                 rows.append(step.row)
                 yield step
-        except PathEnd as end:
-            text = explain_step(case, end, rows, come, _own_words())
-            raise PathEnded(text, NO_EQUILIBRIUM if end.physical else FAILED) from end
-        except NoConvergence as failure:
-            raise RunError(explain_failure(case, failure, rows[-1] if rows else None, _own_words())) from failure
+        except stability.PathEnd as end:
+            text = notes.explain_step(case, end, rows, come, _own_words())
+            raise PathEnded(text, outcomes.NO_EQUILIBRIUM if end.physical else outcomes.FAILED) from end
+        except newton.NoConvergence as failure:
+            raise RunError(notes.explain_failure(case, failure, rows[-1] if rows else None, _own_words())) from failure
 
     @property
     def bifurcates(self) -> bool:
@@ -808,9 +792,9 @@ class Simulation:
         value = self._path.value(start.state) * self.model.unit_of(self.case.quantity) / self.case.load.scale
         self.listener.say(f"following the branch from {value:.4g} {self.case.unit}")
         try:
-            for number, point in enumerate(follow(self._path, start, farthest=max(self._goals()))):
+            for number, point in enumerate(continuation.follow(self._path, start, farthest=max(self._goals()))):
                 yield self.step_of(point, number)
-        except (PathEnd, NoConvergence) as end:
+        except (stability.PathEnd, newton.NoConvergence) as end:
             self.listener.say(f"the branch ends here: {end}")
 
     def release(self) -> None:
@@ -819,15 +803,15 @@ class Simulation:
             self.solver.release()
 
     def _stop_if_asked(self) -> None:
-        if any_rank(self.comm, self.stopped()):
-            raise RunError(INTERRUPTED, STOPPED)
+        if mpi.any_rank(self.comm, self.stopped()):
+            raise RunError(outcomes.INTERRUPTED, outcomes.STOPPED)
 
     def _stop_here(self) -> None:
         """As `_stop_if_asked`, on this rank only."""
         if self.stopped():
-            raise RunError(INTERRUPTED, STOPPED)
+            raise RunError(outcomes.INTERRUPTED, outcomes.STOPPED)
 
-    def step_of(self, point: Point, number: int, come: float = 0.0) -> Step:
+    def step_of(self, point: stability.Point, number: int, come: float = 0.0) -> Step:
         """Return a point of the path in SI units; ``come`` is the number of program steps taken."""
         case, fields = self.case, self.fields
         figures = fields.figures(point.state)
@@ -836,8 +820,11 @@ class Simulation:
         if nodal is not None and mode is not None:
             nodal["mode"] = mode / np.abs(mode).max()
         band = self._band.cells(point) if self._band else {}
-        row = on_root(self.comm, lambda: row_of(Solved(case, fields, point, figures, nodal or {}, number, come, band)))
-        return Step(row, nodal, restart_of(point))
+        row = mpi.on_root(
+            self.comm,
+            lambda: columns.row_of(columns.Solved(case, fields, point, figures, nodal or {}, number, come, band)),
+        )
+        return Step(row, nodal, formats.restart_of(point))
 
 
 def _own_words() -> bool:
@@ -851,23 +838,23 @@ class InMemory(States):
     def __init__(self, simulation: Simulation, mesh: Callable[[], bytes]):
         self._comm, grid = simulation.comm, simulation.fields.grid
         # Only rank 0 has the whole grid.
-        points, cells, self._mesh = on_root(self._comm, lambda: (grid.points, grid.cells, mesh()))
+        points, cells, self._mesh = mpi.on_root(self._comm, lambda: (grid.points, grid.cells, mesh()))
         kept: list[dict[str, Array]] = []
         super().__init__(simulation.case, (), (points, cells, grid.cell_name), lambda step, name: kept[step][name])
         self.mesh_notes, self._fields = simulation.model.notes, kept
-        self._restarts: list[Restart] = []
+        self._restarts: list[formats.Restart] = []
 
     def add(self, step: Step) -> None:
         """Keep a state."""
         self.rows.append(step.row)
-        self._fields.append(on_root(self._comm, lambda: step.fields or {}))
+        self._fields.append(mpi.on_root(self._comm, lambda: step.fields or {}))
         self._restarts.append(step.restart)
 
     def fields(self, step: int, names: Sequence[str] | None = None) -> Mapping[str, Array]:
         there = self._fields[step]
         return there if names is None else {name: there[name] for name in names}
 
-    def restart(self, step: int) -> Restart:
+    def restart(self, step: int) -> formats.Restart:
         return self._restarts[step]
 
     def mesh(self) -> bytes:
@@ -878,21 +865,21 @@ class InMemory(States):
 # Solve a case with every other source of its silicone, on the mesh of the run.
 
 
-def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, PathTable]:
+def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, table.PathTable]:
     """Follow the path of each other source of a case's band, on its mesh's file; all ranks call it. Return rows by the
     sources' names, on all ranks; empty where the case has no such band. A path that ends early has the rows up to there.
     `RunError` if the user stopped it."""
     case, band = simulation.case, simulation.case.band
-    if not isinstance(band, SourceBand):
+    if not isinstance(band, materials.SourceBand):
         return {}
-    found: dict[str, PathTable] = {}
+    found: dict[str, table.PathTable] = {}
     others = band.others(case.material)
     for number, (name, material) in enumerate(others.items(), 1):
         simulation.listener.say(f"solving with {name}, source {number} of {len(others)} besides the run's own")
         aside = Simulation(
             dataclasses.replace(case, material=material, band=None), simulation.comm, None, simulation.stopped
         )
-        rows = found[name] = PathTable()
+        rows = found[name] = table.PathTable()
         try:
             aside.prepare(mesh)
             for step in aside.steps():
@@ -900,7 +887,7 @@ def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, PathTable]:
         except PathEnded as end:
             simulation.listener.say(f"  {end}")
         except RunError as error:
-            if error.status == STOPPED:
+            if error.status == outcomes.STOPPED:
                 raise
             simulation.listener.say(f"  the path of {name} ends here: {error}")
         finally:

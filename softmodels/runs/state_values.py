@@ -14,13 +14,12 @@ import numpy.typing as npt
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import MPI, basix, fem, la, plot, ufl
 from softmodels.materials.laws import Material
+from softmodels.mechanics import compiling, mpi, system
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body, in_space
-from softmodels.mechanics.compiling import JIT
-from softmodels.mechanics.mpi import gathered, largest, scattered, total
 from softmodels.mechanics.solver import Solver
-from softmodels.mechanics.system import State, System, face_load
-from softmodels.path.continuation import CLOSED, CREASED, NEAR_CORNERS
-from softmodels.runs.grid import EDGES, FACES, Cells
+from softmodels.mechanics.system import State, System
+from softmodels.path import continuation
+from softmodels.runs import grid
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Stresses and stretches of deformation gradients.
@@ -118,7 +117,7 @@ class Sampling:
         F = system.body.deformation_gradient(system.potential.displacement, at_axis=True)
         self.to_nodes = _linear_fit(system.points, space.element.interpolation_points)
         self.between = barycentric(space.element.interpolation_points)
-        self._gradients = fem.Expression(F, system.points, jit_options=JIT)
+        self._gradients = fem.Expression(F, system.points, jit_options=compiling.JIT)
         self._dofs = space.dofmap.list[: len(system.cells)]
         self._sum = la.vector(space.dofmap.index_map, 1)
         self._share = self._added(np.ones(self._dofs.shape))
@@ -129,7 +128,7 @@ class Sampling:
         """A unit load along the lift, spread over the device's `Actuator.pushed` face, as dofs."""
         actuator = self.system.body.actuator
         assert actuator.pushed is not None
-        return face_load(self.system, actuator.pushed, actuator.lift)
+        return system.face_load(self.system, actuator.pushed, actuator.lift)
 
     def gradients(self) -> Array:
         """Return the deformation gradients of the state that is loaded, shape (cells, points, 3, 3)."""
@@ -322,15 +321,15 @@ def volume_peak(comm: MPI.Comm, values: Array, volumes: Array, rest: float = 0.0
     rest: q is rounded relative to what is above.
     """
     values = values - rest
-    top = largest(comm, float(values.max()) if values.size else 0.0)
-    whole = SHARE * total(comm, float(volumes.sum()))
+    top = mpi.largest(comm, float(values.max()) if values.size else 0.0)
+    whole = SHARE * mpi.total(comm, float(volumes.sum()))
     if top <= 0.0:
         return rest, rest
 
     def slope(q: float) -> float:
         x = values / q - 1.0
         above, rate = excess(x)
-        return 1.0 + total(comm, float((volumes * (above - (x + 1.0) * rate)).sum())) / whole
+        return 1.0 + mpi.total(comm, float((volumes * (above - (x + 1.0) * rate)).sum())) / whole
 
     low, high = 1e-3 * top, 2.0 * top
     for _ in range(
@@ -339,7 +338,7 @@ def volume_peak(comm: MPI.Comm, values: Array, volumes: Array, rest: float = 0.0
         q = 0.5 * (low + high)
         low, high = (low, q) if slope(q) > 0.0 else (q, high)
     above, _ = excess(values / q - 1.0)
-    return rest + q * (1.0 + total(comm, float((volumes * above).sum())) / whole), rest + q
+    return rest + q * (1.0 + mpi.total(comm, float((volumes * above).sum())) / whole), rest + q
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -439,9 +438,9 @@ class FacingWalls:
         thickness: From the middle of each facet straight through the solid to its other side, in m at rest, shape (f,).
     """
 
-    def __init__(self, points: Array, cells: Cells, cell_name: str, planes: Sequence[npt.ArrayLike] = ()):
+    def __init__(self, points: Array, cells: grid.Cells, cell_name: str, planes: Sequence[npt.ArrayLike] = ()):
         self.points, self.flat = points, cell_name == "Triangle_6"
-        parts = EDGES if self.flat else np.array(FACES[cell_name])
+        parts = grid.EDGES if self.flat else np.array(grid.FACES[cell_name])
         corners, count = parts.shape[1] // 2 + self.flat, len(cells)
         every = cells[:, parts].reshape(-1, parts.shape[1])
         owner = np.repeat(np.arange(count), len(parts))
@@ -540,10 +539,10 @@ class FacingWalls:
         """Return whether a facet is folded onto itself, in a crease that the cells do not resolve: it turns by more than
         `CLOSED`, and its middle is compressed until it creases (`softmodels.path.continuation.crease`)."""
         at = self.points + displacement
-        near = self._middle + NEAR_CORNERS * (self._lattice - self._middle)
+        near = self._middle + continuation.NEAR_CORNERS * (self._lattice - self._middle)
         every = np.arange(len(self.facets))
         n = np.stack([self._normal(self._tangents(at, own), every) for own in near], axis=1)
-        turned = (np.einsum("fpi,fqi->fpq", n, n) < math.cos(CLOSED)).any(axis=(1, 2))
+        turned = (np.einsum("fpi,fqi->fpq", n, n) < math.cos(continuation.CLOSED)).any(axis=(1, 2))
         rest, now = (self._tangents(shape, self._middle) for shape in (self.points, at))
         squares = np.linalg.eigvals(
             np.linalg.solve(np.einsum("fai,fbi->fab", rest, rest), np.einsum("fai,fbi->fab", now, now))
@@ -551,7 +550,7 @@ class FacingWalls:
         if self.flat:
             hoop = self._middles(at)[0][:, :1] / self._rest[0][:, :1]
             squares = np.concatenate([squares, hoop**2], axis=1)
-        return bool((turned & (squares.min(axis=1) * np.sqrt(squares.max(axis=1)) < CREASED)).any())
+        return bool((turned & (squares.min(axis=1) * np.sqrt(squares.max(axis=1)) < continuation.CREASED)).any())
 
     def _tangents(self, at: Array, own: Array) -> Array:
         """Return the tangents of a shape's facets at one place of each in its own coordinates, shape (f, d, 3)."""
@@ -715,7 +714,7 @@ def _joined(facets: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
 
 def _through(
     points: Array,
-    cells: Cells,
+    cells: grid.Cells,
     parts: npt.NDArray[np.int64],
     beyond: npt.NDArray[np.int64],
     owner: npt.NDArray[np.int64],
@@ -794,12 +793,12 @@ class Grid:
         index_map = self.space.dofmap.index_map
         self.owned = index_map.size_local
         here = self.space.tabulate_dof_coordinates()[: self.owned] * system.length_unit
-        everywhere = gathered(self.comm, body.actuator.device_points(here))
+        everywhere = mpi.gathered(self.comm, body.actuator.device_points(here))
         local_cells = plot.vtk_mesh(self.space)[0].reshape(len(system.cells), -1)[:, 1:]
-        cells = gathered(
+        cells = mpi.gathered(
             self.comm, index_map.local_to_global(local_cells.ravel().astype(np.int32)).reshape(local_cells.shape)
         )
-        numbers = gathered(self.comm, body.mesh.topology.original_cell_index[: len(system.cells)])
+        numbers = mpi.gathered(self.comm, body.mesh.topology.original_cell_index[: len(system.cells)])
         if everywhere is None or cells is None or numbers is None:
             self.points, self.cells, self.order = (
                 np.empty((0, 3)),
@@ -818,7 +817,7 @@ class Grid:
     def collect(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
         """Return the nodal values of owned nodes, shape (owned, ...), as one array in the grid's order on rank 0; None
         elsewhere."""
-        everywhere = gathered(self.comm, values)
+        everywhere = mpi.gathered(self.comm, values)
         return None if everywhere is None else everywhere[self.order]
 
     def distribute(self, values: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
@@ -827,7 +826,7 @@ class Grid:
         if values is not None:
             back = np.empty_like(values)
             back[self.order] = values
-        return scattered(self.comm, back, self.owned)
+        return mpi.scattered(self.comm, back, self.owned)
 
 
 def displacement_maps(system: System, grid: Grid) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32] | None]:

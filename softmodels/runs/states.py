@@ -15,24 +15,16 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from geometries import Actuator
-from geometries.actuator import Vector, reflected
+from geometries import Actuator, actuator
+from geometries.actuator import Vector
+from softmodels.case import materials
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
-from softmodels.case.materials import SourceBand
+from softmodels.common import commands, files, units
 from softmodels.common.arrays import Array
-from softmodels.common.commands import Provenance
-from softmodels.common.files import hdf5_reason
 from softmodels.common.lazy import pyvista
-from softmodels.common.units import brief
-from softmodels.runs.columns import SourceTables, in_order, read_sources
-from softmodels.runs.fields import OUTPUTS, OutputField
-from softmodels.runs.formats import CELL_TYPES, Restart, opened, read_values
-from softmodels.runs.grid import OUTSIDE, Surface, surface_of
-from softmodels.runs.labels import StateLabels, state_labels
-from softmodels.runs.state_values import FacingWalls, principal
-from softmodels.runs.store import FORMAT, OLDER, Results, ResultsError
-from softmodels.runs.table import PathTable, Row, parsed
+from softmodels.runs import columns, fields, formats, grid, labels, state_values, store, table
+from softmodels.runs.store import ResultsError
 
 STILLS = 4
 """Maximum number of states shown side by side."""
@@ -56,13 +48,13 @@ class States:
         made: Where they come from.
     """
 
-    def __init__(self, case: Case, rows: Iterable[Row], grid: NodalGrid, read: Callable[[int, str], Array]):
-        self.case, self.rows, self._read = case, PathTable(rows), read
+    def __init__(self, case: Case, rows: Iterable[table.Row], grid: NodalGrid, read: Callable[[int, str], Array]):
+        self.case, self.rows, self._read = case, table.PathTable(rows), read
         self.points, self.cells, self.cell_name = grid
-        self.others: SourceTables = {}
-        self.branch = PathTable()
+        self.others: columns.SourceTables = {}
+        self.branch = table.PathTable()
         self.mesh_notes: Sequence[str] = ()
-        self.made = Provenance()
+        self.made = commands.Provenance()
 
     @property
     def name(self) -> str:
@@ -72,7 +64,7 @@ class States:
         """Return nodal fields of a state by name, all of them for None."""
         raise NotImplementedError
 
-    def restart(self, step: int) -> Restart:
+    def restart(self, step: int) -> formats.Restart:
         """Return the numbers that a restart needs beside the fields."""
         raise NotImplementedError
 
@@ -85,14 +77,14 @@ class States:
         return self.case.actuator
 
     @functools.cached_property
-    def words(self) -> StateLabels:
+    def words(self) -> labels.StateLabels:
         """Labels of its states."""
-        return state_labels(self.case)
+        return labels.state_labels(self.case)
 
     @functools.cached_property
-    def skin(self) -> Surface:
+    def skin(self) -> grid.Surface:
         """The surface of the mesh."""
-        return surface_of(self.points, self.cells, self.cell_name, self.actuator)
+        return grid.surface_of(self.points, self.cells, self.cell_name, self.actuator)
 
     @property
     def bifurcation(self) -> int | None:
@@ -100,9 +92,9 @@ class States:
         return next(iter(np.flatnonzero(self.rows.get("bifurcation")).tolist()), None)
 
     @functools.cached_property
-    def sources(self) -> dict[str, PathTable]:
+    def sources(self) -> dict[str, table.PathTable]:
         """Tables of each source of the silicone, the run's own among them; none where no others were solved."""
-        return in_order(self.case, self.rows, self.others)
+        return columns.in_order(self.case, self.rows, self.others)
 
     def field(self, step: float, name: str) -> Array:
         """Return a nodal field of a state, shape (n,) or (n, 3), SI units; of step 2.5 the mean of steps 2 and 3."""
@@ -115,7 +107,7 @@ class States:
         """Return the deformed nodes of a state in m, shape (n, 3)."""
         return self.points + self.field(step, "displacement")
 
-    def row(self, step: float) -> Row:
+    def row(self, step: float) -> table.Row:
         """Return the row of a state; see `row_at`."""
         return row_at(self.rows, step)
 
@@ -163,7 +155,7 @@ class States:
         if (
             even := []
             if self.case.program
-            else round_steps(self.rows[: self.main + 1], parsed(self.case.column)[0], most)
+            else round_steps(self.rows[: self.main + 1], table.parsed(self.case.column)[0], most)
         ):
             return even
         wanted = np.linspace(0.0, 1.0, most + 1)[1:]
@@ -190,7 +182,7 @@ class StoredStates(States):
                 f"directory, or give an absolute path"
             ) from None
         case = Case.from_file(folder / "case.toml") if name is None else None
-        self.folder, self.results = folder, Results(folder, name or (case.name if case else ""))
+        self.folder, self.results = folder, store.Results(folder, name or (case.name if case else ""))
         if not self.results.heavy.exists():
             raise ResultsError(f"{folder} holds no {self.results.heavy.name}, so there is nothing to draw")
         self.results.load()
@@ -198,15 +190,15 @@ class StoredStates(States):
             raise ResultsError(f"the results in {folder} hold no step yet, so there is nothing to draw")
         case = case or Case.from_file(folder / "case.toml")
         self.results.cm = case.cm
-        with opened(self.results.heavy) as file:
-            points, cells = (np.asarray(read_values(file, f"mesh/{name}")) for name in ("points", "cells"))
+        with formats.opened(self.results.heavy) as file:
+            points, cells = (np.asarray(formats.read_values(file, f"mesh/{name}")) for name in ("points", "cells"))
             grid = points, cells, str(file["mesh"].attrs["cell_name"])
         read = functools.lru_cache(maxsize=24)(lambda step, field: self.fields(step, (field,))[field])
         super().__init__(case, self.results.rows, grid, read)
         self._mesh = (home or folder) / f"{case.name}.msh"
-        self.others = read_sources(folder, case.cm) if isinstance(case.band, SourceBand) else {}
+        self.others = columns.read_sources(folder, case.cm) if isinstance(case.band, materials.SourceBand) else {}
         self.branch, self.mesh_notes = self.results.branch_rows, self.results.mesh_notes
-        self.made = Provenance.from_table(self.results.own.about.get("made"))
+        self.made = commands.Provenance.from_table(self.results.own.about.get("made"))
 
     def branch_states(self) -> StoredStates | None:
         """Return the states of the followed branch; None if there is none."""
@@ -215,14 +207,14 @@ class StoredStates(States):
     def fields(self, step: int, names: Sequence[str] | None = None) -> Mapping[str, Array]:
         there = self.results.stored[step].shapes
         if missing := [name for name in names or () if name not in there]:
-            if self.results.format != FORMAT:
+            if self.results.format != store.FORMAT:
                 raise self.results.other_format(missing[0])
-            raise ResultsError(f"the states in {self.folder} hold no {missing[0]}; {OLDER}")
+            raise ResultsError(f"the states in {self.folder} hold no {missing[0]}; {store.OLDER}")
         with self._readable():
             found = self.results.fields(step, tuple(there if names is None else names))
         return {name: values.astype(float) for name, values in found.items()}
 
-    def restart(self, step: int) -> Restart:
+    def restart(self, step: int) -> formats.Restart:
         return self.results.stored[step].restart
 
     def mesh(self) -> bytes:
@@ -235,24 +227,24 @@ class StoredStates(States):
         try:
             yield
         except (OSError, KeyError, ResultsError) as error:
-            reason = error.strerror if isinstance(error, OSError) and error.strerror else hdf5_reason(error)
+            reason = error.strerror if isinstance(error, OSError) and error.strerror else files.hdf5_reason(error)
             raise ResultsError(
                 f"the states in {self.folder} can no longer be read ({reason}); restore the folder, or "
                 f"load it from its new place"
             ) from None
 
 
-def row_at(rows: PathTable, step: float) -> Row:
+def row_at(rows: table.PathTable, step: float) -> table.Row:
     """Return the row of a state, of step 2.5 the mean of the numbers of steps 2 and 3."""
     begin, share = int(step), step - int(step)
     if not share:
         return rows[begin]
     pairs = [(name, value, rows[begin + 1].cells.get(name)) for name, value in rows[begin].cells.items()]
     both = [(name, a, b) for name, a, b in pairs if isinstance(a, int | float) and isinstance(b, int | float)]
-    return Row(((name, (1 - share) * a + share * b) for name, a, b in both), rows[begin].cm)
+    return table.Row(((name, (1 - share) * a + share * b) for name, a, b in both), rows[begin].cm)
 
 
-def round_steps(rows: PathTable, variable: str, most: int) -> list[float]:
+def round_steps(rows: table.PathTable, variable: str, most: int) -> list[float]:
     """Return where a variable has round values in the unit in which it is shown, at most ``most``, and the last step; empty
     unless it only rises, or only falls from 0. Fractions are between two steps, where it is taken as straight."""
     values = rows.shown(variable)
@@ -276,12 +268,12 @@ BESIDE = 1e-7
 """Offset of the cut from the plane, relative to the device's size, so that vertices in the plane do no harm."""
 
 
-def cut_line(skin: Surface, points: Array, displacement: Array, normal: Vector, at: float, size: float) -> Array:
+def cut_line(skin: grid.Surface, points: Array, displacement: Array, normal: Vector, at: float, size: float) -> Array:
     """Return the pieces of the deformed section of the outer surface, in device coordinates (m), shape (k, 2, 3): undeformed
     nodes and displacements in m, shape (n, 3), cut by a plane of unit normal, ``at`` m from the origin, of a device as large
     as ``size`` m."""
     rest, moved = (skin.device(skin.points(nodal)) for nodal in (points, points + displacement))
-    triangles = skin.device_triangles(skin.part == OUTSIDE)
+    triangles = skin.device_triangles(skin.part == grid.OUTSIDE)
     height = rest @ np.asarray(normal) - at - BESIDE * size
     above = height[triangles] > 0.0
     hit = triangles[above.any(axis=1) & ~above.all(axis=1)]
@@ -370,8 +362,8 @@ class Line:
             found |= {f"{axis}{what}_mm": places[:, k] * 1e3 for k, axis in enumerate("xyz")}
         found["normal_stress_kPa"] = self.normal_stress / 1e3
         for name, values in self.fields.items():
-            known = OUTPUTS.get(name)
-            unit = known.unit if isinstance(known, OutputField) else ""
+            known = fields.OUTPUTS.get(name)
+            unit = known.unit if isinstance(known, fields.OutputField) else ""
             ending, factor = {"Pa": ("_kPa", 1e-3), "m": ("_mm", 1e3)}.get(unit, ("", 1.0))
             axes = NAMES.get(name, "123" if name.startswith("principal") else "xyz")
             parts = [""] if values.ndim == 1 else [f"_{i}" for i in axes] if values.ndim == 2 else [
@@ -392,7 +384,7 @@ class Probe:
     @functools.cached_property
     def _grid(self) -> pyvista.UnstructuredGrid:
         points, cells, name = self.mesh
-        return pyvista.UnstructuredGrid({CELL_TYPES[name]: cells.copy()}, points.copy())
+        return pyvista.UnstructuredGrid({formats.CELL_TYPES[name]: cells.copy()}, points.copy())
 
     def modelled(self, points: Array) -> tuple[Array, Array]:
         """Return where points of the device, shape (k, 3), lie in the modelled part, and the rotations or reflections that take
@@ -405,7 +397,7 @@ class Probe:
             turns[:, 0, 0], turns[:, 0, 1], turns[:, 1, 0], turns[:, 1, 1] = cos, -sin, sin, cos
             points = np.column_stack([radius, np.zeros(len(points)), points[:, 2]])
         normals = np.array([plane.normal for plane in self.device.cut_planes]).reshape(-1, 3)
-        images = reflected(normals)
+        images = actuator.reflected(normals)
         back = np.einsum("mij,ki->kmj", images, points)  # the transposed images take a point to the slice
         beyond = (back @ normals.T).max(axis=2) if len(normals) else np.zeros(back.shape[:2])
         chosen = np.argmin(np.maximum(beyond, 0.0), axis=1)
@@ -438,7 +430,7 @@ class Probe:
         if not np.linalg.norm(end - begin) > 0.0:
             raise CaseError(f"the line begins and ends at {told(begin)}; give two different places")
         if not isinstance(count, int) or isinstance(count, bool) or count < 2:
-            raise CaseError(f"points is {brief(count)}; give a whole number, 2 or more")
+            raise CaseError(f"points is {units.brief(count)}; give a whole number, 2 or more")
         points = begin + np.linspace(0.0, 1.0, count)[:, None] * (end - begin)
         smooth = {name: values for name, values in fields.items() if not name.startswith("principal")}
         found = self.at(points, smooth)
@@ -453,7 +445,7 @@ class Probe:
         tensors = {"stresses": found["cauchy_stress"], "stretches": np.swapaxes(F, -1, -2) @ F}
         for name, tensor in tensors.items():
             values = np.full((count, 3), np.nan)
-            values[inside] = principal(tensor[inside])[0]
+            values[inside] = state_values.principal(tensor[inside])[0]
             found[f"principal_{name}"] = values if name == "stresses" else np.sqrt(values)
         return Line(points, found)
 
@@ -464,7 +456,7 @@ class Probe:
         """
         [place], [turn] = self.modelled(point[None])
         planes = [plane.normal for plane in self.device.cut_planes]
-        walls = FacingWalls(*self.mesh, planes)
+        walls = state_values.FacingWalls(*self.mesh, planes)
         begin, inwards, thickness = walls.into(place)
         low, high = 0.0, 1.5 * thickness
         nodes = {"inside": np.ones(len(self.mesh[0]))}

@@ -22,27 +22,13 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
+from softmodels.case import materials
 from softmodels.case.case import Case
-from softmodels.case.materials import SourceBand
-from softmodels.common.errors import Spoken
+from softmodels.common import errors, folders
 from softmodels.common.files import hdf5_reason, remove_steps, replace, replace_hdf5
-from softmodels.common.folders import PATIENCE, OwnFolder
-from softmodels.runs.columns import FILE as SOURCES, SourceTables, in_order, read_sources, write_sources
-from softmodels.runs.formats import (
-    RESTART,
-    ROW,
-    TENSOR,
-    Restart,
-    StoredStep,
-    inside,
-    opened,
-    read_step,
-    read_values,
-    shapes_of,
-    write_gathered,
-    write_light,
-)
-from softmodels.runs.table import PathTable, Row
+from softmodels.runs import columns, formats, table
+from softmodels.runs.columns import write_sources
+from softmodels.runs.formats import write_light
 
 PICTURES = ("profile", "loop", "mesh", "slice", "mode", "undeformed", "cut", "hot-spots", "stress",
             *(f"stress-{k}" for k in range(1, 5)))  # fmt: skip
@@ -62,17 +48,17 @@ def picture_files(gauge: str) -> list[str]:
     return [*(f"{picture}.png" for picture in (*PICTURES, gauge)), *PAGES]
 
 
-def picture_folder(folder: Path) -> OwnFolder:
+def picture_folder(folder: Path) -> folders.OwnFolder:
     """Return the record of the pictures in a results folder, separate from the run's because they are also drawn during it."""
-    return OwnFolder(folder, "pictures", part="pictures")
+    return folders.OwnFolder(folder, "pictures", part="pictures")
 
 
-def not_passed(steps: Mapping[int, StoredStep]) -> list[int]:
+def not_passed(steps: Mapping[int, formats.StoredStep]) -> list[int]:
     """Return the numbers of the states of one path, in order, without those of an interrupted program that the states of a
     resumed one have passed: it may take other steps in time, and fewer."""
     reached, numbers = -math.inf, []
     for number in sorted(steps):
-        row = Row(steps[number].cells)
+        row = table.Row(steps[number].cells)
         come = row.get("load_step", math.inf)
         if reached < come:
             numbers.append(number)
@@ -80,7 +66,7 @@ def not_passed(steps: Mapping[int, StoredStep]) -> list[int]:
     return numbers
 
 
-class ResultsError(Spoken, RuntimeError):
+class ResultsError(errors.Spoken, RuntimeError):
     """Results cannot be read or resumed; the message is for the user."""
 
 
@@ -98,10 +84,10 @@ class Results:
     """
 
     def __init__(self, folder: Path, name: str, gauge: str = "apex", kind: str = RUN, cm: float | None = None):
-        self.own = OwnFolder(folder, kind)
+        self.own = folders.OwnFolder(folder, kind)
         self.folder, self.name, self.gauge, self.cm = folder, name, gauge, cm
-        self.stored: list[StoredStep] = []
-        self.later: dict[int, StoredStep] = {}
+        self.stored: list[formats.StoredStep] = []
+        self.later: dict[int, formats.StoredStep] = {}
         self._about: dict[str, object] = {}
         self.format = FORMAT
         self.started: float | None = None
@@ -115,15 +101,15 @@ class Results:
         return self.folder / f"{self.name}.steps"
 
     @property
-    def rows(self) -> PathTable:
-        return PathTable.read((step.cells for step in self.stored), self.cm)
+    def rows(self) -> table.PathTable:
+        return table.PathTable.read((step.cells for step in self.stored), self.cm)
 
     def branch(self) -> Results:
         """Results of the branch at this path's bifurcation, in their own folder, which may not exist."""
         return Results(self.own.path / BRANCH.strip("/"), self.name, self.gauge, "branch", self.cm)
 
     @property
-    def branch_rows(self) -> PathTable:
+    def branch_rows(self) -> table.PathTable:
         """Rows of the followed branch; empty if there is none."""
         branch = self.branch()
         if branch.heavy.exists():
@@ -135,23 +121,25 @@ class Results:
         """Recorded warnings about the mesh."""
         return list(self.own.about.get("mesh_notes", ()))
 
-    def write_sources(self, sources: SourceTables) -> None:
+    def write_sources(self, sources: columns.SourceTables) -> None:
         """Write the paths of the silicone's other sources, if any."""
         if sources:
-            self.own.claim([SOURCES])
+            self.own.claim([columns.FILE])
             write_sources(self.folder, sources)
 
-    def sources(self, case: Case) -> dict[str, PathTable]:
+    def sources(self, case: Case) -> dict[str, table.PathTable]:
         """Return the table of each source of the silicone, the run's own included; empty if no others were solved."""
-        return in_order(
-            case, self.rows, read_sources(self.folder, case.cm) if isinstance(case.band, SourceBand) else {}
+        return columns.in_order(
+            case,
+            self.rows,
+            columns.read_sources(self.folder, case.cm) if isinstance(case.band, materials.SourceBand) else {},
         )
 
     @property
     def files(self) -> list[str]:
         """Names of the files of a run, pictures excluded."""
         own = (f"{self.name}{end}" for end in (".h5", ".xdmf", ".vtkhdf", ".msh", ".steps/"))
-        return ["case.toml", *own, "path.csv", SOURCES, "summary.json", INPUTS]
+        return ["case.toml", *own, "path.csv", columns.FILE, "summary.json", INPUTS]
 
     @staticmethod
     def inputs_of(files: Iterable[str]) -> dict[str, str]:
@@ -179,7 +167,7 @@ class Results:
     def _bring_in(self) -> None:
         """Replace the earlier results, pictures included, by the prepared ones."""
         pictures = picture_folder(self.own.path)
-        pictures.take(PATIENCE)  # a drawing process may be using them
+        pictures.take(folders.PATIENCE)  # a drawing process may be using them
         try:
             self.own.bring_in(self._about)
             self.folder = self.own.path
@@ -208,8 +196,8 @@ class Results:
 
     def check_grid(self, points: npt.NDArray[np.float64]) -> None:
         """Raise `ResultsError` if the stored states lie on other nodes than these, shape (n, 3), m."""
-        with opened(self.heavy) as file:
-            stored = np.asarray(read_values(file, "mesh/points"))
+        with formats.opened(self.heavy) as file:
+            stored = np.asarray(formats.read_values(file, "mesh/points"))
         if stored.shape != points.shape or not np.allclose(stored, points, rtol=0.0, atol=1e-9 * np.abs(stored).max()):
             nodes = f"{len(stored)} nodes there, {len(points)} here"
             raise ResultsError(f"the states in {self.folder} are of another mesh ({nodes}); run without --resume")
@@ -221,20 +209,20 @@ class Results:
             raise ResultsError(f"{self.folder} holds no {self.heavy.name}, so there is no run to resume")
         if self.steps.is_symlink():
             raise ResultsError(f"{self.steps} is a link, but the steps of a run must be in its own folder; remove it")
-        found: dict[int, StoredStep] = {}
+        found: dict[int, formats.StoredStep] = {}
         try:
-            with opened(self.heavy) as file:
+            with formats.opened(self.heavy) as file:
                 self.format = int(file.attrs.get("format", 0))
                 if self.format > FORMAT or (go_on and self.format < FORMAT):
                     raise self.other_format()
-                points, cells = inside(file, "mesh/points").shape, inside(file, "mesh/cells").shape
-                self._shapes = (points[0], cells, str(inside(file, "mesh").attrs["cell_name"]))
-                for group in inside(file, "steps") if "steps" in file else ():
-                    step = inside(file, f"steps/{group}")
-                    found[int(group)] = read_step(step, self.heavy.name, f"/steps/{group}")
+                points, cells = formats.inside(file, "mesh/points").shape, formats.inside(file, "mesh/cells").shape
+                self._shapes = (points[0], cells, str(formats.inside(file, "mesh").attrs["cell_name"]))
+                for group in formats.inside(file, "steps") if "steps" in file else ():
+                    step = formats.inside(file, f"steps/{group}")
+                    found[int(group)] = formats.read_step(step, self.heavy.name, f"/steps/{group}")
             for path in sorted(self.steps.glob("*.h5")):
-                with opened(path) as file:
-                    found[int(path.stem)] = read_step(file, f"{self.steps.name}/{path.name}", "")
+                with formats.opened(path) as file:
+                    found[int(path.stem)] = formats.read_step(file, f"{self.steps.name}/{path.name}", "")
         except ResultsError:
             raise
         except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
@@ -250,19 +238,23 @@ class Results:
             f"{text} (format {self.format}, not {FORMAT}){without}; {'update softmodels' if later else OLDER}"
         )
 
-    def add(self, row: Row, fields: Mapping[str, npt.NDArray[np.float64]], restart: Restart) -> None:
+    def add(self, row: table.Row, fields: Mapping[str, npt.NDArray[np.float64]], restart: formats.Restart) -> None:
         """Store one step: its row of ``path.csv``, nodal fields (n,), (n, 3) or (n, 3, 3), and its restart data."""
-        flat = {name: values if values.ndim < 3 else values.reshape(-1, TENSOR) for name, values in fields.items()}
+        flat = {
+            name: values if values.ndim < 3 else values.reshape(-1, formats.TENSOR) for name, values in fields.items()
+        }
         self.steps.mkdir(exist_ok=True)
 
         def fill(file: h5py.File) -> None:
             for name, values in flat.items():
                 file[name] = values
-            file.attrs[ROW], file.attrs[RESTART] = json.dumps(row.cells), json.dumps(restart)
+            file.attrs[formats.ROW], file.attrs[formats.RESTART] = json.dumps(row.cells), json.dumps(restart)
 
         path = self.steps / f"{len(self.stored):04d}.h5"
         replace_hdf5(path, fill)
-        self.stored.append(StoredStep(f"{self.steps.name}/{path.name}", "", row.cells, restart.copy(), shapes_of(flat)))
+        self.stored.append(
+            formats.StoredStep(f"{self.steps.name}/{path.name}", "", row.cells, restart.copy(), formats.shapes_of(flat))
+        )
         known = dict(enumerate(self.stored))
         self.later = {step: self.later[step] for step in not_passed(self.later | known) if step not in known}
         self.write_light()
@@ -274,10 +266,10 @@ class Results:
         if not (self.folder / self.stored[step].file).exists():
             self.load()  # the run that wrote it has merged its steps meanwhile
         stored = self.stored[step]
-        with opened(self.folder / stored.file) as file:
-            found = {name: np.asarray(read_values(file, f"{stored.group}/{name}")) for name in names}
+        with formats.opened(self.folder / stored.file) as file:
+            found = {name: np.asarray(formats.read_values(file, f"{stored.group}/{name}")) for name in names}
         return {
-            name: values.reshape(-1, 3, 3) if values.shape[1:] == (TENSOR,) else values
+            name: values.reshape(-1, 3, 3) if values.shape[1:] == (formats.TENSOR,) else values
             for name, values in found.items()
         }
 
@@ -295,7 +287,7 @@ class Results:
         ]
         whole = self.heavy, self._shapes, self.stored, gathered
         try:
-            replace(self.heavy, lambda path: write_gathered(path, *whole))
+            replace(self.heavy, lambda path: formats.write_gathered(path, *whole))
         except (OSError, RuntimeError) as error:
             raise OSError(errno.EIO, hdf5_reason(error)) from error
         self.stored = gathered

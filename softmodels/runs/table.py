@@ -15,8 +15,8 @@ from typing import overload
 
 import numpy as np
 
+from softmodels.common import units
 from softmodels.common.arrays import Array
-from softmodels.common.units import pascal_per_cm
 
 Cell = float | str | None
 """Cell of ``path.csv``: a number in the unit of its column, a word, or None if unknown."""
@@ -137,7 +137,7 @@ class Row(Mapping[str, float]):
 
     def __init__(self, cells: Mapping[str, Cell] | Iterable[tuple[str, Cell]], cm: float | None = None):
         self.cells: dict[str, Cell] = dict(cells)
-        self.cm = pascal_per_cm() if cm is None else cm
+        self.cm = units.pascal_per_cm() if cm is None else cm
         self._places, self._shown = _places(tuple(self.cells), self.cm)
 
     def __reduce__(self) -> tuple[type[Row], tuple[dict[str, Cell], float]]:

@@ -184,10 +184,10 @@ class Bench:
 
         wrote = Actuator.write
         with (
-            mock.patch("softmodels.cli.run.run", run), mock.patch("softmodels.cli.analyses.find_limit", accepted),
+            mock.patch("softmodels.cli.run.run", run), mock.patch("softmodels.runs.analyses.find_limit", accepted),
             mock.patch("softmodels.cli.material_commands.fit_curves", accepted),
             mock.patch("softmodels.cli.material_commands.fit", accepted),
-            mock.patch("softmodels.cli.material_commands.fit_heights", accepted),
+            mock.patch("softmodels.fitting.outlines.fit.fit_heights", accepted),
             mock.patch.object(Actuator, "write", write),
         ):  # fmt: skip
             yield

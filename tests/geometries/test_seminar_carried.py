@@ -8,8 +8,8 @@ import pytest
 
 from geometries import GeometryError, HollowDisk, SeminarActuator
 from geometries.actuator import changed, parameter, parameter_names
-from geometries.meshing import private_model
-from geometries.seminar import MM, Junction, _role, edge_distance, half_fan, half_slab, side
+from geometries.meshing import MM, private_model
+from geometries.seminar import Junction, _role, edge_distance, half_fan, half_slab, side
 from tests.support.campaigns import sampled
 
 COARSE = {"around": 5.0, "channels": 3, "spread": 60.0}

@@ -209,7 +209,7 @@ def test_heights_without_their_liquid_are_told(rows, options, told, tmp_path, mo
         raise OwnFolderError("enough")
 
     monkeypatch.setattr(photos_command.Setup, "from_file", lambda file: None)
-    monkeypatch.setattr(photos_command, "open_folder", taken)
+    monkeypatch.setattr(photos_command.commands, "open_folder", taken)
     (tmp_path / "photos.csv").write_text(rows)
     done = CliRunner().invoke(main, ["photos", str(tmp_path / "photos.csv"), "--setup", str(tmp_path), *options])
     sentence = "pressures are read in cm, 0.97 g/ml, 3 % less than water at 20 degC; --water-density sets another"

@@ -42,7 +42,7 @@ def drawing(section):
 
 
 def test_a_process_that_was_ready_draws(section, drawing, monkeypatch, capsys):
-    monkeypatch.setattr(module, "cores", lambda: 2)
+    monkeypatch.setattr(module.processes, "cores", lambda: 2)
     drawing.get_ready(ranks=1)
     begun = drawing._process
     drawing.begin(section)
@@ -87,7 +87,7 @@ def test_a_run_tells_what_was_drawn_and_how_to_get_the_film(drawing):
 
 
 def test_no_core_is_taken_from_the_solver(drawing, monkeypatch):
-    monkeypatch.setattr(module, "cores", lambda: 2)
+    monkeypatch.setattr(module.processes, "cores", lambda: 2)
     drawing.get_ready(ranks=2)
     assert drawing._process is None
 

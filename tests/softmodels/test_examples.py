@@ -123,8 +123,8 @@ def test_the_two_demonstrations_take_folders_of_their_own(monkeypatch, capsys):
         taken.append(default)
         raise OwnFolderError("noted")
 
+    monkeypatch.setattr(examples.commands, "open_place", refuse)
     for module in (examples, measurement_demo):
-        monkeypatch.setattr(module, "open_place", refuse)
         with contextlib.suppress(SystemExit, click.ClickException):
             module.demo.main([], standalone_mode=False)
     assert len(taken) == len(set(taken)) == 2

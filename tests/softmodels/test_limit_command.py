@@ -248,7 +248,7 @@ def test_any_device_by_its_options(ended):
 
 def test_straight_edges_are_told_wherever_a_device_is_meshed(ended, monkeypatch):
     """A mesh with edges that could not be curved; no device's has some today, so that their number is set."""
-    monkeypatch.setattr(body, "straight_edges", lambda: 12)
+    monkeypatch.setattr(body.meshing, "straight_edges", lambda: 12)
     text = "12 edges of the mesh on curved faces are straight"
     words = ("--cell-size", "5mm", "--wall", "3mm", "--shear-modulus", "20kPa", "--poisson", "0.5")
     status, out, _ = ended(softmodels, "limit", "--device", "balloon", *words)
@@ -263,7 +263,7 @@ def test_straight_edges_are_told_wherever_a_device_is_meshed(ended, monkeypatch)
 
 
 def test_straight_edges_are_told_with_every_result_on_their_mesh(monkeypatch, tmp_path):
-    monkeypatch.setattr(body, "straight_edges", lambda: 12)
+    monkeypatch.setattr(body.meshing, "straight_edges", lambda: 12)
     text = "12 edges of the mesh on curved faces are straight"
     device, law = HollowDisk(section="axisymmetric", cell_size=6e-3, refinement=1.0), Yeoh(9e3, 300.0, 0.0, 0.49)
     case = Case("disk", device, law, pressures_cm=(20.0, 50.0, 80.0))
@@ -300,7 +300,7 @@ def test_every_option_makes_another_question(ended, monkeypatch):
         asked.append({name: value for name, value in options.items() if name not in NO_INPUT})
         raise CaseError("asked")
 
-    monkeypatch.setattr(analyses, "open_folder", opened)
+    monkeypatch.setattr(analyses.commands, "open_folder", opened)
     more = [
         [],
         ["--vacuum"],

@@ -58,7 +58,7 @@ def test_a_device_whose_air_misses_a_face_is_refused(ended, monkeypatch, tmp_pat
     known = pneunet._role
 
     def forgetful(finger, tag):
-        low, high = pneunet.face_block(tag)
+        low, high = pneunet.meshing.face_block(tag)
         floor = np.allclose((low[2], high[2]), 0.5 * finger.base, atol=1e-9)
         return "outer" if floor else known(finger, tag)
 

@@ -70,8 +70,7 @@ def test_stress_has_one_camera_and_one_scale(kind, drawn):
 
 
 def test_without_rendering_the_curves_are_drawn_and_one_sentence_said(wedge, tmp_path, monkeypatch):
-    for module in (pictures, solid):
-        monkeypatch.setattr(module, "can_render", lambda: False)
+    monkeypatch.setattr(offscreen, "can_render", lambda: False)
     said: list[str] = []
     names = [path.name for path in pictures.draw(plain(wedge, tmp_path), "disk", said.append)]
     assert names == ["apex.png", "profile.png", "report.html"]
@@ -79,7 +78,7 @@ def test_without_rendering_the_curves_are_drawn_and_one_sentence_said(wedge, tmp
 
 
 def test_the_flat_sections_need_no_rendering(half_section, tmp_path, monkeypatch):
-    monkeypatch.setattr(pictures, "can_render", lambda: False)
+    monkeypatch.setattr(offscreen, "can_render", lambda: False)
     said: list[str] = []
     names = [path.name for path in pictures.draw(plain(half_section, tmp_path), "disk", said.append)]
     assert names == ["apex.png", "profile.png", "mesh.png", "slice.png", "stress.png", "hot-spots.png", "report.html"]

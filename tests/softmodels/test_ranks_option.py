@@ -29,7 +29,7 @@ def free(monkeypatch):
     """No launcher around, and four cores."""
     for name in ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK", "SLURM_PROCID", "PMI_SIZE"):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(options, "cores", lambda: 4)
+    monkeypatch.setattr(options.processes, "cores", lambda: 4)
     monkeypatch.setattr(options, "_launcher", lambda: "mpirun")
     return monkeypatch
 
@@ -44,7 +44,7 @@ def test_as_many_ranks_as_have_enough_unknowns_and_no_more_than_cores(nodes, exp
     free.setattr(HollowDisk, "write", lambda self, file, stopped: file.write_text(text))
     assert options.ranks_for(case_of(), None) == expected
     assert options.ranks_for(case_of(section="axisymmetric"), None) == 1
-    free.setattr(options, "cores", lambda: 1)
+    free.setattr(options.processes, "cores", lambda: 1)
     assert options.ranks_for(case_of(), None) == 1
 
 

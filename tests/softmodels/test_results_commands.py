@@ -55,7 +55,7 @@ def test_the_best_file_of_other_results(name, opened, tmp_path):
 
 
 def test_a_missing_report_is_made_of_what_is_stored(opened, half_section, tmp_path, monkeypatch):
-    monkeypatch.setattr("softmodels.pictures.draw.can_render", lambda: False)  # pictures of the solid cost seconds
+    monkeypatch.setattr("softmodels.pictures.offscreen.can_render", lambda: False)  # pictures of the solid cost seconds
     folder = shutil.copytree(half_section, tmp_path / "disk", ignore=shutil.ignore_patterns("*.png", "report.html"))
     status, out, err, _ = opened(folder, "--no-browser")
     assert status == 0 and "making the report" in err and out == f"{(folder / 'report.html').as_uri()}\n"

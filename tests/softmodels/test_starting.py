@@ -24,7 +24,7 @@ def looks(monkeypatch):
     """Return a function that gives how often a waiting rank of some looks for messages, on some cores."""
 
     def found(ranks, cores, before=None):
-        monkeypatch.setattr(mpi, "cores", lambda: cores)
+        monkeypatch.setattr(mpi.processes, "cores", lambda: cores)
         for name, value in (("MPI_LOCALNRANKS", ranks), (LOOKS, before)):
             if value is None:
                 monkeypatch.delenv(name, raising=False)

@@ -83,8 +83,8 @@ def test_a_variant_that_fails_is_not_a_user_who_stops(monkeypatch, status):
 
     monkeypatch.setattr(search, "run_in", run_in)
     monkeypatch.setattr(search, "_begin", lambda *given: None)
-    monkeypatch.setattr(search, "on_root", lambda comm, work: work())
-    monkeypatch.setattr(search, "kept_on_root", lambda comm, work: None)
+    monkeypatch.setattr(search.mpi, "on_root", lambda comm, work: work())
+    monkeypatch.setattr(search.mpi, "kept_on_root", lambda comm, work: None)
     with pytest.raises(RunError) as told:
         run_variants(_Variants(), None, _Here())
     assert len(tried) == (1 if status == STOPPED else 2)

@@ -299,10 +299,8 @@ def nothing_starts(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     for place in (
         "geometries.actuator.Actuator.write", "softmodels.mechanics.system.System.__init__",
-        "softmodels.api.calls.start", "softmodels.casting.files.made", "softmodels.design.optimise.start",
-        "softmodels.api.run.start", "softmodels.runs.simulation.start", "softmodels.fitting.curves.fit.fit_law_to_curves",
-        "softmodels.fitting.outlines.fit.start", "softmodels.api.run.begin", "softmodels.design.study.solve_into",
-        "softmodels.decks.reduction.start",
+        "softmodels.mechanics.mpi.start", "softmodels.casting.make.made", "softmodels.fitting.curves.fit.fit_law_to_curves",
+        "softmodels.runs.recording.begin", "softmodels.design.study.solve_into",
     ):  # fmt: skip
         monkeypatch.setattr(place, started)
 

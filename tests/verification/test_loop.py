@@ -32,7 +32,7 @@ def test_intervals_hold_the_truth(comm, tmp_path, figure):
     assert halves[-1][:, 1].max() > 3e-3
     examples.take_photographs(tmp_path / "photographs", truth, halves, examples.scene_of(1.5))
     runner = CliRunner()
-    for module, words in examples.commands(tmp_path, truth):
+    for module, words in examples.demo_commands(tmp_path, truth):
         command = {"measurement": measurement, "softmodels": fit_material}[module]
         words = words[1:] if module == "softmodels" else words
         more = {"photos": ["--jobs", "1", "--no-pictures"], "setup": []}.get(
@@ -67,7 +67,7 @@ def test_photographs_of_a_silicone_that_sags(comm, tmp_path, figure):
         half = half_outline(shadow_of(curve).curve, 2e-5, -disk.height)[0]
         half = np.vstack([half, [disk.outer_radius, -disk.height]])  # the profile ends at the upper edge
         tops.append(half[:, 1].max())
-        places = np.vstack([half[:0:-1] * [-1.0, 1.0], half]) + np.array([examples.CENTRE, examples.FLOOR])
+        places = np.vstack([half[:0:-1] * [-1.0, 1.0], half]) + np.array([examples.CENTRE, examples.photographer.FLOOR])
         save(photographs / f"IMG_{number}.JPG", photograph(scene, places, seed=number)[0])
         rows.append(f"IMG_{number}.JPG,{100 + cm / 2:.3f} cm,{100 - cm / 2:.3f} cm")
     (photographs / "photos.csv").write_text("\n".join(rows) + "\n")

@@ -15,14 +15,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from softmodels.common import errors, names, schema, tables
 from softmodels.common.arrays import Array
-from softmodels.common.errors import FieldError, Spoken, known_are, meant, reason
-from softmodels.common.names import checked, keep_arrays
-from softmodels.common.schema import Quantity, Several
-from softmodels.common.tables import Line, Worksheet, named, pick, read_sheets
+from softmodels.common.names import checked
 from softmodels.common.units import FORMULA, UnitError, brief, quantity
-from softmodels.materials.laws import STIFFEST
-from softmodels.materials.specimens import MODES
+from softmodels.materials import laws, specimens
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Read the columns of a test machine's table: recognise headers and units, and select two for a curve.
@@ -70,7 +67,7 @@ _TAIL = re.compile(r"[ _](%|percent|g?pa|kpa|mpa|psi|ksi|bar|mbar|mn|kn|n|mm|cm|
 _CASES = {"pa": "Pa", "kpa": "kPa", "mpa": "MPa", "gpa": "GPa", "kn": "kN", "n": "N"}
 
 
-class TensileError(Spoken, ValueError):
+class TensileError(errors.Spoken, ValueError):
     """An unusable curve; the message is for the user."""
 
 
@@ -168,14 +165,14 @@ def read_table(path: Path, told: Mapping[str, tuple[str, str | None]]) -> CurveT
     below it.
     """
 
-    def found(sheet: Worksheet) -> _Header | None:
+    def found(sheet: tables.Worksheet) -> _Header | None:
         return _told_header(sheet.rows, told) if told else _header(sheet.rows)
 
     try:
-        sheets = read_sheets(path)
-        chosen = pick(path, sheets, found)
+        sheets = tables.read_sheets(path)
+        chosen = tables.pick(path, sheets, found)
     except OSError as error:
-        raise TensileError(f"the file cannot be read ({reason(error)})") from None
+        raise TensileError(f"the file cannot be read ({errors.reason(error)})") from None
     if chosen is not None:
         sheet, (after, columns, others) = chosen
         sure = {kind for kind, (_, unit) in told.items() if unit is not None}
@@ -183,7 +180,7 @@ def read_table(path: Path, told: Mapping[str, tuple[str, str | None]]) -> CurveT
         return dataclasses.replace(_numbers(sheet, after, columns, sure), others=more)
     if not any(sheet.rows for sheet in sheets):
         raise TensileError("the file is empty")
-    where = f"no row of {named(sheets)}" if named(sheets) else "no line"
+    where = f"no row of {tables.named(sheets)}" if tables.named(sheets) else "no line"
     if told:
         names = " and ".join(repr(name) for name, _ in told.values())
         raise TensileError(f"{where} of the file has the columns {names}")
@@ -197,7 +194,7 @@ type _Header = tuple[int, tuple[CurveColumn, ...], tuple[CurveColumn, ...]]
 """Rows above the numbers, the columns: deformation, load and perhaps time, and further loads."""
 
 
-def _header(rows: Sequence[Line]) -> _Header | None:
+def _header(rows: Sequence[tables.Line]) -> _Header | None:
     for i, (_, row) in enumerate(rows):
         if len(row) < 2 or any(_is_number(cell) for cell in row):
             continue  # fast check for most lines of a long file
@@ -223,7 +220,7 @@ def _first(known: Sequence[CurveColumn], kinds: Sequence[str]) -> str | None:
     return next((kind for kind in kinds if kind in present), None)
 
 
-def _told_header(rows: Sequence[Line], told: Mapping[str, tuple[str, str | None]]) -> _Header | None:
+def _told_header(rows: Sequence[tables.Line], told: Mapping[str, tuple[str, str | None]]) -> _Header | None:
     """Find the header of given columns: by name a line with these, by number the first line of numbers."""
     numbers = all(name.isdigit() for name, _ in told.values())
     for i, (_, row) in enumerate(rows):
@@ -256,7 +253,9 @@ def _told_header(rows: Sequence[Line], told: Mapping[str, tuple[str, str | None]
     return None
 
 
-def _numbers(sheet: Worksheet, after: int, columns: tuple[CurveColumn, ...], sure: Collection[str]) -> CurveTable:
+def _numbers(
+    sheet: tables.Worksheet, after: int, columns: tuple[CurveColumn, ...], sure: Collection[str]
+) -> CurveTable:
     """Return the numbers below a header; units of the kinds in ``sure`` are given and override the file."""
     x: list[float] = []
     y: list[float] = []
@@ -289,7 +288,9 @@ def _numbers(sheet: Worksheet, after: int, columns: tuple[CurveColumn, ...], sur
     return dataclasses.replace(made, **_times(times, columns[2], sheet, lines)) if times else made  # type: ignore[arg-type]
 
 
-def _times(cells: Sequence[str], column: CurveColumn, sheet: Worksheet, lines: Sequence[int]) -> dict[str, object]:
+def _times(
+    cells: Sequence[str], column: CurveColumn, sheet: tables.Worksheet, lines: Sequence[int]
+) -> dict[str, object]:
     """Return the times of `CurveTable`, or why they cannot be used: curves without a memory do not need them."""
     values: list[float] = []
     for cell, number in zip(cells, lines, strict=True):
@@ -308,7 +309,7 @@ def _times(cells: Sequence[str], column: CurveColumn, sheet: Worksheet, lines: S
         return {"untimed": str(error)}
 
 
-def _seconds(cell: str, column: CurveColumn, sheet: Worksheet) -> float | None:
+def _seconds(cell: str, column: CurveColumn, sheet: tables.Worksheet) -> float | None:
     """Return a number of the column's unit, or a clock's time in s, perhaps with its date; None if it is neither."""
     if clock := _CLOCK.fullmatch(cell):
         day, hours, minutes, seconds = clock.groups()
@@ -371,7 +372,7 @@ def _with_units(
     return tuple(made)
 
 
-def _value(cell: str, column: CurveColumn, sheet: Worksheet) -> float:
+def _value(cell: str, column: CurveColumn, sheet: tables.Worksheet) -> float:
     """Return a cell's number in the unit of its column; percents may have their sign."""
     text = cell.replace(",", ".") if sheet.separator != "," else cell
     number = float(text.removesuffix("%"))
@@ -460,7 +461,7 @@ def _check_directions(stretch: Array, stress: Array, deformation: CurveColumn, l
         )
 
 
-TESTS = (*MODES, "balloon")
+TESTS = (*specimens.MODES, "balloon")
 SYNONYMS = {
     "uniaxial": "uniaxial", "ut": "uniaxial", "tension": "uniaxial",
     "planar": "planar", "pure-shear": "planar", "ps": "planar",
@@ -548,10 +549,14 @@ class TensileCurve:
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
             raise TensileError(f"the name of a curve is {brief(self.name)}; it must be a text")
-        if not isinstance(self.mode, str) or self.mode not in MODES:
-            known = known_are(self.mode, MODES)
+        if not isinstance(self.mode, str) or self.mode not in specimens.MODES:
+            known = errors.known_are(self.mode, specimens.MODES)
             raise TensileError(f"{self.name}: the test {brief(self.mode)} is unknown; {known}")
-        for name, kind in (("stretch", Quantity()), ("stress", Quantity("Pa")), ("time", Quantity("s"))):
+        for name, kind in (
+            ("stretch", schema.Quantity()),
+            ("stress", schema.Quantity("Pa")),
+            ("time", schema.Quantity("s")),
+        ):
             if name != "time" or self.time is not None:
                 object.__setattr__(self, name, self._column(name, getattr(self, name), kind))
         if len(self.stretch) != len(self.stress):
@@ -564,16 +569,16 @@ class TensileCurve:
             )
         if not len(self.stretch):
             raise TensileError(f"{self.name}: the curve is empty; give stretches and stresses")
-        keep_arrays(self)
+        names.keep_arrays(self)
 
-    def _column(self, name: str, values: object, kind: Quantity) -> Array:
+    def _column(self, name: str, values: object, kind: schema.Quantity) -> Array:
         """Return a copy of a column, protected from changes; `TensileError` for something else than finite numbers."""
         try:
             if type(values) is np.ndarray and values.dtype.kind in "iuf" and values.ndim == 1:
                 found = np.array(values, dtype=np.float64)
             else:
-                found = np.array(Several(kind).settled(name, values), dtype=np.float64)
-        except FieldError as error:
+                found = np.array(schema.Several(kind).settled(name, values), dtype=np.float64)
+        except errors.FieldError as error:
             raise TensileError(f"{self.name}: {error}") from None
         if not np.isfinite(found).all():
             raise TensileError(f"{self.name}: {name} has a number that is not finite")
@@ -628,11 +633,11 @@ class TensileCurve:
     def stiff(self) -> str:
         """A sentence if it is stiffer than silicones and soft rubbers; else empty."""
         modulus = small_modulus(self)
-        if modulus <= STIFFEST:
+        if modulus <= laws.STIFFEST:
             return ""
         return (
             f"{self.name} starts with a shear modulus of {modulus / 1e6:.3g} MPa; silicones and soft rubbers have at most "
-            f"{STIFFEST / 1e6:g} MPa, so check the unit of the stress (a factor 1000?)"
+            f"{laws.STIFFEST / 1e6:g} MPa, so check the unit of the stress (a factor 1000?)"
         )
 
     def counting_from(self, slack: float, zero: float) -> TensileCurve:
@@ -693,7 +698,7 @@ def read_curve(
         rate: Of the stretch in 1/s, instead of a column of times; `EQUILIBRIUM` for none.
     """
     if not isinstance(test, str) or test.lower() not in SYNONYMS:
-        raise TensileError(f"test {brief(test)} is not one of {', '.join(TESTS)}{meant(test, SYNONYMS)}")
+        raise TensileError(f"test {brief(test)} is not one of {', '.join(TESTS)}{errors.meant(test, SYNONYMS)}")
     kind = SYNONYMS[test.lower()]
     told = told_columns(columns) if columns else {}
     try:

@@ -12,10 +12,12 @@ from types import MappingProxyType
 import numpy as np
 from scipy.optimize import nnls
 
-from measurement.robust import deviation
+from measurement import robust
+from softmodels.common import names
 from softmodels.common.arrays import Array
-from softmodels.common.names import callback, checked, one_of, several, span
+from softmodels.common.names import checked
 from softmodels.common.processes import one_at_a_time
+from softmodels.fitting import least_squares, problem
 from softmodels.fitting.comparison import (
     Comparison,
     Expected,
@@ -29,6 +31,7 @@ from softmodels.fitting.comparison import (
     stretch_of,
     with_rubber,
 )
+from softmodels.fitting.curves import residuals
 from softmodels.fitting.curves.curve import (
     TensileCurve,
     TensileError,
@@ -39,41 +42,10 @@ from softmodels.fitting.curves.curve import (
     taut,
     without_jumps,
 )
-from softmodels.fitting.curves.residuals import (
-    Spectrum,
-    StressError,
-    TensileResiduals,
-    branch_stresses,
-    counted_from,
-    further_parameters,
-    largest_strain,
-    may_soften,
-    on_yardstick,
-    predicted,
-    remembering,
-    residuals_of,
-    separates,
-    several_amplitudes,
-    spectrum,
-    stretches_of,
-    thinned,
-)
-from softmodels.fitting.least_squares import Judgement, LeastSquaresFit, fit_parameters, profile, settled
-from softmodels.fitting.problem import (
-    DEFAULTS,
-    NOTHING_ELSE,
-    Changes,
-    Extra,
-    FitError,
-    FitOptions,
-    LawChoice,
-    Laws,
-    by_bounds,
-    closed_starts,
-    law_choices,
-)
+from softmodels.fitting.curves.residuals import spectrum
+from softmodels.fitting.problem import FitError, FitOptions
+from softmodels.materials import specimens
 from softmodels.materials.laws import Material, MaterialError
-from softmodels.materials.specimens import FLOW, SOFTENING, judge, respond
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The fit of one law to tensile curves, from starts in closed form.
@@ -89,13 +61,15 @@ MEMORY_STARTS = 3
 """Number of a law's starts that are tried with branches."""
 
 
-def starts_for(choice: LawChoice, sources: Sequence[TensileResiduals]) -> list[dict[str, float]]:
+def starts_for(choice: problem.LawChoice, sources: Sequence[residuals.TensileResiduals]) -> list[dict[str, float]]:
     """Return the starting values of a law from the curves, best first; with branches those of what branches of any weight
     leave of the stresses (Frisch & Waugh 1933)."""
     curves = [source.curve for source in sources]
     target = np.concatenate([s.curve.stress / s.errors for s in sources])
     # Standardised stresses of all branches over their G, shape (n, k).
-    relaxing = [branch_stresses(s.curve, s.spectrum) / s.errors[:, None] for s in sources if s.spectrum is not None]
+    relaxing = [
+        residuals.branch_stresses(s.curve, s.spectrum) / s.errors[:, None] for s in sources if s.spectrum is not None
+    ]
     branches = np.vstack(relaxing) if relaxing else None
     Q = None if branches is None else np.linalg.qr(branches)[0]
 
@@ -103,11 +77,11 @@ def starts_for(choice: LawChoice, sources: Sequence[TensileResiduals]) -> list[d
         return A if Q is None else np.asarray(A - Q @ (Q.T @ A))
 
     def design(material: Material, names: Sequence[str]) -> Array:
-        responses = [respond(material, s.curve.stretch, s.curve.mode, names) for s in sources]
+        responses = [specimens.respond(material, s.curve.stretch, s.curve.mode, names) for s in sources]
         return left(np.vstack([one.slopes / s.errors[:, None] for one, s in zip(responses, sources, strict=True)]))
 
-    modulus, strain = _modulus(curves), largest_strain(curves)
-    starts = closed_starts(choice, design, left(target), modulus, strain)
+    modulus, strain = _modulus(curves), residuals.largest_strain(curves)
+    starts = problem.closed_starts(choice, design, left(target), modulus, strain)
     if branches is None:
         return starts
     weighed = sorted(_weighed(choice, sources, starts, target, branches), key=lambda one: one[0])
@@ -122,8 +96,8 @@ def _modulus(curves: Sequence[TensileCurve]) -> float:
 
 
 def _weighed(
-    choice: LawChoice,
-    sources: Sequence[TensileResiduals],
+    choice: problem.LawChoice,
+    sources: Sequence[residuals.TensileResiduals],
     starts: Sequence[Mapping[str, float]],
     target: Array,
     branches: Array,
@@ -135,7 +109,9 @@ def _weighed(
             material = choice.material(start)
         except MaterialError:
             continue
-        law = np.concatenate([respond(material, s.curve.stretch, s.curve.mode).stress / s.errors for s in sources])
+        law = np.concatenate(
+            [specimens.respond(material, s.curve.stretch, s.curve.mode).stress / s.errors for s in sources]
+        )
         A = np.column_stack([law, material.shear_modulus_0 * branches])
         if not np.isfinite(A).all():
             continue
@@ -149,15 +125,15 @@ def _weighed(
 
 
 def fit_law_to_curves(
-    choice: LawChoice,
-    sources: Sequence[TensileResiduals],
-    extra: Extra = NOTHING_ELSE,
+    choice: problem.LawChoice,
+    sources: Sequence[residuals.TensileResiduals],
+    extra: problem.Extra = problem.NOTHING_ELSE,
     *,
-    changes: Changes = MappingProxyType({}),
+    changes: problem.Changes = MappingProxyType({}),
     loss: str = "linear",
     errors: str = "unknown",
     scale: float | None = None,
-) -> LeastSquaresFit:
+) -> least_squares.LeastSquaresFit:
     """Fit a law, with the memory of the sources if they have one, to curves from starts in closed form.
 
     Args:
@@ -179,32 +155,39 @@ def fit_law_to_curves(
             scale = spread(fit_law_to_curves(choice, sources, extra, changes=changes, errors=errors))
         sources = [dataclasses.replace(s, errors=s.errors * scale) for s in sources]
     curves = [source.curve for source in sources]
-    more = further_parameters(_modulus(curves), largest_strain(curves)) if further else []
+    more = residuals.further_parameters(_modulus(curves), residuals.largest_strain(curves)) if further else []
     fits = []
     guesses = starts_for(choice, sources) if sources else [choice.from_modulus(MODULUS)]
-    for starts in by_bounds(choice, guesses):
+    for starts in problem.by_bounds(choice, guesses):
         weights = spectrum.parameters(starts[0]) if spectrum else []
         own = (*choice.parameters(starts[0]), *weights, *(p for p in more if p.name in further), *extra.parameters)
         parameters = [p.changed(changes.get(p.name, {})) for p in own]
         fitted = [*sources, *extra.sources]
         try:
-            fits.append(fit_parameters(fitted, parameters, loss=loss, starts=starts, errors=errors, label=choice.name))
+            fits.append(
+                least_squares.fit_parameters(
+                    fitted, parameters, loss=loss, starts=starts, errors=errors, label=choice.name
+                )
+            )
         except FitError as error:
             trouble = error
     if not fits:
         raise FitError(f"{choice.name}: {trouble}")
     best = min(fits, key=lambda one: (not one.converged, one.deviance))
-    return settled(best) if spectrum else best
+    return least_squares.settled(best) if spectrum else best
 
 
-def spread(fit: LeastSquaresFit) -> float:
+def spread(fit: least_squares.LeastSquaresFit) -> float:
     """Return a robust standard deviation of a fit's residuals (median absolute deviation)."""
-    return max(deviation(fit.residuals[: fit.count]), 1e-9)
+    return max(robust.deviation(fit.residuals[: fit.count]), 1e-9)
 
 
 def loops(curves: Sequence[TensileCurve], material: Material) -> list[tuple[str, float, float]]:
     """Return by curve its name, and the loop of its first unloading, measured and of the material, over the work."""
-    return [(one.name, loop(one.stretch, one.stress), loop(one.stretch, predicted(material, one))) for one in curves]
+    return [
+        (one.name, loop(one.stretch, one.stress), loop(one.stretch, residuals.predicted(material, one)))
+        for one in curves
+    ]
 
 
 def loop_objections(curves: Sequence[TensileCurve], material: Material) -> list[str]:
@@ -261,15 +244,15 @@ def prepared(curves: Curves, stretch: tuple[float, float] | None = None, history
             f"kPa; these cannot be one material, so check their units"
         )
     within = [curve if stretch is None else curve.within(*stretch) for curve in read]
-    return [thinned(curve) if curve.noise is None else curve for curve in within]
+    return [residuals.thinned(curve) if curve.noise is None else curve for curve in within]
 
 
 @checked
 @one_at_a_time
 def fit_curves(
     curves: Curves,
-    material: Laws = "yeoh",
-    options: FitOptions = DEFAULTS,
+    material: problem.Laws = "yeoh",
+    options: FitOptions = problem.DEFAULTS,
     *,
     stretch: tuple[float, float] | None = None,
     progress: Callable[[str], None] | None = None,
@@ -290,17 +273,17 @@ def fit_curves(
         FitError: The task is impossible.
         TensileError: A curve cannot be used.
     """
-    callback("progress", progress)
-    one_of("options", options, FitOptions, "how to fit, such as sm.FitOptions(poisson=0.49)")
+    names.callback("progress", progress)
+    names.one_of("options", options, FitOptions, "how to fit, such as sm.FitOptions(poisson=0.49)")
     ready = prepared(
-        several("curves", curves, (TensileCurve, Path, str), "a curve or its file"),
-        span("stretch", stretch),
+        names.several("curves", curves, (TensileCurve, Path, str), "a curve or its file"),
+        names.span("stretch", stretch),
         options.memory,
     )
     if not ready:
         raise FitError("there are no measurements; give a tensile curve or outlines")
     task = (_MemoryTask if options.memory else _Task)(
-        ready, law_choices(material, options.poisson), options, progress or (lambda name: None)
+        ready, problem.law_choices(material, options.poisson), options, progress or (lambda name: None)
     )
     return task.report()
 
@@ -310,13 +293,13 @@ class _Task:
     """Curves, laws, and how to fit them."""
 
     curves: Sequence[TensileCurve]
-    choices: Sequence[LawChoice]
+    choices: Sequence[problem.LawChoice]
     options: FitOptions
     progress: Callable[[str], None]
 
     @property
-    def error(self) -> StressError:
-        return StressError.from_text(self.options.stress_error)
+    def error(self) -> residuals.StressError:
+        return residuals.StressError.from_text(self.options.stress_error)
 
     @property
     def errors(self) -> str:
@@ -329,12 +312,12 @@ class _Task:
             # The closest law determines the outliers for all laws.
             scale = min(map(spread, fits))
             fits = self._fit_all("soft_l1", scale)
-        judged = [on_yardstick(fit, fit.problem.sources) for fit in fits] if len(fits) > 1 else None  # type: ignore[arg-type]
+        judged = [residuals.on_yardstick(fit, fit.problem.sources) for fit in fits] if len(fits) > 1 else None  # type: ignore[arg-type]
         comparison = compare(fits, judged)
         laws = self._laws(fits, comparison, known)
         report = FitReport(laws, comparison, tuple(self.curves), _how(self.options), notes=tuple(self._notes(laws)))
         report = self._compared(report, scale)
-        return dataclasses.replace(report, curves=tuple(counted_from(self.curves, report.chosen.fit.values)))
+        return dataclasses.replace(report, curves=tuple(residuals.counted_from(self.curves, report.chosen.fit.values)))
 
     def _notes(self, laws: Sequence[FittedLaw]) -> list[str]:
         return []
@@ -346,12 +329,14 @@ class _Task:
         own = tuple(self._alone(report.chosen.choice, curve, scale) for curve in self.curves)
         return dataclasses.replace(report, separate=SeparateFits(tuple(pairs), tuple(self.curves), own))
 
-    def _fit_all(self, loss: str = "linear", scale: float | None = None) -> list[LeastSquaresFit]:
+    def _fit_all(self, loss: str = "linear", scale: float | None = None) -> list[least_squares.LeastSquaresFit]:
         fits = []
         for i, choice in enumerate(self.choices, 1):
             if len(self.choices) > 1:
                 self.progress(f"fitting {choice.name}, law {i} of {len(self.choices)}")
-            sources, extra = residuals_of(self.curves, choice, self.error, self.options.gauge_error, level=True)
+            sources, extra = residuals.residuals_of(
+                self.curves, choice, self.error, self.options.gauge_error, level=True
+            )
             names = (*choice.names, *(p.name for p in extra.parameters))
             changes = self.options.changes_of(names)
             fits.append(
@@ -359,33 +344,39 @@ class _Task:
             )
         return fits
 
-    def _laws(self, fits: Sequence[LeastSquaresFit], comparison: Comparison, known: Expected) -> tuple[FittedLaw, ...]:
-        strain, laws = largest_strain(self.curves), []
+    def _laws(
+        self, fits: Sequence[least_squares.LeastSquaresFit], comparison: Comparison, known: Expected
+    ) -> tuple[FittedLaw, ...]:
+        strain, laws = residuals.largest_strain(self.curves), []
         for ranked in comparison.ranked:
             choice = self.choices[fits.index(ranked.fit)]
             if self.options.profiles and len(ranked.fit.free) > 2:
                 self.progress(f"intervals of {choice.name}")
             profiles = {
-                p.name: profile(ranked.fit, p.name) for p in ranked.fit.free if self._profiled(ranked.fit, p.name)
+                p.name: least_squares.profile(ranked.fit, p.name)
+                for p in ranked.fit.free
+                if self._profiled(ranked.fit, p.name)
             }
             material = self._material(choice, ranked.fit)
-            judgement = Judgement(tuple(self._objections(material, ranked.fit)), tuple(self._cautions(ranked.fit)))
+            judgement = least_squares.Judgement(
+                tuple(self._objections(material, ranked.fit)), tuple(self._cautions(ranked.fit))
+            )
             judgement = with_rubber(choice, ranked.fit, judgement)
             if self.options.silicone:
                 judgement = hold_against(material, stretch_of(strain), known, judgement)
-            laws.append(FittedLaw(choice, ranked.fit, material, judge(material, strain), profiles, judgement))
+            laws.append(FittedLaw(choice, ranked.fit, material, specimens.judge(material, strain), profiles, judgement))
         return tuple(laws)
 
-    def _profiled(self, fit: LeastSquaresFit, name: str) -> bool:
+    def _profiled(self, fit: least_squares.LeastSquaresFit, name: str) -> bool:
         return self.options.profiles
 
-    def _material(self, choice: LawChoice, fit: LeastSquaresFit) -> Material:
-        return choice.material(fit.values, stretches_of(self.curves))
+    def _material(self, choice: problem.LawChoice, fit: least_squares.LeastSquaresFit) -> Material:
+        return choice.material(fit.values, residuals.stretches_of(self.curves))
 
-    def _objections(self, material: Material, fit: LeastSquaresFit) -> list[str]:
+    def _objections(self, material: Material, fit: least_squares.LeastSquaresFit) -> list[str]:
         return []
 
-    def _cautions(self, fit: LeastSquaresFit) -> list[str]:
+    def _cautions(self, fit: least_squares.LeastSquaresFit) -> list[str]:
         """Return warnings on curves that are stiffer than any silicone, and on those whose unloading no law without a memory
         can follow."""
         return [curve.stiff for curve in self.curves if curve.stiff] + [
@@ -395,33 +386,37 @@ class _Task:
             if curve.loop >= SMALLEST_LOOP
         ]
 
-    def _alone(self, choice: LawChoice, curve: TensileCurve, scale: float | None) -> FittedLaw:
-        sources, extra = residuals_of([curve], choice, self.error, self.options.gauge_error)
+    def _alone(self, choice: problem.LawChoice, curve: TensileCurve, scale: float | None) -> FittedLaw:
+        sources, extra = residuals.residuals_of([curve], choice, self.error, self.options.gauge_error)
         changes = self.options.changes_of(choice.names)
         loss = "linear" if scale is None else "soft_l1"
         fit = fit_law_to_curves(choice, sources, extra, changes=changes, errors=self.errors, loss=loss, scale=scale)
-        material = choice.material(fit.values, stretches_of([curve]))
-        return FittedLaw(choice, fit, material, judge(material, largest_strain([curve])), {})
+        material = choice.material(fit.values, residuals.stretches_of([curve]))
+        return FittedLaw(choice, fit, material, specimens.judge(material, residuals.largest_strain([curve])), {})
 
 
 class _MemoryTask(_Task):
     """Laws with a memory, and the histories to fit them to."""
 
     @functools.cached_property
-    def spectrum(self) -> Spectrum:
+    def spectrum(self) -> residuals.Spectrum:
         return spectrum(self.curves)
 
     @functools.cached_property
     def softens(self) -> tuple[str, ...]:
         """Names of the softening's parameters that the data can show, if it softens."""
-        return SOFTENING[: 3 if several_amplitudes(self.curves) else 2] if may_soften(self.curves) else ()
+        return (
+            specimens.SOFTENING[: 3 if residuals.several_amplitudes(self.curves) else 2]
+            if residuals.may_soften(self.curves)
+            else ()
+        )
 
     @functools.cached_property
     def stiffer(self) -> dict[str, float]:
         """By law: how many times its misfit is as large without softening, where it softens."""
         return {}
 
-    def _fit_all(self, loss: str = "linear", scale: float | None = None) -> list[LeastSquaresFit]:
+    def _fit_all(self, loss: str = "linear", scale: float | None = None) -> list[least_squares.LeastSquaresFit]:
         """Fit every law; where the errors are usual ones again, with those of the moving and the holding parts as they scatter
         about the closest law."""
         fits = self._fits([np.ones(len(curve.stretch)) for curve in self.curves], loss, scale)
@@ -434,55 +429,56 @@ class _MemoryTask(_Task):
         closest = min(fits, key=lambda fit: fit.deviance)
         ends = np.cumsum([len(curve.stretch) for curve in self.curves])
         parts = np.split(closest.residuals[: ends[-1]], ends[:-1])
-        sources: list[TensileResiduals] = list(closest.problem.sources)  # type: ignore[arg-type]
+        sources: list[residuals.TensileResiduals] = list(closest.problem.sources)  # type: ignore[arg-type]
         return self._fits([one.part_scales(r) for one, r in zip(sources, parts, strict=True)], loss, scale)
 
-    def _fits(self, scales: Sequence[Array], loss: str, scale: float | None) -> list[LeastSquaresFit]:
+    def _fits(self, scales: Sequence[Array], loss: str, scale: float | None) -> list[least_squares.LeastSquaresFit]:
         """Fit every law with the points' errors scaled."""
-        fits: list[LeastSquaresFit] = []
+        fits: list[least_squares.LeastSquaresFit] = []
         self.stiffer.clear()
         for choice in self.choices:
             self.progress(f"fitting {choice.name} and its memory")
-            sources, extra = residuals_of(
+            sources, extra = residuals.residuals_of(
                 self.curves, choice, self.error, self.options.gauge_error, level=True, spectrum=self.spectrum
             )
             sources = [dataclasses.replace(s, errors=s.errors * by) for s, by in zip(sources, scales, strict=True)]
 
             def fitted(
-                changes: Changes, *further: str, choice: LawChoice = choice, sources: Sequence[TensileResiduals] = sources,
-                extra: Extra = extra,
-            ) -> LeastSquaresFit:  # fmt: skip
+                changes: problem.Changes, *further: str, choice: problem.LawChoice = choice,
+                sources: Sequence[residuals.TensileResiduals] = sources,
+                extra: problem.Extra = extra,
+            ) -> least_squares.LeastSquaresFit:  # fmt: skip
                 own = [dataclasses.replace(one, further=further) for one in sources]
                 return fit_law_to_curves(
                     choice, own, extra, changes=changes, loss=loss, errors=self.errors, scale=scale
                 )
 
-            asked = [name for name in SOFTENING if name in self.options.changes]
+            asked = [name for name in specimens.SOFTENING if name in self.options.changes]
             if asked and not self.softens:
                 why = "no test has a second loading, or a hold after an unloading, that would show it"
                 raise FitError(f"{asked[0]} cannot be set: {why}")
-            flow = FLOW if any(name in self.options.changes for name in FLOW) else ()
-            fit = fitted({k: v for k, v in self.options.changes.items() if k not in SOFTENING}, *flow)
+            flow = specimens.FLOW if any(name in self.options.changes for name in specimens.FLOW) else ()
+            fit = fitted({k: v for k, v in self.options.changes.items() if k not in specimens.SOFTENING}, *flow)
             if self.softens:
                 softer = fitted(self.options.changes, *self.softens, *flow)
                 lead = next(one.aicc for one in compare([fit, softer]).ranked if one.fit is fit)
-                if asked or (softer.converged and lead > DECISIVE and softer.interval(SOFTENING[0])[0] > 0.0):
+                if asked or (softer.converged and lead > DECISIVE and softer.interval(specimens.SOFTENING[0])[0] > 0.0):
                     self.stiffer[choice.name] = math.sqrt(fit.deviance / softer.deviance)
                     fit = softer
             fits.append(fit)
         return fits
 
-    def _material(self, choice: LawChoice, fit: LeastSquaresFit) -> Material:
-        return remembering(super()._material(choice, fit), self.spectrum, fit.values)
+    def _material(self, choice: problem.LawChoice, fit: least_squares.LeastSquaresFit) -> Material:
+        return residuals.remembering(super()._material(choice, fit), self.spectrum, fit.values)
 
-    def _profiled(self, fit: LeastSquaresFit, name: str) -> bool:
+    def _profiled(self, fit: least_squares.LeastSquaresFit, name: str) -> bool:
         """A weight that ended at zero has no other interval."""
         return self.options.profiles or fit.at_bounds.get(name) == 0.0
 
-    def _objections(self, material: Material, fit: LeastSquaresFit) -> list[str]:
-        return loop_objections(counted_from(self.curves, fit.values), material)
+    def _objections(self, material: Material, fit: least_squares.LeastSquaresFit) -> list[str]:
+        return loop_objections(residuals.counted_from(self.curves, fit.values), material)
 
-    def _cautions(self, fit: LeastSquaresFit) -> list[str]:
+    def _cautions(self, fit: least_squares.LeastSquaresFit) -> list[str]:
         """Return warnings on factors of tests that their errors do not explain: they bend what other tests would show."""
         said = [curve.stiff for curve in self.curves if curve.stiff] + [
             f"{p.name} ({curve.name}) is {fit.values[p.name]:.3g}, beyond {FAR_GAUGE:g} standard errors of such a factor: the "
@@ -490,7 +486,7 @@ class _MemoryTask(_Task):
             for p, curve in zip([p for p in fit.parameters if p.name.startswith("gauge")], self.curves, strict=False)
             if p.prior and abs(fit.values[p.name] - p.prior.mean) > FAR_GAUGE * p.prior.error
         ]
-        if not separates(self.curves):
+        if not residuals.separates(self.curves):
             said.append(
                 "pulls at one rate hardly tell relaxation from the law: add a test that unloads, holds, or has another rate"
             )
@@ -512,7 +508,7 @@ class _MemoryTask(_Task):
             f"{name} softens (softening: Ogden & Roxburgh's 1/r, m, beta); without it the misfit is {times:.3g} times as large"
             for name, times in self.stiffer.items()
         ]
-        return said + loop_notes(counted_from(self.curves, laws[0].fit.values), laws[0].material)
+        return said + loop_notes(residuals.counted_from(self.curves, laws[0].fit.values), laws[0].material)
 
 
 def _how(options: FitOptions) -> str:

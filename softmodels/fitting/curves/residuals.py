@@ -11,14 +11,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from softmodels.common import units
 from softmodels.common.arrays import Array
-from softmodels.common.units import UnitError, brief, quantity
+from softmodels.fitting import least_squares, problem
 from softmodels.fitting.curves.curve import HELD, TURN, TensileCurve, TensileError, corners, noise_of, segments, turns
-from softmodels.fitting.least_squares import LeastSquaresFit, fit_parameters
-from softmodels.fitting.problem import CannotEvaluate, Extra, LawChoice, Parameter, Prior
+from softmodels.materials import memory, specimens
 from softmodels.materials.laws import Material, MaterialError, NeoHookean
-from softmodels.materials.memory import Branch, Memory, Softening
-from softmodels.materials.specimens import FLOW, SOFTENING, branch_stress, respond, strain_of, stress_in_time
+from softmodels.materials.memory import Memory
 
 # ----------------------------------------------------------------------------------------------------------------------
 # What tests show of a silicone's memory, and a law with a fitted one: weights of branches, and softening.
@@ -59,9 +58,9 @@ class Spectrum:
         """Names of the weights."""
         return tuple(f"share_{time:g}s" for time in self.times)
 
-    def parameters(self, start: Mapping[str, float]) -> list[Parameter]:
+    def parameters(self, start: Mapping[str, float]) -> list[problem.Parameter]:
         """Return the weights with their starting values."""
-        return [Parameter(name, "", start[name], 0.0, answers=(0.0,)) for name in self.names]
+        return [problem.Parameter(name, "", start[name], 0.0, answers=(0.0,)) for name in self.names]
 
     @property
     def sentence(self) -> str:
@@ -114,13 +113,13 @@ def _spectrum_of_curves(timed: Sequence[TensileCurve]) -> Spectrum:
     decades = range(math.ceil(math.log10(0.9 * sampled)), math.floor(math.log10(MOST_DURATIONS * longest)) + 1)
     times = np.array([float(f"1e{k}") for k in decades] or [math.sqrt(sampled * longest)])
     spring = NeoHookean(1.0, 0.5)
-    linear = [Branch(1.0, float(time)) for time in times]
+    linear = [memory.Branch(1.0, float(time)) for time in times]
     largest = np.zeros(len(times))
     for curve in timed:
         assert curve.time is not None
-        static = float(np.abs(respond(spring, curve.stretch, curve.mode).stress).max())
+        static = float(np.abs(specimens.respond(spring, curve.stretch, curve.mode).stress).max())
         largest = np.maximum(
-            largest, np.abs(branch_stress(curve.time, curve.stretch, curve.mode, linear)).max(axis=0) / static
+            largest, np.abs(specimens.branch_stress(curve.time, curve.stretch, curve.mode, linear)).max(axis=0) / static
         )
     shown = largest >= SHOWN
     if not shown.any():
@@ -190,11 +189,13 @@ def remembering(
 ) -> Material:
     """Return a law with its fitted memory, weights below ``least`` left out."""
     pairs = ((values[name], time) for name, time in zip(spectrum.names, spectrum.times, strict=True))
-    onset, exponent = (values.get(name, getattr(Branch, name)) for name in FLOW)
-    branches = tuple(Branch(share, time, onset, exponent) for share, time in pairs if share >= least)
+    onset, exponent = (values.get(name, getattr(memory.Branch, name)) for name in specimens.FLOW)
+    branches = tuple(memory.Branch(share, time, onset, exponent) for share, time in pairs if share >= least)
     softening = None
-    if SOFTENING[0] in values and (damage := values[SOFTENING[0]]) >= least:
-        softening = Softening(1 / max(damage, 1e-12), values[SOFTENING[1]], values.get(SOFTENING[2], 0.0))
+    if specimens.SOFTENING[0] in values and (damage := values[specimens.SOFTENING[0]]) >= least:
+        softening = memory.Softening(
+            1 / max(damage, 1e-12), values[specimens.SOFTENING[1]], values.get(specimens.SOFTENING[2], 0.0)
+        )
     return dataclasses.replace(material, memory=Memory(branches, softening) if branches or softening else None)
 
 
@@ -207,18 +208,20 @@ def branch_stresses(curve: TensileCurve, spectrum: Spectrum) -> Array:
 
 @functools.lru_cache(maxsize=64)
 def _along(time: bytes, stretch: bytes, mode: str, times: tuple[float, ...]) -> Array:
-    return branch_stress(np.frombuffer(time), np.frombuffer(stretch), mode, [Branch(1.0, one) for one in times])
+    return specimens.branch_stress(
+        np.frombuffer(time), np.frombuffer(stretch), mode, [memory.Branch(1.0, one) for one in times]
+    )
 
 
-def further_parameters(modulus: float, strain: float) -> list[Parameter]:
+def further_parameters(modulus: float, strain: float) -> list[problem.Parameter]:
     """Return the parameters of softening and viscosity for a shear modulus in Pa and a largest I1 - 3."""
     energy = modulus * strain / 2
     return [
-        Parameter(SOFTENING[0], "", 0.2, 0.0, 0.99, answers=(0.0,)),
-        Parameter(SOFTENING[1], "Pa", 0.2 * energy, 1e-4 * energy, 1e2 * energy),
-        Parameter(SOFTENING[2], "", 0.1, 0.0, 10.0, answers=(0.0,)),
-        Parameter(FLOW[0], "", 0.3, 1e-3, 1e2),
-        Parameter(FLOW[1], "", 0.3, 0.02, 3.0),
+        problem.Parameter(specimens.SOFTENING[0], "", 0.2, 0.0, 0.99, answers=(0.0,)),
+        problem.Parameter(specimens.SOFTENING[1], "Pa", 0.2 * energy, 1e-4 * energy, 1e2 * energy),
+        problem.Parameter(specimens.SOFTENING[2], "", 0.1, 0.0, 10.0, answers=(0.0,)),
+        problem.Parameter(specimens.FLOW[0], "", 0.3, 1e-3, 1e2),
+        problem.Parameter(specimens.FLOW[1], "", 0.3, 0.02, 3.0),
     ]
 
 
@@ -250,7 +253,7 @@ class StressError:
         """Read ``"2%+0.5kPa"``, ``"0.5kPa"``, ``"auto"``, or ``"constant"``: unweighted least squares on nominal stress."""
         if not isinstance(text, str):
             raise TensileError(
-                f"stress error is {brief(text)}; it must be a text such as '2%+0.5kPa', 'auto' or 'constant'"
+                f"stress error is {units.brief(text)}; it must be a text such as '2%+0.5kPa', 'auto' or 'constant'"
             )
         if text == "auto":
             return cls(RELATIVE, None, False)
@@ -260,10 +263,10 @@ class StressError:
         try:
             for part in text.split("+"):
                 if part.strip().endswith("%"):
-                    relative = quantity(part, "")
+                    relative = units.quantity(part, "")
                 else:
-                    absolute = quantity(part, "Pa")
-        except UnitError as error:
+                    absolute = units.quantity(part, "Pa")
+        except units.UnitError as error:
             raise TensileError(f"stress error {text!r}: {error}; write 2%+0.5kPa, auto or constant") from None
         if relative < 0.0 or absolute < 0.0 or relative + absolute == 0.0:
             raise TensileError(f"stress error {text!r} must be above zero")
@@ -340,7 +343,7 @@ class TensileResiduals:
     """
 
     curve: TensileCurve
-    choice: LawChoice
+    choice: problem.LawChoice
     errors: Array
     gauge: str = ""
     spectrum: Spectrum | None = None
@@ -399,7 +402,7 @@ class TensileResiduals:
             if self.spectrum is not None:
                 material = remembering(material, self.spectrum, values, -math.inf)
         except MaterialError as error:
-            raise CannotEvaluate(str(error)) from None
+            raise problem.CannotEvaluate(str(error)) from None
         names = self.choice.names if derivatives else ()
         if self.spectrum is not None and derivatives:
             names = (*names, *(f"share{k}" for k, _ in enumerate(self.spectrum.times, 1)), *self.further)
@@ -416,15 +419,15 @@ class TensileResiduals:
     def _stress(self, material: Material, curve: TensileCurve, names: Sequence[str]) -> tuple[Array, Array]:
         """Return the nominal stress in Pa along a curve, and its derivatives by the named parameters."""
         if self.spectrum is None:
-            found = respond(material, curve.stretch, curve.mode, names)
+            found = specimens.respond(material, curve.stretch, curve.mode, names)
             return found.stress, found.slopes
-        linear = None if FLOW[0] in self.further else branch_stresses(curve, self.spectrum)
-        return stress_in_time(material, curve.time, curve.stretch, curve.mode, names, linear)
+        linear = None if specimens.FLOW[0] in self.further else branch_stresses(curve, self.spectrum)
+        return specimens.stress_in_time(material, curve.time, curve.stretch, curve.mode, names, linear)
 
     def _tangent(self, material: Material, curve: TensileCurve) -> Array:
         """Return the change of the stress in Pa by one of all stretches."""
         if self.spectrum is None:
-            return respond(material, curve.stretch, curve.mode).tangent
+            return specimens.respond(material, curve.stretch, curve.mode).tangent
         ends = [dataclasses.replace(curve, stretch=curve.stretch + step) for step in (-SHIFT, SHIFT)]
         low, high = (self._stress(material, end, ())[0] for end in ends)
         return (high - low) / (2.0 * SHIFT)
@@ -437,25 +440,25 @@ SHIFT = 1e-5
 def predicted(material: Material, curve: TensileCurve) -> Array:
     """Return the nominal stress in Pa of a material at the points of a curve, through its times if both have a memory."""
     if material.memory is None:
-        return respond(material, curve.stretch, curve.mode).stress
-    return stress_in_time(material, curve.time, curve.stretch, curve.mode)[0]
+        return specimens.respond(material, curve.stretch, curve.mode).stress
+    return specimens.stress_in_time(material, curve.time, curve.stretch, curve.mode)[0]
 
 
 def slopes_of(material: Material, curve: TensileCurve, names: Sequence[str]) -> Array:
     """Return the derivatives of `predicted` by parameters of the law, shape (n, m)."""
     if material.memory is None:
-        return respond(material, curve.stretch, curve.mode, names).slopes
-    return stress_in_time(material, curve.time, curve.stretch, curve.mode, names)[1]
+        return specimens.respond(material, curve.stretch, curve.mode, names).slopes
+    return specimens.stress_in_time(material, curve.time, curve.stretch, curve.mode, names)[1]
 
 
 def residuals_of(
     curves: Sequence[TensileCurve],
-    choice: LawChoice,
+    choice: problem.LawChoice,
     error: StressError,
     gauge_error: float = 0.0,
     level: bool = False,
     spectrum: Spectrum | None = None,
-) -> tuple[list[TensileResiduals], Extra]:
+) -> tuple[list[TensileResiduals], problem.Extra]:
     """Return the sources for curves, and the factors on their stress with relative error ``gauge_error``.
 
     With ``level``, and errors of unknown size, every curve weighs the same, however many points it has: a densely sampled
@@ -470,12 +473,12 @@ def residuals_of(
         if level and not error.stated:
             errors = math.sqrt(len(curve.stretch) / mean) * errors
         if name:
-            own.append(Parameter(name, "", 1.0, 0.2, 5.0, Prior(1.0, gauge_error)))
+            own.append(problem.Parameter(name, "", 1.0, 0.2, 5.0, problem.Prior(1.0, gauge_error)))
         origin = origin_parameters(curve, i)
         own += origin
         names = (origin[0].name, origin[1].name) if origin else ()
         sources.append(TensileResiduals(curve, choice, errors, name, spectrum, (), usual, names))
-    return sources, Extra((), own)
+    return sources, problem.Extra((), own)
 
 
 ORIGIN = ("slack", "load_zero")
@@ -484,19 +487,19 @@ FARTHEST_SLACK = 0.1
 """Largest change of the slack in a fit, or as much as it is."""
 
 
-def origin_parameters(curve: TensileCurve, number: int) -> list[Parameter]:
+def origin_parameters(curve: TensileCurve, number: int) -> list[problem.Parameter]:
     """Return the slack and the load cell's zero of the test of this number, if it has an `Origin`."""
     if (origin := curve.origin) is None:
         return []
     room = max(FARTHEST_SLACK, abs(origin.slack))
     priors = [
-        None if error is None else Prior(mean, abs(error))
+        None if error is None else problem.Prior(mean, abs(error))
         for mean, error in ((origin.slack, origin.slack_error), (origin.zero, origin.zero_error))
     ]
     slack, zero = (f"{name}{number}" for name in ORIGIN)
     return [
-        Parameter(slack, "", origin.slack, origin.slack - room, origin.slack + room, priors[0]),
-        Parameter(zero, "Pa", origin.zero, prior=priors[1]),
+        problem.Parameter(slack, "", origin.slack, origin.slack - room, origin.slack + room, priors[0]),
+        problem.Parameter(zero, "Pa", origin.zero, prior=priors[1]),
     ]
 
 
@@ -518,7 +521,7 @@ def stretches_of(curves: Sequence[TensileCurve]) -> tuple[float, float] | None:
 
 def largest_strain(curves: Sequence[TensileCurve]) -> float:
     """Return the largest I1 - 3 in the curves."""
-    return max(float(strain_of(curve.mode, curve.stretch).max()) for curve in curves)
+    return max(float(specimens.strain_of(curve.mode, curve.stretch).max()) for curve in curves)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -631,7 +634,9 @@ TELLS, RESOLVES = 0.01, 0.005
 """Common error of tensile tests: relative to the stress, and relative to the largest stress."""
 
 
-def on_yardstick(fitted: LeastSquaresFit, sources: Sequence[TensileResiduals]) -> LeastSquaresFit:
+def on_yardstick(
+    fitted: least_squares.LeastSquaresFit, sources: Sequence[TensileResiduals]
+) -> least_squares.LeastSquaresFit:
     """Return a law refitted to the curves of `evened`, with the common errors of tensile tests.
 
     Laws are compared by these fits, so that the choice of errors does not choose the law. Nor does the sampling: 37,512, 375
@@ -640,7 +645,9 @@ def on_yardstick(fitted: LeastSquaresFit, sources: Sequence[TensileResiduals]) -
     """
     even = [source.on_yardstick() for source in sources]
     loss, label = fitted.loss, fitted.label
-    return fit_parameters(even, fitted.parameters, loss=loss, starts=[fitted.values], errors="stated", label=label)
+    return least_squares.fit_parameters(
+        even, fitted.parameters, loss=loss, starts=[fitted.values], errors="stated", label=label
+    )
 
 
 def evened(curve: TensileCurve) -> TensileCurve:

@@ -10,11 +10,10 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from softmodels.common import units
 from softmodels.common.arrays import Array
-from softmodels.common.units import column_unit, pascal_per_cm
-from softmodels.fitting.comparison import shifted
-from softmodels.fitting.least_squares import Judgement, LeastSquaresFit
-from softmodels.fitting.outlines.device import DeviceModel
+from softmodels.fitting import comparison, least_squares, problem
+from softmodels.fitting.outlines import device
 from softmodels.fitting.outlines.residuals import (
     LENGTH_ERROR,
     HeightResiduals,
@@ -27,8 +26,7 @@ from softmodels.fitting.outlines.residuals import (
     residuals_by_source,
 )
 from softmodels.fitting.outlines.shapes import Shape, half_outline, shadow_of
-from softmodels.fitting.problem import Parameter, UnsoundError
-from softmodels.runs.grid import QuadraticCurve
+from softmodels.runs import grid
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Detect single photographs that contradict the others from heights and pressures, without a law.
@@ -246,13 +244,13 @@ SPACING = 2e-5
 
 
 def series_of(
-    model: DeviceModel,
+    model: device.DeviceModel,
     sources: Sequence[str],
     heights: Array,
     pressures: Array,
     pressure_errors: Array,
     errors: Array,
-) -> tuple[list[HeightRow], list[QuadraticCurve]]:
+) -> tuple[list[HeightRow], list[grid.QuadraticCurve]]:
     """Return the series of photographs with the pressure of the device, under any law, at each height, and its curve there.
     Heights are in m and readings in Pa, with standard errors, shape (n,).
 
@@ -265,7 +263,7 @@ def series_of(
     return rows, [model.curve(state) for state in plain.states]
 
 
-def series_of_shapes(model: DeviceModel, shapes: Sequence[Shape]) -> list[HeightRow]:
+def series_of_shapes(model: device.DeviceModel, shapes: Sequence[Shape]) -> list[HeightRow]:
     """Return the series of outlines; `UnsoundError` if their shapes are another device's."""
     columns = [(shape.height, shape.pressure, shape.pressure_error, float(np.median(shape.error))) for shape in shapes]
     rows, curves = series_of(model, [shape.source for shape in shapes], *np.array(columns).T)
@@ -273,7 +271,7 @@ def series_of_shapes(model: DeviceModel, shapes: Sequence[Shape]) -> list[Height
     return rows
 
 
-def _check_widths(shapes: Sequence[Shape], curves: Sequence[QuadraticCurve], device: str) -> None:
+def _check_widths(shapes: Sequence[Shape], curves: Sequence[grid.QuadraticCurve], device: str) -> None:
     measured = np.array([_width(shape.points, shape.height / 2) for shape in shapes])
     halves = [half_outline(shadow_of(curve).curve, SPACING)[0] for curve in curves]
     simulated = 2.0 * np.array(
@@ -284,7 +282,7 @@ def _check_widths(shapes: Sequence[Shape], curves: Sequence[QuadraticCurve], dev
         return
     i = int(np.argmin(np.abs(share - np.median(share))))
     extent = f"between {share.min():.2f} and {share.max():.2f} times as wide" if len(share) > 1 else "so"
-    raise UnsoundError(
+    raise problem.UnsoundError(
         f"these outlines belong to another device: {shapes[i].source} rises {shapes[i].height * 1e3:.4g} mm and is "
         f"{measured[i] * 1e3:.4g} mm wide at half its height, where the case's {device} is {simulated[i] * 1e3:.4g} mm wide "
         f"(all outlines: {extent}); give the case of the part in the photographs, or check the unit of their grid"
@@ -344,7 +342,7 @@ WORDS: dict[str, tuple[Callable[[float], str], str]] = {
 }  # fmt: skip
 
 
-def corrections(fit: LeastSquaresFit) -> list[str]:
+def corrections(fit: least_squares.LeastSquaresFit) -> list[str]:
     """Return a sentence on each correction that is larger than expected."""
     return [
         f"{of}corrected: the fit assumes {says} ({abs(away):.1f} times the expected error); {advice}"
@@ -353,7 +351,7 @@ def corrections(fit: LeastSquaresFit) -> list[str]:
     ]
 
 
-def unbelievable(fit: LeastSquaresFit) -> list[str]:
+def unbelievable(fit: least_squares.LeastSquaresFit) -> list[str]:
     """Return a sentence on each implausible correction of the pressures."""
     return [
         f"{of}to fit the outlines, the fit assumes {says} {abs(away):.0f} times "
@@ -363,7 +361,7 @@ def unbelievable(fit: LeastSquaresFit) -> list[str]:
     ]
 
 
-def _away(fit: LeastSquaresFit) -> Iterator[tuple[Parameter, float, str, str, str]]:
+def _away(fit: least_squares.LeastSquaresFit) -> Iterator[tuple[problem.Parameter, float, str, str, str]]:
     """Yield the corrections, with how many standard errors of their prior they are, whose they are, what they say, and the
     advice."""
     for p in fit.free:
@@ -376,7 +374,7 @@ WALL_SHARES = (1, 3)
 """Change of a law's stresses in percent by 1 % of a wall's thickness: stretched like a membrane, bent like a plate."""
 
 
-def exact_lengths(source: OutlineResiduals | HeightResiduals, fit: LeastSquaresFit) -> str:
+def exact_lengths(source: OutlineResiduals | HeightResiduals, fit: least_squares.LeastSquaresFit) -> str:
     """Return a sentence on the lengths of a device that a fit has taken as exact, and by how much the shear modulus changes
     with each, see `shifted`; or ""."""
     model, choice = source.model, source.model.choice
@@ -394,7 +392,7 @@ def exact_lengths(source: OutlineResiduals | HeightResiduals, fit: LeastSquaresF
             continue
         value = fit.values[name]
         off = LENGTH_ERROR * value
-        moved = shifted(fit, choice, {name: value + off})
+        moved = comparison.shifted(fit, choice, {name: value + off})
         share = 100 * abs(choice.material(moved).shear_modulus_0 / modulus - 1) if moved else math.nan
         much = f" changes the shear modulus by {share:.2g} %, and" if math.isfinite(share) else " changes the law;"
         option = (
@@ -471,7 +469,10 @@ def by_course(rows: Sequence[HeightRow]) -> WrongRows | None:
 
 
 def by_fit(
-    fit: LeastSquaresFit, names: Sequence[str], rows: Sequence[HeightRow], good: Callable[[Sequence[str]], bool]
+    fit: least_squares.LeastSquaresFit,
+    names: Sequence[str],
+    rows: Sequence[HeightRow],
+    good: Callable[[Sequence[str]], bool],
 ) -> WrongRows | None:
     """Return the photographs without which the fit matches its errors, by excluding them in turn; ``good`` says whether a fit
     without photographs of these names is within chance.
@@ -497,7 +498,7 @@ def by_fit(
 
 
 def left_out(
-    fit: LeastSquaresFit, names: Sequence[str], photographs: Sequence[str]
+    fit: least_squares.LeastSquaresFit, names: Sequence[str], photographs: Sequence[str]
 ) -> list[tuple[float, tuple[str, ...]]]:
     """Return the deviance of the others without one or two photographs, by the fit's derivatives; the lowest first, one before
     two."""
@@ -542,7 +543,7 @@ def _sentence(one: WrongReading) -> str:
 
 def reading(pressure: float) -> str:
     """Return a pressure in the bench's units, as text."""
-    return f"{pressure / pascal_per_cm():.4g} {column_unit()} ({pressure / 1e3:.4g} kPa)"
+    return f"{pressure / units.pascal_per_cm():.4g} {units.column_unit()} ({pressure / 1e3:.4g} kPa)"
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -559,10 +560,10 @@ ERRORS = 5.0
 
 def judge_outlines(
     sources: Sequence[OutlineResiduals],
-    fit: LeastSquaresFit,
+    fit: least_squares.LeastSquaresFit,
     rows: Sequence[Sequence[HeightRow]],
     good: Callable[[Sequence[str]], bool],
-) -> Judgement:
+) -> least_squares.Judgement:
     """Check a fit to the outlines of each device, with the series of its pressures over its heights, against chance, and
     for a plausible device and bench; ``good`` is as of `by_fit`."""
     bad: list[int] = []
@@ -580,34 +581,34 @@ def judge_outlines(
     for k in bad:
         wrong = by_course(rows[k]) or by_fit(fit, _photographs(sources, k, fit), rows[k], good)
         if wrong:  # the parameters of such a fit are meaningless
-            return Judgement((wrong.whole,), tuple(warnings))
+            return least_squares.Judgement((wrong.whole,), tuple(warnings))
     objections = (*(text for k in bad for text in _beyond(sources[k], fit)), *unbelievable(fit))
-    return Judgement(objections, tuple(warnings), () if objections else tuple(corrections(fit)))
+    return least_squares.Judgement(objections, tuple(warnings), () if objections else tuple(corrections(fit)))
 
 
-def judge_heights(source: HeightResiduals, fit: LeastSquaresFit) -> Judgement:
+def judge_heights(source: HeightResiduals, fit: least_squares.LeastSquaresFit) -> least_squares.Judgement:
     """Check a fit to heights against law and mesh errors."""
     left = np.abs(fit.residuals[: fit.count]) / 1e3
     i = int(np.argmax(left / source.measured))
     if left[i] > MODEL_PRESSURE * source.measured[i] + ERRORS * source.height_errors[i]:
         one = source.heights[i]
-        return Judgement(
+        return least_squares.Judgement(
             (
                 f"the law does not follow the heights: {one.source} is {one.height * 1e3:.4g} mm high, with a "
                 f"residual of {left[i] * 1e3:.3g} mm at {reading(one.pressure)}; check the pressures, the geometry of the "
                 f"case and whether it is the part in the photographs, or try another law",
             )
         )
-    return Judgement()
+    return least_squares.Judgement()
 
 
-def within_chance(sources: Sequence[OutlineResiduals], fit: LeastSquaresFit) -> bool:
+def within_chance(sources: Sequence[OutlineResiduals], fit: least_squares.LeastSquaresFit) -> bool:
     """Return whether a fit matches every photograph and the readings within their errors, with a plausible bench."""
     parts = zip(sources, residuals_by_source(sources, fit.residuals), strict=True)
     return not any(fits_badly(*pair) for one in parts for pair in misfits(*one).values()) and not unbelievable(fit)
 
 
-def _photographs(sources: Sequence[OutlineResiduals], k: int, fit: LeastSquaresFit) -> list[str]:
+def _photographs(sources: Sequence[OutlineResiduals], k: int, fit: least_squares.LeastSquaresFit) -> list[str]:
     """Return the name of the photograph of each measured residual of the k-th source; that of a reading is its photograph's."""
     source, before = sources[k], sum(one.count for one in sources[:k])
     outlines = source.groups.tolist()[: source.count - len(source.read)]
@@ -615,7 +616,7 @@ def _photographs(sources: Sequence[OutlineResiduals], k: int, fit: LeastSquaresF
     return [*names, *[""] * (fit.count - len(names))]
 
 
-def _beyond(source: OutlineResiduals, fit: LeastSquaresFit) -> list[str]:
+def _beyond(source: OutlineResiduals, fit: least_squares.LeastSquaresFit) -> list[str]:
     """Return the misfits beyond any law's and mesh's error."""
     matches = source.matches(fit.values)
     away = [float(np.sqrt(np.mean(one.distances**2))) for one in matches]

@@ -14,19 +14,15 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from measurement.outline.outline import History
+from measurement.outline import outline
 from softmodels.common.arrays import Array
-from softmodels.fitting.outlines.device import DeviceModel
-from softmodels.fitting.outlines.residuals import OutlineResiduals
+from softmodels.fitting import problem
+from softmodels.fitting.outlines import device, residuals
 from softmodels.fitting.outlines.shapes import OutlineFitError, Shape
-from softmodels.fitting.problem import CannotEvaluate, Parameter
-from softmodels.mechanics.controls import pressure_control
-from softmodels.mechanics.newton import NoConvergence
-from softmodels.mechanics.sensitivity import InTime, Rate
+from softmodels.mechanics import controls, newton, sensitivity
 from softmodels.mechanics.system import State
+from softmodels.path import schedule, stability
 from softmodels.path.continuation import Continuation
-from softmodels.path.schedule import Ramp, march
-from softmodels.path.stability import PathEnd, Pressure
 
 STEP_TOLERANCE = 1e-4
 """Error of the stress by one step in time, over the largest stress, for branches of `USUAL_SHARE` each."""
@@ -80,11 +76,11 @@ class Timetable:
     levels: Mapping[str, int]
 
     @classmethod
-    def of(cls, histories: Sequence[History]) -> Timetable:
+    def of(cls, histories: Sequence[outline.History]) -> Timetable:
         """Return the timetable of photographs; one whose history is the beginning of another's is of the same test. Raises
         `OutlineFitError` for a pressure that is not above zero."""
         order = sorted(range(len(histories)), key=lambda i: (-len(histories[i]), histories[i]))
-        tests: list[tuple[History, dict[int, list[int]]]] = []
+        tests: list[tuple[outline.History, dict[int, list[int]]]] = []
         for i in order:
             own = histories[i]
             test = next((one for one in tests if one[0][: len(own)] == own), None)
@@ -103,7 +99,7 @@ class Timetable:
         return cls(tuple(made), levels)
 
 
-def _levels(corners: History, looks: Mapping[int, Sequence[int]], levels: dict[str, int]) -> list[str]:
+def _levels(corners: outline.History, looks: Mapping[int, Sequence[int]], levels: dict[str, int]) -> list[str]:
     """Return the hidden parameter of each corner's pressure, or "", and add the new ones to ``levels``."""
     names = [""] * len(corners)
     begin = 0
@@ -125,22 +121,22 @@ class _Walk:
 
     values: dict[str, float]
     states: list[State]
-    rates: list[dict[str, Rate]]
+    rates: list[dict[str, sensitivity.Rate]]
 
 
 class Creep:
     """States of a device with its law and branches through its tests."""
 
-    def __init__(self, model: DeviceModel, timetable: Timetable):
+    def __init__(self, model: device.DeviceModel, timetable: Timetable):
         self.model, self.timetable = model, timetable
         self._steps: list[list[tuple[int, float]]] = []  # of each test: the leg and which share of it is done
         self._walks: list[_Walk] = []
-        self._hung, self._hung_rates = model.system.rest(), dict[str, Rate]()
+        self._hung, self._hung_rates = model.system.rest(), dict[str, sensitivity.Rate]()
         self.levels: dict[str, float] = {}  # derivatives of the height in m from which heights count, by parameter
 
     def photographs(
         self, values: Mapping[str, float], names: Sequence[str]
-    ) -> dict[int, tuple[State, dict[str, Rate]]]:
+    ) -> dict[int, tuple[State, dict[str, sensitivity.Rate]]]:
         """Return the state of each photograph, and its derivatives by the named parameters of the model, of whose values
         and levels it is; `CannotEvaluate` if there is none."""
         assert self.model.spectrum is not None
@@ -155,7 +151,7 @@ class Creep:
             for test, steps, base in zip(self.timetable.tests, self._steps, before, strict=True)
         ]
         self._walks = walks
-        found: dict[int, tuple[State, dict[str, Rate]]] = {}
+        found: dict[int, tuple[State, dict[str, sensitivity.Rate]]] = {}
         for test, steps, walk in zip(self.timetable.tests, self._steps, walks, strict=True):
             for (leg, share), state, rates in zip(steps, walk.states, walk.rates, strict=True):
                 if share == 1.0:
@@ -174,16 +170,20 @@ class Creep:
                 found += [(number, share) for share in np.linspace(0.0, 1.0, FEWEST_STEPS + 1)[1:].tolist()]
                 start = self._jumped(start, rise)
                 continue
-            path = Continuation(model.solver, Pressure(), start=start)
+            path = Continuation(model.solver, stability.Pressure(), start=start)
             try:
-                for share, point in march(path, Ramp(rise, leg.duration, FEWEST_STEPS), STEP_TOLERANCE):
+                for share, point in schedule.march(
+                    path, schedule.Ramp(rise, leg.duration, FEWEST_STEPS), STEP_TOLERANCE
+                ):
                     start = point.state
                     found += [(number, share)] if share else []
-            except (PathEnd, NoConvergence) as end:
-                raise CannotEvaluate(f"the device cannot follow the pressures of its photographs: {end}") from None
+            except (stability.PathEnd, newton.NoConvergence) as end:
+                raise problem.CannotEvaluate(
+                    f"the device cannot follow the pressures of its photographs: {end}"
+                ) from None
         return found
 
-    def _begun(self, in_time: InTime | None = None) -> State:
+    def _begun(self, in_time: sensitivity.InTime | None = None) -> State:
         """Return the state at rest, where the device has hung for ever, and let its silicone remember only that."""
         model, state = self.model, self._hung
         model.system.potential.keep(state.w, anew=True)
@@ -200,9 +200,9 @@ class Creep:
         try:
             for share in np.linspace(0.0, 1.0, FEWEST_STEPS + 1)[1:].tolist():
                 P = start.P + share * rise
-                state = model.solver.solve(pressure_control(P), state.w, P)
-        except NoConvergence as failure:
-            raise CannotEvaluate(f"the device cannot follow a jump of the pressure: {failure}") from None
+                state = model.solver.solve(controls.pressure_control(P), state.w, P)
+        except newton.NoConvergence as failure:
+            raise problem.CannotEvaluate(f"the device cannot follow a jump of the pressure: {failure}") from None
         model.system.potential.keep(state.w)
         return state
 
@@ -218,14 +218,14 @@ class Creep:
         model = self.model
         potential, unit = model.system.potential, model.system.stress_unit
         levels = [level for level in self.timetable.levels if any(level in leg.levels for leg in test)]
-        in_time = InTime(model.sensitivity, [self._own(name) for name in names], levels)
+        in_time = sensitivity.InTime(model.sensitivity, [self._own(name) for name in names], levels)
         back = {self._own(name): name for name in names}
         state, along, done, walk = self._begun(in_time), None, 0.0, _Walk(dict(values), [], [])
         leg_before = 0
         for number, (leg, share) in enumerate(steps):
             done, leg_before = (0.0, leg) if leg != leg_before else (done, leg)
             potential.pass_time((share - done) * test[leg].duration)
-            line = pressure_control(test[leg].pressure(share, values) / unit)
+            line = controls.pressure_control(test[leg].pressure(share, values) / unit)
             w = state.w if along is None else state.w + (line.target - state.P) * along.w
             if base is not None:
                 moves = [
@@ -236,10 +236,12 @@ class Creep:
             try:
                 state = model.solver.solve(line, w, line.target)
                 if not state.V > 0.0:
-                    raise NoConvergence("a cavity would collapse")
+                    raise newton.NoConvergence("a cavity would collapse")
                 along, rates = in_time.step(state, line, test[leg].rises(share))
-            except NoConvergence as failure:
-                raise CannotEvaluate(f"the device cannot follow the pressures of its photographs: {failure}") from None
+            except newton.NoConvergence as failure:
+                raise problem.CannotEvaluate(
+                    f"the device cannot follow the pressures of its photographs: {failure}"
+                ) from None
             potential.keep(state.w)
             walk.states.append(state)
             walk.rates.append({back.get(name, name): rate for name, rate in rates.items()})
@@ -253,11 +255,11 @@ class Creep:
         return f"share{spectrum.names.index(name) + 1}" if name in spectrum.names else name
 
 
-class CreepingResiduals(OutlineResiduals):
+class CreepingResiduals(residuals.OutlineResiduals):
     """Residuals of a device that creeps against outlines that carry times, `OutlineFitError` for one without; the hidden
     parameters are the levels' pressures."""
 
-    def __init__(self, model: DeviceModel, shapes: Sequence[Shape], label: str = "outlines", device: str = ""):
+    def __init__(self, model: device.DeviceModel, shapes: Sequence[Shape], label: str = "outlines", device: str = ""):
         if without := [shape.source for shape in shapes if not shape.history]:
             raise OutlineFitError(
                 f"{without[0]} has no times, which a fit of the memory needs: measure again with the columns hold and rise in "
@@ -268,13 +270,13 @@ class CreepingResiduals(OutlineResiduals):
     def _hidden(self) -> tuple[list[int], tuple[str, ...]]:
         timetable = Timetable.of([shape.history for shape in self.shapes])
         self.creep = Creep(self.model, timetable)
-        self._found: dict[int, tuple[State, dict[str, Rate]]] = {}
+        self._found: dict[int, tuple[State, dict[str, sensitivity.Rate]]] = {}
         return [*timetable.levels.values()], tuple(timetable.levels)
 
-    def hidden_parameters(self, volumes: Sequence[float] | Array, hangs: float = 0.0) -> list[Parameter]:
+    def hidden_parameters(self, volumes: Sequence[float] | Array, hangs: float = 0.0) -> list[problem.Parameter]:
         """Return the hidden pressures of the levels in Pa, starting at their readings."""
         return [
-            Parameter(
+            problem.Parameter(
                 self.named(name), "Pa", shape.pressure, (1 - REACH) * shape.pressure, (1 + REACH) * shape.pressure, hidden=True,
                 title=f"the pressure of {shape.name}", device=self.device,
             )

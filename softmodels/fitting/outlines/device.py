@@ -16,33 +16,31 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from geometries import Actuator, GeometryError, MeshingError
-from geometries.actuator import changed
-from measurement.outline.zero import STRAIGHT
+from geometries import Actuator, GeometryError, MeshingError, actuator
+from measurement.outline import zero
 from softmodels.case.case import Case
+from softmodels.common import names, schema
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import MPI
-from softmodels.common.names import checked, one_of
-from softmodels.common.schema import about
-from softmodels.components.loads import STANDARD_GRAVITY, DirectedLoad, FaceLoad, weighed
-from softmodels.fitting.curves.residuals import Spectrum, remembering
-from softmodels.fitting.outlines.shapes import OutlineFitError, Silhouette, crest, edge_heights
-from softmodels.fitting.problem import CannotEvaluate, FitError, LawChoice
+from softmodels.common.names import checked
+from softmodels.components import loads
+from softmodels.fitting import problem
+from softmodels.fitting.curves import residuals
+from softmodels.fitting.outlines import shapes
+from softmodels.fitting.problem import FitError
+from softmodels.materials import silicones
 from softmodels.materials.laws import Material, MaterialError
-from softmodels.materials.silicones import SILICONE_DENSITY
+from softmodels.mechanics import compiling, component, controls, mpi, newton, sensitivity
 from softmodels.mechanics.body import Body, BodyError
-from softmodels.mechanics.compiling import CompilingError, compiling
-from softmodels.mechanics.component import ALONG, Component, ComponentError
-from softmodels.mechanics.controls import Control, Coupling, LoadPart, pressure_control, volume_control
-from softmodels.mechanics.mpi import on_root
-from softmodels.mechanics.newton import NoConvergence
-from softmodels.mechanics.sensitivity import MeshMotion, Rate, Sensitivity
+from softmodels.mechanics.component import Component, ComponentError
+from softmodels.mechanics.controls import Control
+from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
-from softmodels.path.continuation import Continuation, trace
-from softmodels.path.schedule import HangingEnd, hang, inflate_from
-from softmodels.path.stability import DIRECT, PathEnd
-from softmodels.runs.grid import QuadraticCurve, shapes
+from softmodels.path import continuation, schedule, stability
+from softmodels.path.continuation import Continuation
+from softmodels.path.schedule import hang
+from softmodels.runs import grid
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Solve a state directly by Newton's method from a guess, without a path.
@@ -61,7 +59,7 @@ def near(solver: Solver, base: State, line: Control, w: Array, P: float) -> Stat
         if solver.stale:
             solver.factorise(base)
         found = solver.solve(line, w, P)
-    except NoConvergence:
+    except newton.NoConvergence:
         return None
     off, change = float(np.linalg.norm(found.w - w)), float(np.linalg.norm(found.w - base.w))
     sure = off < LARGEST_CORRECTION * max(change, 1e-300) or off < 1e-3 * float(np.linalg.norm(w))
@@ -89,8 +87,8 @@ class _Hung:
 
     values: dict[str, float]
     state: State
-    curve: QuadraticCurve
-    rates: dict[str, Rate]
+    curve: grid.QuadraticCurve
+    rates: dict[str, sensitivity.Rate]
 
 
 class Hanging:
@@ -104,12 +102,12 @@ class Hanging:
         from_apex: Whether the user has stated that heights count from the apex, so that the top need not be flat.
     """
 
-    def __init__(self, silhouette: Silhouette, sensitivity: Sensitivity, height_datum: str = ""):
+    def __init__(self, silhouette: shapes.Silhouette, sensitivity: Sensitivity, height_datum: str = ""):
         self.silhouette, self.sensitivity = silhouette, sensitivity
         self.solver, self.system = sensitivity.solver, silhouette.system
         self.loaded = bool(self.system.dead.loads)
         if height_datum and not self.loaded and silhouette.flat:
-            raise OutlineFitError(
+            raise shapes.OutlineFitError(
                 "--height-datum matters only with dead loads or an undeformed top that is not flat; "
                 "this top is flat and the case has none, so leave it out, or add [gravity]"
             )
@@ -121,7 +119,9 @@ class Hanging:
         """Scale the loads to the system's current shear modulus."""
         if self.loaded:
             dead = self.system.dead
-            self.system.coupling = Coupling.proportional(self.system.body.actuator.ratios, dead.amounts / dead.units)
+            self.system.coupling = controls.Coupling.proportional(
+                self.system.body.actuator.ratios, dead.amounts / dead.units
+            )
 
     def state(self, values: Mapping[str, float]) -> State:
         """Return the state at zero pressure of these parameters, which the system has; `CannotEvaluate` for no equilibrium
@@ -148,14 +148,14 @@ class Hanging:
         moved = {name: self.silhouette.moved(rates[name].w, rates[name].X) for name in names}
         return {name: float(weights @ rate[piece, :, 1]) for name, rate in moved.items()}
 
-    def rates(self, values: Mapping[str, float], names: Sequence[str]) -> dict[str, Rate]:
+    def rates(self, values: Mapping[str, float], names: Sequence[str]) -> dict[str, sensitivity.Rate]:
         """Return the derivatives of the state by parameters, at least these; see `state`."""
         hung = self._found(values)
         if left := [name for name in names if name not in hung.rates]:
             try:
-                hung.rates.update(self.sensitivity.rates(hung.state, pressure_control(0.0), left)[1])
-            except NoConvergence as failure:
-                raise CannotEvaluate(f"the state at zero pressure has no derivatives: {failure}") from None
+                hung.rates.update(self.sensitivity.rates(hung.state, controls.pressure_control(0.0), left)[1])
+            except newton.NoConvergence as failure:
+                raise problem.CannotEvaluate(f"the state at zero pressure has no derivatives: {failure}") from None
         return hung.rates
 
     def check(self, values: Mapping[str, float]) -> None:
@@ -163,10 +163,10 @@ class Hanging:
         undefined."""
         if not self.loaded or self.height_datum != "shadow":
             return
-        places, edge = edge_heights(self._found(values).curve)
+        places, edge = shapes.edge_heights(self._found(values).curve)
         bend = float(np.ptp(edge[places[:, 0] < MIDDLE * self.silhouette.width]))
-        if bend > STRAIGHT:
-            raise OutlineFitError(
+        if bend > zero.STRAIGHT:
+            raise shapes.OutlineFitError(
                 f"the top of the preloaded device is {bend * 1e3:.2g} mm from straight at zero pressure, "
                 f"so no photograph shows the zero plane; choose the zero of heights: --height-datum undeformed if the "
                 "zero plane is that of the undeformed top, --height-datum apex if heights are rises of the apex"
@@ -192,7 +192,7 @@ class Hanging:
     def _weightless(self) -> str:
         """Return a warning if a device without gravity is so soft that its weight matters; else ""."""
         tall = float(np.ptp(self.silhouette.points @ np.asarray(self.system.body.actuator.lift)))
-        weight = SILICONE_DENSITY * STANDARD_GRAVITY * tall
+        weight = silicones.SILICONE_DENSITY * loads.STANDARD_GRAVITY * tall
         share = weight / self.system.stress_unit
         if share < HEAVY:
             return ""
@@ -202,9 +202,9 @@ class Hanging:
             f"is {much}, and the error of the fit may be of that order"
         )
 
-    def _place(self, curve: QuadraticCurve) -> tuple[int, Array]:
-        piece, s = crest(curve) if self.height_datum == "shadow" else (0, -1.0)
-        return piece, shapes(s)
+    def _place(self, curve: grid.QuadraticCurve) -> tuple[int, Array]:
+        piece, s = shapes.crest(curve) if self.height_datum == "shadow" else (0, -1.0)
+        return piece, grid.shapes(s)
 
     def _found(self, values: Mapping[str, float]) -> _Hung:
         if self._now is None or self._now.values != dict(values):
@@ -219,17 +219,17 @@ class Hanging:
         if base is None or not base.rates or not base.rates.keys() <= values.keys() & base.values.keys():
             return None
         w = base.state.w + sum((values[name] - base.values[name]) * rate.w for name, rate in base.rates.items())
-        return near(self.solver, base.state, pressure_control(0.0), w, 0.0)
+        return near(self.solver, base.state, controls.pressure_control(0.0), w, 0.0)
 
     def _followed(self) -> State:
         """Solve the state at the end of a path on which the loads grow."""
         system = self.system
         amounts = np.concatenate([np.zeros(len(system.body.actuator.ratios)), system.dead.amounts / system.dead.units])
         try:
-            return inflate_from(self.solver, hang(self.solver, [("its loads", amounts)]))
-        except HangingEnd as end:
+            return schedule.inflate_from(self.solver, hang(self.solver, [("its loads", amounts)]))
+        except schedule.HangingEnd as end:
             self.couple()
-            raise CannotEvaluate(end.sentence) from None
+            raise problem.CannotEvaluate(end.sentence) from None
 
 
 SAME = 1e-9
@@ -246,7 +246,7 @@ class _Solved:
     quantity: str
     requested: Array
     states: list[State]
-    answers: dict[int, tuple[Rate, dict[str, Rate], float]]
+    answers: dict[int, tuple[sensitivity.Rate, dict[str, sensitivity.Rate], float]]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -278,18 +278,18 @@ class DeviceModel:
     def __init__(
         self,
         solver: Solver,
-        choice: LawChoice,
+        choice: problem.LawChoice,
         height_datum: str = "",
         modulus: float = MODULUS,
-        spectrum: Spectrum | None = None,
+        spectrum: residuals.Spectrum | None = None,
     ):
         self.solver, self.system, self.choice = solver, solver.system, choice
-        self.silhouette = Silhouette(solver.system)
+        self.silhouette = shapes.Silhouette(solver.system)
         actuator = self.system.body.actuator
         # No derivatives by lengths exist under self-contact.
         variable = () if self.system.assembled.slack else actuator.variable
         self.lengths = {name: float(getattr(actuator, name)) for name in variable}
-        self.motion = MeshMotion(self.system.body) if self.lengths else None
+        self.motion = sensitivity.MeshMotion(self.system.body) if self.lengths else None
         if self.motion is not None:
             self.motion.followers.append(self.system.follow_mesh)
         self.sensitivity = Sensitivity(solver, self.motion)
@@ -312,7 +312,7 @@ class DeviceModel:
         """Return the material of parameter values, with its branches; missing weights are 0."""
         if self.spectrum is None:
             return self.law(values)
-        return remembering(
+        return residuals.remembering(
             self.law(values), self.spectrum, dict.fromkeys(self.spectrum.names, 0.0) | dict(values), -math.inf
         )
 
@@ -326,17 +326,17 @@ class DeviceModel:
         try:
             material = self.material(values)
         except MaterialError as error:
-            raise CannotEvaluate(str(error)) from None
+            raise problem.CannotEvaluate(str(error)) from None
         self.system.set_material(material)
         self.hanging.couple()
         lengths = {name: values.get(name, nominal) for name, nominal in self.lengths.items()}
         if self.motion is not None:
             try:
-                device = changed(self.motion.base, lengths)
+                device = actuator.changed(self.motion.base, lengths)
                 if device != self.motion.device:
                     self.motion.move(device)
             except GeometryError as error:
-                raise CannotEvaluate(f"these lengths give an invalid device: {error}") from None
+                raise problem.CannotEvaluate(f"these lengths give an invalid device: {error}") from None
         own = {"poisson": self.system.material.poisson, **{name: values[name] for name in self.choice.names}}
         self._present = {**own, **lengths}
         if self.spectrum is not None and self.loaded:  # it has hung so long that nothing is left in the branches
@@ -344,7 +344,7 @@ class DeviceModel:
             self.hanging.state(self._present)
             self.system.set_material(material)
 
-    def hang(self, names: Sequence[str]) -> tuple[State, dict[str, Rate], dict[str, float]]:
+    def hang(self, names: Sequence[str]) -> tuple[State, dict[str, sensitivity.Rate], dict[str, float]]:
         """Return where the device of the present parameters hangs, with the derivatives of state and zero of heights by
         parameters of its law; its branches have to be without weight."""
         names = [name for name in names if self.spectrum is None or name not in self.spectrum.names]
@@ -357,7 +357,7 @@ class DeviceModel:
         """Return the path of the current parameters from the preloaded state, not started yet."""
         start = self.hanging.state(self._present) if self.loaded else None
         self.paths += 1
-        return Continuation(self.solver, DIRECT[quantity], start=start)
+        return Continuation(self.solver, stability.DIRECT[quantity], start=start)
 
     def height(self, state: State) -> float:
         """Return the height of the apex above the zero plane at a state of the current parameters, in m."""
@@ -378,7 +378,7 @@ class DeviceModel:
         unit = eq.volume_unit if quantity == "volume" else eq.stress_unit
         wanted = np.asarray(requested, dtype=float) / unit
         if not np.isfinite(wanted).all() or (wanted.min() <= 0.0 and not (self.loaded and quantity == "volume")):
-            raise CannotEvaluate(f"an added {quantity} is not above zero")
+            raise problem.CannotEvaluate(f"an added {quantity} is not above zero")
         order = np.argsort(wanted)
         goals: list[float] = []
         place = np.empty(len(wanted), dtype=int)
@@ -401,11 +401,11 @@ class DeviceModel:
         path = self.path(quantity)
         hangs = self.begins(path) if quantity == "volume" else 0.0
         if goals[0] <= hangs:
-            raise CannotEvaluate("an added volume is not above that of the preloaded device")
+            raise problem.CannotEvaluate("an added volume is not above that of the preloaded device")
         try:
-            return [point.state for point in trace(path, goals) if point.requested]
-        except (PathEnd, NoConvergence) as end:
-            raise CannotEvaluate(f"no equilibrium at a measured added {quantity}: {end}") from None
+            return [point.state for point in continuation.trace(path, goals) if point.requested]
+        except (stability.PathEnd, newton.NoConvergence) as end:
+            raise problem.CannotEvaluate(f"no equilibrium at a measured added {quantity}: {end}") from None
 
     def _nearby(
         self, values: Mapping[str, float], goals: Sequence[float], quantity: str, place: npt.NDArray[np.int64]
@@ -426,7 +426,11 @@ class DeviceModel:
             moves = [(rate, values.get(name, 0.0) - base.values.get(name, 0.0)) for name, rate in rates.items()]
             w = state.w + ahead * along.w + sum(by * rate.w for rate, by in moves)
             P = state.P * stress + ahead * along.P + sum(by * rate.P for rate, by in moves)
-            line = volume_control(goal + self.rest_volume) if quantity == "volume" else pressure_control(goal)
+            line = (
+                controls.volume_control(goal + self.rest_volume)
+                if quantity == "volume"
+                else controls.pressure_control(goal)
+            )
             closest = near(self.solver, state, line, w, P / eq.stress_unit)
             if closest is None:
                 return []
@@ -434,11 +438,11 @@ class DeviceModel:
         self.paths += 1
         return found
 
-    def curve(self, state: State) -> QuadraticCurve:
+    def curve(self, state: State) -> grid.QuadraticCurve:
         """Return the outer curve of a state of the present parameters above the zero plane, in m."""
         curve = self.silhouette.curve(state)
         level = self.hanging.level(self._present)
-        return QuadraticCurve(curve.nodes - [0.0, level]) if level else curve
+        return grid.QuadraticCurve(curve.nodes - [0.0, level]) if level else curve
 
     def pressure(self, state: State) -> float:
         """In Pa."""
@@ -449,14 +453,20 @@ class DeviceModel:
         pressure; `CannotEvaluate` if the linear solver failed."""
         eq = self.system
         levels = self.hanging.level_rates(self._present, names)
-        control: Control = volume_control(state.V) if quantity == "volume" else pressure_control(state.P)
+        control: Control = (
+            controls.volume_control(state.V) if quantity == "volume" else controls.pressure_control(state.P)
+        )
         unit = eq.volume_unit if quantity == "volume" else eq.stress_unit
         try:
             along, rates = self.sensitivity.rates(state, control, names)
-        except NoConvergence as failure:
-            raise CannotEvaluate(f"a state has no derivatives: {failure}") from None
+        except newton.NoConvergence as failure:
+            raise problem.CannotEvaluate(f"a state has no derivatives: {failure}") from None
         answers = self._asked.answers if self._asked and any(state is one for one in self._asked.states) else {}
-        answers[id(state)] = Rate(along.w / unit, along.P * eq.stress_unit / unit, along.V), rates, eq.stress_unit
+        answers[id(state)] = (
+            sensitivity.Rate(along.w / unit, along.P * eq.stress_unit / unit, along.V),
+            rates,
+            eq.stress_unit,
+        )
         outline = {name: self.silhouette.moved(rate.w, rate.X) - [0.0, levels[name]] for name, rate in rates.items()}
         pressures = {name: rate.P for name, rate in rates.items()}
         return ModelSlopes(pressures, outline, along.P * eq.stress_unit / unit, self.silhouette.moved(along.w) / unit)
@@ -471,22 +481,22 @@ def measured_parts(
 ) -> tuple[Component, ...]:
     """Return a case's parts for a fit, with the density of the case's silicone, if that is known, for any fitted law;
     `FitError` for a load that tilts the outline, or one without a given size."""
-    for load in (part for part in components if isinstance(part, LoadPart)):
+    for load in (part for part in components if isinstance(part, controls.LoadPart)):
         _check(load, actuator)
-    return tuple(components) if material is None else weighed(components, material)
+    return tuple(components) if material is None else loads.weighed(components, material)
 
 
-def _check(load: LoadPart, actuator: Actuator) -> None:
+def _check(load: controls.LoadPart, actuator: Actuator) -> None:
     if not (
-        isinstance(load, DirectedLoad)
+        isinstance(load, loads.DirectedLoad)
         and load.arm == 2
-        and abs(float(np.asarray(load.vector) @ np.asarray(actuator.lift))) > 1 - ALONG
+        and abs(float(np.asarray(load.vector) @ np.asarray(actuator.lift))) > 1 - component.ALONG
     ):
         raise FitError(
             f"the case has a {load.where} that does not act along the device's axis; fits assume symmetric "
             "outlines, so photograph the device upright, or leave out the load if it is small"
         )
-    if isinstance(load, FaceLoad) and not load.kept:
+    if isinstance(load, loads.FaceLoad) and not load.kept:
         raise FitError(
             f"the case has a {load.where} whose size is requested; a fit takes loads that stay the same in all photographs, so "
             'give it an amount (amount = "0.2 N"), or leave it out'
@@ -539,36 +549,38 @@ class MeasuredDevice:
             section = as_section(device.actuator)
             components = measured_parts(device.components, section, device.material)
             return cls(section, device.name, device.material, device.formulation, components, device.solver)
-        one_of("device", device, Actuator, "a device, such as sm.HollowDisk(), or a Case")
+        names.one_of("device", device, Actuator, "a device, such as sm.HollowDisk(), or a Case")
         return cls(as_section(device), device.name)
 
     def counting_from(self, height_datum: str) -> MeasuredDevice:
         """Return the device with another zero of heights; see `height_datum`; empty to keep it."""
         return dataclasses.replace(self, height_datum=height_datum or self.height_datum)
 
-    def model(self, choice: LawChoice, comm: MPI.Comm, spectrum: Spectrum | None = None) -> DeviceModel:
+    def model(
+        self, choice: problem.LawChoice, comm: MPI.Comm, spectrum: residuals.Spectrum | None = None
+    ) -> DeviceModel:
         """Return the device under a law, perhaps with relaxing branches, meshed and compiled; `FitError` if it cannot be,
         or ``height_datum`` makes no difference to it."""
-        folder = on_root(comm, lambda: Path(tempfile.mkdtemp(prefix="softmodels-")))
+        folder = mpi.on_root(comm, lambda: Path(tempfile.mkdtemp(prefix="softmodels-")))
         mesh = folder / f"{self.name}.msh"
         try:
-            on_root(comm, lambda: self.actuator.write(mesh))
-            with compiling():
+            mpi.on_root(comm, lambda: self.actuator.write(mesh))
+            with compiling.compiling():
                 body = Body.from_file(self.actuator, mesh, comm)
                 material = choice.material(choice.from_modulus(30e3))
                 if spectrum is not None:
-                    material = remembering(material, spectrum, dict.fromkeys(spectrum.names, 0.0), -math.inf)
+                    material = residuals.remembering(material, spectrum, dict.fromkeys(spectrum.names, 0.0), -math.inf)
                 system = System(body, material, self.formulation, self.components, spectrum is not None)
                 modulus = self.material.shear_modulus_0 if self.material and system.dead.loads else MODULUS
                 return DeviceModel(Solver(system, self.solver), choice, self.height_datum, modulus, spectrum)
-        except (BodyError, CompilingError, ComponentError, MeshingError, GeometryError, OSError) as error:
+        except (BodyError, compiling.CompilingError, ComponentError, MeshingError, GeometryError, OSError) as error:
             raise FitError(str(error)) from error
         finally:
-            on_root(comm, lambda: shutil.rmtree(folder, ignore_errors=True))
+            mpi.on_root(comm, lambda: shutil.rmtree(folder, ignore_errors=True))
 
 
 def as_section(actuator: Actuator) -> Actuator:
     """Return an axisymmetric device as its section, which gives the same outline in 1 % of the time."""
-    section = about(actuator).get("section")
+    section = schema.about(actuator).get("section")
     turns = section is not None and "axisymmetric" in getattr(section.kind, "choices", ())
     return dataclasses.replace(actuator, section="axisymmetric") if turns else actuator  # type: ignore[call-arg]

@@ -10,13 +10,15 @@ from types import MappingProxyType
 import numpy as np
 
 from geometries import Actuator
-from measurement.outline.outline import Outline, hold_of
+from measurement.outline import outline
+from measurement.outline.outline import Outline
 from softmodels.case.case import Case
+from softmodels.common import units
 from softmodels.common.errors import known_are, spoken
 from softmodels.common.lazy import MPI
 from softmodels.common.names import checked, one_of, several, wrong
 from softmodels.common.processes import one_at_a_time
-from softmodels.common.units import LIGHTER, column_unit
+from softmodels.fitting import problem
 from softmodels.fitting.comparison import (
     DeviceMisfit,
     Expected,
@@ -30,30 +32,11 @@ from softmodels.fitting.comparison import (
     stretch_of,
     with_rubber,
 )
+from softmodels.fitting.curves import residuals
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
 from softmodels.fitting.curves.fit import Curves, loop_notes, loop_objections, prepared
-from softmodels.fitting.curves.residuals import (
-    SEVERAL_HOLDS,
-    Spectrum,
-    StressError,
-    counted_from,
-    remembering,
-    residuals_of,
-    spectrum,
-    stretches_of,
-)
 from softmodels.fitting.least_squares import Judgement, LeastSquaresFit, fit_parameters, profile, settled
-from softmodels.fitting.outlines.checks import (
-    HeightRow,
-    by_course,
-    exact_lengths,
-    judge_heights,
-    judge_outlines,
-    series_of,
-    series_of_shapes,
-    within_chance,
-)
-from softmodels.fitting.outlines.creeping import CreepingResiduals
+from softmodels.fitting.outlines import checks, creeping
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.outlines.residuals import (
     Height,
@@ -69,25 +52,9 @@ from softmodels.fitting.outlines.residuals import (
     starts,
 )
 from softmodels.fitting.outlines.shapes import OutlineFitError, kept, prepare, read_outlines
-from softmodels.fitting.problem import (
-    DEFAULTS,
-    FREE,
-    LENGTHS,
-    NOTHING_ELSE,
-    CannotEvaluate,
-    Changes,
-    Extra,
-    FitError,
-    FitOptions,
-    LawChoice,
-    Laws,
-    Parameter,
-    UnsoundError,
-    all_parameters,
-    law_choices,
-)
-from softmodels.materials.specimens import judge
-from softmodels.mechanics.mpi import start
+from softmodels.fitting.problem import FitError, FitOptions
+from softmodels.materials import specimens
+from softmodels.mechanics import mpi
 from softmodels.runs.fields import Fields
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -102,9 +69,9 @@ STARTING_SHARE = 0.1
 
 def fit_law_to_outlines(
     *sources: OutlineResiduals,
-    free: Sequence[str] = FREE,
-    extra: Extra = NOTHING_ELSE,
-    changes: Changes = MappingProxyType({}),
+    free: Sequence[str] = problem.FREE,
+    extra: problem.Extra = problem.NOTHING_ELSE,
+    changes: problem.Changes = MappingProxyType({}),
     loss: str = "linear",
     doubted: Collection[str] = (),
 ) -> LeastSquaresFit:
@@ -134,7 +101,7 @@ def fit_law_to_outlines(
         if change.get("fixed") and "start" in change and name in choice.names
     }
     begins: list[dict[str, float]] = []
-    hidden: list[Parameter] = []
+    hidden: list[problem.Parameter] = []
     for source in sources:
         measured = [
             (shape.height, shape.pressure, shape.pressure_error * (UNHEARD if shape.source in doubted else 1.0))
@@ -174,16 +141,16 @@ class LawTrial[Source: (OutlineResiduals, HeightResiduals)]:
     sources: tuple[Source, ...]
     fit: LeastSquaresFit
     judgement: Judgement
-    rows: tuple[tuple[HeightRow, ...], ...] = ()
+    rows: tuple[tuple[checks.HeightRow, ...], ...] = ()
 
 
 def try_outlines(
     sources: Sequence[OutlineResiduals],
     free: Sequence[str],
-    extra: Extra = NOTHING_ELSE,
-    changes: Changes = MappingProxyType({}),
+    extra: problem.Extra = problem.NOTHING_ELSE,
+    changes: problem.Changes = MappingProxyType({}),
     loss: str = "linear",
-    rows: Sequence[Sequence[HeightRow]] = (),
+    rows: Sequence[Sequence[checks.HeightRow]] = (),
 ) -> LawTrial[OutlineResiduals]:
     """Fit a law to all outlines as `fit_law_to_outlines`, and search for contradicting ones if the fit is beyond chance. With
     the series of another law's trial, all laws are fitted to the same photographs.
@@ -193,10 +160,10 @@ def try_outlines(
         FitError: The fit fails.
     """
     all_nuisances(sources, free)  # unknown names, before anything is solved
-    series = tuple(tuple(one) for one in rows or [series_of_shapes(one.model, one.shapes) for one in sources])
+    series = tuple(tuple(one) for one in rows or [checks.series_of_shapes(one.model, one.shapes) for one in sources])
     if sources[0].model.spectrum is not None:  # at one pressure the heights differ with the time
         series = ((),) * len(sources)
-    wrong = [found for found in map(by_course, series) if found]
+    wrong = [found for found in map(checks.by_course, series) if found]
     doubted = [name for found in wrong for name in found.names]
     said = "; ".join(found.whole for found in wrong)
 
@@ -213,8 +180,8 @@ def try_outlines(
 
     def good(without: Sequence[str]) -> bool:
         try:
-            return within_chance(*fitted(without))
-        except (FitError, CannotEvaluate):
+            return checks.within_chance(*fitted(without))
+        except (FitError, problem.CannotEvaluate):
             return False
 
     try:
@@ -226,9 +193,9 @@ def try_outlines(
         chosen, fit = fitted((), doubted)
     except FitError as error:
         if wrong:
-            raise UnsoundError(f"{said} (with all photographs: {error})") from None
+            raise problem.UnsoundError(f"{said} (with all photographs: {error})") from None
         raise
-    return LawTrial(tuple(chosen), fit, judge_outlines(chosen, fit, series, good), series)
+    return LawTrial(tuple(chosen), fit, checks.judge_outlines(chosen, fit, series, good), series)
 
 
 PROFILE_POINTS = 6
@@ -246,8 +213,8 @@ HEIGHTS_ALONE = (
 def fit(
     device: Device | Sequence[tuple[Device, Outlines]],
     outlines: Outlines = (),
-    material: Laws = "yeoh",
-    options: FitOptions = DEFAULTS,
+    material: problem.Laws = "yeoh",
+    options: FitOptions = problem.DEFAULTS,
     *,
     curves: Curves = (),
     comm: MPI.Comm | None = None,
@@ -283,7 +250,7 @@ def fit(
     names = device_names([one.name for one in measured])
     task = _Task(
         tuple(dataclasses.replace(one, name=name) for one, name in zip(measured, names, strict=True)),
-        law_choices(material, options.poisson),
+        problem.law_choices(material, options.poisson),
         options,
         tuple(prepared(several("curves", curves, TensileCurve, "a sm.TensileCurve"), history=options.memory)),
     )
@@ -298,7 +265,7 @@ def fit(
             ]
             for (_, given), name, left in zip(pairs, names, without, strict=True)
         ]
-    return task.with_outlines(found, comm or start())
+    return task.with_outlines(found, comm or mpi.start())
 
 
 def _pairs(device: object, outlines: Outlines) -> list[tuple[Device, Outlines]]:
@@ -356,8 +323,8 @@ def _without_by_device(exclude: Sequence[str], names: Sequence[str]) -> list[lis
 def fit_heights(
     device: Actuator | Case | MeasuredDevice,
     heights: Sequence[Height] | Path | str,
-    material: Laws = "yeoh",
-    options: FitOptions = DEFAULTS,
+    material: problem.Laws = "yeoh",
+    options: FitOptions = problem.DEFAULTS,
     *,
     comm: MPI.Comm | None = None,
 ) -> FitReport:
@@ -382,11 +349,11 @@ def fit_heights(
     heights = several("heights", heights, Height, "a height, or the table heights.csv")
     task = _Task(
         (MeasuredDevice.of(device).counting_from(options.height_datum),),
-        law_choices(material, options.poisson),
+        problem.law_choices(material, options.poisson),
         options,
         (),
     )
-    return task.with_heights(heights, comm or start())
+    return task.with_heights(heights, comm or mpi.start())
 
 
 def _check_how(options: object, comm: object) -> None:
@@ -401,7 +368,7 @@ class _Task:
     """Devices of one material, laws, and how to fit them."""
 
     devices: tuple[MeasuredDevice, ...]
-    choices: Sequence[LawChoice]
+    choices: Sequence[problem.LawChoice]
     options: FitOptions
     curves: tuple[TensileCurve, ...]
 
@@ -417,28 +384,29 @@ class _Task:
             compared = f"the fit is compared with that of {self.devices[0].name}"
             more = [*more, f"the cases have {len(named)} materials; {compared}"]
         liquid = (
-            f"heights of a column are {column_unit()} ({LIGHTER}), also where photographs were measured by them without "
+            f"heights of a column are {units.column_unit()} ({units.LIGHTER}), also where photographs were "
+            "measured by them without "
             "--water-density"
         )
         return [*filter(None, (caution(self.known), *more)), *left_out, liquid]
 
-    def changes(self, choice: LawChoice) -> Changes:
+    def changes(self, choice: problem.LawChoice) -> problem.Changes:
         """Return the changes without those of other laws."""
-        foreign = all_parameters().keys() - set(choice.names)
+        foreign = problem.all_parameters().keys() - set(choice.names)
         return {name: change for name, change in self.options.changes.items() if name not in foreign}
 
     def with_outlines(self, outlines: Sequence[Sequence[Outline]], comm: MPI.Comm) -> FitReport:
-        notes, rows = self.notes(), tuple[tuple[HeightRow, ...], ...]()
+        notes, rows = self.notes(), tuple[tuple[checks.HeightRow, ...], ...]()
         notes += [
             f"{one.source} is used in spite of doubts: {'; '.join(one.reasons)}"
             for own in outlines for one in own if one.reasons
         ]  # fmt: skip
-        error = StressError.from_text(self.options.stress_error)
-        holds = [hold_of(one.history) for own in outlines for one in own if one.history and one.pressure > 0.0]
+        error = residuals.StressError.from_text(self.options.stress_error)
+        holds = [outline.hold_of(one.history) for own in outlines for one in own if one.history and one.pressure > 0.0]
         branches = self._spectrum(holds)
         notes += hold_notes(holds) if branches is None else [branches.sentence]
         # No derivatives by lengths exist for a silicone with a memory.
-        free = [name for name in self.options.free if branches is None or name != LENGTHS]
+        free = [name for name in self.options.free if branches is None or name != problem.LENGTHS]
         trials: dict[str, LawTrial[OutlineResiduals]] = {}
         for choice in self.choices:
             devices = []
@@ -446,9 +414,11 @@ class _Task:
                 model = device.model(choice, comm, branches)
                 shapes, more = prepare(own, device.actuator, model.silhouette.width)
                 notes += [note for note in more if note not in notes]
-                kind = OutlineResiduals if branches is None else CreepingResiduals
+                kind = OutlineResiduals if branches is None else creeping.CreepingResiduals
                 devices.append(kind(model, shapes, device=device.name if len(self.devices) > 1 else ""))
-            sources, extra = residuals_of(self.curves, choice, error, self.options.gauge_error, spectrum=branches)
+            sources, extra = residuals.residuals_of(
+                self.curves, choice, error, self.options.gauge_error, spectrum=branches
+            )
             extra = dataclasses.replace(extra, sources=sources)
             trial = try_outlines(devices, free, extra, self.changes(choice), self.options.loss, rows)
             trials[choice.name], rows = trial, trial.rows
@@ -456,7 +426,7 @@ class _Task:
         robust = ", outliers counted by their size" if self.options.robust else ""
         fitted = [p for p in next(iter(trials.values())).fit.free if not p.hidden]
         lengths = [p for p in fitted if is_length(p)]
-        named = {LENGTHS, *(name for p in lengths for name in (p.name, p.own_name))}
+        named = {problem.LENGTHS, *(name for p in lengths for name in (p.name, p.own_name))}
         said = [*(name for name in free if name not in named), *map(length_words, lengths)]
         law = "the law" if branches is None else "the law and its memory"
         tests = f"; curves with {self.options.gauge_words.removeprefix(', ')}" if self.curves else ""
@@ -473,7 +443,7 @@ class _Task:
         }
         return dataclasses.replace(report, photographs=states)
 
-    def _spectrum(self, holds: Sequence[float]) -> Spectrum | None:
+    def _spectrum(self, holds: Sequence[float]) -> residuals.Spectrum | None:
         """Return the branches to fit to photographs with these hold times in s; None without a memory."""
         if not self.options.memory:
             return None
@@ -483,11 +453,12 @@ class _Task:
                     f"{name} cannot be fitted together with a memory; measure it, or fit without --memory"
                 )
         try:
-            return spectrum(self.curves, holds)
+            return residuals.spectrum(self.curves, holds)
         except TensileError:
             shown = ", ".join(f"{hold:g} s" for hold in sorted(set(holds))) or "none"
             raise OutlineFitError(
-                f"photographs show a memory only at two hold times or more, one at least {SEVERAL_HOLDS:g} times the other; "
+                f"photographs show a memory only at two hold times or more, one at least "
+                f"{residuals.SEVERAL_HOLDS:g} times the other; "
                 f"here there are {shown} (columns hold and rise of the list of photographs)"
             ) from None
 
@@ -497,12 +468,12 @@ class _Task:
             model = self.devices[0].model(choice, comm)
             usable = check_heights(heights, model.silhouette.width)
             columns = [(one.height, one.pressure, one.pressure_error, one.height_error) for one in usable]
-            rows, _ = series_of(model, [one.source for one in usable], *np.array(columns).T)
-            if wrong := by_course(rows):
-                raise UnsoundError(wrong.whole)
+            rows, _ = checks.series_of(model, [one.source for one in usable], *np.array(columns).T)
+            if wrong := checks.by_course(rows):
+                raise problem.UnsoundError(wrong.whole)
             source = HeightResiduals(model, usable)
             fit = least_squares_of_heights(source, changes=self.changes(choice), loss=self.options.loss)
-            trials[choice.name] = LawTrial((source,), fit, judge_heights(source, fit))
+            trials[choice.name] = LawTrial((source,), fit, checks.judge_heights(source, fit))
         how = (
             "mean square deviation of the largest deflections at the raw readings, errors from the "
             "scatter and from the bench's priors"
@@ -522,9 +493,9 @@ class _Task:
             devices.append(f"{source.device or self.devices[0].name}: {kind}, {source.in_words}")
             of_device = list(source.model.system.mesh_notes) + ([told] if told else [])
             notes += [f"{source.device}: {note}" if source.device else note for note in of_device]
-            notes += [exact] if (exact := exact_lengths(source, first.fit)) else []
+            notes += [exact] if (exact := checks.exact_lengths(source, first.fit)) else []
         report = FitReport(tuple(laws), comparison, self.curves, how, devices=tuple(devices))
-        curves = counted_from(self.curves, report.chosen.fit.values)
+        curves = residuals.counted_from(self.curves, report.chosen.fit.values)
         notes += loop_notes(curves, report.chosen.material) if self.options.memory else []
         return dataclasses.replace(report, curves=tuple(curves), notes=tuple(map(spoken, notes)))
 
@@ -532,19 +503,21 @@ class _Task:
         self, trial: LawTrial[Source], fit: LeastSquaresFit
     ) -> FittedLaw:
         first = trial.sources[0].model
-        choice: LawChoice = first.choice
+        choice: problem.LawChoice = first.choice
         stretch = max(_largest_stretch(source, fit) for source in trial.sources)
         strain = 2 * stretch**2 + stretch**-4 - 3  # assuming equibiaxial tension, the upper bound for this stretch
-        low, high = stretches_of(self.curves) or (1.0, stretch)
+        low, high = residuals.stretches_of(self.curves) or (1.0, stretch)
         over = (min(low, 1.0), max(high, stretch))
         material = dataclasses.replace(first.law(fit.values), fitted_stretch=over)
         judgement = trial.judgement
         if first.spectrum is not None:
-            material = remembering(material, first.spectrum, fit.values)
-            of_loops = loop_objections(counted_from(self.curves, fit.values), material)
+            material = residuals.remembering(material, first.spectrum, fit.values)
+            of_loops = loop_objections(residuals.counted_from(self.curves, fit.values), material)
             judgement = dataclasses.replace(judgement, objections=judgement.objections + tuple(of_loops))
         judgement = hold_against(material, stretch_of(strain), self.known, with_rubber(choice, fit, judgement))
-        law = FittedLaw(choice, fit, material, judge(material, strain), {}, judgement, self._misfits(trial, fit))
+        law = FittedLaw(
+            choice, fit, material, specimens.judge(material, strain), {}, judgement, self._misfits(trial, fit)
+        )
         wanted = [p.name for p in fit.free if p.name in first.common and self.options.profiles]
         if first.spectrum is not None:  # many states in time: only where the covariance's interval is not above 0
             wanted = [p.name for p in fit.free if p.name in first.spectrum.names and not fit.interval(p.name)[0] > 0.0]
@@ -572,7 +545,7 @@ def hold_notes(holds: Sequence[float]) -> list[str]:
     if not holds:
         return []
     low, high = min(holds), max(holds)
-    if high < SEVERAL_HOLDS * max(low, 1e-300):
+    if high < residuals.SEVERAL_HOLDS * max(low, 1e-300):
         times = f"{low:.3g} s" if high <= 1.01 * low else f"{low:.3g} to {high:.3g} s"
         return [f"the photographs were taken after holds of {times}: the law is that of such times"]
     return [

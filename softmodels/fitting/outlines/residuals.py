@@ -23,21 +23,19 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import PchipInterpolator
 
-from measurement.series.photo_list import DENSITY_ERROR
+from measurement.series import photo_list
+from softmodels.common import tables, units
 from softmodels.common.arrays import Array
 from softmodels.common.errors import known_are, reason
 from softmodels.common.names import keep_arrays
-from softmodels.common.tables import Line, pick, read_sheets, records
-from softmodels.common.units import WATER_DENSITY, UnitError, number
-from softmodels.fitting.least_squares import LeastSquaresFit, fit_parameters
+from softmodels.fitting import least_squares, problem
 from softmodels.fitting.outlines.device import DeviceModel
 from softmodels.fitting.outlines.shapes import FLOOR, TALLEST, OutlineFitError, Shape, kept, shadow_of
-from softmodels.fitting.problem import BENCH, LENGTHS, CannotEvaluate, Changes, FitError, Parameter, Prior
-from softmodels.mechanics.newton import NoConvergence
+from softmodels.fitting.problem import FitError
+from softmodels.mechanics import newton
 from softmodels.mechanics.system import State
-from softmodels.path.continuation import LARGEST_GROWTH, trace
-from softmodels.path.stability import PathEnd
-from softmodels.runs.grid import QuadraticCurve
+from softmodels.path import continuation, stability
+from softmodels.runs import grid
 
 READINGS = "pressures"
 """Label of the group of pressure residuals."""
@@ -64,7 +62,7 @@ class OutlineResiduals:
             )
         self.model, self.shapes, self.label, self.device = model, tuple(shapes), label, device
         self.read, self._own_hidden = self._hidden()
-        self._own_names = (*model.names, *BENCH, *self._own_hidden)
+        self._own_names = (*model.names, *problem.BENCH, *self._own_hidden)
         self.parameters = tuple(map(self.named, self._own_names))
         self.readings = f"{device}/{READINGS}" if device else READINGS
         self.most = max(shape.pressure for shape in shapes)
@@ -77,10 +75,10 @@ class OutlineResiduals:
         """Return `read`, and the names of the hidden parameters."""
         return [*range(len(self.shapes))], tuple(f"volume{i + 1}" for i in range(len(self.shapes)))
 
-    def hidden_parameters(self, volumes: Sequence[float] | Array, hangs: float = 0.0) -> list[Parameter]:
+    def hidden_parameters(self, volumes: Sequence[float] | Array, hangs: float = 0.0) -> list[problem.Parameter]:
         """Return the hidden added volumes with a start for each, m3; ``hangs`` is that of the device at zero pressure."""
         return [
-            Parameter(
+            problem.Parameter(
                 self.named(name), "m^3", start, hangs + 0.05 * (start - hangs), hangs + 4.0 * (start - hangs), hidden=True,
                 title=f"the added volume at {shape.name}", device=self.device,
             )
@@ -122,7 +120,7 @@ class OutlineResiduals:
         matches = self.matches(values)
         residuals = np.concatenate([*(f.residuals for f in matches), [matches[i].reading for i in self.read]])
         if not np.isfinite(residuals).all():
-            raise CannotEvaluate("a residual is not finite")
+            raise problem.CannotEvaluate("a residual is not finite")
         return residuals, self._jacobian(values, matches) if derivatives else None, self.groups
 
     def matches(self, values: Mapping[str, float]) -> list[MatchedPhotograph]:
@@ -179,7 +177,7 @@ class MatchedPhotograph:
         self,
         shape: Shape,
         state: State,
-        curve: QuadraticCurve,
+        curve: grid.QuadraticCurve,
         pressure: float,
         values: Mapping[str, float],
         most: float,
@@ -255,7 +253,7 @@ SCALE_ERROR = 0.01
 ZERO_ERROR = 20e-6
 """Prior of the zero plane's height in m, or the outlines' error of the level if larger."""
 
-PRESSURE_SCALE_ERROR = DENSITY_ERROR / WATER_DENSITY
+PRESSURE_SCALE_ERROR = photo_list.DENSITY_ERROR / units.WATER_DENSITY
 """Prior of the pressure scale: a column's density is common to all readings."""
 
 LENGTH_ERROR = 0.02
@@ -264,7 +262,7 @@ LENGTH_ERROR = 0.02
 POISSON_BOUNDS = (0.3, 0.5)
 
 
-def nuisances(source: OutlineResiduals, free: Sequence[str]) -> list[Parameter]:
+def nuisances(source: OutlineResiduals, free: Sequence[str]) -> list[problem.Parameter]:
     """Return the parameters of bench and device with their default priors; the centre, which outlines show by themselves, has
     none. Those that are not free are fixed.
 
@@ -272,11 +270,11 @@ def nuisances(source: OutlineResiduals, free: Sequence[str]) -> list[Parameter]:
     device's own variable lengths, such as ``membrane``, or `LENGTHS` for all of these; `OutlineFitError` for another name.
     """
     model, shapes = source.model, source.shapes
-    known = (*BENCH, "poisson", *model.lengths)
+    known = (*problem.BENCH, "poisson", *model.lengths)
     for name in free:
-        if name not in (*known, LENGTHS):
+        if name not in (*known, problem.LENGTHS):
             raise OutlineFitError(f"no bench or device parameter is called {name!r}; {known_are(name, known)}")
-    if LENGTHS in free:
+    if problem.LENGTHS in free:
         free = (*free, *model.lengths)
     reading = min(shape.pressure_error for shape in shapes)
     width = model.silhouette.width
@@ -284,13 +282,13 @@ def nuisances(source: OutlineResiduals, free: Sequence[str]) -> list[Parameter]:
     scale = max(shape.scale_error for shape in shapes) or SCALE_ERROR
     level = max(ZERO_ERROR, *(shape.level_error for shape in shapes))
     made = [
-        Parameter("pressure_offset", "Pa", 0.0, -source.most, source.most, Prior(0.0, reading)),
-        Parameter("pressure_scale", "", 0.0, -0.5, 0.5, Prior(0.0, PRESSURE_SCALE_ERROR)),
-        Parameter("leak", "", 0.0, -0.5, 0.5, Prior(0.0, LEAK_ERROR)),
-        Parameter("scale", "", 0.0, -0.2, 0.2, Prior(0.0, scale)),
-        Parameter("zero", "m", 0.0, -width, width, Prior(0.0, level)),
-        Parameter("centre", "m", centre, centre - width, centre + width),
-        Parameter("poisson", "", model.choice.poisson, *POISSON_BOUNDS, answers=POISSON_BOUNDS[1:]),
+        problem.Parameter("pressure_offset", "Pa", 0.0, -source.most, source.most, problem.Prior(0.0, reading)),
+        problem.Parameter("pressure_scale", "", 0.0, -0.5, 0.5, problem.Prior(0.0, PRESSURE_SCALE_ERROR)),
+        problem.Parameter("leak", "", 0.0, -0.5, 0.5, problem.Prior(0.0, LEAK_ERROR)),
+        problem.Parameter("scale", "", 0.0, -0.2, 0.2, problem.Prior(0.0, scale)),
+        problem.Parameter("zero", "m", 0.0, -width, width, problem.Prior(0.0, level)),
+        problem.Parameter("centre", "m", centre, centre - width, centre + width),
+        problem.Parameter("poisson", "", model.choice.poisson, *POISSON_BOUNDS, answers=POISSON_BOUNDS[1:]),
         *length_parameters(model),
     ]
     return [
@@ -302,31 +300,31 @@ def nuisances(source: OutlineResiduals, free: Sequence[str]) -> list[Parameter]:
     ]  # fmt: skip
 
 
-def length_parameters(model: DeviceModel) -> list[Parameter]:
+def length_parameters(model: DeviceModel) -> list[problem.Parameter]:
     """Return the lengths of a device that a fit may vary, with their default priors."""
     return [
-        Parameter(name, "m", value, 0.7 * value, 1.3 * value, Prior(value, LENGTH_ERROR * value))
+        problem.Parameter(name, "m", value, 0.7 * value, 1.3 * value, problem.Prior(value, LENGTH_ERROR * value))
         for name, value in model.lengths.items()
     ]
 
 
-def is_length(p: Parameter) -> bool:
+def is_length(p: problem.Parameter) -> bool:
     """Return whether a parameter of a fit is a length of a device, one of `length_parameters`."""
-    return p.unit == "m" and p.own_name not in BENCH
+    return p.unit == "m" and p.own_name not in problem.BENCH
 
 
-def length_words(p: Parameter) -> str:
+def length_words(p: problem.Parameter) -> str:
     """Return the name of a free length with its prior."""
     if p.prior is None:
         return p.name
     return f"{p.name} (prior {p.prior.mean * 1e3:.4g} +- {p.prior.error * 1e3:.2g} mm)"
 
 
-def all_nuisances(sources: Sequence[OutlineResiduals], free: Sequence[str]) -> list[Parameter]:
+def all_nuisances(sources: Sequence[OutlineResiduals], free: Sequence[str]) -> list[problem.Parameter]:
     """Return the parameters of all devices of a fit; a free one is free for every device, or by its full name for one.
     Raises `OutlineFitError` for a name that no device has."""
-    found: dict[str, Parameter] = {}
-    known = [(*BENCH, "poisson", *source.model.lengths, LENGTHS) for source in sources]
+    found: dict[str, problem.Parameter] = {}
+    known = [(*problem.BENCH, "poisson", *source.model.lengths, problem.LENGTHS) for source in sources]
     for name in free:
         if not any(
             name in (own, source.named(own)) for source, names in zip(sources, known, strict=True) for own in names
@@ -402,7 +400,7 @@ def plain_path(model: DeviceModel, heights: Array, pressures: Array) -> Plain:
     for _ in range(ROUNDS):
         try:
             found = _plain_at(model, heights)
-        except CannotEvaluate as error:
+        except problem.CannotEvaluate as error:
             if not model.loaded:
                 raise
             model.modulus, why = 2.0 * model.modulus, str(error)
@@ -476,19 +474,21 @@ def volumes_of(model: DeviceModel, values: dict[str, float], heights: Array) -> 
     eq, rest = model.system, model.rest_volume
     model.set_parameters(values)
     model.hanging.check(values)
-    goals = rest * np.concatenate([np.linspace(0.05, 1.0, 12), np.geomspace(1.2, 0.95 * LARGEST_GROWTH, 30)])
+    goals = rest * np.concatenate(
+        [np.linspace(0.05, 1.0, 12), np.geomspace(1.2, 0.95 * continuation.LARGEST_GROWTH, 30)]
+    )
     rises, volumes = list[float](), list[float]()
     highest = float(heights.max())
     path, why = model.path("volume"), ""
     try:
-        for point in trace(path, (model.begins(path) + goals).tolist()):
+        for point in continuation.trace(path, (model.begins(path) + goals).tolist()):
             rise = model.height(point.state)
             if not rises or rise > rises[-1]:
                 rises.append(rise)
                 volumes.append((point.state.V - rest) * eq.volume_unit)
             if rise > 1.02 * highest:
                 break
-    except (PathEnd, NoConvergence, CannotEvaluate) as end:
+    except (stability.PathEnd, newton.NoConvergence, problem.CannotEvaluate) as end:
         why = f" ({end})"
     if not rises or rises[-1] < highest:
         raise OutlineFitError(
@@ -533,12 +533,14 @@ def read_heights(path: Path, untrusted: bool = False, exclude: Sequence[str] = (
     """
     needed = {"pressure_Pa", "height_m"}
     try:
-        chosen = pick(path, read_sheets(path), lambda sheet: sheet.rows if needed <= _header(sheet.rows) else None)
+        chosen = tables.pick(
+            path, tables.read_sheets(path), lambda sheet: sheet.rows if needed <= _header(sheet.rows) else None
+        )
     except OSError as error:
         raise OutlineFitError(f"{path} cannot be read: {reason(error)}") from None
     if chosen is None or len(chosen[1]) < 2:
         raise OutlineFitError(f"{path} is not a table of heights; it needs the columns pressure_Pa and height_m")
-    sheet, rows = chosen[0], records(chosen[1])
+    sheet, rows = chosen[0], tables.records(chosen[1])
     found = []
     keep = set(kept([(row.get("file") or sheet.place(number), None) for number, row in rows], exclude))
     for place, (line, row) in enumerate(rows):
@@ -554,9 +556,11 @@ def read_heights(path: Path, untrusted: bool = False, exclude: Sequence[str] = (
                 f"exclude it, or use it with --untrusted"
             )
         try:
-            pressure, height = number(row["pressure_Pa"]), number(row["height_m"])
-            errors = [number(row[key]) if row.get(key) else 0.0 for key in ("pressure_error_Pa", "height_error_m")]
-        except UnitError as error:
+            pressure, height = units.number(row["pressure_Pa"]), units.number(row["height_m"])
+            errors = [
+                units.number(row[key]) if row.get(key) else 0.0 for key in ("pressure_error_Pa", "height_error_m")
+            ]
+        except units.UnitError as error:
             raise OutlineFitError(f"{path}, {where}: pressure or height is not a number ({error})") from None
         known = {
             name: value for name, value in zip(("pressure_error", "height_error"), errors, strict=True) if value > 0.0
@@ -565,7 +569,7 @@ def read_heights(path: Path, untrusted: bool = False, exclude: Sequence[str] = (
     return sorted(found, key=lambda one: one.pressure)
 
 
-def _header(rows: Sequence[Line]) -> set[str]:
+def _header(rows: Sequence[tables.Line]) -> set[str]:
     return {name.strip() for name in rows[0][1]} if rows else set()
 
 
@@ -644,7 +648,7 @@ class HeightResiduals:
                 J[row, self.parameters.index(name)] = 1e3 * slopes.nodes[name][0, 0, 1]
         return residuals, J, labels
 
-    def shared(self, values: Mapping[str, float], lengths: Mapping[str, Prior]) -> Array:
+    def shared(self, values: Mapping[str, float], lengths: Mapping[str, problem.Prior]) -> Array:
         """Return the change of the residuals by one standard error of each systematic bench error and of lengths, shape (n, 5 +
         their number)."""
         states = self.model.states(values, self.pressures, "pressure")
@@ -666,8 +670,8 @@ class HeightResiduals:
 
 
 def least_squares_of_heights(
-    source: HeightResiduals, *, changes: Changes = MappingProxyType({}), loss: str = "linear"
-) -> LeastSquaresFit:
+    source: HeightResiduals, *, changes: problem.Changes = MappingProxyType({}), loss: str = "linear"
+) -> least_squares.LeastSquaresFit:
     """Fit a law to heights; the size of their errors follows from their scatter, and the bench's own errors are
     considered. Errors as of `softmodels.fitting.least_squares.fit_parameters`; `OutlineFitError` where the device does not
     rise so high."""
@@ -677,16 +681,16 @@ def least_squares_of_heights(
     lengths = [p.changed(changes.get(p.name, {})) for p in length_parameters(model)]
     considered = {p.name: p.prior for p in lengths if p.prior and not p.fixed}
     source.considered = tuple(considered)
-    known = [Parameter("poisson", "", choice.poisson, fixed=True)]
-    known += [Parameter(p.name, "m", p.start, fixed=True) for p in lengths]
+    known = [problem.Parameter("poisson", "", choice.poisson, fixed=True)]
+    known += [problem.Parameter(p.name, "m", p.start, fixed=True) for p in lengths]
     troubles = []
     for begin, factor in ((begin, factor) for begin in begins for factor in STIFFER):
         stiffer = {name: value * (factor if choice.unit(name) == "Pa" else 1.0) for name, value in begin.items()}
         parameters = [p.changed(changes.get(p.name, {})) for p in (*choice.parameters(stiffer), *known)]
         source.fixed = frozenset(p.name for p in parameters if p.fixed)
         try:
-            found = fit_parameters([source], parameters, loss=loss, errors="unknown", label=choice.name)
+            found = least_squares.fit_parameters([source], parameters, loss=loss, errors="unknown", label=choice.name)
             return dataclasses.replace(found, shared=source.shared(found.values, considered))
-        except (FitError, CannotEvaluate) as error:
+        except (FitError, problem.CannotEvaluate) as error:
             troubles.append(str(error))
     raise FitError(f"{choice.name}: {troubles[0]}")

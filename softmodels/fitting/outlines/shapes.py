@@ -21,16 +21,14 @@ from scipy.interpolate import make_lsq_spline
 from geometries import Actuator
 from measurement.outline.edge import SPAN
 from measurement.outline.outline import History, Outline, OutlineError, hold_of
+from softmodels.common import names, units
 from softmodels.common.arrays import Array
-from softmodels.common.names import keep_arrays
-from softmodels.common.units import column_unit, pascal_per_cm
-from softmodels.fitting.problem import FitError, autocorrelation_time
+from softmodels.fitting import problem
+from softmodels.fitting.problem import FitError
+from softmodels.mechanics import mpi, sensitivity
 from softmodels.mechanics.body import Body, BodyError
-from softmodels.mechanics.mpi import everywhere
-from softmodels.mechanics.sensitivity import coordinates
 from softmodels.mechanics.system import State, System
-from softmodels.runs.grid import QuadraticCurve, shapes
-from softmodels.runs.state_values import Grid, displacement_maps
+from softmodels.runs import grid, state_values
 
 if TYPE_CHECKING:
     from dolfinx import fem
@@ -75,11 +73,11 @@ class Silhouette:
     def __init__(self, system: System):
         self.system = eq = system
         body, actuator = eq.body, eq.body.actuator
-        edges, grid = outer_edges(body), Grid(eq)
-        self._blocks = edge_nodes(eq, coordinates(body.mesh)[0], edges)
+        edges, grid = outer_edges(body), state_values.Grid(eq)
+        self._blocks = edge_nodes(eq, sensitivity.coordinates(body.mesh)[0], edges)
         self._mix = np.eye(3) if self._blocks.shape[1] == 3 else STRAIGHT
         self._space, self._nodes = grid.space, edge_nodes(eq, grid.space, edges)
-        self._dofs = displacement_maps(eq, grid)[0][self._nodes]
+        self._dofs = state_values.displacement_maps(eq, grid)[0][self._nodes]
         self._along = _sideways(actuator)
         places = self._everywhere(self._here())
         self._order, self._turned = _chain(places, np.asarray(actuator.lift), self._along, eq.length_unit)
@@ -100,7 +98,7 @@ class Silhouette:
         local = x * self.system.length_unit
         if local.shape[-1] == 2:
             local = np.stack([local[..., 0], np.zeros(local.shape[:-1]), local[..., 1]], axis=-1)
-        return everywhere(self.system.comm, local)
+        return mpi.everywhere(self.system.comm, local)
 
     def _arranged(self, values: Array) -> Array:
         """Return the values of all ranks' edges, shape (m, 3, ...), as those of the chain."""
@@ -113,15 +111,15 @@ class Silhouette:
 
     def _displacement(self, w: Array) -> Array:
         eq = self.system
-        u = everywhere(eq.comm, w[self._dofs]) @ eq.body.skew_inverse.T * eq.length_unit
+        u = mpi.everywhere(eq.comm, w[self._dofs]) @ eq.body.skew_inverse.T * eq.length_unit
         if u.shape[-1] == 2:
             u = np.stack([u[..., 0], np.zeros(u.shape[:-1]), u[..., 1]], axis=-1)
         return self._arranged(u)
 
-    def curve(self, state: State) -> QuadraticCurve:
+    def curve(self, state: State) -> grid.QuadraticCurve:
         """Return the deformed curve on the current mesh in m."""
         self.follow()
-        return QuadraticCurve(self._in_plane(self.points - self.top + self._displacement(state.w)))
+        return grid.QuadraticCurve(self._in_plane(self.points - self.top + self._displacement(state.w)))
 
     def moved(self, w: Array, X: Array | None = None) -> Array:
         """Return the derivative of the curve's nodes in m, shape (n, 3, 2), from that of the state's dof values and of the
@@ -254,7 +252,7 @@ class Shadow:
     """The visible edge as a curve of its own: the piece of the whole curve that each of its pieces is a part of, or hangs
     on, shape (m,), and that piece's shape functions at the new piece's three nodes, shape (m, 3, 3)."""
 
-    curve: QuadraticCurve
+    curve: grid.QuadraticCurve
     source: npt.NDArray[np.int64]
     weights: Array
 
@@ -264,7 +262,7 @@ class Shadow:
         return np.einsum("mab,mbi->mai", self.weights, rate[self.source])
 
 
-def shadow_of(curve: QuadraticCurve) -> Shadow:
+def shadow_of(curve: grid.QuadraticCurve) -> Shadow:
     """Return the visible edge of a curve that runs from the axis outwards and down."""
     s, count = np.linspace(-1.0, 1.0, SAMPLES), len(curve.nodes)
     places, above = edge_heights(curve)
@@ -295,7 +293,7 @@ class _Part:
     level_from: float | None = None
 
 
-def edge_heights(curve: QuadraticCurve) -> tuple[Array, Array]:
+def edge_heights(curve: grid.QuadraticCurve) -> tuple[Array, Array]:
     """Return the places of a curve, shape (n, 2), `SAMPLES` of each piece, and the height of the visible edge there, shape
     (n,)."""
     s, count = np.linspace(-1.0, 1.0, SAMPLES), len(curve.nodes)
@@ -303,31 +301,31 @@ def edge_heights(curve: QuadraticCurve) -> tuple[Array, Array]:
     return places, np.maximum.accumulate(places[::-1, 1])[::-1]  # the highest from here outwards
 
 
-def crest(curve: QuadraticCurve) -> tuple[int, float]:
+def crest(curve: grid.QuadraticCurve) -> tuple[int, float]:
     """Return the highest place of a curve: its piece and the parameter there."""
     piece, place = divmod(int(np.argmax(edge_heights(curve)[0][:, 1])), SAMPLES)
     return piece, _summit(curve, piece, float(np.linspace(-1.0, 1.0, SAMPLES)[place]))
 
 
-def _summit(curve: QuadraticCurve, piece: int, s: float) -> float:
+def _summit(curve: grid.QuadraticCurve, piece: int, s: float) -> float:
     """Return the highest place of a piece near a parameter."""
     slope, bend = (vectors[1] for vectors in curve.at(piece, s)[1:])
     return float(np.clip(s - slope / bend, -1.0, 1.0)) if bend < 0.0 else s
 
 
-def _assembled(curve: QuadraticCurve, parts: list[_Part]) -> Shadow:
+def _assembled(curve: grid.QuadraticCurve, parts: list[_Part]) -> Shadow:
     """Return the edge of its parts in order, from the axis outwards."""
     source = np.array([part.piece for part in parts])
-    weights = shapes(np.array([[part.begin, part.end, (part.begin + part.end) / 2] for part in parts]))
+    weights = grid.shapes(np.array([[part.begin, part.end, (part.begin + part.end) / 2] for part in parts]))
     nodes = np.einsum("mab,mbi->mai", weights, curve.nodes[source])
     for row, part in enumerate(parts):
         if part.level_from is not None:
             x = nodes[row, 0, 0]
             nodes[row, :, 0] = part.level_from, x, (part.level_from + x) / 2
-    return Shadow(QuadraticCurve(nodes), source, weights)
+    return Shadow(grid.QuadraticCurve(nodes), source, weights)
 
 
-def half_outline(curve: QuadraticCurve, spacing: float, lowest: float = -5e-5) -> tuple[Array, Array]:
+def half_outline(curve: grid.QuadraticCurve, spacing: float, lowest: float = -5e-5) -> tuple[Array, Array]:
     """Return the places (n, 2) on a curve from the axis on, evenly far apart, as far as it is above ``lowest``, and unit
     normals."""
     s = np.linspace(-1.0, 1.0, 41)
@@ -475,7 +473,7 @@ class Shape:
     edge_error: float = 0.0
 
     def __post_init__(self) -> None:
-        keep_arrays(self)
+        names.keep_arrays(self)
 
     @property
     def hold(self) -> float:
@@ -486,7 +484,7 @@ class Shape:
     def name(self) -> str:
         """Name of the photograph in messages."""
         held = f", held {self.hold:.4g} s" if self.history else ""
-        return f"{self.pressure / pascal_per_cm():.4g} {column_unit()}{held} ({self.source})"
+        return f"{self.pressure / units.pascal_per_cm():.4g} {units.column_unit()}{held} ({self.source})"
 
     def mean(self, values: Array) -> Array:
         """Return the means over the bins of values (k, ...) divided by the points' errors, as independent residuals of
@@ -549,7 +547,7 @@ def correlation(outlines: Sequence[Outline]) -> float:
         z, error = outline.z[part], outline.error[part]
         left = z - _spline(z)
         if float(np.sqrt(np.mean(left**2))) > 0.05 * float(np.median(error)):
-            found.append(autocorrelation_time(left))
+            found.append(problem.autocorrelation_time(left))
     return min(max(float(np.median(found)), 1.0), LONGEST) if found else SPAN / 2
 
 
