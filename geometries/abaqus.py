@@ -19,40 +19,6 @@ from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
 from softmodels.common.lazy import scipy
 
-TETRAHEDRA = re.compile(r"C3D(4|10)(?!\d)")
-TRIANGLES = re.compile(r"(?:STRI|SFM3D|M3D|R3D|CPS|CPE|CAX|S)(3|65|6)(?!\d)")
-OTHER_SOLIDS = re.compile(r"C3D\d+")
-UNREAD = ("SYSTEM", "NGEN", "NCOPY", "NFILL", "NMAP", "ELGEN", "ELCOPY", "IMPORT", "SUBMODEL")
-"""Keywords that make or move nodes or elements."""
-
-NODES_OF = "nodes of "
-"""Before the name of a set of elements whose nodes are in a set."""
-
-SIDE_NAMES = ("S1", "S2", "S3", "S4")
-"""Of a tetrahedron, in the order of `SIDES`."""
-
-Within = tuple[tuple[str, str], ...]
-"""Kinds and names of the sets and surfaces that one is read for, so that none holds itself."""
-Line = tuple[int, list[str]]
-"""Number in the file, and words between the commas."""
-
-
-@dataclasses.dataclass
-class Scope:
-    """Nodes, elements, sets and surfaces of a part, an instance, the assembly or the model, by their numbers and by names in
-    capitals.
-
-    Of a surface there are sets, or numbers, each with which side of these elements belongs to it: ``S1`` to ``S4``; ``NODES``
-    of a surface of nodes; all where there is none. ``spelled`` has the names as written.
-    """
-
-    nodes: dict[int, list[float]] = dataclasses.field(default_factory=dict)
-    cells: dict[int, list[int]] = dataclasses.field(default_factory=dict)
-    node_sets: dict[str, list[str]] = dataclasses.field(default_factory=dict)
-    cell_sets: dict[str, list[str]] = dataclasses.field(default_factory=dict)
-    surfaces: dict[str, list[tuple[str, str]]] = dataclasses.field(default_factory=dict)
-    spelled: dict[str, str] = dataclasses.field(default_factory=dict)
-
 
 class Deck:
     """What a deck holds; `GeometryError` for what is not read.
@@ -282,6 +248,41 @@ class Deck:
                     f"{member!r}, which is not defined"
                 )
         return found
+
+
+TETRAHEDRA = re.compile(r"C3D(4|10)(?!\d)")
+TRIANGLES = re.compile(r"(?:STRI|SFM3D|M3D|R3D|CPS|CPE|CAX|S)(3|65|6)(?!\d)")
+OTHER_SOLIDS = re.compile(r"C3D\d+")
+UNREAD = ("SYSTEM", "NGEN", "NCOPY", "NFILL", "NMAP", "ELGEN", "ELCOPY", "IMPORT", "SUBMODEL")
+"""Keywords that make or move nodes or elements."""
+
+NODES_OF = "nodes of "
+"""Before the name of a set of elements whose nodes are in a set."""
+
+SIDE_NAMES = ("S1", "S2", "S3", "S4")
+"""Of a tetrahedron, in the order of `SIDES`."""
+
+Within = tuple[tuple[str, str], ...]
+"""Kinds and names of the sets and surfaces that one is read for, so that none holds itself."""
+Line = tuple[int, list[str]]
+"""Number in the file, and words between the commas."""
+
+
+@dataclasses.dataclass
+class Scope:
+    """Nodes, elements, sets and surfaces of a part, an instance, the assembly or the model, by their numbers and by names in
+    capitals.
+
+    Of a surface there are sets, or numbers, each with which side of these elements belongs to it: ``S1`` to ``S4``; ``NODES``
+    of a surface of nodes; all where there is none. ``spelled`` has the names as written.
+    """
+
+    nodes: dict[int, list[float]] = dataclasses.field(default_factory=dict)
+    cells: dict[int, list[int]] = dataclasses.field(default_factory=dict)
+    node_sets: dict[str, list[str]] = dataclasses.field(default_factory=dict)
+    cell_sets: dict[str, list[str]] = dataclasses.field(default_factory=dict)
+    surfaces: dict[str, list[tuple[str, str]]] = dataclasses.field(default_factory=dict)
+    spelled: dict[str, str] = dataclasses.field(default_factory=dict)
 
 
 def _blocks(text: str) -> Iterator[tuple[int, str, dict[str, str], list[Line]]]:

@@ -25,6 +25,9 @@ from softmodels.common import errors, schema, units
 from softmodels.common.errors import GeometryError, MeshingError
 from softmodels.common.lazy import gmsh
 
+__all__ = ["Actuator", "CutPlane", "GeometryError", "Hold", "MeshingError", "Vector"]
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Interface of a device for designs: parameters a mesh can follow, boundary motion, minimum dimensions.
 #
@@ -109,85 +112,7 @@ class Presented:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Interface of a device for moulds: the whole solid, the pieces it is cast in, and the tube's inlet.
-
-
-Vector = tuple[float, float, float]
-AXES = ("x", "y", "z")
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Pour:
-    """A piece of a device that is cast in one go, and how its mould comes apart.
-
-    A lid closes the mould in a plane and carries the core; a cup beyond it forms everything else.
-
-    Attributes:
-        name: Of the piece, such as ``"chambers"``.
-        up: Unit vector from the lid's plane into the piece.
-        level: Height of the lid's plane along ``up``, in m; None: in the middle of the cavities.
-        end: Height along ``up`` where the piece ends, in m; None: where the device does.
-        lid: Whether there is a lid; without one the cup is an open tray, scraped flat.
-        floor: Height along ``up`` at which the cup is cut into a floor and a frame around the piece, in m; None: in one.
-        sideways: Unit vector along which the cup opens in two halves; None: it leaves along ``up`` in one.
-        lost: Whether the core cannot be pulled and is dissolved or melted out.
-        gate: Height along ``up`` of the flat face with the pour opening, in m; None: in the lid's plane, through the lid.
-        vented: The same of the face with the vents; None: beside the pour opening.
-        squeezed: Whether its edge is too narrow for openings: the cup is filled, and the lid presses out what is too much.
-        wax: Whether it is a lost core, cast of wax through its peg.
-    """
-
-    name: str
-    up: Vector
-    level: float | None
-    end: float | None = None
-    lid: bool = True
-    floor: float | None = None
-    sideways: Vector | None = None
-    lost: bool = False
-    gate: float | None = None
-    vented: float | None = None
-    squeezed: bool = False
-    wax: bool = False
-
-    @property
-    def filled_open(self) -> bool:
-        """Whether its cup is filled before the lid comes on; else the closed mould is filled through its opening."""
-        return self.lid and self.gate is None
-
-    def part(self, body: str) -> str:
-        """Return what a body of its mould is by its name, such as ``" cup left"``: the piece itself may be called a cup."""
-        return body.removeprefix(self.name)
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Recipe:
-    """How a device is cast.
-
-    Attributes:
-        pours: Its pieces; several are bonded.
-        why: Sentences why so.
-        inlets: From where outside of the device to where in its cavity each tube runs, m.
-        steps: Sentences on what is particular of it for the bench, before its pieces are bonded.
-        seamless: How it is cast instead where cores are lost, if that needs no bond.
-        wound: Of a tube around z: radius, and heights between which fibres on its face "outer" lie, m.
-    """
-
-    pours: tuple[Pour, ...]
-    why: str
-    inlets: tuple[tuple[Vector, Vector], ...] = ()
-    steps: tuple[str, ...] = ()
-    seamless: Recipe | None = None
-    wound: tuple[float, float, float] | None = None
-
-
-def in_halves(up: Vector, level: float | None, why: str, *inlets: tuple[Vector, Vector]) -> Recipe:
-    """Return the recipe of a device cast in two halves that are bonded in a plane across ``up``; see `Pour`."""
-    x, y, z = up
-    down = (-x + 0.0, -y + 0.0, -z + 0.0)
-    lower = None if level is None else -level
-    pours = Pour(name="upper", up=up, level=level), Pour(name="lower", up=down, level=lower)
-    return Recipe(pours=pours, why=why, inlets=inlets)
+# A soft body around one air-filled cavity.
 
 
 class Castable:
@@ -224,41 +149,6 @@ class Castable:
             MeshingError: The CAD kernel cannot make it.
         """
         raise GeometryError(f"the whole of a {type(self).__name__} is not known as one solid (build_whole)")
-
-
-__all__ = ["Actuator", "CutPlane", "GeometryError", "Hold", "MeshingError", "Vector"]
-
-
-RECIPE = 3
-"""Version in every key: increase it when the same parameters give another mesh, to invalidate cached meshes."""
-
-
-@dataclasses.dataclass(frozen=True)
-class CutPlane:
-    """A plane through the origin where the modelled slice was cut out of the device.
-
-    Attributes:
-        name: Physical group of the facets on the plane.
-        normal: Unit normal pointing out of the slice.
-    """
-
-    name: str
-    normal: Vector
-
-
-@dataclasses.dataclass(frozen=True)
-class Hold:
-    """A zero displacement component.
-
-    Attributes:
-        role: Physical group that is held.
-        direction: Unit vector along which the displacement is zero; None for all components.
-        point: True if the role is a single mesh vertex, False if it is a curve or a surface.
-    """
-
-    role: str
-    direction: Vector | None
-    point: bool = False
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -557,6 +447,120 @@ class Actuator(Designable, Castable, Presented, ABC):
         """
 
         return meshing.write_mesh(self, Path(path), stopped)
+
+
+@dataclasses.dataclass(frozen=True)
+class CutPlane:
+    """A plane through the origin where the modelled slice was cut out of the device.
+
+    Attributes:
+        name: Physical group of the facets on the plane.
+        normal: Unit normal pointing out of the slice.
+    """
+
+    name: str
+    normal: Vector
+
+
+@dataclasses.dataclass(frozen=True)
+class Hold:
+    """A zero displacement component.
+
+    Attributes:
+        role: Physical group that is held.
+        direction: Unit vector along which the displacement is zero; None for all components.
+        point: True if the role is a single mesh vertex, False if it is a curve or a surface.
+    """
+
+    role: str
+    direction: Vector | None
+    point: bool = False
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Interface of a device for moulds: the whole solid, the pieces it is cast in, and the tube's inlet.
+
+
+Vector = tuple[float, float, float]
+AXES = ("x", "y", "z")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Pour:
+    """A piece of a device that is cast in one go, and how its mould comes apart.
+
+    A lid closes the mould in a plane and carries the core; a cup beyond it forms everything else.
+
+    Attributes:
+        name: Of the piece, such as ``"chambers"``.
+        up: Unit vector from the lid's plane into the piece.
+        level: Height of the lid's plane along ``up``, in m; None: in the middle of the cavities.
+        end: Height along ``up`` where the piece ends, in m; None: where the device does.
+        lid: Whether there is a lid; without one the cup is an open tray, scraped flat.
+        floor: Height along ``up`` at which the cup is cut into a floor and a frame around the piece, in m; None: in one.
+        sideways: Unit vector along which the cup opens in two halves; None: it leaves along ``up`` in one.
+        lost: Whether the core cannot be pulled and is dissolved or melted out.
+        gate: Height along ``up`` of the flat face with the pour opening, in m; None: in the lid's plane, through the lid.
+        vented: The same of the face with the vents; None: beside the pour opening.
+        squeezed: Whether its edge is too narrow for openings: the cup is filled, and the lid presses out what is too much.
+        wax: Whether it is a lost core, cast of wax through its peg.
+    """
+
+    name: str
+    up: Vector
+    level: float | None
+    end: float | None = None
+    lid: bool = True
+    floor: float | None = None
+    sideways: Vector | None = None
+    lost: bool = False
+    gate: float | None = None
+    vented: float | None = None
+    squeezed: bool = False
+    wax: bool = False
+
+    @property
+    def filled_open(self) -> bool:
+        """Whether its cup is filled before the lid comes on; else the closed mould is filled through its opening."""
+        return self.lid and self.gate is None
+
+    def part(self, body: str) -> str:
+        """Return what a body of its mould is by its name, such as ``" cup left"``: the piece itself may be called a cup."""
+        return body.removeprefix(self.name)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Recipe:
+    """How a device is cast.
+
+    Attributes:
+        pours: Its pieces; several are bonded.
+        why: Sentences why so.
+        inlets: From where outside of the device to where in its cavity each tube runs, m.
+        steps: Sentences on what is particular of it for the bench, before its pieces are bonded.
+        seamless: How it is cast instead where cores are lost, if that needs no bond.
+        wound: Of a tube around z: radius, and heights between which fibres on its face "outer" lie, m.
+    """
+
+    pours: tuple[Pour, ...]
+    why: str
+    inlets: tuple[tuple[Vector, Vector], ...] = ()
+    steps: tuple[str, ...] = ()
+    seamless: Recipe | None = None
+    wound: tuple[float, float, float] | None = None
+
+
+def in_halves(up: Vector, level: float | None, why: str, *inlets: tuple[Vector, Vector]) -> Recipe:
+    """Return the recipe of a device cast in two halves that are bonded in a plane across ``up``; see `Pour`."""
+    x, y, z = up
+    down = (-x + 0.0, -y + 0.0, -z + 0.0)
+    lower = None if level is None else -level
+    pours = Pour(name="upper", up=up, level=level), Pour(name="lower", up=down, level=lower)
+    return Recipe(pours=pours, why=why, inlets=inlets)
+
+
+RECIPE = 3
+"""Version in every key: increase it when the same parameters give another mesh, to invalidate cached meshes."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------

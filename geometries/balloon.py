@@ -35,182 +35,6 @@ from softmodels.common import schema
 from softmodels.common.errors import GeometryError
 from softmodels.common.lazy import scipy
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The half section of a balloon: corners where neck, rounding, shell and rod meet, and the panels between them.
-
-
-class Rounding(NamedTuple):
-    """The arc that rounds the corner between neck and balloon: its centre, where it leaves the neck, its middle, where it
-    meets the balloon, and the angle of the outer spheroid there, from the equator upwards in rad."""
-
-    centre: revolved.Place
-    foot: revolved.Place
-    middle: revolved.Place
-    head: revolved.Place
-    angle: float
-
-
-FLATTEST = 0.2
-"""Smallest ratio of the polar to the equatorial radius, and of that to this."""
-WIDEST = 0.8
-"""Largest outer radius of the neck in outer radii of the balloon."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Meridian:
-    """Dimensions of a balloon that follow from its parameters, in m: half axes of the spheroids along radius and height, the
-    height of their centre above z = 0, and inner and outer radius of the neck, zeros without one."""
-
-    inner: revolved.Place
-    outer: revolved.Place
-    height: float
-    neck: revolved.Place
-
-    @classmethod
-    def of(cls, balloon: Balloon) -> Meridian:
-        """Of a balloon whose neck is narrower than itself."""
-        a, c, t = balloon.radius, balloon.polar_radius or balloon.radius, balloon.wall
-        if not balloon.neck_radius:
-            return cls((a, c), (a + t, c + t), c + t, (0.0, 0.0))
-        neck = (balloon.neck_radius, balloon.neck_radius + (balloon.neck_wall or t))
-        below = (c + t) * math.sqrt(1.0 - (neck[1] / (a + t)) ** 2)
-        return cls((a, c), (a + t, c + t), balloon.neck_length + below, neck)
-
-    def at(self, axes: revolved.Place, angle: float) -> revolved.Place:
-        """Return the place on a spheroid at an angle from the equator upwards; exactly on the axis at the poles."""
-        if abs(abs(angle) - 0.5 * math.pi) < 1e-12:
-            return (0.0, self.height + math.copysign(axes[1], angle))
-        return (axes[0] * math.cos(angle), self.height + axes[1] * math.sin(angle))
-
-    @property
-    def joint(self) -> revolved.Place:
-        """Point at which the neck's inside meets the inner spheroid."""
-        return (self.neck[0], self.at(self.inner, self.joint_angle)[1])
-
-    @property
-    def joint_angle(self) -> float:
-        """Angle of the inner spheroid there."""
-        return -math.acos(self.neck[0] / self.inner[0])
-
-    def rounding(self, fillet: float) -> Rounding:
-        """Return the arc of a radius that touches the neck's outside and the outer spheroid."""
-        A, C = self.outer
-
-        def centre(angle: float) -> revolved.Place:
-            r, z = self.at(self.outer, angle)
-            across = math.hypot(math.cos(angle) / A, math.sin(angle) / C)
-            return (r + fillet * math.cos(angle) / A / across, z + fillet * math.sin(angle) / C / across)
-
-        wanted = self.neck[1] + fillet
-        angle = float(
-            scipy.optimize.brentq(lambda x: centre(x)[0] - wanted, -math.acos(self.neck[1] / A), 0.0, xtol=1e-14)
-        )
-        z = centre(angle)[1]
-        head = self.at(self.outer, angle)
-        turn = math.atan2(head[1] - z, wanted - head[0])
-        middle = (wanted - fillet * math.cos(0.5 * turn), z + fillet * math.sin(0.5 * turn))
-        return Rounding((wanted, z), (self.neck[1], z), middle, head, angle)
-
-
-class _Maker:
-    """Panels of one balloon, from the neck's end to the far pole."""
-
-    def __init__(self, balloon: Balloon):
-        self.balloon, self.meridian = balloon, balloon.meridian
-        self.through = balloon.rows
-        self.inner_angle = self.outer_angle = -0.5 * math.pi
-        self.begin: tuple[revolved.Place, revolved.Place] = (self.meridian.at(self.meridian.inner, self.inner_angle),
-                                           self.meridian.at(self.meridian.outer, self.outer_angle))  # fmt: skip
-
-    def _panel(self, left: revolved.Side, right: revolved.Side, ends: tuple[str, str] = ("", "")) -> revolved.Panel:
-        """Between a side on the air's side and one outside, both upwards; roles of the sides across it, lower and upper."""
-        low = revolved.Side(left.start, right.start, self.through, ends[0])
-        high = revolved.Side(right.end, left.end, self.through, ends[1])
-        return revolved.Panel("solid", (low, right, high, left.reversed))
-
-    def neck(self) -> list[revolved.Panel]:
-        """From z = 0 to the shell; nothing without a neck."""
-        balloon, meridian = self.balloon, self.meridian
-        if not balloon.neck_radius:
-            return []
-        (inside, outside), joint = meridian.neck, meridian.joint
-        self.inner_angle, self.outer_angle = meridian.joint_angle, -math.acos(outside / meridian.outer[0])
-        if not balloon.fillet:
-            corner = (outside, balloon.neck_length)
-            cells = self.balloon.along(balloon.neck_length)
-            self.begin = (joint, corner)
-            return [self._panel(revolved.Side((inside, 0.0), joint, cells, "cavity"), revolved.Side((outside, 0.0),
-            corner, cells, "neck"),
-                                ("support", ""))]  # fmt: skip
-        arc = meridian.rounding(balloon.fillet)
-        cells, level = self.balloon.along(arc.foot[1]), (inside, arc.foot[1])
-        self.outer_angle = arc.angle
-        self.inner_angle = max(arc.angle, meridian.joint_angle + 0.5 * balloon.fillet / meridian.inner[0])
-        self.begin = (meridian.at(meridian.inner, self.inner_angle), arc.head)
-        axes, few = (balloon.fillet, balloon.fillet), max(2, self.balloon.along(balloon.fillet))
-        return [
-            self._panel(revolved.Side((inside, 0.0), level, cells, "cavity"), revolved.Side((outside, 0.0), arc.foot,
-            cells, "neck"),
-                        ("support", "")),
-            self._panel(revolved.Side(level, joint, few, "cavity"), revolved.Side(arc.foot, arc.middle, few, "outer",
-            arc.centre, axes)),
-            self._panel(self._arc(joint, self.begin[0], few, "cavity"),
-                        revolved.Side(arc.middle, arc.head, few, "outer", arc.centre, axes)),
-        ]  # fmt: skip
-
-    def _arc(
-        self, start: revolved.Place, end: revolved.Place, cells: int, role: str, outer: bool = False
-    ) -> revolved.Side:
-        axes = self.meridian.outer if outer else self.meridian.inner
-        return revolved.Side(start, end, cells, role, (0.0, self.meridian.height), axes)
-
-    def shell(self) -> list[revolved.Panel]:
-        """From the neck, or the lower pole, to the far pole."""
-        meridian, found = self.meridian, []
-        stops = [0.0, *([self.rod_angle] if self.balloon.rod_radius else []), 0.5 * math.pi]
-        first = "axis" if not self.balloon.neck_radius else ""
-        angle, inside, outside = self.outer_angle, *self.begin
-        for stop in stops:
-            to = (meridian.at(meridian.inner, stop), meridian.at(meridian.outer, stop))
-            if self.balloon.rod_radius and stop == self.rod_angle:
-                to = (self.rod_top, to[1])
-            bonded = self.balloon.rod_radius and stop > self.rod_angle
-            cells = self.rod_cells if bonded else self.balloon.along(abs(stop - angle) * max(meridian.outer))
-            last = "axis" if stop == stops[-1] else ""
-            left = self._arc(inside, to[0], cells, "" if bonded else "cavity")
-            right = self._arc(outside, to[1], cells, "outer", True)
-            found.append(self._panel(left, right, (first, last)))
-            first, angle, (inside, outside) = "", stop, to
-        return found
-
-    @property
-    def rod_angle(self) -> float:
-        """Angle of the inner spheroid at the rod's edge."""
-        return math.acos(self.balloon.rod_radius / self.meridian.inner[0])
-
-    @property
-    def rod_top(self) -> revolved.Place:
-        """Point at which the rod's side meets the shell."""
-        return (self.balloon.rod_radius, self.meridian.at(self.meridian.inner, self.rod_angle)[1])
-
-    @property
-    def rod_cells(self) -> int:
-        """Cells from the axis to the rod's side."""
-        return max(2, self.balloon.along(self.balloon.rod_radius))
-
-    def rod(self) -> list[revolved.Panel]:
-        """Along the axis, from z = 0 to the shell; nothing without one."""
-        if not self.balloon.rod_radius:
-            return []
-        radius, top = self.balloon.rod_radius, self.rod_top
-        pole = self.meridian.at(self.meridian.inner, 0.5 * math.pi)
-        along = self.balloon.along(top[1])
-        return [revolved.Panel("rod", (
-            revolved.Side((0.0, 0.0), (radius, 0.0), self.rod_cells, "rod_end"), revolved.Side((radius, 0.0), top,
-            along, "cavity"),
-            self._arc(top, pole, self.rod_cells, ""), revolved.Side(pole, (0.0, 0.0), along, "axis"),
-        ))]  # fmt: skip
-
 
 @registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -395,3 +219,180 @@ class Balloon(Revolved):
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
         x, y, _ = places["equator"]
         return {"width_mm": 2e3 * float((x * x + y * y) ** 0.5)}
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The half section of a balloon: corners where neck, rounding, shell and rod meet, and the panels between them.
+
+
+class Rounding(NamedTuple):
+    """The arc that rounds the corner between neck and balloon: its centre, where it leaves the neck, its middle, where it
+    meets the balloon, and the angle of the outer spheroid there, from the equator upwards in rad."""
+
+    centre: revolved.Place
+    foot: revolved.Place
+    middle: revolved.Place
+    head: revolved.Place
+    angle: float
+
+
+FLATTEST = 0.2
+"""Smallest ratio of the polar to the equatorial radius, and of that to this."""
+WIDEST = 0.8
+"""Largest outer radius of the neck in outer radii of the balloon."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Meridian:
+    """Dimensions of a balloon that follow from its parameters, in m: half axes of the spheroids along radius and height, the
+    height of their centre above z = 0, and inner and outer radius of the neck, zeros without one."""
+
+    inner: revolved.Place
+    outer: revolved.Place
+    height: float
+    neck: revolved.Place
+
+    @classmethod
+    def of(cls, balloon: Balloon) -> Meridian:
+        """Of a balloon whose neck is narrower than itself."""
+        a, c, t = balloon.radius, balloon.polar_radius or balloon.radius, balloon.wall
+        if not balloon.neck_radius:
+            return cls((a, c), (a + t, c + t), c + t, (0.0, 0.0))
+        neck = (balloon.neck_radius, balloon.neck_radius + (balloon.neck_wall or t))
+        below = (c + t) * math.sqrt(1.0 - (neck[1] / (a + t)) ** 2)
+        return cls((a, c), (a + t, c + t), balloon.neck_length + below, neck)
+
+    def at(self, axes: revolved.Place, angle: float) -> revolved.Place:
+        """Return the place on a spheroid at an angle from the equator upwards; exactly on the axis at the poles."""
+        if abs(abs(angle) - 0.5 * math.pi) < 1e-12:
+            return (0.0, self.height + math.copysign(axes[1], angle))
+        return (axes[0] * math.cos(angle), self.height + axes[1] * math.sin(angle))
+
+    @property
+    def joint(self) -> revolved.Place:
+        """Point at which the neck's inside meets the inner spheroid."""
+        return (self.neck[0], self.at(self.inner, self.joint_angle)[1])
+
+    @property
+    def joint_angle(self) -> float:
+        """Angle of the inner spheroid there."""
+        return -math.acos(self.neck[0] / self.inner[0])
+
+    def rounding(self, fillet: float) -> Rounding:
+        """Return the arc of a radius that touches the neck's outside and the outer spheroid."""
+        A, C = self.outer
+
+        def centre(angle: float) -> revolved.Place:
+            r, z = self.at(self.outer, angle)
+            across = math.hypot(math.cos(angle) / A, math.sin(angle) / C)
+            return (r + fillet * math.cos(angle) / A / across, z + fillet * math.sin(angle) / C / across)
+
+        wanted = self.neck[1] + fillet
+        angle = float(
+            scipy.optimize.brentq(lambda x: centre(x)[0] - wanted, -math.acos(self.neck[1] / A), 0.0, xtol=1e-14)
+        )
+        z = centre(angle)[1]
+        head = self.at(self.outer, angle)
+        turn = math.atan2(head[1] - z, wanted - head[0])
+        middle = (wanted - fillet * math.cos(0.5 * turn), z + fillet * math.sin(0.5 * turn))
+        return Rounding((wanted, z), (self.neck[1], z), middle, head, angle)
+
+
+class _Maker:
+    """Panels of one balloon, from the neck's end to the far pole."""
+
+    def __init__(self, balloon: Balloon):
+        self.balloon, self.meridian = balloon, balloon.meridian
+        self.through = balloon.rows
+        self.inner_angle = self.outer_angle = -0.5 * math.pi
+        self.begin: tuple[revolved.Place, revolved.Place] = (self.meridian.at(self.meridian.inner, self.inner_angle),
+                                           self.meridian.at(self.meridian.outer, self.outer_angle))  # fmt: skip
+
+    def _panel(self, left: revolved.Side, right: revolved.Side, ends: tuple[str, str] = ("", "")) -> revolved.Panel:
+        """Between a side on the air's side and one outside, both upwards; roles of the sides across it, lower and upper."""
+        low = revolved.Side(left.start, right.start, self.through, ends[0])
+        high = revolved.Side(right.end, left.end, self.through, ends[1])
+        return revolved.Panel("solid", (low, right, high, left.reversed))
+
+    def neck(self) -> list[revolved.Panel]:
+        """From z = 0 to the shell; nothing without a neck."""
+        balloon, meridian = self.balloon, self.meridian
+        if not balloon.neck_radius:
+            return []
+        (inside, outside), joint = meridian.neck, meridian.joint
+        self.inner_angle, self.outer_angle = meridian.joint_angle, -math.acos(outside / meridian.outer[0])
+        if not balloon.fillet:
+            corner = (outside, balloon.neck_length)
+            cells = self.balloon.along(balloon.neck_length)
+            self.begin = (joint, corner)
+            return [self._panel(revolved.Side((inside, 0.0), joint, cells, "cavity"), revolved.Side((outside, 0.0),
+            corner, cells, "neck"),
+                                ("support", ""))]  # fmt: skip
+        arc = meridian.rounding(balloon.fillet)
+        cells, level = self.balloon.along(arc.foot[1]), (inside, arc.foot[1])
+        self.outer_angle = arc.angle
+        self.inner_angle = max(arc.angle, meridian.joint_angle + 0.5 * balloon.fillet / meridian.inner[0])
+        self.begin = (meridian.at(meridian.inner, self.inner_angle), arc.head)
+        axes, few = (balloon.fillet, balloon.fillet), max(2, self.balloon.along(balloon.fillet))
+        return [
+            self._panel(revolved.Side((inside, 0.0), level, cells, "cavity"), revolved.Side((outside, 0.0), arc.foot,
+            cells, "neck"),
+                        ("support", "")),
+            self._panel(revolved.Side(level, joint, few, "cavity"), revolved.Side(arc.foot, arc.middle, few, "outer",
+            arc.centre, axes)),
+            self._panel(self._arc(joint, self.begin[0], few, "cavity"),
+                        revolved.Side(arc.middle, arc.head, few, "outer", arc.centre, axes)),
+        ]  # fmt: skip
+
+    def _arc(
+        self, start: revolved.Place, end: revolved.Place, cells: int, role: str, outer: bool = False
+    ) -> revolved.Side:
+        axes = self.meridian.outer if outer else self.meridian.inner
+        return revolved.Side(start, end, cells, role, (0.0, self.meridian.height), axes)
+
+    def shell(self) -> list[revolved.Panel]:
+        """From the neck, or the lower pole, to the far pole."""
+        meridian, found = self.meridian, []
+        stops = [0.0, *([self.rod_angle] if self.balloon.rod_radius else []), 0.5 * math.pi]
+        first = "axis" if not self.balloon.neck_radius else ""
+        angle, inside, outside = self.outer_angle, *self.begin
+        for stop in stops:
+            to = (meridian.at(meridian.inner, stop), meridian.at(meridian.outer, stop))
+            if self.balloon.rod_radius and stop == self.rod_angle:
+                to = (self.rod_top, to[1])
+            bonded = self.balloon.rod_radius and stop > self.rod_angle
+            cells = self.rod_cells if bonded else self.balloon.along(abs(stop - angle) * max(meridian.outer))
+            last = "axis" if stop == stops[-1] else ""
+            left = self._arc(inside, to[0], cells, "" if bonded else "cavity")
+            right = self._arc(outside, to[1], cells, "outer", True)
+            found.append(self._panel(left, right, (first, last)))
+            first, angle, (inside, outside) = "", stop, to
+        return found
+
+    @property
+    def rod_angle(self) -> float:
+        """Angle of the inner spheroid at the rod's edge."""
+        return math.acos(self.balloon.rod_radius / self.meridian.inner[0])
+
+    @property
+    def rod_top(self) -> revolved.Place:
+        """Point at which the rod's side meets the shell."""
+        return (self.balloon.rod_radius, self.meridian.at(self.meridian.inner, self.rod_angle)[1])
+
+    @property
+    def rod_cells(self) -> int:
+        """Cells from the axis to the rod's side."""
+        return max(2, self.balloon.along(self.balloon.rod_radius))
+
+    def rod(self) -> list[revolved.Panel]:
+        """Along the axis, from z = 0 to the shell; nothing without one."""
+        if not self.balloon.rod_radius:
+            return []
+        radius, top = self.balloon.rod_radius, self.rod_top
+        pole = self.meridian.at(self.meridian.inner, 0.5 * math.pi)
+        along = self.balloon.along(top[1])
+        return [revolved.Panel("rod", (
+            revolved.Side((0.0, 0.0), (radius, 0.0), self.rod_cells, "rod_end"), revolved.Side((radius, 0.0), top,
+            along, "cavity"),
+            self._arc(top, pole, self.rod_cells, ""), revolved.Side(pole, (0.0, 0.0), along, "axis"),
+        ))]  # fmt: skip

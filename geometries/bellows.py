@@ -37,26 +37,6 @@ from geometries.revolved import Revolved
 from softmodels.common import schema
 from softmodels.common.errors import GeometryError
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The half section of a bellows: cross-sections of the wall one after the other, and panels between neighbours.
-
-
-NEAR = 1e-9
-"""Share of the pitch up to which a line has no length."""
-
-
-BENDING = 0.55
-"""Length of the wall's longest cells over the root of its thickness times its radius, within which a thin wall bends."""
-
-
-class Cut(NamedTuple):
-    """A cross-section of the wall, from the air to outside, and the centre of the arcs that lead to it from the one before;
-    None where lines do."""
-
-    inside: revolved.Place
-    outside: revolved.Place
-    centre: revolved.Place | None
-
 
 @registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -265,3 +245,23 @@ class Bellows(actuator.HeldTip, Revolved):
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
         x, y, _ = places["crest"]
         return {"width_mm": 2e3 * float((x * x + y * y) ** 0.5)}
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The half section of a bellows: cross-sections of the wall one after the other, and panels between neighbours.
+
+
+NEAR = 1e-9
+"""Share of the pitch up to which a line has no length."""
+
+BENDING = 0.55
+"""Length of the wall's longest cells over the root of its thickness times its radius, within which a thin wall bends."""
+
+
+class Cut(NamedTuple):
+    """A cross-section of the wall, from the air to outside, and the centre of the arcs that lead to it from the one before;
+    None where lines do."""
+
+    inside: revolved.Place
+    outside: revolved.Place
+    centre: revolved.Place | None

@@ -28,140 +28,6 @@ from geometries.actuator import Vector
 from softmodels.common import schema
 from softmodels.common.lazy import gmsh
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The wavy wall of a bending bellows: arcs that join smoothly, of the same thickness everywhere, and its volumes.
-#
-# Along x the middle of the wall goes from a valley to a crest and back: an arc about a centre outside the valley, if the folds
-# are deep a straight flank across x, and an arc about a centre inside the crest.
-
-
-@dataclasses.dataclass(frozen=True)
-class Arc:
-    """Half a fold's rounding, along x, from the bottom of a valley or up to the top of a crest, which bulges outwards: its
-    centre (x, and the radius from the bellows' axis), radius, and the x of its first and last points, in m."""
-
-    centre: tuple[float, float]
-    radius: float
-    crest: bool
-    start: float
-    end: float
-
-    def height(self, x: float) -> float:
-        """Return the radius from the bellows' axis at x, in m."""
-        up = math.sqrt(max(0.0, self.radius**2 - (x - self.centre[0]) ** 2))
-        return self.centre[1] + (up if self.crest else -up)
-
-    @property
-    def square(self) -> float:
-        """Integral along x of the squared distance from the axis, in m3."""
-        a, c, sign = self.radius, self.centre[1], 1.0 if self.crest else -1.0
-
-        def until(x: float) -> float:
-            t = math.asin(max(-1.0, min(1.0, (x - self.centre[0]) / a)))
-            first = c * c * a * math.sin(t)
-            second = sign * c * a * a * (t + 0.5 * math.sin(2.0 * t))
-            return first + second + a**3 * (math.sin(t) - math.sin(t) ** 3 / 3.0)
-
-        return until(self.end) - until(self.start)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# A bending bellows in Gmsh: a quarter turn of its wall on half of its base, with a name for every face.
-
-
-def _base(bellows: BendingBellows, side: float) -> meshing.Entity:
-    half = 0.5 * bellows.base
-    return meshing.add_block((0.0, side, -half), (bellows.length, bellows.half_width, half))
-
-
-def _wall(bellows: BendingBellows, whole: bool = False) -> meshing.Entity:
-    """Return the wall and the end plates: their section in the mirror plane, turned down to the base on one side or on both."""
-    occ, axis = gmsh.model.occ, 0.5 * meshing.MM * bellows.base
-    first, last, outside = bellows.root, bellows.length - bellows.cap, bellows.crest
-    lines = _Outline(bellows)
-    lines.to(0.0, 0.0)
-    lines.to(0.0, outside)
-    lines.to(first, outside)
-    lines.along(bellows.arcs(True))
-    lines.to(last, outside)
-    lines.to(bellows.length, outside)
-    lines.to(bellows.length, 0.0)
-    lines.to(last, 0.0)
-    lines.along([_turned(arc) for arc in reversed(bellows.arcs(False))])
-    lines.to(first, 0.0)
-    section = [(2, occ.addPlaneSurface([occ.addCurveLoop(lines.closed())]))]
-    angle = -0.5 * math.pi
-    if whole:
-        occ.rotate(section, 0, 0, axis, 1, 0, 0, -angle)
-        angle *= 2.0
-    turned = occ.revolve(section, 0, 0, axis, 1, 0, 0, angle)
-    return next(entity for entity in turned if entity[0] == 3)
-
-
-def _turned(arc: Arc) -> Arc:
-    """Return the same arc, run through from its end to its start."""
-    return Arc(arc.centre, arc.radius, arc.crest, arc.end, arc.start)
-
-
-class _Outline:
-    """A closed line in the mirror plane, made of straight pieces and arcs, from x and the distance from the axis in m."""
-
-    def __init__(self, bellows: BendingBellows):
-        self.axis, self.near = 0.5 * bellows.base, 1e-9 * bellows.pitch
-        self.points: list[tuple[int, float, float]] = []
-        self.curves: list[int] = []
-
-    def _point(self, x: float, r: float) -> int:
-        return int(gmsh.model.occ.addPoint(meshing.MM * x, 0.0, meshing.MM * (self.axis + r)))
-
-    def to(self, x: float, r: float) -> None:
-        """A straight piece to a point, unless the line is there already."""
-        if self.points:
-            last, lx, lr = self.points[-1]
-            if math.hypot(x - lx, r - lr) < self.near:
-                return
-        self.points.append((self._point(x, r), x, r))
-        if len(self.points) > 1:
-            self.curves.append(gmsh.model.occ.addLine(last, self.points[-1][0]))
-
-    def along(self, arcs: list[Arc]) -> None:
-        """Arcs, with straight pieces between them where they do not meet."""
-        occ = gmsh.model.occ
-        for arc in arcs:
-            self.to(arc.start, arc.height(arc.start))
-            centre = self._point(*arc.centre)
-            end = (self._point(arc.end, arc.height(arc.end)), arc.end, arc.height(arc.end))
-            self.curves.append(occ.addCircleArc(self.points[-1][0], centre, end[0]))
-            occ.remove([(0, centre)])
-            self.points.append(end)
-
-    def closed(self) -> list[int]:
-        return [*self.curves, int(gmsh.model.occ.addLine(self.points[-1][0], self.points[0][0]))]
-
-
-def _role(bellows: BendingBellows, tag: int) -> str:
-    """Return the role of a face: flat ones by the block around them, curved ones by how far from the axis they are."""
-    low, high = meshing.face_block(tag)
-    near, half = 1e-6, 0.5 * bellows.base
-    planes = (("support", 0, 0.0), ("tip", 0, bellows.length), ("plane0", 1, 0.0), ("bottom", 2, -half))
-    for role, axis, place in planes:
-        if max(abs(low[axis] - place), abs(high[axis] - place)) < near:
-            return role
-    if high[2] < half + near:  # the base's side, and its upper face, of which the air's floor reaches the mirror plane
-        return "cavity" if low[1] < near else "outer"
-    first, last = bellows.root, bellows.length - bellows.cap
-    if high[0] < first + near or low[0] > last - near:  # an end plate: its rim, or what it turns to the folds
-        floor = high[0] - low[0] < near and high[2] - half < bellows.radius + near
-        return "cavity" if floor else "outer"
-    inner = bellows.arcs(False)
-    if high[0] - low[0] < near:  # a flank across x, where two arcs of its own side of the wall end
-        return "cavity" if min(abs(low[0] - x) for arc in inner for x in (arc.start, arc.end)) < near else "folds"
-    middle = np.array(gmsh.model.getParametrizationBounds(2, tag)).mean(axis=0)
-    x, y, z = np.array(gmsh.model.getValue(2, tag, middle)) / meshing.MM
-    r = math.hypot(y, z - half)
-    on = any(arc.start - near <= x <= arc.end + near and abs(arc.height(x) - r) < near for arc in inner)
-    return "cavity" if on else "folds"
-
 
 @registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -326,3 +192,138 @@ class BendingBellows(actuator.Finger):
 
 def _mm(value: float) -> str:
     return schema.shown(value, "m")
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The wavy wall of a bending bellows: arcs that join smoothly, of the same thickness everywhere, and its volumes.
+#
+# Along x the middle of the wall goes from a valley to a crest and back: an arc about a centre outside the valley, if the folds
+# are deep a straight flank across x, and an arc about a centre inside the crest.
+
+
+@dataclasses.dataclass(frozen=True)
+class Arc:
+    """Half a fold's rounding, along x, from the bottom of a valley or up to the top of a crest, which bulges outwards: its
+    centre (x, and the radius from the bellows' axis), radius, and the x of its first and last points, in m."""
+
+    centre: tuple[float, float]
+    radius: float
+    crest: bool
+    start: float
+    end: float
+
+    def height(self, x: float) -> float:
+        """Return the radius from the bellows' axis at x, in m."""
+        up = math.sqrt(max(0.0, self.radius**2 - (x - self.centre[0]) ** 2))
+        return self.centre[1] + (up if self.crest else -up)
+
+    @property
+    def square(self) -> float:
+        """Integral along x of the squared distance from the axis, in m3."""
+        a, c, sign = self.radius, self.centre[1], 1.0 if self.crest else -1.0
+
+        def until(x: float) -> float:
+            t = math.asin(max(-1.0, min(1.0, (x - self.centre[0]) / a)))
+            first = c * c * a * math.sin(t)
+            second = sign * c * a * a * (t + 0.5 * math.sin(2.0 * t))
+            return first + second + a**3 * (math.sin(t) - math.sin(t) ** 3 / 3.0)
+
+        return until(self.end) - until(self.start)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A bending bellows in Gmsh: a quarter turn of its wall on half of its base, with a name for every face.
+
+
+def _base(bellows: BendingBellows, side: float) -> meshing.Entity:
+    half = 0.5 * bellows.base
+    return meshing.add_block((0.0, side, -half), (bellows.length, bellows.half_width, half))
+
+
+def _wall(bellows: BendingBellows, whole: bool = False) -> meshing.Entity:
+    """Return the wall and the end plates: their section in the mirror plane, turned down to the base on one side or on both."""
+    occ, axis = gmsh.model.occ, 0.5 * meshing.MM * bellows.base
+    first, last, outside = bellows.root, bellows.length - bellows.cap, bellows.crest
+    lines = _Outline(bellows)
+    lines.to(0.0, 0.0)
+    lines.to(0.0, outside)
+    lines.to(first, outside)
+    lines.along(bellows.arcs(True))
+    lines.to(last, outside)
+    lines.to(bellows.length, outside)
+    lines.to(bellows.length, 0.0)
+    lines.to(last, 0.0)
+    lines.along([_turned(arc) for arc in reversed(bellows.arcs(False))])
+    lines.to(first, 0.0)
+    section = [(2, occ.addPlaneSurface([occ.addCurveLoop(lines.closed())]))]
+    angle = -0.5 * math.pi
+    if whole:
+        occ.rotate(section, 0, 0, axis, 1, 0, 0, -angle)
+        angle *= 2.0
+    turned = occ.revolve(section, 0, 0, axis, 1, 0, 0, angle)
+    return next(entity for entity in turned if entity[0] == 3)
+
+
+def _turned(arc: Arc) -> Arc:
+    """Return the same arc, run through from its end to its start."""
+    return Arc(arc.centre, arc.radius, arc.crest, arc.end, arc.start)
+
+
+class _Outline:
+    """A closed line in the mirror plane, made of straight pieces and arcs, from x and the distance from the axis in m."""
+
+    def __init__(self, bellows: BendingBellows):
+        self.axis, self.near = 0.5 * bellows.base, 1e-9 * bellows.pitch
+        self.points: list[tuple[int, float, float]] = []
+        self.curves: list[int] = []
+
+    def _point(self, x: float, r: float) -> int:
+        return int(gmsh.model.occ.addPoint(meshing.MM * x, 0.0, meshing.MM * (self.axis + r)))
+
+    def to(self, x: float, r: float) -> None:
+        """A straight piece to a point, unless the line is there already."""
+        if self.points:
+            last, lx, lr = self.points[-1]
+            if math.hypot(x - lx, r - lr) < self.near:
+                return
+        self.points.append((self._point(x, r), x, r))
+        if len(self.points) > 1:
+            self.curves.append(gmsh.model.occ.addLine(last, self.points[-1][0]))
+
+    def along(self, arcs: list[Arc]) -> None:
+        """Arcs, with straight pieces between them where they do not meet."""
+        occ = gmsh.model.occ
+        for arc in arcs:
+            self.to(arc.start, arc.height(arc.start))
+            centre = self._point(*arc.centre)
+            end = (self._point(arc.end, arc.height(arc.end)), arc.end, arc.height(arc.end))
+            self.curves.append(occ.addCircleArc(self.points[-1][0], centre, end[0]))
+            occ.remove([(0, centre)])
+            self.points.append(end)
+
+    def closed(self) -> list[int]:
+        return [*self.curves, int(gmsh.model.occ.addLine(self.points[-1][0], self.points[0][0]))]
+
+
+def _role(bellows: BendingBellows, tag: int) -> str:
+    """Return the role of a face: flat ones by the block around them, curved ones by how far from the axis they are."""
+    low, high = meshing.face_block(tag)
+    near, half = 1e-6, 0.5 * bellows.base
+    planes = (("support", 0, 0.0), ("tip", 0, bellows.length), ("plane0", 1, 0.0), ("bottom", 2, -half))
+    for role, axis, place in planes:
+        if max(abs(low[axis] - place), abs(high[axis] - place)) < near:
+            return role
+    if high[2] < half + near:  # the base's side, and its upper face, of which the air's floor reaches the mirror plane
+        return "cavity" if low[1] < near else "outer"
+    first, last = bellows.root, bellows.length - bellows.cap
+    if high[0] < first + near or low[0] > last - near:  # an end plate: its rim, or what it turns to the folds
+        floor = high[0] - low[0] < near and high[2] - half < bellows.radius + near
+        return "cavity" if floor else "outer"
+    inner = bellows.arcs(False)
+    if high[0] - low[0] < near:  # a flank across x, where two arcs of its own side of the wall end
+        return "cavity" if min(abs(low[0] - x) for arc in inner for x in (arc.start, arc.end)) < near else "folds"
+    middle = np.array(gmsh.model.getParametrizationBounds(2, tag)).mean(axis=0)
+    x, y, z = np.array(gmsh.model.getValue(2, tag, middle)) / meshing.MM
+    r = math.hypot(y, z - half)
+    on = any(arc.start - near <= x <= arc.end + near and abs(arc.height(x) - r) < near for arc in inner)
+    return "cavity" if on else "folds"

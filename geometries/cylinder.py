@@ -33,199 +33,6 @@ from geometries.actuator import Hold, Vector
 from softmodels.common import schema
 from softmodels.common.lazy import gmsh
 
-# ----------------------------------------------------------------------------------------------------------------------
-# How large the cells of a cylinder are.
-
-
-NARROWEST, WIDEST = 30.0, 330.0
-"""Least and largest angle of the strip in degrees: what is left of the circle on either side needs cells of its own."""
-
-WIDEST_PIECE = 90.0
-"""Largest angle in degrees of one revolution step: the CAD kernel leaves a seam in a full turn, without a vertex at its
-centre."""
-
-THROUGH = {2: 2, 3: 1}
-"""Cells through the wall and the cap, by dimension; they are quadratic."""
-
-ALONG_ARC = 2
-"""Cells along the fillet's quarter circle."""
-
-ACROSS_PIECE = 0.6
-"""Largest cell size in the wall, in arcs of the narrowest piece that the strip's edges cut out of it."""
-
-
-def azimuths(device: Cylinder, stripped: bool) -> list[float]:
-    """Return the azimuths in degrees between which a face is turned to make the solid.
-
-    They are the x axis, where probes are, the y axis, if points are held on it, and the strip's edges, if they are asked for.
-    """
-    marks = sorted({0.0, 180.0, *([0.5 * device.strip] if stripped else []), *([90.0] if device.anchors else [])})
-    half = [0.0]
-    for mark in marks[1:]:
-        pieces = math.ceil((mark - half[-1]) / WIDEST_PIECE)
-        half += [half[-1] + (mark - half[-1]) * k / pieces for k in range(1, pieces + 1)]
-    return half if device.section == "half" else [*half, *(360.0 - angle for angle in half[-2::-1])]
-
-
-def cell_sizes(device: Cylinder) -> tuple[float, float, float]:
-    """Cell sizes in m in the wall, in the cap and along the fillet."""
-    through = THROUGH[device.dimension]
-    wall, cap = (min(device.cell_size, part / through) for part in (device.wall, device.cap))
-    if device.stripped:  # cells as wide as a piece of the wall come out flat
-        narrowest = min(b - a for a, b in itertools.pairwise(azimuths(device, True)))
-        wall = min(wall, ACROSS_PIECE * math.radians(narrowest) * device.inner_radius)
-    arc = 0.5 * math.pi * device.fillet / ALONG_ARC if device.fillet else math.inf
-    return wall, cap, min(wall, cap, arc)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The closed tube's half profile as edges between corners, along which points are carried to another tube.
-
-
-def outline(tube: Cylinder) -> list[revolved.Side]:
-    """Return the half profile in m, against the clock from the foot of the cavity's wall; without the axis below the
-    ceiling."""
-    inner, outer, fillet = tube.inner_radius, tube.outer_radius, tube.fillet
-    straight, length, height = tube.straight, tube.length, tube.height
-    corner, root = (inner - fillet, length), (inner, straight)
-    arc = [revolved.Side(corner, root, 1, "cavity", (inner - fillet, straight), (fillet, fillet))] if fillet else []
-    return [
-        revolved.Side((inner, 0.0), (outer, 0.0), 1, "support"),
-        revolved.Side((outer, 0.0), (outer, 0.5 * length), 1, "outer"),
-        revolved.Side((outer, 0.5 * length), (outer, straight), 1, "outer"),
-        revolved.Side((outer, straight), (outer, height), 1, "side"),
-        revolved.Side((outer, height), (0.0, height), 1, "end"),
-        revolved.Side((0.0, height), (0.0, length), 1, "axis"),
-        revolved.Side((0.0, length), corner, 1, "cavity"),
-        *arc,
-        revolved.Side(root, (inner, 0.0), 1, "cavity"),
-    ]
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The closed tube in Gmsh: one profile of two faces, meshed flat or turned around the axis.
-
-
-GROWTH = 0.5
-"""Growth of the cell size per distance from the fillet and the cap."""
-
-Edges = list[tuple[int, str]]
-
-
-def build_section(device: Cylinder) -> None:
-    """Fill the current Gmsh model with the axisymmetric profile: x is the radius, y the height (m)."""
-    (wall, cap), edges = _profile(device, lambda r, z: (r, z, 0.0))
-    gmsh.model.occ.synchronize()
-    roles: dict[str, list[int]] = defaultdict(list)
-    for tag, role in edges:
-        roles[role].append(tag)
-    meshing.name_groups(2, {"wall": [wall], "cap": [cap]})
-    meshing.name_groups(1, roles)
-    size = _size(device)
-    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(x, y))
-
-
-def build_solid(device: Cylinder) -> None:
-    """Fill the current Gmsh model with half of the tube (y > 0) or all of it (m)."""
-    occ = gmsh.model.occ
-    (wall, cap), _ = _profile(device, lambda r, z: (r, 0.0, z))
-    volumes = []
-    # The strip's edges cut only the wall: wedges of the cap would have needles for cells along the axis.
-    for face, cuts in ((wall, azimuths(device, device.stripped)), (cap, azimuths(device, False))):
-        for start, stop in itertools.pairwise(cuts):
-            copy = occ.copy([(2, face)])
-            occ.rotate(copy, 0, 0, 0, 0, 0, 1, math.radians(start))
-            turned = occ.revolve(copy, 0, 0, 0, 0, 0, 1, math.radians(stop - start))
-            volumes += [entity for entity in turned if entity[0] == 3]
-    occ.fragment(volumes[:1], volumes[1:])
-    occ.remove([(2, wall), (2, cap)], recursive=True)
-    occ.synchronize()
-    regions: dict[str, list[int]] = defaultdict(list)
-    for _, tag in gmsh.model.getEntities(3):
-        regions["cap" if occ.getCenterOfMass(3, tag)[2] > device.straight else "wall"].append(tag)
-    meshing.name_groups(3, regions)
-    meshing.name_boundary(lambda tag: _role(device, tag))
-    for role, place in device.anchors.items():
-        near = 1e-7 * device.outer_radius
-        found = [tag for _, tag in gmsh.model.getEntities(0) if np.abs(meshing.place_of(tag) - place).max() < near]
-        meshing.name_groups(0, {role: found})
-    size = _size(device)
-    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(math.hypot(x, y), z))
-
-
-def _profile(
-    device: Cylinder, at: Callable[[float, float], tuple[float, float, float]]
-) -> tuple[tuple[int, int], Edges]:
-    """Add the wall's and the cap's face; return their tags, and the edges on the boundary with their roles. ``at`` makes a
-    point in space of radius and height."""
-    occ = gmsh.model.occ
-    inner, outer, fillet = device.inner_radius, device.outer_radius, device.fillet
-    straight, length, height = device.straight, device.length, device.height
-
-    def point(r: float, z: float) -> int:
-        return int(occ.addPoint(*at(r, z)))
-
-    foot, toe, middle = point(inner, 0.0), point(outer, 0.0), point(outer, 0.5 * length)
-    shoulder, root = point(outer, straight), point(inner, straight)
-    rim, apex, ceiling = point(outer, height), point(0.0, height), point(0.0, length)
-    joint = occ.addLine(shoulder, root)
-    edges: Edges = [
-        (occ.addLine(foot, toe), "support"),
-        (occ.addLine(toe, middle), "outer"),
-        (occ.addLine(middle, shoulder), "outer"),
-        (occ.addLine(root, foot), "cavity"),
-    ]
-    wall = occ.addPlaneSurface([occ.addCurveLoop([*(tag for tag, _ in edges[:3]), joint, edges[3][0]])])
-    upper: Edges = [
-        (occ.addLine(shoulder, rim), "side"),
-        (occ.addLine(rim, apex), "end"),
-        (occ.addLine(apex, ceiling), "axis"),
-    ]
-    corner = root
-    if fillet:
-        corner, centre = point(inner - fillet, length), point(inner - fillet, straight)
-        arc = [(occ.addCircleArc(corner, centre, root), "cavity")]
-        occ.remove([(0, centre)])
-    else:
-        arc = []
-    upper += [(occ.addLine(ceiling, corner), "cavity"), *arc]
-    cap = occ.addPlaneSurface([occ.addCurveLoop([-joint, *(tag for tag, _ in upper)])])
-    return (wall, cap), [*edges, *upper]
-
-
-def _size(device: Cylinder) -> Callable[[float, float], float]:
-    """Return the cell size in m as a function of radius and height in m."""
-    wall, cap, arc = cell_sizes(device)
-    ring = (device.inner_radius - 0.3 * device.fillet, device.length - 0.3 * device.fillet)
-
-    def size(r: float, z: float) -> float:
-        above = max(0.0, z - device.straight)
-        return min(
-            wall + GROWTH * above,
-            cap + GROWTH * max(0.0, device.length - z),
-            arc + GROWTH * max(0.0, math.hypot(r - ring[0], z - ring[1]) - device.fillet),
-        )
-
-    return size
-
-
-def _role(device: Cylinder, tag: int) -> str:
-    """Return the role of a face from where its corners and its centre of mass are."""
-    near = 1e-7 * device.outer_radius
-    x, y, z = meshing.corners_of(tag).T
-    centre = np.array(gmsh.model.occ.getCenterOfMass(2, tag))
-    if device.section == "half" and max(np.abs(y).max(), abs(centre[1])) < near:
-        return "plane0"
-    for role, height in (("support", 0.0), ("end", device.height)):
-        if np.abs(z - height).max() < near:
-            return role
-    if np.abs(np.hypot(x, y) - device.outer_radius).max() > near:
-        return "cavity"
-    if centre[2] > device.straight:
-        return "side"
-    azimuth = math.degrees(math.atan2(centre[1], centre[0]))
-    return "strip" if device.stripped and abs(azimuth) < 0.5 * device.strip else "outer"
-
 
 @registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -467,3 +274,197 @@ class Cylinder(actuator.Sectioned, actuator.Halved):
 
     def build(self) -> None:
         build_section(self) if self.dimension == 2 else build_solid(self)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How large the cells of a cylinder are.
+
+
+NARROWEST, WIDEST = 30.0, 330.0
+"""Least and largest angle of the strip in degrees: what is left of the circle on either side needs cells of its own."""
+
+WIDEST_PIECE = 90.0
+"""Largest angle in degrees of one revolution step: the CAD kernel leaves a seam in a full turn, without a vertex at its
+centre."""
+
+THROUGH = {2: 2, 3: 1}
+"""Cells through the wall and the cap, by dimension; they are quadratic."""
+
+ALONG_ARC = 2
+"""Cells along the fillet's quarter circle."""
+
+ACROSS_PIECE = 0.6
+"""Largest cell size in the wall, in arcs of the narrowest piece that the strip's edges cut out of it."""
+
+
+def azimuths(device: Cylinder, stripped: bool) -> list[float]:
+    """Return the azimuths in degrees between which a face is turned to make the solid.
+
+    They are the x axis, where probes are, the y axis, if points are held on it, and the strip's edges, if they are asked for.
+    """
+    marks = sorted({0.0, 180.0, *([0.5 * device.strip] if stripped else []), *([90.0] if device.anchors else [])})
+    half = [0.0]
+    for mark in marks[1:]:
+        pieces = math.ceil((mark - half[-1]) / WIDEST_PIECE)
+        half += [half[-1] + (mark - half[-1]) * k / pieces for k in range(1, pieces + 1)]
+    return half if device.section == "half" else [*half, *(360.0 - angle for angle in half[-2::-1])]
+
+
+def cell_sizes(device: Cylinder) -> tuple[float, float, float]:
+    """Cell sizes in m in the wall, in the cap and along the fillet."""
+    through = THROUGH[device.dimension]
+    wall, cap = (min(device.cell_size, part / through) for part in (device.wall, device.cap))
+    if device.stripped:  # cells as wide as a piece of the wall come out flat
+        narrowest = min(b - a for a, b in itertools.pairwise(azimuths(device, True)))
+        wall = min(wall, ACROSS_PIECE * math.radians(narrowest) * device.inner_radius)
+    arc = 0.5 * math.pi * device.fillet / ALONG_ARC if device.fillet else math.inf
+    return wall, cap, min(wall, cap, arc)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The closed tube's half profile as edges between corners, along which points are carried to another tube.
+
+
+def outline(tube: Cylinder) -> list[revolved.Side]:
+    """Return the half profile in m, against the clock from the foot of the cavity's wall; without the axis below the
+    ceiling."""
+    inner, outer, fillet = tube.inner_radius, tube.outer_radius, tube.fillet
+    straight, length, height = tube.straight, tube.length, tube.height
+    corner, root = (inner - fillet, length), (inner, straight)
+    arc = [revolved.Side(corner, root, 1, "cavity", (inner - fillet, straight), (fillet, fillet))] if fillet else []
+    return [
+        revolved.Side((inner, 0.0), (outer, 0.0), 1, "support"),
+        revolved.Side((outer, 0.0), (outer, 0.5 * length), 1, "outer"),
+        revolved.Side((outer, 0.5 * length), (outer, straight), 1, "outer"),
+        revolved.Side((outer, straight), (outer, height), 1, "side"),
+        revolved.Side((outer, height), (0.0, height), 1, "end"),
+        revolved.Side((0.0, height), (0.0, length), 1, "axis"),
+        revolved.Side((0.0, length), corner, 1, "cavity"),
+        *arc,
+        revolved.Side(root, (inner, 0.0), 1, "cavity"),
+    ]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The closed tube in Gmsh: one profile of two faces, meshed flat or turned around the axis.
+
+
+GROWTH = 0.5
+"""Growth of the cell size per distance from the fillet and the cap."""
+
+Edges = list[tuple[int, str]]
+
+
+def build_section(device: Cylinder) -> None:
+    """Fill the current Gmsh model with the axisymmetric profile: x is the radius, y the height (m)."""
+    (wall, cap), edges = _profile(device, lambda r, z: (r, z, 0.0))
+    gmsh.model.occ.synchronize()
+    roles: dict[str, list[int]] = defaultdict(list)
+    for tag, role in edges:
+        roles[role].append(tag)
+    meshing.name_groups(2, {"wall": [wall], "cap": [cap]})
+    meshing.name_groups(1, roles)
+    size = _size(device)
+    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(x, y))
+
+
+def build_solid(device: Cylinder) -> None:
+    """Fill the current Gmsh model with half of the tube (y > 0) or all of it (m)."""
+    occ = gmsh.model.occ
+    (wall, cap), _ = _profile(device, lambda r, z: (r, 0.0, z))
+    volumes = []
+    # The strip's edges cut only the wall: wedges of the cap would have needles for cells along the axis.
+    for face, cuts in ((wall, azimuths(device, device.stripped)), (cap, azimuths(device, False))):
+        for start, stop in itertools.pairwise(cuts):
+            copy = occ.copy([(2, face)])
+            occ.rotate(copy, 0, 0, 0, 0, 0, 1, math.radians(start))
+            turned = occ.revolve(copy, 0, 0, 0, 0, 0, 1, math.radians(stop - start))
+            volumes += [entity for entity in turned if entity[0] == 3]
+    occ.fragment(volumes[:1], volumes[1:])
+    occ.remove([(2, wall), (2, cap)], recursive=True)
+    occ.synchronize()
+    regions: dict[str, list[int]] = defaultdict(list)
+    for _, tag in gmsh.model.getEntities(3):
+        regions["cap" if occ.getCenterOfMass(3, tag)[2] > device.straight else "wall"].append(tag)
+    meshing.name_groups(3, regions)
+    meshing.name_boundary(lambda tag: _role(device, tag))
+    for role, place in device.anchors.items():
+        near = 1e-7 * device.outer_radius
+        found = [tag for _, tag in gmsh.model.getEntities(0) if np.abs(meshing.place_of(tag) - place).max() < near]
+        meshing.name_groups(0, {role: found})
+    size = _size(device)
+    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(math.hypot(x, y), z))
+
+
+def _profile(
+    device: Cylinder, at: Callable[[float, float], tuple[float, float, float]]
+) -> tuple[tuple[int, int], Edges]:
+    """Add the wall's and the cap's face; return their tags, and the edges on the boundary with their roles. ``at`` makes a
+    point in space of radius and height."""
+    occ = gmsh.model.occ
+    inner, outer, fillet = device.inner_radius, device.outer_radius, device.fillet
+    straight, length, height = device.straight, device.length, device.height
+
+    def point(r: float, z: float) -> int:
+        return int(occ.addPoint(*at(r, z)))
+
+    foot, toe, middle = point(inner, 0.0), point(outer, 0.0), point(outer, 0.5 * length)
+    shoulder, root = point(outer, straight), point(inner, straight)
+    rim, apex, ceiling = point(outer, height), point(0.0, height), point(0.0, length)
+    joint = occ.addLine(shoulder, root)
+    edges: Edges = [
+        (occ.addLine(foot, toe), "support"),
+        (occ.addLine(toe, middle), "outer"),
+        (occ.addLine(middle, shoulder), "outer"),
+        (occ.addLine(root, foot), "cavity"),
+    ]
+    wall = occ.addPlaneSurface([occ.addCurveLoop([*(tag for tag, _ in edges[:3]), joint, edges[3][0]])])
+    upper: Edges = [
+        (occ.addLine(shoulder, rim), "side"),
+        (occ.addLine(rim, apex), "end"),
+        (occ.addLine(apex, ceiling), "axis"),
+    ]
+    corner = root
+    if fillet:
+        corner, centre = point(inner - fillet, length), point(inner - fillet, straight)
+        arc = [(occ.addCircleArc(corner, centre, root), "cavity")]
+        occ.remove([(0, centre)])
+    else:
+        arc = []
+    upper += [(occ.addLine(ceiling, corner), "cavity"), *arc]
+    cap = occ.addPlaneSurface([occ.addCurveLoop([-joint, *(tag for tag, _ in upper)])])
+    return (wall, cap), [*edges, *upper]
+
+
+def _size(device: Cylinder) -> Callable[[float, float], float]:
+    """Return the cell size in m as a function of radius and height in m."""
+    wall, cap, arc = cell_sizes(device)
+    ring = (device.inner_radius - 0.3 * device.fillet, device.length - 0.3 * device.fillet)
+
+    def size(r: float, z: float) -> float:
+        above = max(0.0, z - device.straight)
+        return min(
+            wall + GROWTH * above,
+            cap + GROWTH * max(0.0, device.length - z),
+            arc + GROWTH * max(0.0, math.hypot(r - ring[0], z - ring[1]) - device.fillet),
+        )
+
+    return size
+
+
+def _role(device: Cylinder, tag: int) -> str:
+    """Return the role of a face from where its corners and its centre of mass are."""
+    near = 1e-7 * device.outer_radius
+    x, y, z = meshing.corners_of(tag).T
+    centre = np.array(gmsh.model.occ.getCenterOfMass(2, tag))
+    if device.section == "half" and max(np.abs(y).max(), abs(centre[1])) < near:
+        return "plane0"
+    for role, height in (("support", 0.0), ("end", device.height)):
+        if np.abs(z - height).max() < near:
+            return role
+    if np.abs(np.hypot(x, y) - device.outer_radius).max() > near:
+        return "cavity"
+    if centre[2] > device.straight:
+        return "side"
+    azimuth = math.degrees(math.atan2(centre[1], centre[0]))
+    return "strip" if device.stripped and abs(azimuth) < 0.5 * device.strip else "outer"

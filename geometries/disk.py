@@ -35,298 +35,6 @@ from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
 from softmodels.common.lazy import gmsh, scipy
 
-# ----------------------------------------------------------------------------------------------------------------------
-# How large the cells of a hollow disk are, and how many of them to expect.
-#
-# Three rules give the size at a point: never above the disk's cell size; two cells or more through the membrane, the base
-# and the wall, however large the cell size; smaller at the membrane's root and along fillets, where the stress
-# peaks. Away from a thin part or a root the size grows linearly with distance, so neighbours stay alike.
-
-
-THROUGH = 2
-"""Cells through the thickness of each part."""
-
-GROWTH = 0.5
-"""Growth of the cell size per distance."""
-
-ALONG_ARC = 2
-"""Cells along the fillet's quarter circle; two curved ones follow it within a thousandth of its radius."""
-
-TURN = 1.0
-"""Angle in radians by which a curved top may turn along a cell's edge, unless that takes more than `FINEST` of them."""
-
-FINEST = 3
-"""Most edges between two entries of a profile that the top's curvature asks for."""
-
-SAMPLES = 257
-"""Radii at which the size in a membrane of varying thickness is known; straight lines between them."""
-
-
-def part_size(disk: HollowDisk, part: str) -> float:
-    """Return the cell size in m inside "membrane" (at its root), "base" or "wall"."""
-    thickness: float = disk.height - disk.ceiling if part == "membrane" and disk.profile else getattr(disk, part)
-    return min(disk.cell_size, thickness / THROUGH)
-
-
-def membrane_sizes(disk: HollowDisk) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return radii from the axis to the cavity's edge and the cell size in the membrane there, in m.
-
-    There are `THROUGH` cells through the thickness, none longer than the distance of a profile's entries or turning by more
-    than `TURN`, and the size grows no faster than `GROWTH` along the radius.
-    """
-    radii = np.linspace(0.0, disk.cavity_radius, SAMPLES)
-    apart = disk.cavity_radius / max(len(disk.profile) - 1, 1)
-    longest = min(disk.cell_size, apart)
-    top = disk.membrane_top
-    turning = np.clip(TURN / np.maximum(top.curvature(radii), TURN / longest), min(apart / FINEST, longest), None)
-    sizes = np.minimum(turning, top.thickness(radii) / THROUGH)
-    return radii, (sizes + GROWTH * np.abs(radii[:, None] - radii)).min(axis=1)
-
-
-def roots(disk: HollowDisk) -> list[tuple[float, float, float]]:
-    """Return the places with small cells as (height, cell size, distance within which cells have that size), in m.
-
-    They are rings at the cavity's radius: the membrane's root, and the edge of the floor if it is rounded.
-    """
-    size = min(disk.cell_size / disk.refinement, part_size(disk, "membrane"), part_size(disk, "wall"))
-    upper = min(size, _arc_size(disk.fillet)) if disk.fillet > 0.0 else size
-    found = [(disk.ceiling, upper, disk.fillet + upper)]
-    if disk.base_fillet > 0.0:
-        lower = min(disk.cell_size, part_size(disk, "wall"), _arc_size(disk.base_fillet))
-        found.append((disk.base, lower, disk.base_fillet + lower))
-    return found
-
-
-def _arc_size(fillet: float) -> float:
-    return 0.5 * math.pi * fillet / ALONG_ARC
-
-
-def size_function(disk: HollowDisk) -> Callable[[float, float], float]:
-    """Return the cell size in m as a function of radius and height in m."""
-    radius, floor, ceiling, far = disk.cavity_radius, disk.base, disk.ceiling, disk.cell_size
-    root, base, wall = (part_size(disk, part) for part in ("membrane", "base", "wall"))
-    rings = roots(disk)
-    radii, sizes = membrane_sizes(disk)
-
-    def size(r: float, z: float) -> float:
-        membrane = float(np.interp(r, radii, sizes)) if disk.profile else root
-        return min(
-            far,
-            membrane + GROWTH * max(0.0, ceiling - z, r - radius),
-            base + GROWTH * max(0.0, z - floor),
-            wall + GROWTH * max(0.0, radius - r, floor - z),
-            *(cell + GROWTH * max(0.0, math.hypot(r - radius, z - height) - core) for height, cell, core in rings),
-        )
-
-    return size
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# A membrane whose thickness varies along the radius: one cubic spline from the axis to the cavity's edge.
-#
-# Its values are given at equally spaced radii, in shares of the disk's `membrane`; its slope is zero on the axis, where the top
-# would have a tip, and at the cavity's edge, beyond which the thickness stays. The spline is linear in its values.
-
-
-@functools.lru_cache(maxsize=256)
-def _spline(shares: tuple[float, ...]) -> scipy.interpolate.PPoly:
-    """Return the shares of the thickness over shares of the radius, from 0 to 1."""
-    return scipy.interpolate.CubicSpline(np.linspace(0.0, 1.0, len(shares)), shares, bc_type="clamped")
-
-
-@dataclasses.dataclass(frozen=True)
-class MembraneTop:
-    """The top face of a membrane over a flat ceiling, as height over radius in m, up to the cavity's radius, where the spline
-    ends. The shares of the membrane's thickness are at equally spaced radii from the axis to there; one for a flat top."""
-
-    radius: float
-    ceiling: float
-    membrane: float
-    shares: tuple[float, ...]
-
-    def thickness(self, radii: ArrayLike) -> Array:
-        """Return the thickness in m at radii in m; beyond the cavity's edge that of the edge."""
-        within = np.clip(np.abs(radii) / self.radius, 0.0, 1.0)
-        if len(self.shares) == 1:
-            return np.full_like(within, self.membrane * self.shares[0])
-        return np.asarray(self.membrane * _spline(self.shares)(within))
-
-    def height(self, radii: ArrayLike) -> Array:
-        """Return the height of the top face in m at radii in m."""
-        return self.ceiling + self.thickness(radii)
-
-    def curvature(self, radii: ArrayLike) -> Array:
-        """Return the curvature in 1/m of the top's line at radii in m up to the cavity's edge, either way counted positive."""
-        within = np.asarray(radii) / self.radius
-        if len(self.shares) == 1:
-            return np.zeros_like(within)
-        slope, bend = (self.membrane * _spline(self.shares)(within, k) / self.radius**k for k in (1, 2))
-        return np.asarray(np.abs(bend) / (1.0 + slope**2) ** 1.5)
-
-    @property
-    def extremes(self) -> tuple[float, float]:
-        """Smallest and largest thickness in m, between the given radii too."""
-        if len(self.shares) == 1:
-            return self.membrane * self.shares[0], self.membrane * self.shares[0]
-        turns = _spline(self.shares).derivative().roots(extrapolate=False)
-        values = [*self.shares, *_spline(self.shares)(turns[np.isfinite(turns)])]
-        return self.membrane * float(min(values)), self.membrane * float(max(values))
-
-    @property
-    def volume(self) -> float:
-        """Volume in m3 of the membrane above the cavity, turned around the axis: 2 pi times the integral of t r dr."""
-        if len(self.shares) == 1:
-            return math.pi * self.radius**2 * self.membrane * self.shares[0]
-        spline = _spline(self.shares)
-        total = 0.0
-        for start, width, cubic in zip(spline.x[:-1], np.diff(spline.x), spline.c.T, strict=True):
-            # cubic[k] belongs to (s - start)^(3 - k).
-            powers = 3 - np.arange(4)
-            total += float(np.sum(cubic * width ** (powers + 1) * (start / (powers + 1) + width / (powers + 2))))
-        return 2.0 * math.pi * self.radius**2 * self.membrane * total
-
-    def pieces(self) -> list[Array]:
-        """Return the same curve as cubic Bezier pieces between the given radii, from the cavity's edge to the axis: control
-        points (radius, height) in m of each, shape (4, 2), whose radii are equally spaced. Pieces, because the CAD kernel
-        integrates over one polynomial exactly and over a spline of several it does not (0.1 %)."""
-        spline = _spline(self.shares)
-        shares = scipy.interpolate.BPoly.from_power_basis(scipy.interpolate.PPoly(spline.c, spline.x)).c
-        shares[0], shares[-1] = self.shares[:-1], self.shares[1:]  # to the last bit, for neighbours to meet
-        radii = self.radius * np.linspace(spline.x[:-1], spline.x[1:], 4)
-        points = np.stack([radii, self.ceiling + self.membrane * shares], axis=-1)
-        return [points[::-1, k] for k in reversed(range(points.shape[1]))]
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The hollow disk's half profile: a closed outline of lines, arcs and the membrane's top.
-
-
-FEWEST, MOST = 2, 12
-"""Entries of a membrane's profile."""
-
-LEAST_SHARE, LARGEST_SHARE = 0.1, 10.0
-"""Smallest and largest entry of a membrane's profile."""
-
-PARTS = ("", "a quarter of the way", "half way", "three quarters of the way")
-"""Of the way from an entry of a membrane's profile to the next, where its thickness is a clearance."""
-
-
-def outline(disk: HollowDisk) -> list[revolved.Side]:
-    """Return the closed half profile in m, counted against the clock from the bottom centre."""
-    inner, outer, fillet, lower = disk.cavity_radius, disk.outer_radius, disk.fillet, disk.base_fillet
-    floor, ceiling, top, apex = disk.base, disk.ceiling, disk.height, disk.probes["apex"][2]
-
-    def rounded(
-        start: revolved.Place, end: revolved.Place, centre: revolved.Place, radius: float
-    ) -> list[revolved.Side]:
-        return [revolved.Side(start, end, 1, "cavity", centre, (radius, radius))] if radius else []
-
-    arch = [revolved.Side((outer, top), (inner, top), 1, "top")]
-    for points in disk.membrane_top.pieces() if disk.profile else ():
-        start, first, second, end = ((float(r), float(z)) for r, z in points)
-        arch.append(revolved.Side(start, end, 1, "top", inner=(first, second)))
-    return [
-        revolved.Side((0.0, 0.0), (outer, 0.0), 1, "support" if disk.support == "base" else "outer"),
-        revolved.Side((outer, 0.0), (outer, top), 1, "outer"),
-        *(arch if disk.profile else [revolved.Side((outer, top), (0.0, top), 1, "top")]),
-        revolved.Side((0.0, apex), (0.0, ceiling), 1, "axis"),
-        revolved.Side((0.0, ceiling), (inner - fillet, ceiling), 1, "cavity"),
-        *rounded((inner - fillet, ceiling), (inner, ceiling - fillet), (inner - fillet, ceiling - fillet), fillet),
-        revolved.Side((inner, ceiling - fillet), (inner, floor + lower), 1, "cavity"),
-        *rounded((inner, floor + lower), (inner - lower, floor), (inner - lower, floor + lower), lower),
-        revolved.Side((inner - lower, floor), (0.0, floor), 1, "cavity"),
-        revolved.Side((0.0, floor), (0.0, 0.0), 1, "axis"),
-    ]
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The hollow disk in Gmsh: one outline, meshed flat or turned around the axis.
-
-
-def build_profile(disk: HollowDisk) -> None:
-    """Fill the current Gmsh model with the axisymmetric profile: x is the radius, y the height (m)."""
-    face, curves, points = _face(disk, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-    gmsh.model.occ.synchronize()
-    meshing.name_group(2, [face], "solid")
-    meshing.name_groups(1, curves)
-    if disk.support == "rim":
-        meshing.name_group(0, [points[disk.outer_radius, 0.0]], "support")
-    size = size_function(disk)
-    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(x, y))
-
-
-def build_wedge(disk: HollowDisk) -> None:
-    """Fill the current Gmsh model with the slice from the azimuth to azimuth + angle (m)."""
-    occ = gmsh.model.occ
-    face, _, _ = _face(disk, disk.radial, disk.lift)
-    pieces = math.ceil(disk.angle / revolved.WIDEST_PIECE - 1e-9)
-    volumes = []
-    for _ in range(pieces):
-        turned = occ.revolve([(2, face)], 0, 0, 0, 0, 0, 1, math.radians(disk.angle / pieces))
-        face = turned[0][1]
-        volumes += [entity for entity in turned if entity[0] == 3]
-    if pieces > 1:
-        volumes = [entity for entity in occ.fragment(volumes[:1], volumes[1:])[0] if entity[0] == 3]
-    occ.synchronize()
-    meshing.name_group(3, [tag for _, tag in volumes], "solid")
-    edges = outline(disk)
-    meshing.name_boundary(lambda tag: revolved.surface_role(disk, tag, edges))
-    if disk.support == "rim":
-        _name_rim(disk)
-    size = size_function(disk)
-    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(math.hypot(x, y), z))
-
-
-def _face(
-    disk: HollowDisk, right: tuple[float, float, float], up: tuple[float, float, float]
-) -> tuple[int, dict[str, list[int]], dict[revolved.Place, int]]:
-    """Add the half profile in the plane of two vectors of a metre each; return its tag, curves by role and corners."""
-    occ = gmsh.model.occ
-    points: dict[revolved.Place, int] = {}
-
-    def corner(place: revolved.Place) -> int:
-        if place not in points:
-            points[place] = occ.addPoint(*(place[0] * a + place[1] * b for a, b in zip(right, up, strict=True)))
-        return points[place]
-
-    def curve(edge: revolved.Side) -> int:
-        if edge.inner is not None:
-            helpers.extend(edge.inner)
-            return int(occ.addBezier([corner(place) for place in (edge.start, *edge.inner, edge.end)]))
-        if edge.centre is not None:
-            helpers.append(edge.centre)
-            return int(occ.addCircleArc(corner(edge.start), corner(edge.centre), corner(edge.end)))
-        return int(occ.addLine(corner(edge.start), corner(edge.end)))
-
-    curves: dict[str, list[int]] = defaultdict(list)
-    helpers: list[revolved.Place] = []
-    loop = []
-    for edge in outline(disk):
-        loop.append(curve(edge))
-        curves[edge.role].append(loop[-1])
-    face = occ.addPlaneSurface([occ.addCurveLoop(loop)])
-    # Centres of fillets and the like would otherwise stay as lone nodes of the mesh.
-    occ.remove([(0, points[place]) for place in helpers])
-    return face, curves, points
-
-
-def _name_rim(disk: HollowDisk) -> None:
-    """Name the bottom's outer edge and, where rigid motions remain, the anchors."""
-    near = 1e-8 * disk.outer_radius
-    rim = []
-    for _, tag in gmsh.model.getEntities(1):
-        corners = meshing.corners_of(tag, 1)
-        radii = np.hypot(corners[:, 0], corners[:, 1])
-        if np.abs(corners[:, 2]).max() < near and np.abs(radii - disk.outer_radius).max() < near:
-            rim.append(tag)
-    meshing.name_group(1, rim, "support")
-    places = {"anchor0": np.zeros(3), "anchor1": disk.outer_radius * np.array(disk.radial)}
-    for role in {hold.role for hold in disk.holds if hold.point}:
-        found = [
-            tag for _, tag in gmsh.model.getEntities(0) if np.abs(meshing.place_of(tag) - places[role]).max() < near
-        ]
-        meshing.name_group(0, found, role)
-
 
 @registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -641,3 +349,296 @@ def _radial(degrees: float) -> Vector:
     for _ in range(int(quarters) % 4):
         x, y = -y, x
     return (x + 0.0, y + 0.0, 0.0)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How large the cells of a hollow disk are, and how many of them to expect.
+#
+# Three rules give the size at a point: never above the disk's cell size; two cells or more through the membrane, the base
+# and the wall, however large the cell size; smaller at the membrane's root and along fillets, where the stress
+# peaks. Away from a thin part or a root the size grows linearly with distance, so neighbours stay alike.
+
+
+THROUGH = 2
+"""Cells through the thickness of each part."""
+
+GROWTH = 0.5
+"""Growth of the cell size per distance."""
+
+ALONG_ARC = 2
+"""Cells along the fillet's quarter circle; two curved ones follow it within a thousandth of its radius."""
+
+TURN = 1.0
+"""Angle in radians by which a curved top may turn along a cell's edge, unless that takes more than `FINEST` of them."""
+
+FINEST = 3
+"""Most edges between two entries of a profile that the top's curvature asks for."""
+
+SAMPLES = 257
+"""Radii at which the size in a membrane of varying thickness is known; straight lines between them."""
+
+
+def part_size(disk: HollowDisk, part: str) -> float:
+    """Return the cell size in m inside "membrane" (at its root), "base" or "wall"."""
+    thickness: float = disk.height - disk.ceiling if part == "membrane" and disk.profile else getattr(disk, part)
+    return min(disk.cell_size, thickness / THROUGH)
+
+
+def membrane_sizes(disk: HollowDisk) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return radii from the axis to the cavity's edge and the cell size in the membrane there, in m.
+
+    There are `THROUGH` cells through the thickness, none longer than the distance of a profile's entries or turning by more
+    than `TURN`, and the size grows no faster than `GROWTH` along the radius.
+    """
+    radii = np.linspace(0.0, disk.cavity_radius, SAMPLES)
+    apart = disk.cavity_radius / max(len(disk.profile) - 1, 1)
+    longest = min(disk.cell_size, apart)
+    top = disk.membrane_top
+    turning = np.clip(TURN / np.maximum(top.curvature(radii), TURN / longest), min(apart / FINEST, longest), None)
+    sizes = np.minimum(turning, top.thickness(radii) / THROUGH)
+    return radii, (sizes + GROWTH * np.abs(radii[:, None] - radii)).min(axis=1)
+
+
+def roots(disk: HollowDisk) -> list[tuple[float, float, float]]:
+    """Return the places with small cells as (height, cell size, distance within which cells have that size), in m.
+
+    They are rings at the cavity's radius: the membrane's root, and the edge of the floor if it is rounded.
+    """
+    size = min(disk.cell_size / disk.refinement, part_size(disk, "membrane"), part_size(disk, "wall"))
+    upper = min(size, _arc_size(disk.fillet)) if disk.fillet > 0.0 else size
+    found = [(disk.ceiling, upper, disk.fillet + upper)]
+    if disk.base_fillet > 0.0:
+        lower = min(disk.cell_size, part_size(disk, "wall"), _arc_size(disk.base_fillet))
+        found.append((disk.base, lower, disk.base_fillet + lower))
+    return found
+
+
+def _arc_size(fillet: float) -> float:
+    return 0.5 * math.pi * fillet / ALONG_ARC
+
+
+def size_function(disk: HollowDisk) -> Callable[[float, float], float]:
+    """Return the cell size in m as a function of radius and height in m."""
+    radius, floor, ceiling, far = disk.cavity_radius, disk.base, disk.ceiling, disk.cell_size
+    root, base, wall = (part_size(disk, part) for part in ("membrane", "base", "wall"))
+    rings = roots(disk)
+    radii, sizes = membrane_sizes(disk)
+
+    def size(r: float, z: float) -> float:
+        membrane = float(np.interp(r, radii, sizes)) if disk.profile else root
+        return min(
+            far,
+            membrane + GROWTH * max(0.0, ceiling - z, r - radius),
+            base + GROWTH * max(0.0, z - floor),
+            wall + GROWTH * max(0.0, radius - r, floor - z),
+            *(cell + GROWTH * max(0.0, math.hypot(r - radius, z - height) - core) for height, cell, core in rings),
+        )
+
+    return size
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A membrane whose thickness varies along the radius: one cubic spline from the axis to the cavity's edge.
+#
+# Its values are given at equally spaced radii, in shares of the disk's `membrane`; its slope is zero on the axis, where the top
+# would have a tip, and at the cavity's edge, beyond which the thickness stays. The spline is linear in its values.
+
+
+@functools.lru_cache(maxsize=256)
+def _spline(shares: tuple[float, ...]) -> scipy.interpolate.PPoly:
+    """Return the shares of the thickness over shares of the radius, from 0 to 1."""
+    return scipy.interpolate.CubicSpline(np.linspace(0.0, 1.0, len(shares)), shares, bc_type="clamped")
+
+
+@dataclasses.dataclass(frozen=True)
+class MembraneTop:
+    """The top face of a membrane over a flat ceiling, as height over radius in m, up to the cavity's radius, where the spline
+    ends. The shares of the membrane's thickness are at equally spaced radii from the axis to there; one for a flat top."""
+
+    radius: float
+    ceiling: float
+    membrane: float
+    shares: tuple[float, ...]
+
+    def thickness(self, radii: ArrayLike) -> Array:
+        """Return the thickness in m at radii in m; beyond the cavity's edge that of the edge."""
+        within = np.clip(np.abs(radii) / self.radius, 0.0, 1.0)
+        if len(self.shares) == 1:
+            return np.full_like(within, self.membrane * self.shares[0])
+        return np.asarray(self.membrane * _spline(self.shares)(within))
+
+    def height(self, radii: ArrayLike) -> Array:
+        """Return the height of the top face in m at radii in m."""
+        return self.ceiling + self.thickness(radii)
+
+    def curvature(self, radii: ArrayLike) -> Array:
+        """Return the curvature in 1/m of the top's line at radii in m up to the cavity's edge, either way counted positive."""
+        within = np.asarray(radii) / self.radius
+        if len(self.shares) == 1:
+            return np.zeros_like(within)
+        slope, bend = (self.membrane * _spline(self.shares)(within, k) / self.radius**k for k in (1, 2))
+        return np.asarray(np.abs(bend) / (1.0 + slope**2) ** 1.5)
+
+    @property
+    def extremes(self) -> tuple[float, float]:
+        """Smallest and largest thickness in m, between the given radii too."""
+        if len(self.shares) == 1:
+            return self.membrane * self.shares[0], self.membrane * self.shares[0]
+        turns = _spline(self.shares).derivative().roots(extrapolate=False)
+        values = [*self.shares, *_spline(self.shares)(turns[np.isfinite(turns)])]
+        return self.membrane * float(min(values)), self.membrane * float(max(values))
+
+    @property
+    def volume(self) -> float:
+        """Volume in m3 of the membrane above the cavity, turned around the axis: 2 pi times the integral of t r dr."""
+        if len(self.shares) == 1:
+            return math.pi * self.radius**2 * self.membrane * self.shares[0]
+        spline = _spline(self.shares)
+        total = 0.0
+        for start, width, cubic in zip(spline.x[:-1], np.diff(spline.x), spline.c.T, strict=True):
+            # cubic[k] belongs to (s - start)^(3 - k).
+            powers = 3 - np.arange(4)
+            total += float(np.sum(cubic * width ** (powers + 1) * (start / (powers + 1) + width / (powers + 2))))
+        return 2.0 * math.pi * self.radius**2 * self.membrane * total
+
+    def pieces(self) -> list[Array]:
+        """Return the same curve as cubic Bezier pieces between the given radii, from the cavity's edge to the axis: control
+        points (radius, height) in m of each, shape (4, 2), whose radii are equally spaced. Pieces, because the CAD kernel
+        integrates over one polynomial exactly and over a spline of several it does not (0.1 %)."""
+        spline = _spline(self.shares)
+        shares = scipy.interpolate.BPoly.from_power_basis(scipy.interpolate.PPoly(spline.c, spline.x)).c
+        shares[0], shares[-1] = self.shares[:-1], self.shares[1:]  # to the last bit, for neighbours to meet
+        radii = self.radius * np.linspace(spline.x[:-1], spline.x[1:], 4)
+        points = np.stack([radii, self.ceiling + self.membrane * shares], axis=-1)
+        return [points[::-1, k] for k in reversed(range(points.shape[1]))]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The hollow disk's half profile: a closed outline of lines, arcs and the membrane's top.
+
+
+FEWEST, MOST = 2, 12
+"""Entries of a membrane's profile."""
+
+LEAST_SHARE, LARGEST_SHARE = 0.1, 10.0
+"""Smallest and largest entry of a membrane's profile."""
+
+PARTS = ("", "a quarter of the way", "half way", "three quarters of the way")
+"""Of the way from an entry of a membrane's profile to the next, where its thickness is a clearance."""
+
+
+def outline(disk: HollowDisk) -> list[revolved.Side]:
+    """Return the closed half profile in m, counted against the clock from the bottom centre."""
+    inner, outer, fillet, lower = disk.cavity_radius, disk.outer_radius, disk.fillet, disk.base_fillet
+    floor, ceiling, top, apex = disk.base, disk.ceiling, disk.height, disk.probes["apex"][2]
+
+    def rounded(
+        start: revolved.Place, end: revolved.Place, centre: revolved.Place, radius: float
+    ) -> list[revolved.Side]:
+        return [revolved.Side(start, end, 1, "cavity", centre, (radius, radius))] if radius else []
+
+    arch = [revolved.Side((outer, top), (inner, top), 1, "top")]
+    for points in disk.membrane_top.pieces() if disk.profile else ():
+        start, first, second, end = ((float(r), float(z)) for r, z in points)
+        arch.append(revolved.Side(start, end, 1, "top", inner=(first, second)))
+    return [
+        revolved.Side((0.0, 0.0), (outer, 0.0), 1, "support" if disk.support == "base" else "outer"),
+        revolved.Side((outer, 0.0), (outer, top), 1, "outer"),
+        *(arch if disk.profile else [revolved.Side((outer, top), (0.0, top), 1, "top")]),
+        revolved.Side((0.0, apex), (0.0, ceiling), 1, "axis"),
+        revolved.Side((0.0, ceiling), (inner - fillet, ceiling), 1, "cavity"),
+        *rounded((inner - fillet, ceiling), (inner, ceiling - fillet), (inner - fillet, ceiling - fillet), fillet),
+        revolved.Side((inner, ceiling - fillet), (inner, floor + lower), 1, "cavity"),
+        *rounded((inner, floor + lower), (inner - lower, floor), (inner - lower, floor + lower), lower),
+        revolved.Side((inner - lower, floor), (0.0, floor), 1, "cavity"),
+        revolved.Side((0.0, floor), (0.0, 0.0), 1, "axis"),
+    ]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The hollow disk in Gmsh: one outline, meshed flat or turned around the axis.
+
+
+def build_profile(disk: HollowDisk) -> None:
+    """Fill the current Gmsh model with the axisymmetric profile: x is the radius, y the height (m)."""
+    face, curves, points = _face(disk, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    gmsh.model.occ.synchronize()
+    meshing.name_group(2, [face], "solid")
+    meshing.name_groups(1, curves)
+    if disk.support == "rim":
+        meshing.name_group(0, [points[disk.outer_radius, 0.0]], "support")
+    size = size_function(disk)
+    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(x, y))
+
+
+def build_wedge(disk: HollowDisk) -> None:
+    """Fill the current Gmsh model with the slice from the azimuth to azimuth + angle (m)."""
+    occ = gmsh.model.occ
+    face, _, _ = _face(disk, disk.radial, disk.lift)
+    pieces = math.ceil(disk.angle / revolved.WIDEST_PIECE - 1e-9)
+    volumes = []
+    for _ in range(pieces):
+        turned = occ.revolve([(2, face)], 0, 0, 0, 0, 0, 1, math.radians(disk.angle / pieces))
+        face = turned[0][1]
+        volumes += [entity for entity in turned if entity[0] == 3]
+    if pieces > 1:
+        volumes = [entity for entity in occ.fragment(volumes[:1], volumes[1:])[0] if entity[0] == 3]
+    occ.synchronize()
+    meshing.name_group(3, [tag for _, tag in volumes], "solid")
+    edges = outline(disk)
+    meshing.name_boundary(lambda tag: revolved.surface_role(disk, tag, edges))
+    if disk.support == "rim":
+        _name_rim(disk)
+    size = size_function(disk)
+    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(math.hypot(x, y), z))
+
+
+def _face(
+    disk: HollowDisk, right: tuple[float, float, float], up: tuple[float, float, float]
+) -> tuple[int, dict[str, list[int]], dict[revolved.Place, int]]:
+    """Add the half profile in the plane of two vectors of a metre each; return its tag, curves by role and corners."""
+    occ = gmsh.model.occ
+    points: dict[revolved.Place, int] = {}
+
+    def corner(place: revolved.Place) -> int:
+        if place not in points:
+            points[place] = occ.addPoint(*(place[0] * a + place[1] * b for a, b in zip(right, up, strict=True)))
+        return points[place]
+
+    def curve(edge: revolved.Side) -> int:
+        if edge.inner is not None:
+            helpers.extend(edge.inner)
+            return int(occ.addBezier([corner(place) for place in (edge.start, *edge.inner, edge.end)]))
+        if edge.centre is not None:
+            helpers.append(edge.centre)
+            return int(occ.addCircleArc(corner(edge.start), corner(edge.centre), corner(edge.end)))
+        return int(occ.addLine(corner(edge.start), corner(edge.end)))
+
+    curves: dict[str, list[int]] = defaultdict(list)
+    helpers: list[revolved.Place] = []
+    loop = []
+    for edge in outline(disk):
+        loop.append(curve(edge))
+        curves[edge.role].append(loop[-1])
+    face = occ.addPlaneSurface([occ.addCurveLoop(loop)])
+    # Centres of fillets and the like would otherwise stay as lone nodes of the mesh.
+    occ.remove([(0, points[place]) for place in helpers])
+    return face, curves, points
+
+
+def _name_rim(disk: HollowDisk) -> None:
+    """Name the bottom's outer edge and, where rigid motions remain, the anchors."""
+    near = 1e-8 * disk.outer_radius
+    rim = []
+    for _, tag in gmsh.model.getEntities(1):
+        corners = meshing.corners_of(tag, 1)
+        radii = np.hypot(corners[:, 0], corners[:, 1])
+        if np.abs(corners[:, 2]).max() < near and np.abs(radii - disk.outer_radius).max() < near:
+            rim.append(tag)
+    meshing.name_group(1, rim, "support")
+    places = {"anchor0": np.zeros(3), "anchor1": disk.outer_radius * np.array(disk.radial)}
+    for role in {hold.role for hold in disk.holds if hold.point}:
+        found = [
+            tag for _, tag in gmsh.model.getEntities(0) if np.abs(meshing.place_of(tag) - places[role]).max() < near
+        ]
+        meshing.name_group(0, found, role)

@@ -21,6 +21,20 @@ from geometries.actuator import Vector
 from softmodels.common import units
 from softmodels.common.errors import GeometryError
 
+
+@dataclasses.dataclass(frozen=True)
+class Faces:
+    """A choice of faces, as written in ``text``: by a plane (unit normal, and distance ``at`` from the origin in m), by a box
+    (lowest and highest corner in m), by the name in the file or by colour (red, green and blue, 0 to 255)."""
+
+    text: str
+    normal: Vector | None = None
+    at: float = 0.0
+    box: tuple[tuple[float, ...], tuple[float, ...]] | None = None
+    name: str | None = None
+    colour: Colour | None = None
+
+
 FORMATS: Mapping[str, str] = {".msh": "gmsh", ".inp": "abaqus", ".stl": "stl"}
 """Endings of the files that are read, and meshio's names for them."""
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "inch": 0.0254}
@@ -46,19 +60,6 @@ COLOURS: dict[str, Colour] = {
 
 class FaceNumberError(GeometryError):
     """A choice of faces in a form that is known, with a number that cannot be read; the message is for the user."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Faces:
-    """A choice of faces, as written in ``text``: by a plane (unit normal, and distance ``at`` from the origin in m), by a box
-    (lowest and highest corner in m), by the name in the file or by colour (red, green and blue, 0 to 255)."""
-
-    text: str
-    normal: Vector | None = None
-    at: float = 0.0
-    box: tuple[tuple[float, ...], tuple[float, ...]] | None = None
-    name: str | None = None
-    colour: Colour | None = None
 
 
 def faces(field: str, text: str) -> Faces:

@@ -29,29 +29,8 @@ from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshingError
 from softmodels.common.lazy import gmsh, scipy
 
-MAIN = "solid"
-"""Region of a file with one solid."""
 OUTER = "outer"
 """Role of the faces that have no other."""
-NONE = "none"
-"""What ``cavities`` says of a part without air."""
-
-
-def cavity_role(number: int) -> str:
-    """Return the role of a cavity's walls, counted from 0."""
-    return "cavity" if number == 0 else f"cavity{number + 1}"
-
-
-@dataclasses.dataclass(frozen=True)
-class Reading:
-    """Contents of a file in m and m3, of the part as drawn: outward unit normals of the cut planes, the corner whose motion
-    is reported, volumes of the solid and of each cavity, and names of its solids, if there are several."""
-
-    normals: tuple[Vector, ...]
-    gauge: Vector
-    solid_volume: float
-    cavity_volumes: tuple[float, ...]
-    regions: tuple[str, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -218,6 +197,29 @@ class ImportedPart(Actuator):
     def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """None: which line a camera would see is not known of a foreign part."""
         return np.zeros(len(points), dtype=bool)
+
+
+MAIN = "solid"
+"""Region of a file with one solid."""
+NONE = "none"
+"""What ``cavities`` says of a part without air."""
+
+
+def cavity_role(number: int) -> str:
+    """Return the role of a cavity's walls, counted from 0."""
+    return "cavity" if number == 0 else f"cavity{number + 1}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Reading:
+    """Contents of a file in m and m3, of the part as drawn: outward unit normals of the cut planes, the corner whose motion
+    is reported, volumes of the solid and of each cavity, and names of its solids, if there are several."""
+
+    normals: tuple[Vector, ...]
+    gauge: Vector
+    solid_volume: float
+    cavity_volumes: tuple[float, ...]
+    regions: tuple[str, ...] = ()
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -1084,7 +1086,6 @@ def _region_names(found: Any, sets: Sets, blocks: list[int]) -> dict[str, mesh_a
 
 # Gmsh's physical groups. An entity may be in several, and a face and the solid behind it may bear one name; meshio keeps one of
 # each, and refuses a mesh some of whose entities are in none. So it reads the mesh without them.
-
 GROUP = re.compile(rb'^\s*(\d)\s+-?(\d+)\s+"(.*)"\s*$', re.MULTILINE)
 """Dimension, number and name of a physical group."""
 

@@ -29,41 +29,6 @@ from geometries.revolved import Revolved
 from softmodels.common import schema
 from softmodels.common.errors import GeometryError
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The half section of a clamped membrane: rows of cells along the radius, small where a clamp, a plate or a ring ends.
-
-
-class Strip(NamedTuple):
-    """A piece of the membrane between two radii in m, one panel wide, of cells each ``growth`` times as long as the one
-    inside of it. ``part`` is what its upper face is: ``"top"``, ``"plate"``, ``"ring1"`` ... or ``"clamp_top"``; ``height``
-    the thickness in m of what is bonded on it; ``slope`` by how much the face is lower at its outer end, m."""
-
-    inner: float
-    outer: float
-    cells: int
-    growth: float
-    part: str
-    height: float
-    slope: float = 0.0
-
-
-def _reversed(pieces: list[tuple[float, int, float]]) -> list[tuple[float, int, float]]:
-    return [(length, cells, 1.0 / growth) for length, cells, growth in reversed(pieces)]
-
-
-def _panel(
-    region: str, strip: Strip, span: tuple[float, float], faces: tuple[str, str], ends: tuple[str, str], through: int
-) -> revolved.Panel:
-    """Return a rectangle: heights of its span, roles of its lower and upper face and of its ends, cells through it."""
-    (low, high), (below, above), (inside, outside) = span, faces, ends
-    corners = ((strip.inner, low), (strip.outer, low), (strip.outer, high - strip.slope), (strip.inner, high))
-    a, b, c, d = corners
-    return revolved.Panel(region, (
-        revolved.Side(a, b, strip.cells, below, growth=strip.growth), revolved.Side(b, c, through, outside),
-        revolved.Side(c, d, strip.cells, above, growth=1.0 / strip.growth), revolved.Side(d, a, through, inside),
-    ))  # fmt: skip
-
-
 ROUNDEST = 0.8
 """Largest depth of the slope at the held edge in thicknesses: some of the edge has to be held."""
 DEEPEST = 20.0
@@ -346,3 +311,38 @@ class Membrane(Revolved):
         # Pappus: the slope's triangle goes around at its centre of mass.
         off = self.slope**2 * (self.radius - self.slope / 3)
         return math.pi * ((self.radius + self.clamp_width) ** 2 * self.thickness + parts - off)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The half section of a clamped membrane: rows of cells along the radius, small where a clamp, a plate or a ring ends.
+
+
+class Strip(NamedTuple):
+    """A piece of the membrane between two radii in m, one panel wide, of cells each ``growth`` times as long as the one
+    inside of it. ``part`` is what its upper face is: ``"top"``, ``"plate"``, ``"ring1"`` ... or ``"clamp_top"``; ``height``
+    the thickness in m of what is bonded on it; ``slope`` by how much the face is lower at its outer end, m."""
+
+    inner: float
+    outer: float
+    cells: int
+    growth: float
+    part: str
+    height: float
+    slope: float = 0.0
+
+
+def _reversed(pieces: list[tuple[float, int, float]]) -> list[tuple[float, int, float]]:
+    return [(length, cells, 1.0 / growth) for length, cells, growth in reversed(pieces)]
+
+
+def _panel(
+    region: str, strip: Strip, span: tuple[float, float], faces: tuple[str, str], ends: tuple[str, str], through: int
+) -> revolved.Panel:
+    """Return a rectangle: heights of its span, roles of its lower and upper face and of its ends, cells through it."""
+    (low, high), (below, above), (inside, outside) = span, faces, ends
+    corners = ((strip.inner, low), (strip.outer, low), (strip.outer, high - strip.slope), (strip.inner, high))
+    a, b, c, d = corners
+    return revolved.Panel(region, (
+        revolved.Side(a, b, strip.cells, below, growth=strip.growth), revolved.Side(b, c, through, outside),
+        revolved.Side(c, d, strip.cells, above, growth=1.0 / strip.growth), revolved.Side(d, a, through, inside),
+    ))  # fmt: skip

@@ -16,6 +16,101 @@ from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshFileError
 from softmodels.common.lazy import gmsh
 
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class MeshArrays:
+    """A mesh, whose nodes and cells count from 0: nodes in m, shape (n, 3); nodes of the tetrahedra in the order of VTK and
+    Abaqus, shape (m, 4) or (m, 10); cells by region, some perhaps in several; of each role on faces the cell behind each and
+    which of its `SIDES` it is, shape (k, 2); nodes by role, of faces, lines and points."""
+
+    points: NDArray[np.float64]
+    cells: Ints
+    regions: Mapping[str, Ints]
+    faces: Mapping[str, Ints]
+    nodes: Mapping[str, Ints]
+
+    def parted(self, first: Sequence[str]) -> MeshArrays:
+        """Return the mesh with each cell in only one region: the first ones keep all of theirs."""
+        left, regions = np.ones(len(self.cells), dtype=bool), dict[str, Ints]()
+        for name in sorted(self.regions, key=lambda name: name not in first):
+            regions[name] = self.regions[name][left[self.regions[name]]]
+            left[regions[name]] = False
+        kept = {name: regions[name] for name in self.regions if len(regions[name])}
+        return dataclasses.replace(self, regions=kept)
+
+    def triangles(self, role: str) -> Ints:
+        """Return the nodes of a role's faces, normals out of the solid, shape (k, 3) or (k, 6)."""
+        cell, side = self.faces[role].T
+        order = SIDES if self.cells.shape[1] == 4 else np.hstack([SIDES, MIDDLES])
+        return np.asarray(np.take_along_axis(self.cells[cell], order[side], axis=1))
+
+
+KINDS = {4: 4, 11: 10}
+"""Gmsh's tetrahedra of first and second order, with their number of nodes."""
+
+
+def read_arrays(path: Path) -> MeshArrays:
+    """Read the Gmsh file that `Actuator.write` made of a solid device; FileNotFoundError or MeshFileError if it is none."""
+    with meshing.private_model():
+        groups = meshing.load_mesh(path, 3)
+        tags, places, _ = gmsh.model.mesh.getNodes()
+        number = np.full(int(tags.max()) + 1, -1)
+        number[tags.astype(int)] = np.arange(len(tags))
+        parts = {tag: number[_cells_of(tag)] for dimension, tag, _ in groups if dimension == 3}
+        if not parts or len({part.shape[1] for part in parts.values()}) > 1:
+            raise MeshFileError(f"{path} is not a mesh of tetrahedra of one kind")
+        starts = dict(zip(parts, np.cumsum([0, *map(len, parts.values())]).tolist(), strict=False))
+        regions, nodes, corners = (defaultdict[str, list[Ints]](list) for _ in range(3))
+        for dimension, tag, name in groups:
+            if dimension == 3:
+                regions[name].append(starts[tag] + np.arange(len(parts[tag])))
+            else:
+                nodes[name].append(number[gmsh.model.mesh.getNodesForPhysicalGroup(dimension, tag)[0].astype(int)])
+            if dimension == 2:
+                corners[name].append(number[_corners_of(tag)])
+    whole, faces = np.concatenate(list(parts.values())), {name: np.concatenate(each) for name, each in corners.items()}
+    return MeshArrays(
+        places.reshape(-1, 3),
+        whole,
+        {name: np.concatenate(each) for name, each in regions.items()},
+        _owned(whole, faces),
+        {name: each[0] if len(each) == 1 else np.unique(np.concatenate(each)) for name, each in nodes.items()},
+    )
+
+
+def _cells_of(group: int) -> Ints:
+    """Node tags of a volume group's tetrahedra, in VTK's order."""
+    parts = []
+    for entity in gmsh.model.getEntitiesForPhysicalGroup(3, group):
+        for kind, _, nodes in zip(*gmsh.model.mesh.getElements(3, entity), strict=True):
+            width = KINDS.get(int(kind), 0)
+            if not width:
+                raise MeshFileError("the mesh has cells that are no tetrahedra")
+            parts.append(nodes.astype(np.int64).reshape(-1, width)[:, TO_GMSH[:width]])
+    return np.concatenate(parts)
+
+
+def _corners_of(group: int) -> Ints:
+    """Node tags of the corners of a surface group's triangles."""
+    parts = [np.empty((0, 3), dtype=np.int64)]
+    for entity in gmsh.model.getEntitiesForPhysicalGroup(2, group):
+        for kind, _, nodes in zip(*gmsh.model.mesh.getElements(2, entity), strict=True):
+            width = {2: 3, 9: 6}[int(kind)]
+            parts.append(nodes.astype(np.int64).reshape(-1, width)[:, :3])
+    return np.concatenate(parts)
+
+
+def _owned(cells: Ints, corners: Mapping[str, Ints]) -> dict[str, Ints]:
+    """Return the cell and side of the faces of each role, by their corners."""
+    sides = np.sort(cells[:, SIDES].reshape(-1, 3), axis=1)
+    keys = {tuple(side): place for place, side in enumerate(sides.tolist())}
+    found = {}
+    for name, triangles in corners.items():
+        places = np.array([keys[tuple(one)] for one in np.sort(triangles, axis=1).tolist()], dtype=np.int64)
+        found[name] = np.column_stack([places // 4, places % 4])
+    return found
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # A mesh of tetrahedra as arrays: its boundary, which faces are connected, what they enclose.
 
@@ -188,97 +283,3 @@ def _volumes(points: Array, cells: Ints) -> Array:
     """Return six times the cells' volumes, edges taken as straight, below zero for those turned the wrong way; shape (m,)."""
     a, b, c, d = np.moveaxis(points[cells[:, :4]], 1, 0)
     return np.asarray(np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a))
-
-
-KINDS = {4: 4, 11: 10}
-"""Gmsh's tetrahedra of first and second order, with their number of nodes."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class MeshArrays:
-    """A mesh, whose nodes and cells count from 0: nodes in m, shape (n, 3); nodes of the tetrahedra in the order of VTK and
-    Abaqus, shape (m, 4) or (m, 10); cells by region, some perhaps in several; of each role on faces the cell behind each and
-    which of its `SIDES` it is, shape (k, 2); nodes by role, of faces, lines and points."""
-
-    points: NDArray[np.float64]
-    cells: Ints
-    regions: Mapping[str, Ints]
-    faces: Mapping[str, Ints]
-    nodes: Mapping[str, Ints]
-
-    def parted(self, first: Sequence[str]) -> MeshArrays:
-        """Return the mesh with each cell in only one region: the first ones keep all of theirs."""
-        left, regions = np.ones(len(self.cells), dtype=bool), dict[str, Ints]()
-        for name in sorted(self.regions, key=lambda name: name not in first):
-            regions[name] = self.regions[name][left[self.regions[name]]]
-            left[regions[name]] = False
-        kept = {name: regions[name] for name in self.regions if len(regions[name])}
-        return dataclasses.replace(self, regions=kept)
-
-    def triangles(self, role: str) -> Ints:
-        """Return the nodes of a role's faces, normals out of the solid, shape (k, 3) or (k, 6)."""
-        cell, side = self.faces[role].T
-        order = SIDES if self.cells.shape[1] == 4 else np.hstack([SIDES, MIDDLES])
-        return np.asarray(np.take_along_axis(self.cells[cell], order[side], axis=1))
-
-
-def read_arrays(path: Path) -> MeshArrays:
-    """Read the Gmsh file that `Actuator.write` made of a solid device; FileNotFoundError or MeshFileError if it is none."""
-    with meshing.private_model():
-        groups = meshing.load_mesh(path, 3)
-        tags, places, _ = gmsh.model.mesh.getNodes()
-        number = np.full(int(tags.max()) + 1, -1)
-        number[tags.astype(int)] = np.arange(len(tags))
-        parts = {tag: number[_cells_of(tag)] for dimension, tag, _ in groups if dimension == 3}
-        if not parts or len({part.shape[1] for part in parts.values()}) > 1:
-            raise MeshFileError(f"{path} is not a mesh of tetrahedra of one kind")
-        starts = dict(zip(parts, np.cumsum([0, *map(len, parts.values())]).tolist(), strict=False))
-        regions, nodes, corners = (defaultdict[str, list[Ints]](list) for _ in range(3))
-        for dimension, tag, name in groups:
-            if dimension == 3:
-                regions[name].append(starts[tag] + np.arange(len(parts[tag])))
-            else:
-                nodes[name].append(number[gmsh.model.mesh.getNodesForPhysicalGroup(dimension, tag)[0].astype(int)])
-            if dimension == 2:
-                corners[name].append(number[_corners_of(tag)])
-    whole, faces = np.concatenate(list(parts.values())), {name: np.concatenate(each) for name, each in corners.items()}
-    return MeshArrays(
-        places.reshape(-1, 3),
-        whole,
-        {name: np.concatenate(each) for name, each in regions.items()},
-        _owned(whole, faces),
-        {name: each[0] if len(each) == 1 else np.unique(np.concatenate(each)) for name, each in nodes.items()},
-    )
-
-
-def _cells_of(group: int) -> Ints:
-    """Node tags of a volume group's tetrahedra, in VTK's order."""
-    parts = []
-    for entity in gmsh.model.getEntitiesForPhysicalGroup(3, group):
-        for kind, _, nodes in zip(*gmsh.model.mesh.getElements(3, entity), strict=True):
-            width = KINDS.get(int(kind), 0)
-            if not width:
-                raise MeshFileError("the mesh has cells that are no tetrahedra")
-            parts.append(nodes.astype(np.int64).reshape(-1, width)[:, TO_GMSH[:width]])
-    return np.concatenate(parts)
-
-
-def _corners_of(group: int) -> Ints:
-    """Node tags of the corners of a surface group's triangles."""
-    parts = [np.empty((0, 3), dtype=np.int64)]
-    for entity in gmsh.model.getEntitiesForPhysicalGroup(2, group):
-        for kind, _, nodes in zip(*gmsh.model.mesh.getElements(2, entity), strict=True):
-            width = {2: 3, 9: 6}[int(kind)]
-            parts.append(nodes.astype(np.int64).reshape(-1, width)[:, :3])
-    return np.concatenate(parts)
-
-
-def _owned(cells: Ints, corners: Mapping[str, Ints]) -> dict[str, Ints]:
-    """Return the cell and side of the faces of each role, by their corners."""
-    sides = np.sort(cells[:, SIDES].reshape(-1, 3), axis=1)
-    keys = {tuple(side): place for place, side in enumerate(sides.tolist())}
-    found = {}
-    for name, triangles in corners.items():
-        places = np.array([keys[tuple(one)] for one in np.sort(triangles, axis=1).tolist()], dtype=np.int64)
-        found[name] = np.column_stack([places // 4, places % 4])
-    return found

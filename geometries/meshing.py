@@ -35,6 +35,344 @@ from softmodels.common.errors import GeometryError, MeshFileError, MeshingError,
 from softmodels.common.lazy import gmsh
 from softmodels.common.processes import one_at_a_time
 
+
+class Meshable(Protocol):
+    """What the mesher asks of a device: a frozen dataclass whose fields decide its mesh; see `geometries.actuator.Actuator`."""
+
+    __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
+
+    @property
+    def dimension(self) -> int: ...
+    @property
+    def copies(self) -> int: ...
+    @property
+    def mirrors(self) -> tuple[Mirror, ...]: ...
+    @property
+    def mesh_order(self) -> int: ...
+    @property
+    def expected_cells(self) -> float: ...
+    @property
+    def meshed(self) -> bool: ...
+    def build(self) -> None: ...
+
+
+SETTINGS = {
+    "General.Terminal": 0,
+    # One thread and fixed algorithms: the same parameters give the same file on every run.
+    "General.NumThreads": 1,
+    "Mesh.MaxNumThreads1D": 1,
+    "Mesh.MaxNumThreads2D": 1,
+    "Mesh.MaxNumThreads3D": 1,
+    "Mesh.Algorithm": 6,
+    "Mesh.Algorithm3D": 1,
+    # The device's own size function is the only source of cell sizes.
+    "Mesh.MeshSizeExtendFromBoundary": 0,
+    "Mesh.MeshSizeFromPoints": 0,
+    "Mesh.MeshSizeFromCurvature": 0,
+    "Mesh.MeshSizeMax": 1e22,
+    "Mesh.SecondOrderLinear": 0,
+    "Mesh.SecondOrderIncomplete": 0,
+    "Mesh.MshFileVersion": 4.1,
+    "Mesh.Binary": 0,
+    "Mesh.SaveAll": 0,
+    "Mesh.ScalingFactor": 1,
+}
+"""Gmsh options of every mesh, by name."""
+
+DRAWN_IN = "Geometry.OCCTargetUnit"
+"""Gmsh's option with the unit of a drawing's numbers; empty for the kernel's own, mm."""
+
+SOUND, USABLE = 0.1, 0.05
+"""Least Jacobian determinant of a curved cell over that of the same cell with straight edges: below the first, Gmsh's own aim,
+nodes are moved; cells below the second are straightened. A flat cell is as flat without curved edges, so that its shape says
+nothing here."""
+
+CURVINGS = ("HighOrderElastic", "HighOrder", "")
+"""What moves nodes where curved edges spoil cells, in the order tried: an elastic smoother, which moves the inner ones; the
+direct optimisation, which also moves those on curved faces along them, and may end the process; none, which leaves the smoother
+and straight edges."""
+
+EDGES = ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3))
+"""Ends of the edges of a second-order triangle (the first three) or tetrahedron, in Gmsh's order of nodes."""
+
+MOST_CELLS = 5_000_000
+"""More than a machine of 100 GB solves for."""
+
+QUICK = 10_000
+"""Up to this many cells a device is meshed within a second or so, in this very process."""
+
+ROUNDS = 10
+"""How often straightened cells may spoil their neighbours before that is given up."""
+
+ROUNDING = 1e-9
+"""Share of half an edge's length by which its middle is off the straight one, above which the edge is curved."""
+
+
+@dataclasses.dataclass(frozen=True)
+class MeshSummary:
+    """Contents of a mesh file: numbers of cells and of nodes, those inside edges included; the smallest scaled Jacobian-based
+    quality (Gmsh's SICN) of all cells, 1 regular and 0 or less invalid; the sum of the curved cells' volumes in m3 (3-D) or
+    areas in m2 (axisymmetric); the number of straight edges on curved faces."""
+
+    cells: int
+    nodes: int
+    quality: float
+    measure: float
+    straight: int
+
+
+@contextlib.contextmanager
+def private_model() -> Iterator[None]:
+    """Return a fresh, current Gmsh model; afterwards a caller's own Gmsh session is as it was."""
+
+    with processes.LOCK:
+        yield from _fresh_model()
+
+
+def _fresh_model() -> Iterator[None]:
+    """See `private_model`, whose thread has its turn."""
+    ours = not gmsh.isInitialized()
+    if ours:
+        # Not interruptible: Gmsh would otherwise replace the signal handler, which only a main thread may do.
+        with processes.handlers_kept():
+            gmsh.initialize(readConfigFiles=False, interruptible=False)
+    previous = None if ours else gmsh.model.getCurrent()
+    before, unit = {name: gmsh.option.getNumber(name) for name in SETTINGS}, gmsh.option.getString(DRAWN_IN)
+    fresh = f"softmodels-{os.getpid()}-{id(before)}"
+    try:
+        for name, value in SETTINGS.items():
+            gmsh.option.setNumber(name, value)
+        gmsh.option.setString(DRAWN_IN, "")
+        gmsh.model.add(fresh)
+        yield
+    finally:
+        if ours:
+            with processes.handlers_kept():
+                gmsh.finalize()
+        else:
+            gmsh.model.setCurrent(fresh)
+            gmsh.model.remove()
+            gmsh.model.setCurrent(previous)
+            for name, value in before.items():
+                gmsh.option.setNumber(name, value)
+            gmsh.option.setString(DRAWN_IN, unit)
+
+
+@contextlib.contextmanager
+def drawn_in(unit: str) -> Iterator[None]:
+    """Make Gmsh read and write CAD files whose numbers are in a unit, one of the CAD kernel's names: "MM", "M"."""
+    gmsh.option.setString(DRAWN_IN, unit)
+    try:
+        yield
+    finally:
+        gmsh.option.setString(DRAWN_IN, "")
+
+
+def write_step(file: Path) -> None:
+    """Write the solids of the current Gmsh model as a STEP file, in mm."""
+    with drawn_in("MM"):
+        gmsh.write(str(file))
+
+
+@one_at_a_time
+def write_mesh(actuator: Meshable, path: Path, stopped: Callable[[], bool] = bool) -> Path:
+    """Mesh a device into a file; see `Actuator.write`, which is the way to call this."""
+    if path.suffix != ".msh":
+        raise GeometryError(f"path is {str(path)!r}; the name of a mesh file must end in .msh")
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, "a folder, not a mesh file", str(path))
+    partial = path.with_name(f".{path.stem}-{os.getpid()}.msh")
+    # Made before the meshing starts, so that a folder that cannot be written is known within a moment.
+    try:
+        partial.touch()
+    except OSError as error:
+        raise OSError(error.errno, f"cannot write in this folder: {error.strerror}", str(path.parent)) from None
+    try:
+        kept = load_cached_mesh(actuator, partial) and is_whole(partial)
+        if not kept:
+            _make_curved(actuator, partial, stopped)
+        if not is_whole(partial):
+            raise OSError(errno.ENOSPC, "the mesh file ended early; is the disk full?", str(path))
+        if not kept:
+            cache_mesh(actuator, partial)
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+    return path
+
+
+class SpoiltCells(MeshingError):
+    """Curved edges spoil cells, and moving nodes in one way does not mend them."""
+
+
+def _make_curved(actuator: Meshable, path: Path, stopped: Callable[[], bool]) -> None:
+    """Mesh a device into a file in the first of `CURVINGS` that makes its cells sound."""
+    try:
+        if actuator.expected_cells <= QUICK:
+            return _make(actuator, path, CURVINGS[0])
+        return apart(_make, actuator, path, CURVINGS[0], stopped=stopped)
+    except SpoiltCells:
+        pass
+    if processes.pickled((_make, (actuator, path, CURVINGS[1]))) is not None:
+        with contextlib.suppress(MeshingError):  # spoilt, or its process has ended
+            return apart(_make, actuator, path, CURVINGS[1], stopped=stopped)
+    return apart(_make, actuator, path, CURVINGS[2], stopped=stopped)
+
+
+def _make(actuator: Meshable, path: Path, curving: str) -> None:
+    """Mesh a device into a file with a private model of Gmsh's; `SpoiltCells` if a way of `CURVINGS` leaves some."""
+    with private_model():
+        try:
+            actuator.build()
+            if not actuator.meshed:
+                _generate(actuator, curving)
+            elif _worst(actuator.dimension) <= 0.0:
+                raise MeshingError("the mesh has an inverted cell; remesh the part in its own program")
+            for mirror in actuator.mirrors:
+                mirror_mesh(mirror)
+            gmsh.write(str(path))
+        except (GeometryError, MeshingError):
+            raise
+        except Exception as error:  # Gmsh raises bare Exception
+            raise MeshingError(
+                f"Gmsh could not mesh {type(actuator).__name__}: {str(error).strip() or 'no reason given'}; "
+                f"try a larger fillet (or none) or another cell size"
+            ) from error
+
+
+def summarize(path: str | Path) -> MeshSummary:
+    """Count the cells and nodes of a file of `Actuator.write`; errors as of `load_mesh`, and MeshingError if it holds no
+    cells."""
+    with private_model():
+        load_mesh(path)
+        cells = _cells(gmsh.model.getDimension())
+        if cells.size == 0:
+            raise MeshingError(f"{path} holds no cells")
+        quality = gmsh.model.mesh.getElementQualities(cells, "minSICN").min()
+        measure = _measure(gmsh.model.getDimension())
+        nodes, straight = gmsh.model.mesh.getNodes()[0].size, straight_edges()
+    return MeshSummary(int(cells.size), int(nodes), float(quality), measure, straight)
+
+
+def _generate(actuator: Meshable, curving: str) -> None:
+    if actuator.dimension == 3 and math.isinf(actuator.expected_cells):
+        gmsh.model.mesh.generate(2)
+        _check_cells()
+    gmsh.model.mesh.generate(actuator.dimension)
+    cells = _cells(actuator.dimension)
+    if cells.size == 0:
+        raise MeshingError("Gmsh made no cells inside the solid; try a larger fillet (or none) or another cell size")
+    if actuator.dimension == 3:
+        # Flat tetrahedra are reshaped while the edges are still straight; curving them would turn some inside out.
+        with hushed(b"BFGS update error"):  # of Netgen's, at a cell so flat that one of its steps is left out
+            gmsh.model.mesh.optimize("Netgen")
+    gmsh.model.mesh.setOrder(actuator.mesh_order)
+    if actuator.mesh_order > 1 and _curvings(actuator.dimension).min() < SOUND:
+        # Curving an edge onto an arc bends a flat cell too far; moving the inner nodes usually mends it.
+        with contextlib.suppress(Exception):  # bare: its solver gave up, and the cells are judged next
+            gmsh.model.mesh.optimize(curving or CURVINGS[0])
+        if _curvings(actuator.dimension).min() < USABLE:
+            if curving:
+                raise SpoiltCells(f"{curving} leaves cells that curved edges spoil")
+            if straight := _straighten(actuator.dimension):
+                gmsh.model.setAttribute(STRAIGHT, [str(straight)])
+    worst = _worst(actuator.dimension)
+    if worst <= 0.0:
+        raise MeshingError(
+            f"The mesh has an inverted cell (smallest quality {worst:.2g}); "
+            f"try a smaller cell size, more refinement or a larger fillet (or none)"
+        )
+
+
+def _check_cells() -> None:
+    """Reject a solid whose faces, meshed already, promise more cells than a machine solves for.
+
+    Meshes that Gmsh makes of thin and of thick parts alike have within 1.5 times as many tetrahedra as this expects.
+    """
+    kinds = gmsh.model.mesh.getElementTypes(2)
+    if not len(kinds):
+        return  # no solid will come of that, and it is reported so
+    tags, places, _ = gmsh.model.mesh.getNodes()
+    at = np.empty((int(tags.max()) + 1, 3))
+    at[tags.astype(int)] = places.reshape(-1, 3)
+    _, nodes = gmsh.model.mesh.getElementsByType(kinds[0])
+    corners = at[nodes.astype(int).reshape(-1, 3)]
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
+    areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    volume = sum(gmsh.model.occ.getMass(*solid) for solid in gmsh.model.occ.getEntities(3))
+    expected = max(3.2 * len(corners), 4.4 * volume / np.average(edges, weights=areas) ** 3)
+    if expected > MOST_CELLS:
+        raise GeometryError(
+            f"about {expected:.2g} cells are expected, but at most {MOST_CELLS:,} are allowed; the part's roundings and "
+            f"holes need small ones: use a larger cell_size, or fewer cells around a circle"
+        )
+
+
+def _curvings(dimension: int) -> NDArray[np.float64]:
+    """Return of each cell its least Jacobian determinant over that of the same cell with straight edges."""
+    tags, nodes, at = _curved_cells(dimension)
+    corners = at[nodes[:, : dimension + 1]]
+    a, b, *c = np.moveaxis(corners[:, 1:] - corners[:, :1], 1, 0)
+    across = np.cross(a, b)
+    straight = np.abs(np.einsum("ni,ni->n", across, c[0])) if c else np.linalg.norm(across, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):  # a cell without volume, which is reported as inverted
+        shares = gmsh.model.mesh.getElementQualities(tags, "minDetJac") / straight
+    return np.nan_to_num(shares, nan=1.0)
+
+
+def _curved_cells(dimension: int) -> tuple[NDArray[np.uint64], NDArray[np.int64], NDArray[np.float64]]:
+    """Return tags and nodes of the cells, which are of one kind, and places in the model's unit by node."""
+    (kind,) = gmsh.model.mesh.getElementTypes(dimension)
+    tags, nodes = gmsh.model.mesh.getElementsByType(kind)
+    known, places, _ = gmsh.model.mesh.getNodes()
+    at = np.empty((int(known.max()) + 1, 3))
+    at[known.astype(int)] = places.reshape(-1, 3)
+    return tags, nodes.astype(np.int64).reshape(len(tags), -1), at
+
+
+def _straighten(dimension: int) -> int:
+    """Put the mid-edge nodes of spoilt cells back on straight edges; their neighbours follow until all are sound. Return how
+    many edges on curved faces are straight now.
+
+    With straight edges every cell is as good as before it was curved, but a wall there is a polygon.
+    """
+    _, nodes, at = _curved_cells(dimension)
+    boundary = np.concatenate([gmsh.model.mesh.getNodes(d, includeBoundary=True)[0] for d in range(dimension)])
+    moved = set[int]()
+    for _ in range(ROUNDS):
+        spoilt = nodes[_curvings(dimension) < USABLE]
+        if not len(spoilt):
+            break
+        for k, (a, b) in enumerate(EDGES[: nodes.shape[1] - dimension - 1]):
+            middles, chords = spoilt[:, dimension + 1 + k], 0.5 * (at[spoilt[:, a]] + at[spoilt[:, b]])
+            bent = np.linalg.norm(at[middles] - chords, axis=1) > ROUNDING * np.linalg.norm(
+                chords - at[spoilt[:, a]], axis=1
+            )
+            for middle, chord in zip(middles[bent].tolist(), chords[bent], strict=True):
+                gmsh.model.mesh.setNode(middle, chord, [])
+            moved.update(middles[bent].tolist())
+    return int(np.isin(list(moved), boundary).sum())
+
+
+def _cells(dimension: int) -> np.ndarray:
+    _, tags, _ = gmsh.model.mesh.getElements(dimension)
+    return np.concatenate(tags) if tags else np.empty(0, dtype=np.uint64)
+
+
+def _worst(dimension: int) -> float:
+    return float(gmsh.model.mesh.getElementQualities(_cells(dimension), "minSICN").min())
+
+
+def _measure(dimension: int) -> float:
+    """Integrate 1 over the cells of the current mesh, curved edges included."""
+    total = 0.0
+    for kind in gmsh.model.mesh.getElementTypes(dimension):
+        points, weights = gmsh.model.mesh.getIntegrationPoints(kind, "Gauss4")
+        _, determinants, _ = gmsh.model.mesh.getJacobians(kind, points)
+        total += float((np.reshape(determinants, (-1, len(weights))) @ weights).sum())
+    return total
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Run a Gmsh task in a separate process, so that it can be stopped and cannot crash the caller.
 #
@@ -402,344 +740,6 @@ def mirror_mesh(mirror: Mirror) -> None:
         joined.setdefault((dimension, mirror.renamed.get(name, name)), []).append(copy)
     for (dimension, name), members in sorted(joined.items()):
         gmsh.model.addPhysicalGroup(dimension, members, name=name)
-
-
-class Meshable(Protocol):
-    """What the mesher asks of a device: a frozen dataclass whose fields decide its mesh; see `geometries.actuator.Actuator`."""
-
-    __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
-
-    @property
-    def dimension(self) -> int: ...
-    @property
-    def copies(self) -> int: ...
-    @property
-    def mirrors(self) -> tuple[Mirror, ...]: ...
-    @property
-    def mesh_order(self) -> int: ...
-    @property
-    def expected_cells(self) -> float: ...
-    @property
-    def meshed(self) -> bool: ...
-    def build(self) -> None: ...
-
-
-SETTINGS = {
-    "General.Terminal": 0,
-    # One thread and fixed algorithms: the same parameters give the same file on every run.
-    "General.NumThreads": 1,
-    "Mesh.MaxNumThreads1D": 1,
-    "Mesh.MaxNumThreads2D": 1,
-    "Mesh.MaxNumThreads3D": 1,
-    "Mesh.Algorithm": 6,
-    "Mesh.Algorithm3D": 1,
-    # The device's own size function is the only source of cell sizes.
-    "Mesh.MeshSizeExtendFromBoundary": 0,
-    "Mesh.MeshSizeFromPoints": 0,
-    "Mesh.MeshSizeFromCurvature": 0,
-    "Mesh.MeshSizeMax": 1e22,
-    "Mesh.SecondOrderLinear": 0,
-    "Mesh.SecondOrderIncomplete": 0,
-    "Mesh.MshFileVersion": 4.1,
-    "Mesh.Binary": 0,
-    "Mesh.SaveAll": 0,
-    "Mesh.ScalingFactor": 1,
-}
-"""Gmsh options of every mesh, by name."""
-
-
-DRAWN_IN = "Geometry.OCCTargetUnit"
-"""Gmsh's option with the unit of a drawing's numbers; empty for the kernel's own, mm."""
-
-SOUND, USABLE = 0.1, 0.05
-"""Least Jacobian determinant of a curved cell over that of the same cell with straight edges: below the first, Gmsh's own aim,
-nodes are moved; cells below the second are straightened. A flat cell is as flat without curved edges, so that its shape says
-nothing here."""
-
-CURVINGS = ("HighOrderElastic", "HighOrder", "")
-"""What moves nodes where curved edges spoil cells, in the order tried: an elastic smoother, which moves the inner ones; the
-direct optimisation, which also moves those on curved faces along them, and may end the process; none, which leaves the smoother
-and straight edges."""
-
-EDGES = ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3))
-"""Ends of the edges of a second-order triangle (the first three) or tetrahedron, in Gmsh's order of nodes."""
-
-MOST_CELLS = 5_000_000
-"""More than a machine of 100 GB solves for."""
-
-QUICK = 10_000
-"""Up to this many cells a device is meshed within a second or so, in this very process."""
-
-ROUNDS = 10
-"""How often straightened cells may spoil their neighbours before that is given up."""
-
-ROUNDING = 1e-9
-"""Share of half an edge's length by which its middle is off the straight one, above which the edge is curved."""
-
-
-@dataclasses.dataclass(frozen=True)
-class MeshSummary:
-    """Contents of a mesh file: numbers of cells and of nodes, those inside edges included; the smallest scaled Jacobian-based
-    quality (Gmsh's SICN) of all cells, 1 regular and 0 or less invalid; the sum of the curved cells' volumes in m3 (3-D) or
-    areas in m2 (axisymmetric); the number of straight edges on curved faces."""
-
-    cells: int
-    nodes: int
-    quality: float
-    measure: float
-    straight: int
-
-
-@contextlib.contextmanager
-def private_model() -> Iterator[None]:
-    """Return a fresh, current Gmsh model; afterwards a caller's own Gmsh session is as it was."""
-
-    with processes.LOCK:
-        yield from _fresh_model()
-
-
-def _fresh_model() -> Iterator[None]:
-    """See `private_model`, whose thread has its turn."""
-    ours = not gmsh.isInitialized()
-    if ours:
-        # Not interruptible: Gmsh would otherwise replace the signal handler, which only a main thread may do.
-        with processes.handlers_kept():
-            gmsh.initialize(readConfigFiles=False, interruptible=False)
-    previous = None if ours else gmsh.model.getCurrent()
-    before, unit = {name: gmsh.option.getNumber(name) for name in SETTINGS}, gmsh.option.getString(DRAWN_IN)
-    fresh = f"softmodels-{os.getpid()}-{id(before)}"
-    try:
-        for name, value in SETTINGS.items():
-            gmsh.option.setNumber(name, value)
-        gmsh.option.setString(DRAWN_IN, "")
-        gmsh.model.add(fresh)
-        yield
-    finally:
-        if ours:
-            with processes.handlers_kept():
-                gmsh.finalize()
-        else:
-            gmsh.model.setCurrent(fresh)
-            gmsh.model.remove()
-            gmsh.model.setCurrent(previous)
-            for name, value in before.items():
-                gmsh.option.setNumber(name, value)
-            gmsh.option.setString(DRAWN_IN, unit)
-
-
-@contextlib.contextmanager
-def drawn_in(unit: str) -> Iterator[None]:
-    """Make Gmsh read and write CAD files whose numbers are in a unit, one of the CAD kernel's names: "MM", "M"."""
-    gmsh.option.setString(DRAWN_IN, unit)
-    try:
-        yield
-    finally:
-        gmsh.option.setString(DRAWN_IN, "")
-
-
-def write_step(file: Path) -> None:
-    """Write the solids of the current Gmsh model as a STEP file, in mm."""
-    with drawn_in("MM"):
-        gmsh.write(str(file))
-
-
-@one_at_a_time
-def write_mesh(actuator: Meshable, path: Path, stopped: Callable[[], bool] = bool) -> Path:
-    """Mesh a device into a file; see `Actuator.write`, which is the way to call this."""
-    if path.suffix != ".msh":
-        raise GeometryError(f"path is {str(path)!r}; the name of a mesh file must end in .msh")
-    if path.is_dir():
-        raise IsADirectoryError(errno.EISDIR, "a folder, not a mesh file", str(path))
-    partial = path.with_name(f".{path.stem}-{os.getpid()}.msh")
-    # Made before the meshing starts, so that a folder that cannot be written is known within a moment.
-    try:
-        partial.touch()
-    except OSError as error:
-        raise OSError(error.errno, f"cannot write in this folder: {error.strerror}", str(path.parent)) from None
-    try:
-        kept = load_cached_mesh(actuator, partial) and is_whole(partial)
-        if not kept:
-            _make_curved(actuator, partial, stopped)
-        if not is_whole(partial):
-            raise OSError(errno.ENOSPC, "the mesh file ended early; is the disk full?", str(path))
-        if not kept:
-            cache_mesh(actuator, partial)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
-    return path
-
-
-class SpoiltCells(MeshingError):
-    """Curved edges spoil cells, and moving nodes in one way does not mend them."""
-
-
-def _make_curved(actuator: Meshable, path: Path, stopped: Callable[[], bool]) -> None:
-    """Mesh a device into a file in the first of `CURVINGS` that makes its cells sound."""
-    try:
-        if actuator.expected_cells <= QUICK:
-            return _make(actuator, path, CURVINGS[0])
-        return apart(_make, actuator, path, CURVINGS[0], stopped=stopped)
-    except SpoiltCells:
-        pass
-    if processes.pickled((_make, (actuator, path, CURVINGS[1]))) is not None:
-        with contextlib.suppress(MeshingError):  # spoilt, or its process has ended
-            return apart(_make, actuator, path, CURVINGS[1], stopped=stopped)
-    return apart(_make, actuator, path, CURVINGS[2], stopped=stopped)
-
-
-def _make(actuator: Meshable, path: Path, curving: str) -> None:
-    """Mesh a device into a file with a private model of Gmsh's; `SpoiltCells` if a way of `CURVINGS` leaves some."""
-    with private_model():
-        try:
-            actuator.build()
-            if not actuator.meshed:
-                _generate(actuator, curving)
-            elif _worst(actuator.dimension) <= 0.0:
-                raise MeshingError("the mesh has an inverted cell; remesh the part in its own program")
-            for mirror in actuator.mirrors:
-                mirror_mesh(mirror)
-            gmsh.write(str(path))
-        except (GeometryError, MeshingError):
-            raise
-        except Exception as error:  # Gmsh raises bare Exception
-            raise MeshingError(
-                f"Gmsh could not mesh {type(actuator).__name__}: {str(error).strip() or 'no reason given'}; "
-                f"try a larger fillet (or none) or another cell size"
-            ) from error
-
-
-def summarize(path: str | Path) -> MeshSummary:
-    """Count the cells and nodes of a file of `Actuator.write`; errors as of `load_mesh`, and MeshingError if it holds no
-    cells."""
-    with private_model():
-        load_mesh(path)
-        cells = _cells(gmsh.model.getDimension())
-        if cells.size == 0:
-            raise MeshingError(f"{path} holds no cells")
-        quality = gmsh.model.mesh.getElementQualities(cells, "minSICN").min()
-        measure = _measure(gmsh.model.getDimension())
-        nodes, straight = gmsh.model.mesh.getNodes()[0].size, straight_edges()
-    return MeshSummary(int(cells.size), int(nodes), float(quality), measure, straight)
-
-
-def _generate(actuator: Meshable, curving: str) -> None:
-    if actuator.dimension == 3 and math.isinf(actuator.expected_cells):
-        gmsh.model.mesh.generate(2)
-        _check_cells()
-    gmsh.model.mesh.generate(actuator.dimension)
-    cells = _cells(actuator.dimension)
-    if cells.size == 0:
-        raise MeshingError("Gmsh made no cells inside the solid; try a larger fillet (or none) or another cell size")
-    if actuator.dimension == 3:
-        # Flat tetrahedra are reshaped while the edges are still straight; curving them would turn some inside out.
-        with hushed(b"BFGS update error"):  # of Netgen's, at a cell so flat that one of its steps is left out
-            gmsh.model.mesh.optimize("Netgen")
-    gmsh.model.mesh.setOrder(actuator.mesh_order)
-    if actuator.mesh_order > 1 and _curvings(actuator.dimension).min() < SOUND:
-        # Curving an edge onto an arc bends a flat cell too far; moving the inner nodes usually mends it.
-        with contextlib.suppress(Exception):  # bare: its solver gave up, and the cells are judged next
-            gmsh.model.mesh.optimize(curving or CURVINGS[0])
-        if _curvings(actuator.dimension).min() < USABLE:
-            if curving:
-                raise SpoiltCells(f"{curving} leaves cells that curved edges spoil")
-            if straight := _straighten(actuator.dimension):
-                gmsh.model.setAttribute(STRAIGHT, [str(straight)])
-    worst = _worst(actuator.dimension)
-    if worst <= 0.0:
-        raise MeshingError(
-            f"The mesh has an inverted cell (smallest quality {worst:.2g}); "
-            f"try a smaller cell size, more refinement or a larger fillet (or none)"
-        )
-
-
-def _check_cells() -> None:
-    """Reject a solid whose faces, meshed already, promise more cells than a machine solves for.
-
-    Meshes that Gmsh makes of thin and of thick parts alike have within 1.5 times as many tetrahedra as this expects.
-    """
-    kinds = gmsh.model.mesh.getElementTypes(2)
-    if not len(kinds):
-        return  # no solid will come of that, and it is reported so
-    tags, places, _ = gmsh.model.mesh.getNodes()
-    at = np.empty((int(tags.max()) + 1, 3))
-    at[tags.astype(int)] = places.reshape(-1, 3)
-    _, nodes = gmsh.model.mesh.getElementsByType(kinds[0])
-    corners = at[nodes.astype(int).reshape(-1, 3)]
-    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
-    areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    volume = sum(gmsh.model.occ.getMass(*solid) for solid in gmsh.model.occ.getEntities(3))
-    expected = max(3.2 * len(corners), 4.4 * volume / np.average(edges, weights=areas) ** 3)
-    if expected > MOST_CELLS:
-        raise GeometryError(
-            f"about {expected:.2g} cells are expected, but at most {MOST_CELLS:,} are allowed; the part's roundings and "
-            f"holes need small ones: use a larger cell_size, or fewer cells around a circle"
-        )
-
-
-def _curvings(dimension: int) -> NDArray[np.float64]:
-    """Return of each cell its least Jacobian determinant over that of the same cell with straight edges."""
-    tags, nodes, at = _curved_cells(dimension)
-    corners = at[nodes[:, : dimension + 1]]
-    a, b, *c = np.moveaxis(corners[:, 1:] - corners[:, :1], 1, 0)
-    across = np.cross(a, b)
-    straight = np.abs(np.einsum("ni,ni->n", across, c[0])) if c else np.linalg.norm(across, axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):  # a cell without volume, which is reported as inverted
-        shares = gmsh.model.mesh.getElementQualities(tags, "minDetJac") / straight
-    return np.nan_to_num(shares, nan=1.0)
-
-
-def _curved_cells(dimension: int) -> tuple[NDArray[np.uint64], NDArray[np.int64], NDArray[np.float64]]:
-    """Return tags and nodes of the cells, which are of one kind, and places in the model's unit by node."""
-    (kind,) = gmsh.model.mesh.getElementTypes(dimension)
-    tags, nodes = gmsh.model.mesh.getElementsByType(kind)
-    known, places, _ = gmsh.model.mesh.getNodes()
-    at = np.empty((int(known.max()) + 1, 3))
-    at[known.astype(int)] = places.reshape(-1, 3)
-    return tags, nodes.astype(np.int64).reshape(len(tags), -1), at
-
-
-def _straighten(dimension: int) -> int:
-    """Put the mid-edge nodes of spoilt cells back on straight edges; their neighbours follow until all are sound. Return how
-    many edges on curved faces are straight now.
-
-    With straight edges every cell is as good as before it was curved, but a wall there is a polygon.
-    """
-    _, nodes, at = _curved_cells(dimension)
-    boundary = np.concatenate([gmsh.model.mesh.getNodes(d, includeBoundary=True)[0] for d in range(dimension)])
-    moved = set[int]()
-    for _ in range(ROUNDS):
-        spoilt = nodes[_curvings(dimension) < USABLE]
-        if not len(spoilt):
-            break
-        for k, (a, b) in enumerate(EDGES[: nodes.shape[1] - dimension - 1]):
-            middles, chords = spoilt[:, dimension + 1 + k], 0.5 * (at[spoilt[:, a]] + at[spoilt[:, b]])
-            bent = np.linalg.norm(at[middles] - chords, axis=1) > ROUNDING * np.linalg.norm(
-                chords - at[spoilt[:, a]], axis=1
-            )
-            for middle, chord in zip(middles[bent].tolist(), chords[bent], strict=True):
-                gmsh.model.mesh.setNode(middle, chord, [])
-            moved.update(middles[bent].tolist())
-    return int(np.isin(list(moved), boundary).sum())
-
-
-def _cells(dimension: int) -> np.ndarray:
-    _, tags, _ = gmsh.model.mesh.getElements(dimension)
-    return np.concatenate(tags) if tags else np.empty(0, dtype=np.uint64)
-
-
-def _worst(dimension: int) -> float:
-    return float(gmsh.model.mesh.getElementQualities(_cells(dimension), "minSICN").min())
-
-
-def _measure(dimension: int) -> float:
-    """Integrate 1 over the cells of the current mesh, curved edges included."""
-    total = 0.0
-    for kind in gmsh.model.mesh.getElementTypes(dimension):
-        points, weights = gmsh.model.mesh.getIntegrationPoints(kind, "Gauss4")
-        _, determinants, _ = gmsh.model.mesh.getJacobians(kind, points)
-        total += float((np.reshape(determinants, (-1, len(weights))) @ weights).sum())
-    return total
 
 
 # ----------------------------------------------------------------------------------------------------------------------

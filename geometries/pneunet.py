@@ -32,103 +32,6 @@ from softmodels.common import schema
 from softmodels.common.errors import GeometryError
 from softmodels.common.lazy import gmsh
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Where the walls of a PneuNet are: all stand square to the axes, so that a list of positions along each axis defines them.
-
-
-Vector = tuple[float, float, float]
-
-
-@dataclasses.dataclass(frozen=True)
-class Box:
-    """A block with sides along the axes, in m, by its corners with the smallest and the largest coordinates."""
-
-    low: Vector
-    high: Vector
-
-    @property
-    def volume(self) -> float:
-        return float(np.prod(np.subtract(self.high, self.low)))
-
-    @property
-    def area(self) -> float:
-        x, y, z = np.subtract(self.high, self.low)
-        return float(2.0 * (x * y + y * z + z * x))
-
-    def holds(self, low: NDArray[np.float64], high: NDArray[np.float64], near: float) -> bool:
-        """Return whether another block, given by its corners, lies in this one, to ``near`` (m)."""
-        return bool(np.all(low > np.subtract(self.low, near)) and np.all(high < np.add(self.high, near)))
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# A PneuNet in Gmsh: half of it, of two sides the upper one, in its layers, with a name for every face.
-
-
-SOLID = ("wall", "side_wall", "top_wall", "base", "root", "cap", "bridge")
-"""Thicknesses of solid."""
-
-CENTRAL = "middle"
-"""Role of the plane z = 0 on which the upper side is mirrored into the lower one."""
-
-
-def _add(box: Box) -> meshing.Entity:
-    return meshing.add_block(box.low, box.high)
-
-
-def _whole(box: Box, sides: int, below: int = -1) -> Box:
-    """Return a block on both sides of the mirror plane: above the base, below it (1), or from below to above (-1 of two
-    sides)."""
-    (x0, _, z0), (x1, y1, z1) = box.low, box.high
-    if sides == 2 and below < 0:
-        z0 = -z1
-    elif below > 0:
-        z0, z1 = -z1, -z0
-    return Box((x0, -y1, z0), (x1, y1, z1))
-
-
-def _without(body: Box, empty: list[Box]) -> meshing.Entity:
-    """Return a block with others cut out of it."""
-    return meshing.one_solid(gmsh.model.occ.cut([_add(body)], [_add(box) for box in empty])[0])
-
-
-def _base(finger: PneuNet) -> dict[str, list[meshing.Entity]]:
-    """Return the layers of the base by region."""
-    L, w = finger.length, finger.half_width
-
-    def layer(low: float, high: float) -> meshing.Entity:
-        return _add(Box((0.0, 0.0, low), (L, w, high)))
-
-    half, paper, lowest = 0.5 * finger.base, 0.5 * finger.paper, 0.0 if finger.sides == 2 else -0.5 * finger.base
-    if not paper:
-        return {"base": [layer(lowest, half)]}
-    if finger.sides == 2:
-        return {"base": [layer(paper, half)], "paper": [layer(0.0, paper)]}
-    return {"base": [layer(paper, half), layer(lowest, -paper)], "paper": [layer(-paper, paper)]}
-
-
-def _role(finger: PneuNet, tag: int) -> str:
-    """Return the role of a face from the block around it, which is flat."""
-    low, high = meshing.face_block(tag)
-    near = 1e-6  # the kernel's blocks are a little larger than what is in them
-    flat = int(np.argmin(high - low))
-    at = 0.5 * float(low[flat] + high[flat])
-    lowest = (CENTRAL, 0.0) if finger.sides == 2 else ("bottom", -0.5 * finger.base)
-    for role, axis, place in (
-        ("support", 0, 0.0),
-        ("tip", 0, finger.length),
-        ("plane0", 1, 0.0),
-        ("top", 2, finger.height),
-        (lowest[0], 2, lowest[1]),
-    ):
-        if flat == axis and abs(at - place) < near:
-            return role
-    # One face may run along several boxes, as the base's does under the chambers and the channel.
-    if all(
-        any(box.holds(corner, corner, near) for box in finger.air) for corner in meshing.corners_of(tag) / meshing.MM
-    ):
-        return "cavity"
-    return "chamber_walls" if flat == 0 else "outer"
-
 
 @registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -391,3 +294,101 @@ class PneuNet(actuator.Finger):
         solid = _without(self.upper, [*self.air, *self.gaps])
         meshing.bond({"solid": [solid], **_base(self)}, lambda tag: _role(self, tag))
         meshing.set_sizes(lambda x, y, z: self.cell_size)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Where the walls of a PneuNet are: all stand square to the axes, so that a list of positions along each axis defines them.
+
+
+Vector = tuple[float, float, float]
+
+
+@dataclasses.dataclass(frozen=True)
+class Box:
+    """A block with sides along the axes, in m, by its corners with the smallest and the largest coordinates."""
+
+    low: Vector
+    high: Vector
+
+    @property
+    def volume(self) -> float:
+        return float(np.prod(np.subtract(self.high, self.low)))
+
+    @property
+    def area(self) -> float:
+        x, y, z = np.subtract(self.high, self.low)
+        return float(2.0 * (x * y + y * z + z * x))
+
+    def holds(self, low: NDArray[np.float64], high: NDArray[np.float64], near: float) -> bool:
+        """Return whether another block, given by its corners, lies in this one, to ``near`` (m)."""
+        return bool(np.all(low > np.subtract(self.low, near)) and np.all(high < np.add(self.high, near)))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A PneuNet in Gmsh: half of it, of two sides the upper one, in its layers, with a name for every face.
+
+
+SOLID = ("wall", "side_wall", "top_wall", "base", "root", "cap", "bridge")
+"""Thicknesses of solid."""
+
+CENTRAL = "middle"
+"""Role of the plane z = 0 on which the upper side is mirrored into the lower one."""
+
+
+def _add(box: Box) -> meshing.Entity:
+    return meshing.add_block(box.low, box.high)
+
+
+def _whole(box: Box, sides: int, below: int = -1) -> Box:
+    """Return a block on both sides of the mirror plane: above the base, below it (1), or from below to above (-1 of two
+    sides)."""
+    (x0, _, z0), (x1, y1, z1) = box.low, box.high
+    if sides == 2 and below < 0:
+        z0 = -z1
+    elif below > 0:
+        z0, z1 = -z1, -z0
+    return Box((x0, -y1, z0), (x1, y1, z1))
+
+
+def _without(body: Box, empty: list[Box]) -> meshing.Entity:
+    """Return a block with others cut out of it."""
+    return meshing.one_solid(gmsh.model.occ.cut([_add(body)], [_add(box) for box in empty])[0])
+
+
+def _base(finger: PneuNet) -> dict[str, list[meshing.Entity]]:
+    """Return the layers of the base by region."""
+    L, w = finger.length, finger.half_width
+
+    def layer(low: float, high: float) -> meshing.Entity:
+        return _add(Box((0.0, 0.0, low), (L, w, high)))
+
+    half, paper, lowest = 0.5 * finger.base, 0.5 * finger.paper, 0.0 if finger.sides == 2 else -0.5 * finger.base
+    if not paper:
+        return {"base": [layer(lowest, half)]}
+    if finger.sides == 2:
+        return {"base": [layer(paper, half)], "paper": [layer(0.0, paper)]}
+    return {"base": [layer(paper, half), layer(lowest, -paper)], "paper": [layer(-paper, paper)]}
+
+
+def _role(finger: PneuNet, tag: int) -> str:
+    """Return the role of a face from the block around it, which is flat."""
+    low, high = meshing.face_block(tag)
+    near = 1e-6  # the kernel's blocks are a little larger than what is in them
+    flat = int(np.argmin(high - low))
+    at = 0.5 * float(low[flat] + high[flat])
+    lowest = (CENTRAL, 0.0) if finger.sides == 2 else ("bottom", -0.5 * finger.base)
+    for role, axis, place in (
+        ("support", 0, 0.0),
+        ("tip", 0, finger.length),
+        ("plane0", 1, 0.0),
+        ("top", 2, finger.height),
+        (lowest[0], 2, lowest[1]),
+    ):
+        if flat == axis and abs(at - place) < near:
+            return role
+    # One face may run along several boxes, as the base's does under the chambers and the channel.
+    if all(
+        any(box.holds(corner, corner, near) for box in finger.air) for corner in meshing.corners_of(tag) / meshing.MM
+    ):
+        return "cavity"
+    return "chamber_walls" if flat == 0 else "outer"

@@ -21,6 +21,161 @@ from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
 from softmodels.common.lazy import gmsh
 
+
+class Revolved(actuator.Wedged):
+    """A body of revolution around z; a device is a dataclass of it with the fields below and its `panels`.
+
+    Fields that a device declares: ``cell_size`` (edge length along its walls), ``through`` (`through_field`), ``section``
+    (`section_field`) and ``angle`` (`wedge_field`). A wedge lies between the azimuths 0 and ``angle``, with "plane0" and
+    "plane1"; a section has the curve "axis".
+    """
+
+    cell_size: float
+    through: float
+
+    axial: ClassVar = True
+    most_cells: ClassVar = 2_000_000
+
+    loose: ClassVar[tuple[str, ...]] = ()
+    """Regions that are not cast with the rest."""
+
+    seen: ClassVar[tuple[str, ...]] = ("outer",)
+    """Roles of the sides that a camera sees from the side, from the axis at the top outwards."""
+
+    @property
+    @abstractmethod
+    def panels(self) -> tuple[Panel, ...]:
+        """The half section; its dimensions have been checked."""
+
+    @property
+    @abstractmethod
+    def thinnest(self) -> float:
+        """Thickness in m of its thinnest wall, through which a wedge has `rows` cells."""
+
+    @property
+    def rows(self) -> int:
+        """Number of cells through a wall."""
+        return round(self.through)
+
+    def along(self, length: float) -> int:
+        """Return the number of cells along a length in m of its walls."""
+        return max(1, math.ceil(length / self.cell_size - 1e-9))
+
+    @functools.cached_property
+    def sides(self) -> list[Side]:
+        """The sides of its outline."""
+        return outline(self.panels)
+
+    @functools.cached_property
+    def profile(self) -> list[Side]:
+        """The sides that a camera sees, from the axis at the top outwards."""
+        return chained(side for side in self.sides if side.role in self.seen)
+
+    @functools.cached_property
+    def edges(self) -> list[Side]:
+        """Its outline between corners, however its cells cut it."""
+        probes = [(float(np.hypot(x, y)), float(z)) for x, y, z in self.probes.values()]
+        return whole_edges(self.sides, probes)
+
+    def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the points of the boundary at the same share of the same edge of the other's outline; see
+        `Actuator.carried`."""
+        if type(other) is not type(self) or [one.role for one in self.edges] != [one.role for one in other.edges]:
+            raise GeometryError(
+                f"points can only be mapped between devices whose outlines have the same edges; this {type(self).__name__} has "
+                f"{len(self.edges)} and the other {type(other).__name__} {len(other.edges)}, or others"
+            )
+        if self.dimension != other.dimension or (self.dimension == 3 and self.angle != other.angle):
+            raise GeometryError("points can only be mapped between devices of the same section and angle")
+        return carried_along(self.edges, other.edges, points, self.size)
+
+    @property
+    def anchors(self) -> Mapping[str, Place]:
+        """Positions of single supported vertices, as (radius, height) in m by role."""
+        return {}
+
+    @property
+    def cut_planes(self) -> tuple[CutPlane, ...]:
+        if self.dimension == 2 or self.copies == 1:
+            return ()
+        turn = math.radians(self.angle)
+        return (CutPlane("plane0", (0.0, -1.0, 0.0)), CutPlane("plane1", (-math.sin(turn), math.cos(turn), 0.0)))
+
+    @property
+    def wedge_size(self) -> float:
+        """Edge length in m of a wedge's cells."""
+        return min(self.cell_size, self.thinnest / self.rows)
+
+    @property
+    def expected_cells(self) -> float:
+        if self.dimension == 3:
+            return self.solid_volume / self.copies / (TETRAHEDRON * self.wedge_size**3)
+        return sum(2.0 * panel.sides[0].cells * panel.sides[1].cells for panel in self.panels)
+
+    @property
+    def cavity_volume(self) -> float:
+        return abs(sum(side.volume for side in self.sides if side.role == "cavity"))
+
+    @property
+    def solid_volume(self) -> float:
+        return sum(abs(sum(side.volume for side in panel.sides)) for panel in self.panels)
+
+    def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        points = np.asarray(points, dtype=float)
+        flat, near = np.column_stack([np.hypot(points[:, 0], points[:, 1]), points[:, 2]]), NEAR * self.size
+        here = (np.abs(points[:, 1]) < near) & (points[:, 0] > -near)
+        missed = [side.missed(flat) for side in self.profile]
+        return here & (np.min(missed, axis=0) < near)
+
+    def along_profile(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        points = np.asarray(points, dtype=float)
+        flat = np.column_stack([np.hypot(points[:, 0], points[:, 1]), points[:, 2]])
+        missed = np.array([side.missed(flat) for side in self.profile])
+        places = np.array([place + side.shares(flat) for place, side in enumerate(self.profile)])
+        return np.asarray(np.take_along_axis(places, missed.argmin(axis=0)[None], axis=0)[0])
+
+    def check_cells(self, *radii: str) -> None:
+        """Check what every body of revolution has; called at the end of a device's `check`. The radii limit the cells' size
+        beside the thinnest wall; without any, nothing does. GeometryError for the first parameter found impossible, with its
+        value and the limit."""
+        if radii:
+            needle = NEEDLE * self.thinnest / max(self.through, 1.0)
+            longest = min(needle, *(getattr(self, name) for name in radii if getattr(self, name)))
+            if self.cell_size > longest:
+                self.reject("cell_size",
+                f"it must be at most {schema.shown(longest, 'm')}: {NEEDLE:g} times a cell's width through "
+                            f"the wall, and {' and '.join(radii)}")  # fmt: skip
+        if not 1 <= self.rows <= MOST_THROUGH or self.through != round(self.through):
+            self.reject("through", f"it must be a whole number from 1 to {MOST_THROUGH}")
+        self.check_angle()
+        self.check_count(f" with {self.rows} cells through {schema.shown(self.thinnest, 'm')}")
+
+    def build_whole(self) -> None:
+        build_full_turn(self)
+
+    def build(self) -> None:
+        build_section(self) if self.dimension == 2 else build_wedge(self)
+
+
+def section_field() -> Any:
+    """Return a dataclass field: how much of a body of revolution is modelled."""
+    return schema.choice_field(
+        "axisymmetric", ("axisymmetric", "wedge"), "profile in radius and height, or solid slice"
+    )
+
+
+def wedge_field() -> Any:
+    """Return a dataclass field for the wedge's angle."""
+    return schema.angle_field(
+        30.0, "angle of the wedge; divides 360 deg evenly", unless=("section", "axisymmetric"), shape=False
+    )
+
+
+def through_field(default: float = 2.0, more: str = "") -> Any:
+    """Return a dataclass field for the cells through a wall; ``more`` ends its help."""
+    return schema.number_field(default, f"how many cells there are through the wall{more}", shape=False)
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Half sections of bodies of revolution as panels: patches with four sides, meshed in rows, that meet side by side.
 #
@@ -476,157 +631,3 @@ TRIANGLE, TETRAHEDRON = 0.43, 0.12
 
 NEAR = 1e-7
 """Share of the device's size that counts as no distance."""
-
-
-def section_field() -> Any:
-    """Return a dataclass field: how much of a body of revolution is modelled."""
-    return schema.choice_field(
-        "axisymmetric", ("axisymmetric", "wedge"), "profile in radius and height, or solid slice"
-    )
-
-
-def wedge_field() -> Any:
-    """Return a dataclass field for the wedge's angle."""
-    return schema.angle_field(
-        30.0, "angle of the wedge; divides 360 deg evenly", unless=("section", "axisymmetric"), shape=False
-    )
-
-
-def through_field(default: float = 2.0, more: str = "") -> Any:
-    """Return a dataclass field for the cells through a wall; ``more`` ends its help."""
-    return schema.number_field(default, f"how many cells there are through the wall{more}", shape=False)
-
-
-class Revolved(actuator.Wedged):
-    """A body of revolution around z; a device is a dataclass of it with the fields below and its `panels`.
-
-    Fields that a device declares: ``cell_size`` (edge length along its walls), ``through`` (`through_field`), ``section``
-    (`section_field`) and ``angle`` (`wedge_field`). A wedge lies between the azimuths 0 and ``angle``, with "plane0" and
-    "plane1"; a section has the curve "axis".
-    """
-
-    cell_size: float
-    through: float
-
-    axial: ClassVar = True
-    most_cells: ClassVar = 2_000_000
-
-    loose: ClassVar[tuple[str, ...]] = ()
-    """Regions that are not cast with the rest."""
-
-    seen: ClassVar[tuple[str, ...]] = ("outer",)
-    """Roles of the sides that a camera sees from the side, from the axis at the top outwards."""
-
-    @property
-    @abstractmethod
-    def panels(self) -> tuple[Panel, ...]:
-        """The half section; its dimensions have been checked."""
-
-    @property
-    @abstractmethod
-    def thinnest(self) -> float:
-        """Thickness in m of its thinnest wall, through which a wedge has `rows` cells."""
-
-    @property
-    def rows(self) -> int:
-        """Number of cells through a wall."""
-        return round(self.through)
-
-    def along(self, length: float) -> int:
-        """Return the number of cells along a length in m of its walls."""
-        return max(1, math.ceil(length / self.cell_size - 1e-9))
-
-    @functools.cached_property
-    def sides(self) -> list[Side]:
-        """The sides of its outline."""
-        return outline(self.panels)
-
-    @functools.cached_property
-    def profile(self) -> list[Side]:
-        """The sides that a camera sees, from the axis at the top outwards."""
-        return chained(side for side in self.sides if side.role in self.seen)
-
-    @functools.cached_property
-    def edges(self) -> list[Side]:
-        """Its outline between corners, however its cells cut it."""
-        probes = [(float(np.hypot(x, y)), float(z)) for x, y, z in self.probes.values()]
-        return whole_edges(self.sides, probes)
-
-    def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the points of the boundary at the same share of the same edge of the other's outline; see
-        `Actuator.carried`."""
-        if type(other) is not type(self) or [one.role for one in self.edges] != [one.role for one in other.edges]:
-            raise GeometryError(
-                f"points can only be mapped between devices whose outlines have the same edges; this {type(self).__name__} has "
-                f"{len(self.edges)} and the other {type(other).__name__} {len(other.edges)}, or others"
-            )
-        if self.dimension != other.dimension or (self.dimension == 3 and self.angle != other.angle):
-            raise GeometryError("points can only be mapped between devices of the same section and angle")
-        return carried_along(self.edges, other.edges, points, self.size)
-
-    @property
-    def anchors(self) -> Mapping[str, Place]:
-        """Positions of single supported vertices, as (radius, height) in m by role."""
-        return {}
-
-    @property
-    def cut_planes(self) -> tuple[CutPlane, ...]:
-        if self.dimension == 2 or self.copies == 1:
-            return ()
-        turn = math.radians(self.angle)
-        return (CutPlane("plane0", (0.0, -1.0, 0.0)), CutPlane("plane1", (-math.sin(turn), math.cos(turn), 0.0)))
-
-    @property
-    def wedge_size(self) -> float:
-        """Edge length in m of a wedge's cells."""
-        return min(self.cell_size, self.thinnest / self.rows)
-
-    @property
-    def expected_cells(self) -> float:
-        if self.dimension == 3:
-            return self.solid_volume / self.copies / (TETRAHEDRON * self.wedge_size**3)
-        return sum(2.0 * panel.sides[0].cells * panel.sides[1].cells for panel in self.panels)
-
-    @property
-    def cavity_volume(self) -> float:
-        return abs(sum(side.volume for side in self.sides if side.role == "cavity"))
-
-    @property
-    def solid_volume(self) -> float:
-        return sum(abs(sum(side.volume for side in panel.sides)) for panel in self.panels)
-
-    def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        points = np.asarray(points, dtype=float)
-        flat, near = np.column_stack([np.hypot(points[:, 0], points[:, 1]), points[:, 2]]), NEAR * self.size
-        here = (np.abs(points[:, 1]) < near) & (points[:, 0] > -near)
-        missed = [side.missed(flat) for side in self.profile]
-        return here & (np.min(missed, axis=0) < near)
-
-    def along_profile(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        points = np.asarray(points, dtype=float)
-        flat = np.column_stack([np.hypot(points[:, 0], points[:, 1]), points[:, 2]])
-        missed = np.array([side.missed(flat) for side in self.profile])
-        places = np.array([place + side.shares(flat) for place, side in enumerate(self.profile)])
-        return np.asarray(np.take_along_axis(places, missed.argmin(axis=0)[None], axis=0)[0])
-
-    def check_cells(self, *radii: str) -> None:
-        """Check what every body of revolution has; called at the end of a device's `check`. The radii limit the cells' size
-        beside the thinnest wall; without any, nothing does. GeometryError for the first parameter found impossible, with its
-        value and the limit."""
-        if radii:
-            needle = NEEDLE * self.thinnest / max(self.through, 1.0)
-            longest = min(needle, *(getattr(self, name) for name in radii if getattr(self, name)))
-            if self.cell_size > longest:
-                self.reject("cell_size",
-                f"it must be at most {schema.shown(longest, 'm')}: {NEEDLE:g} times a cell's width through "
-                            f"the wall, and {' and '.join(radii)}")  # fmt: skip
-        if not 1 <= self.rows <= MOST_THROUGH or self.through != round(self.through):
-            self.reject("through", f"it must be a whole number from 1 to {MOST_THROUGH}")
-        self.check_angle()
-        self.check_count(f" with {self.rows} cells through {schema.shown(self.thinnest, 'm')}")
-
-    def build_whole(self) -> None:
-        build_full_turn(self)
-
-    def build(self) -> None:
-        build_section(self) if self.dimension == 2 else build_wedge(self)

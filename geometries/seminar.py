@@ -41,6 +41,199 @@ from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshingError
 from softmodels.common.lazy import gmsh
 
+
+@registry.register_device
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SeminarActuator(actuator.MirroredHalf, actuator.HeldTip):
+    """A triangular slab with a network of air channels that bends out of its plane.
+
+    Lengths are in m, angles in degrees. The slab lies between z = -thickness/2 and thickness/2. Physical groups: volume
+    "solid"; surfaces "cavity" (all channel walls), "support" (the base, x = 0, clamped), "top" and "bottom" (the faces
+    at z = +- thickness/2), "tip" (the rounding, if there is one), "outer" (the sides) and, of a half, "plane0" (y = 0).
+    """
+
+    length: float = schema.length_field(0.070, "length from the clamped base to the tip")
+    base_width: float = schema.length_field(0.060, "width at the base")
+    thickness: float = schema.length_field(0.008, "thickness of the slab")
+    tip_radius: float = schema.length_field(
+        0.004, "radius of the rounding at the tip, seen from above; 0 for none", zero=True
+    )
+    channels: int = schema.choice_field(5, tuple(range(1, 31)), "number of channels")
+    spread: float = schema.angle_field(
+        100.0, "angle between the outermost channels, which is that of the manifold's arc", instead="angles"
+    )
+    manifold_radius: float = schema.length_field(0.012, "radius of the manifold's arc around the middle of the base")
+    manifold_bore: float = schema.length_field(0.0009, "radius of the manifold's round section")
+    channel_bore: float = schema.length_field(0.0007, "radius of a channel's section at the manifold", instead="bores")
+    end_bore: float = schema.length_field(
+        0.0010, "radius of a channel's section at its end, which is round", instead="end_bores"
+    )
+    fillet: float = schema.length_field(
+        0.0004, "radius of the rounding where a channel leaves the manifold; 0 for a sharp crease", zero=True
+    )
+    offset: float = schema.length_field(
+        -0.001, "height of the channels' plane above the middle of the thickness", zero=True, signed=True
+    )
+    edge: float = schema.length_field(0.004, "solid between the channels' ends and the slab's sides", instead="reaches")
+    bores: tuple[float, ...] = schema.lengths_field(
+        "each channel's own channel_bore, from the middle outwards: one value for two channels alike on both sides"
+    )
+    middle_bores: tuple[float, ...] = schema.lengths_field(
+        "radius of each channel half way between its two ends, from the middle outwards; straight from end to end if none"
+    )
+    end_bores: tuple[float, ...] = schema.lengths_field("each channel's own end_bore, from the middle outwards")
+    angles: tuple[float, ...] = schema.angles_field(
+        "each channel's direction from the middle, rising; 0 deg first for an odd number; instead of spread"
+    )
+    reaches: tuple[float, ...] = schema.lengths_field(
+        "how far from the middle of the base each channel ends, from the middle outwards; instead of edge"
+    )
+    least_wall: float = schema.length_field(
+        0.0005, "minimum solid between channels and faces, and between channels", shape=False
+    )
+    cell_size: float = schema.length_field(0.005, "edge length of the cells far from the channels", shape=False)
+    around: float = schema.number_field(10.0, "cells around a channel's section", shape=False)
+    order: int = schema.choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
+    part: str = actuator.part_field("slab")
+    tip: str = actuator.tip_field(held="its rounding")
+
+    stem: ClassVar = "seminar"
+    pressures: ClassVar = "0:177"
+    silicone: ClassVar = "ecoflex-00-30"
+    faces: ClassVar = ("top", "bottom")
+    unbonded: ClassVar = ("outer", "tip")
+    stiffer: ClassVar = "narrower channels (--end-bore, --manifold-bore), a thicker slab (--thickness)"
+    examples: ClassVar = (
+        "--channels 7 --spread 120deg",
+        "--offset=-1.2mm --end-bore 1mm",
+        "--angles 0deg,20deg,50deg --end-bores 1.3mm,1mm,0.8mm",
+        "--part full --cell-size 4mm",
+    )
+
+    def check(self) -> None:
+        check_seminar(self)
+
+    @property
+    def expected_cells(self) -> float:
+        share, total = 1.0 / self.copies, 0.5 * self.base_width * self.length * self.thickness / self.cell_size**3
+        tubes = [(self.manifold_radius * spread(self), self.manifold_bore)]
+        for line in fan(self):
+            cones = line.cones if line else ()
+            tubes += [(cone.end - cone.start, max(cone.bore, line.radius(cone.end))) for cone in cones if line]
+        for length, radius in tubes:
+            h = wall_size(self, radius)
+            # Rings of cells that grow with distance r from the wall: int 2 pi (radius + r) / (h + g r)^3 dr.
+            total += length * 2.0 * math.pi * (0.5 * radius / (GROWTH * h**2) + 0.5 / (GROWTH**2 * h))
+        return share * total / revolved.TETRAHEDRON
+
+    @property
+    def size(self) -> float:
+        return self.thickness
+
+    @property
+    def level(self) -> bool:
+        """Whether the channels lie in the middle of the thickness, so that the slab is symmetric about z = 0."""
+        return self.offset == 0.0
+
+    @property
+    def mirrors(self) -> tuple[meshing.Mirror, ...]:
+        # Mirrored cells, not only shapes: nothing of the mesh then bends what symmetry keeps straight.
+        level = (meshing.Mirror("middle", 2, {"top": "bottom"}),) if self.level else ()
+        return (*level, *super().mirrors)
+
+    @property
+    def probes(self) -> dict[str, Vector]:
+        half = 0.5 * self.thickness
+        return {"tip": (self.length, 0.0, half), "tip_below": (self.length, 0.0, -half)}
+
+    @property
+    def pushed(self) -> str | None:
+        return super().pushed if self.tip_radius > 0.0 else None
+
+    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
+        "tip_x_mm": ("tip place x", "x of the middle of the tip's edge, deformed, from the clamped base"),
+        "tip_z_mm": (
+            "tip place z",
+            "z of the middle of the tip's edge, deformed, from the middle of the thickness; the rise is of its upper edge",
+        ),
+        "lift_angle_deg": (
+            "lift angle", "of the line from the middle of the clamped base to the middle of the tip's edge",
+        ),
+        "curvature_per_m": (
+            "curvature", "of the circle that leaves the base along x and passes through the tip",
+        ),
+    }  # fmt: skip
+
+    def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
+        """Return how the slab is bent, from where its tip is; see `Actuator.device_figures`.
+
+        The tip is the middle of its edge. ``lift_angle_deg`` is the angle of the line from the base's middle to it,
+        ``curvature_per_m`` (1/m) that of the circle through it which leaves the base along x.
+        """
+        x, _, z = 0.5 * (np.asarray(places["tip"]) + np.asarray(places["tip_below"]))
+        return {
+            "tip_x_mm": x * 1e3,
+            "tip_z_mm": z * 1e3,
+            "lift_angle_deg": math.degrees(math.atan2(z, x)),
+            "curvature_per_m": 2.0 * z / (x * x + z * z),
+        }
+
+    @property
+    def cavity_volume(self) -> float:
+        return 2.0 * outline_area(self) * self.thickness - self.solid_volume
+
+    @property
+    def solid_volume(self) -> float:
+        """Volume in m3 of the whole slab without its channels, measured by the CAD kernel."""
+
+        return 2.0 * measured_volume(self)
+
+    @property
+    def movable(self) -> tuple[str, ...]:
+        # A corner has no rounding's faces, and a slab symmetric about z = 0 stays so.
+        fixed = {name for name in ("tip_radius", "fillet", "offset") if getattr(self, name) == 0.0}
+        fixed |= {"angles[1]"} if self.channels % 2 else set()
+        return tuple(name for name in actuator.parameter_names(self) if name not in fixed)
+
+    def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return where points on the boundary lie on another slab, to rounding on all of it; see `Actuator.carried`.
+
+        Roundings of the network's creases are followed too, and the two slabs may give their channels by lists or in common.
+        """
+
+        return carried(self, other, points)
+
+    @property
+    def clearances(self) -> dict[str, float]:
+        return clearances(self)
+
+    @property
+    def recipe(self) -> actuator.Recipe:
+        return actuator.in_halves(
+            self.lift, self.offset,
+            "Every channel's section is round about this plane, so that each layer has open grooves that hold nothing back.",
+            ((0.0, 0.0, self.offset), (self.manifold_radius, 0.0, self.offset)),
+        )  # fmt: skip
+
+    def build_whole(self) -> None:
+        """Fill the current Gmsh model (mm) with the whole slab, one solid.
+
+        Both halves are drawn: the CAD kernel mirrors planes and cones into splines, which it is slow with and less exact.
+        """
+        lines = [line for line in fan(self) if line is not None]
+        begin = -0.5 * spread(self)
+        air = _rounded(self, [*_manifold(self, begin), _cap(self, begin), *(_air(self, line) for line in lines)])
+        cut_out(_whole_prism(self), air)
+        gmsh.model.occ.synchronize()
+
+    def build(self) -> None:
+        """Fill the current Gmsh model (mm) with the slab, its roles and its cell sizes."""
+        solids = half_slab(self)
+        gmsh.model.occ.synchronize()
+        _name_roles(self, solids)
+        meshing.set_sizes(size_function(self))
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # The seminar actuator seen from above: outline, centre lines of the channels, and distances between them.
 #
@@ -888,46 +1081,6 @@ def _knots(
 # fillet. A device has mirror images at y < 0; everything here is for y >= 0.
 
 
-NEAR = 1.5
-"""Distance from the ball's centre, in its radii, up to which a place may belong to the rounding."""
-
-STEPS, CLOSE = 8, 1e-9
-"""Most of Newton's steps, and the share of the manifold's radius below which the last was: the next would be its square."""
-
-TURN, LARGEST_TURN = 1e-4, 0.3
-"""Step in radians of the differences with which the nearest centre is found, and the largest by which it is looked for."""
-
-SEARCH, FLATTEST = 40, 0.1
-"""Most steps of that search, and the least curvature it takes the squared distance to have, in that of a straight rim's."""
-
-
-def dot(one: Array, other: Array) -> Array:
-    """Return the products of rows, shape (n,)."""
-    return np.asarray((one * other).sum(axis=1))
-
-
-def unit(vectors: Array) -> tuple[Array, Array]:
-    """Return the rows of length 1, shape (n, 3), and the lengths, shape (n,); the first axis where the length is 0."""
-    lengths = np.sqrt(dot(vectors, vectors))
-    if lengths.all():
-        return vectors / lengths[:, None], lengths
-    none = lengths == 0.0
-    found = vectors / np.where(none, 1.0, lengths)[:, None]
-    found[none, 0] = 1.0
-    return found, lengths
-
-
-def tube_level(slab: SeminarActuator, points: Array) -> tuple[Array, Array]:
-    """Return the level of the manifold's wall with its round ends, shape (n,), and its gradient, shape (n, 3)."""
-    half = 0.5 * spread(slab)
-    turn = np.clip(np.arctan2(points[:, 1], points[:, 0]), -half, half)
-    foot = np.column_stack(
-        [slab.manifold_radius * np.cos(turn), slab.manifold_radius * np.sin(turn), np.full(len(turn), slab.offset)]
-    )
-    normal, away = unit(points - foot)
-    return away - slab.manifold_bore, normal
-
-
 @dataclasses.dataclass(frozen=True)
 class Junction:
     """The manifold and the first cone of one channel."""
@@ -1059,6 +1212,46 @@ class Junction:
     def shares(self, centre: Array, vectors: Array) -> Array:
         """Return the components of vectors in the `frame` at places on the rim, shape (n, 3)."""
         return np.linalg.solve(self.frame(centre), vectors[:, :, None])[:, :, 0]
+
+
+NEAR = 1.5
+"""Distance from the ball's centre, in its radii, up to which a place may belong to the rounding."""
+
+STEPS, CLOSE = 8, 1e-9
+"""Most of Newton's steps, and the share of the manifold's radius below which the last was: the next would be its square."""
+
+TURN, LARGEST_TURN = 1e-4, 0.3
+"""Step in radians of the differences with which the nearest centre is found, and the largest by which it is looked for."""
+
+SEARCH, FLATTEST = 40, 0.1
+"""Most steps of that search, and the least curvature it takes the squared distance to have, in that of a straight rim's."""
+
+
+def dot(one: Array, other: Array) -> Array:
+    """Return the products of rows, shape (n,)."""
+    return np.asarray((one * other).sum(axis=1))
+
+
+def unit(vectors: Array) -> tuple[Array, Array]:
+    """Return the rows of length 1, shape (n, 3), and the lengths, shape (n,); the first axis where the length is 0."""
+    lengths = np.sqrt(dot(vectors, vectors))
+    if lengths.all():
+        return vectors / lengths[:, None], lengths
+    none = lengths == 0.0
+    found = vectors / np.where(none, 1.0, lengths)[:, None]
+    found[none, 0] = 1.0
+    return found, lengths
+
+
+def tube_level(slab: SeminarActuator, points: Array) -> tuple[Array, Array]:
+    """Return the level of the manifold's wall with its round ends, shape (n,), and its gradient, shape (n, 3)."""
+    half = 0.5 * spread(slab)
+    turn = np.clip(np.arctan2(points[:, 1], points[:, 0]), -half, half)
+    foot = np.column_stack(
+        [slab.manifold_radius * np.cos(turn), slab.manifold_radius * np.sin(turn), np.full(len(turn), slab.offset)]
+    )
+    normal, away = unit(points - foot)
+    return away - slab.manifold_bore, normal
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -1351,195 +1544,3 @@ def _to_faces(slab: SeminarActuator, points: Array) -> Array:
     half, least = 0.5 * slab.thickness, 1e-9 * slab.thickness  # nearer is on it: the flank's distance is rounded
     gaps = [np.where(gap > least, gap, 1e-30) for gap in (half - z, half + z, x, flank)]
     return 1.0 / np.sum([1.0 / gap for gap in gaps], axis=0)
-
-
-@registry.register_device
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class SeminarActuator(actuator.MirroredHalf, actuator.HeldTip):
-    """A triangular slab with a network of air channels that bends out of its plane.
-
-    Lengths are in m, angles in degrees. The slab lies between z = -thickness/2 and thickness/2. Physical groups: volume
-    "solid"; surfaces "cavity" (all channel walls), "support" (the base, x = 0, clamped), "top" and "bottom" (the faces
-    at z = +- thickness/2), "tip" (the rounding, if there is one), "outer" (the sides) and, of a half, "plane0" (y = 0).
-    """
-
-    length: float = schema.length_field(0.070, "length from the clamped base to the tip")
-    base_width: float = schema.length_field(0.060, "width at the base")
-    thickness: float = schema.length_field(0.008, "thickness of the slab")
-    tip_radius: float = schema.length_field(
-        0.004, "radius of the rounding at the tip, seen from above; 0 for none", zero=True
-    )
-    channels: int = schema.choice_field(5, tuple(range(1, 31)), "number of channels")
-    spread: float = schema.angle_field(
-        100.0, "angle between the outermost channels, which is that of the manifold's arc", instead="angles"
-    )
-    manifold_radius: float = schema.length_field(0.012, "radius of the manifold's arc around the middle of the base")
-    manifold_bore: float = schema.length_field(0.0009, "radius of the manifold's round section")
-    channel_bore: float = schema.length_field(0.0007, "radius of a channel's section at the manifold", instead="bores")
-    end_bore: float = schema.length_field(
-        0.0010, "radius of a channel's section at its end, which is round", instead="end_bores"
-    )
-    fillet: float = schema.length_field(
-        0.0004, "radius of the rounding where a channel leaves the manifold; 0 for a sharp crease", zero=True
-    )
-    offset: float = schema.length_field(
-        -0.001, "height of the channels' plane above the middle of the thickness", zero=True, signed=True
-    )
-    edge: float = schema.length_field(0.004, "solid between the channels' ends and the slab's sides", instead="reaches")
-    bores: tuple[float, ...] = schema.lengths_field(
-        "each channel's own channel_bore, from the middle outwards: one value for two channels alike on both sides"
-    )
-    middle_bores: tuple[float, ...] = schema.lengths_field(
-        "radius of each channel half way between its two ends, from the middle outwards; straight from end to end if none"
-    )
-    end_bores: tuple[float, ...] = schema.lengths_field("each channel's own end_bore, from the middle outwards")
-    angles: tuple[float, ...] = schema.angles_field(
-        "each channel's direction from the middle, rising; 0 deg first for an odd number; instead of spread"
-    )
-    reaches: tuple[float, ...] = schema.lengths_field(
-        "how far from the middle of the base each channel ends, from the middle outwards; instead of edge"
-    )
-    least_wall: float = schema.length_field(
-        0.0005, "minimum solid between channels and faces, and between channels", shape=False
-    )
-    cell_size: float = schema.length_field(0.005, "edge length of the cells far from the channels", shape=False)
-    around: float = schema.number_field(10.0, "cells around a channel's section", shape=False)
-    order: int = schema.choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
-    part: str = actuator.part_field("slab")
-    tip: str = actuator.tip_field(held="its rounding")
-
-    stem: ClassVar = "seminar"
-    pressures: ClassVar = "0:177"
-    silicone: ClassVar = "ecoflex-00-30"
-    faces: ClassVar = ("top", "bottom")
-    unbonded: ClassVar = ("outer", "tip")
-    stiffer: ClassVar = "narrower channels (--end-bore, --manifold-bore), a thicker slab (--thickness)"
-    examples: ClassVar = (
-        "--channels 7 --spread 120deg",
-        "--offset=-1.2mm --end-bore 1mm",
-        "--angles 0deg,20deg,50deg --end-bores 1.3mm,1mm,0.8mm",
-        "--part full --cell-size 4mm",
-    )
-
-    def check(self) -> None:
-        check_seminar(self)
-
-    @property
-    def expected_cells(self) -> float:
-        share, total = 1.0 / self.copies, 0.5 * self.base_width * self.length * self.thickness / self.cell_size**3
-        tubes = [(self.manifold_radius * spread(self), self.manifold_bore)]
-        for line in fan(self):
-            cones = line.cones if line else ()
-            tubes += [(cone.end - cone.start, max(cone.bore, line.radius(cone.end))) for cone in cones if line]
-        for length, radius in tubes:
-            h = wall_size(self, radius)
-            # Rings of cells that grow with distance r from the wall: int 2 pi (radius + r) / (h + g r)^3 dr.
-            total += length * 2.0 * math.pi * (0.5 * radius / (GROWTH * h**2) + 0.5 / (GROWTH**2 * h))
-        return share * total / revolved.TETRAHEDRON
-
-    @property
-    def size(self) -> float:
-        return self.thickness
-
-    @property
-    def level(self) -> bool:
-        """Whether the channels lie in the middle of the thickness, so that the slab is symmetric about z = 0."""
-        return self.offset == 0.0
-
-    @property
-    def mirrors(self) -> tuple[meshing.Mirror, ...]:
-        # Mirrored cells, not only shapes: nothing of the mesh then bends what symmetry keeps straight.
-        level = (meshing.Mirror("middle", 2, {"top": "bottom"}),) if self.level else ()
-        return (*level, *super().mirrors)
-
-    @property
-    def probes(self) -> dict[str, Vector]:
-        half = 0.5 * self.thickness
-        return {"tip": (self.length, 0.0, half), "tip_below": (self.length, 0.0, -half)}
-
-    @property
-    def pushed(self) -> str | None:
-        return super().pushed if self.tip_radius > 0.0 else None
-
-    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
-        "tip_x_mm": ("tip place x", "x of the middle of the tip's edge, deformed, from the clamped base"),
-        "tip_z_mm": (
-            "tip place z",
-            "z of the middle of the tip's edge, deformed, from the middle of the thickness; the rise is of its upper edge",
-        ),
-        "lift_angle_deg": (
-            "lift angle", "of the line from the middle of the clamped base to the middle of the tip's edge",
-        ),
-        "curvature_per_m": (
-            "curvature", "of the circle that leaves the base along x and passes through the tip",
-        ),
-    }  # fmt: skip
-
-    def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
-        """Return how the slab is bent, from where its tip is; see `Actuator.device_figures`.
-
-        The tip is the middle of its edge. ``lift_angle_deg`` is the angle of the line from the base's middle to it,
-        ``curvature_per_m`` (1/m) that of the circle through it which leaves the base along x.
-        """
-        x, _, z = 0.5 * (np.asarray(places["tip"]) + np.asarray(places["tip_below"]))
-        return {
-            "tip_x_mm": x * 1e3,
-            "tip_z_mm": z * 1e3,
-            "lift_angle_deg": math.degrees(math.atan2(z, x)),
-            "curvature_per_m": 2.0 * z / (x * x + z * z),
-        }
-
-    @property
-    def cavity_volume(self) -> float:
-        return 2.0 * outline_area(self) * self.thickness - self.solid_volume
-
-    @property
-    def solid_volume(self) -> float:
-        """Volume in m3 of the whole slab without its channels, measured by the CAD kernel."""
-
-        return 2.0 * measured_volume(self)
-
-    @property
-    def movable(self) -> tuple[str, ...]:
-        # A corner has no rounding's faces, and a slab symmetric about z = 0 stays so.
-        fixed = {name for name in ("tip_radius", "fillet", "offset") if getattr(self, name) == 0.0}
-        fixed |= {"angles[1]"} if self.channels % 2 else set()
-        return tuple(name for name in actuator.parameter_names(self) if name not in fixed)
-
-    def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return where points on the boundary lie on another slab, to rounding on all of it; see `Actuator.carried`.
-
-        Roundings of the network's creases are followed too, and the two slabs may give their channels by lists or in common.
-        """
-
-        return carried(self, other, points)
-
-    @property
-    def clearances(self) -> dict[str, float]:
-        return clearances(self)
-
-    @property
-    def recipe(self) -> actuator.Recipe:
-        return actuator.in_halves(
-            self.lift, self.offset,
-            "Every channel's section is round about this plane, so that each layer has open grooves that hold nothing back.",
-            ((0.0, 0.0, self.offset), (self.manifold_radius, 0.0, self.offset)),
-        )  # fmt: skip
-
-    def build_whole(self) -> None:
-        """Fill the current Gmsh model (mm) with the whole slab, one solid.
-
-        Both halves are drawn: the CAD kernel mirrors planes and cones into splines, which it is slow with and less exact.
-        """
-        lines = [line for line in fan(self) if line is not None]
-        begin = -0.5 * spread(self)
-        air = _rounded(self, [*_manifold(self, begin), _cap(self, begin), *(_air(self, line) for line in lines)])
-        cut_out(_whole_prism(self), air)
-        gmsh.model.occ.synchronize()
-
-    def build(self) -> None:
-        """Fill the current Gmsh model (mm) with the slab, its roles and its cell sizes."""
-        solids = half_slab(self)
-        gmsh.model.occ.synchronize()
-        _name_roles(self, solids)
-        meshing.set_sizes(size_function(self))

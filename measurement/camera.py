@@ -25,19 +25,6 @@ if TYPE_CHECKING:
     import lensfunpy
 
 
-Points = NDArray[np.float64]
-
-MODELS = {"opencv": (0, 4, 5, 8, 12, 14), "lensfun": (8,)}
-"""Known lens models and the numbers of coefficients each may have."""
-
-ROUND_TRIP = 0.01
-"""Round-trip tolerance of distortion and undistortion in px."""
-
-
-class CameraError(ValueError):
-    """An unusable camera, lens or calibration; the message is for the user."""
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
 class Camera:
     """Data of a camera at one focal length and focus.
@@ -197,6 +184,19 @@ class Camera:
             raise
         except (TypeError, ValueError) as error:
             raise CameraError(f"the camera's table cannot be read: {error}") from None
+
+
+Points = NDArray[np.float64]
+
+MODELS = {"opencv": (0, 4, 5, 8, 12, 14), "lensfun": (8,)}
+"""Known lens models and the numbers of coefficients each may have."""
+
+ROUND_TRIP = 0.01
+"""Round-trip tolerance of distortion and undistortion in px."""
+
+
+class CameraError(ValueError):
+    """An unusable camera, lens or calibration; the message is for the user."""
 
 
 def _whole(value: Any) -> int:

@@ -7,6 +7,7 @@ with commands.stoppable("softmodels", mpi.speaks):
     from geometries import HollowDisk
     from softmodels.cli import options
 
+
 command = options.device_command(
     HollowDisk,
     "softmodels.disk",
@@ -16,6 +17,7 @@ command = options.device_command(
         "--volume-ml 0:40 --variant shadow --material yeoh --c1 8kPa --c2 90Pa",
     ),
 )
+
 
 if __name__ == "__main__":
     options.main(command)

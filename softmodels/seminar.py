@@ -7,6 +7,7 @@ with commands.stoppable("softmodels", mpi.speaks):
     from geometries import SeminarActuator
     from softmodels.cli import options
 
+
 command = options.device_command(
     SeminarActuator,
     "softmodels.seminar",
@@ -16,6 +17,7 @@ command = options.device_command(
         "--pressure-cm 0:177 --tip held",
     ),
 )
+
 
 if __name__ == "__main__":
     options.main(command)

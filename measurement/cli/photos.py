@@ -21,9 +21,6 @@ from measurement.series.witness import Refusal, Result
 from softmodels.common import commands, errors, processes, units
 from softmodels.common.folders import OwnFolderError
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The command ``photos``: outlines from a list of photographs.
-
 
 @click.command()
 @click.argument("listing", metavar="PHOTOS.csv", type=click.Path(path_type=Path))

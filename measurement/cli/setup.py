@@ -21,6 +21,151 @@ from measurement.screen.setup import PITCH_ERROR, Plane, PlaneError, Setup, Setu
 from softmodels.common import commands, errors, files, processes, tables, units
 from softmodels.common.folders import OwnFolderError
 
+
+@click.command()
+@click.argument("photograph", type=click.Path(path_type=Path))
+@click.option("--target", type=commands.Choice(["grid", "chessboard", "charuco"]), default="grid", show_default=True,
+              help="Object in the screen's plane.")  # fmt: skip
+@click.option("--grid-pitch", default="9mm", show_default=True, metavar="LENGTH",
+              help="Distance of the grid's lines, or side of a board's square; 9mm+-0.01mm gives its error; default "
+              "0.2 %.")  # fmt: skip
+@click.option("--pattern", default="9x6", show_default=True, metavar="NxM",
+              help="Inner corners of the chessboard or ChArUco board in a row and in a column.")  # fmt: skip
+@click.option("--dictionary", default="DICT_4X4_50", show_default=True, help="OpenCV's name of the ChArUco markers.")
+@click.option(
+    "--marker-share",
+    default="0.75",
+    show_default=True,
+    metavar="NUMBER",
+    help="Side of a ChArUco marker over that of a square.",
+)
+@click.option("--point", "points", multiple=True, metavar="x,y=X,Z",
+              help="Instead of the grid: a known point, pixel and place (100,200=9mm,18mm); four or more.")  # fmt: skip
+@click.option("--scale", metavar="N px/m",
+              help="Instead of the grid: pixels per length of a camera that looks straight on; 75px/mm+-1px/mm.")  # fmt: skip
+@click.option("--lens", default="auto", show_default=True, metavar="auto|none|NAME|CAMERA.toml|PROFILE.xml",
+              help="Lens correction: lensfun's for what EXIF names, none, lensfun's for a name, the file of calibrate, or a "
+              "file in lensfun's format.")  # fmt: skip
+@click.option("--camera", "body", help="Name of the camera if missing in EXIF, such as 'Canon EOS 550D'.")
+@click.option("--focal", metavar="LENGTH", help="Focal length if missing in EXIF, such as 35mm.")
+@click.option("--origin", metavar="x,y", help="Pixel near the crossing that becomes X = Z = 0.  [default: the middle]")
+@click.option("--lamp-distance", metavar="LENGTH",
+              help="From the lamp to the object, if the light is not parallel; 2m+-5cm gives an error.")  # fmt: skip
+@click.option("--screen-distance", metavar="LENGTH", help="From the object to the screen; 3cm+-1mm gives an error.")
+@click.option("--roi", metavar="x0,y0,x1,y1", help="Region of interest in px; the shadow is searched only there.")
+@click.option("--mask", "masks", multiple=True, metavar="x0,y0,x1,y1",
+              help="Region in px in which no edge is looked for, such as a label's; may be repeated.")  # fmt: skip
+@click.option("--zero", metavar="x,y=x,y", help="Two pixels on the undeformed surface.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("setup.toml"), show_default=True,
+              help="Setup file to write, for photos --setup.")  # fmt: skip
+@click.option("--overlay", type=click.Path(path_type=Path),
+              help="Picture of the result.  [default: OUTPUT with the ending .png, or -overlay.png where that "
+              "is taken]")  # fmt: skip
+def setup(photograph: Path, output: Path, overlay: Path | None, **given: Any) -> None:
+    """Find the screen's plane in a PHOTOGRAPH of its grid, of a board, or of known points.
+
+    Pixels (x, y) count from the upper left; on the screen X counts to the right and Z upwards.
+
+    \b
+    Exit status: 0 done; 2 the input cannot be used, as where no grid is found; 1 failed.
+    """
+    for place in (output, overlay or output):
+        texts.check_place(place)
+    try:
+        _check_given(given)
+        shown = _places(photograph, output, overlay, given["lens"])
+        picture = calibration.read_picture(photograph)
+        pitch, pitch_error = _pitch(given["grid_pitch"])
+        camera = lens_camera(photograph, picture.shape[1::-1], given["lens"], given["body"], given["focal"])
+        plane = _plane(given, picture, camera, pitch)
+        printed = not given["points"] and given["scale"] is None
+        made = _setup(given, camera, plane, pitch if printed and given["target"] == "grid" else None)
+        made = dataclasses.replace(made, pitch_error=pitch_error if printed else 0.0)
+    except GridError as error:
+        texts.stop(f"{photograph}: {error}")
+    except (CameraError, OwnFolderError, PlaneError, SetupError, units.UnitError) as error:
+        texts.stop(str(error))
+    try:
+        calibration.draw_points(shown, picture, camera, plane)
+    except (OSError, ValueError) as error:
+        status = commands.status_of(error) if isinstance(error, OSError) else commands.UNUSABLE
+        texts.stop(f"the picture of the plane {shown} cannot be written: {errors.reason(error)}", status)
+    texts.write_text(output, made.to_toml())
+    _report(made, given, f"written to {output} and {shown}")
+
+
+def _setup(given: dict[str, Any], camera: Camera, plane: Plane, grid_pitch: float | None) -> Setup:
+    """Return the setup with what the options say of light, regions and the undeformed surface; the pitch is in m. Raises
+    `SetupError` or `UnitError` for a text that is not what it should be."""
+    size = texts.magnification(given["lamp_distance"], given["screen_distance"])
+    roi = None if given["roi"] is None else texts.numbers(given["roi"], 4, "--roi")
+    masks = tuple(texts.numbers(mask, 4, "--mask") for mask in given["masks"])
+    made = Setup(camera, plane, *size, roi=roi, masks=masks, grid_pitch=grid_pitch)  # type: ignore[arg-type]
+    if given["zero"] is None:
+        return made
+    ends = [texts.numbers(part, 2, "--zero") for part in given["zero"].split("=")]
+    return dataclasses.replace(made, zero=made.to_metres(ends))
+
+
+def _check_given(given: dict[str, Any]) -> None:
+    """Raise `SetupError` for the first option that something else given makes meaningless."""
+    source = click.get_current_context().get_parameter_source
+    told = {name for name in given if source(name) is click.core.ParameterSource.COMMANDLINE}
+    board = ("pattern", "dictionary", "marker_share")
+    target, lens = given["target"], given["lens"]
+    meaningless: list[tuple[str, tuple[str, ...]]] = []
+    if given["points"] or given["scale"] is not None:
+        way = "--point" if given["points"] else "--scale"
+        meaningless.append((way, ("target", "grid_pitch", *board, *(("origin",) if given["points"] else ()))))
+    elif target != "charuco":
+        meaningless.append((f"--target {target}", board if target == "grid" else ("dictionary", "marker_share")))
+    if lens == "none" or lens.endswith(".toml"):
+        meaningless.append((f"--lens {lens}", ("body", "focal")))
+    for cause, names in meaningless:
+        for name in names:
+            if name in told:
+                flag = {"body": "camera"}.get(name, name.replace("_", "-"))
+                raise SetupError(f"--{flag} has no effect with {cause}; leave one of them out")
+
+
+def _places(photograph: Path, output: Path, overlay: Path | None, lens: str) -> Path:
+    """Return where the overlay goes: beside the setup, under another name where that is the photograph's or somebody
+    else's. Raises `OwnFolderError` where either would replace what is not the program's."""
+    inputs = (photograph, Path(lens))
+    commands.check_output_file(output, inputs, files.has_table("plane"), "the setup", "-o")
+    if overlay is None:
+        overlay = output.with_suffix(".png")
+        if any(files.is_same(overlay, file) for file in inputs) or (overlay.is_file() and not files.is_drawn(overlay)):
+            overlay = output.with_name(f"{output.stem}-overlay.png")
+    commands.check_output_file(overlay, (*inputs, output), files.is_drawn, "the picture of what was found", "--overlay")
+    if overlay == output:
+        raise OwnFolderError(f"{output} cannot be both the setup and its picture; give another --overlay")
+    return overlay
+
+
+def _report(made: Setup, given: dict[str, Any], written: str) -> None:
+    camera, plane = made.camera, made.plane
+    raw = frame_points(camera.width, camera.height)
+    raw = raw[np.isfinite(made.to_metres(raw)).all(axis=1)]
+    span = float(np.sqrt(abs(np.linalg.det(made.jacobian([[camera.width / 2, camera.height / 2]])[0]))))
+    error = float(np.sqrt(np.mean(made.error(raw, 0.0) ** 2)))
+    processes.say(
+        f"Lens: {camera.source}, standard error {camera.error_px:.2g} px; focal length {camera.matrix[0, 0]:.0f} px"
+    )
+    size = f"{made.magnification:.4f}" + (f" +- {made.magnification_error:.1g}" if made.magnification_error else "")
+    processes.say(f"In the picture's middle one pixel spans {span * 1e6:.2f} um of the object; magnification {size}")
+    if made.pitch_error:
+        processes.say(
+            f"The pitch, and so all lengths, have an assumed error of {made.pitch_error:.2%}; give another with --grid-pitch"
+        )
+    if given["scale"] is not None:
+        processes.say("The plane follows from the given scale and a perpendicular view; the picture does not verify it")
+    else:
+        kind = "known points" if given["points"] else "crossings" if given["target"] == "grid" else "corners"
+        processes.say(f"{len(plane.points)} {kind}, residual to the plane {plane.residual * 1e6:.2f} um (rms)")
+    processes.say(f"Standard error of positions in the picture: {error * 1e6:.2g} um (rms); {written}")
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # The command ``calibrate``: a camera from photographs of a chessboard.
 
@@ -173,147 +318,3 @@ def _plane(given: dict[str, Any], picture: NDArray[np.uint8], camera: Camera, pi
             picture, squares, units.number(given["marker_share"]), given["dictionary"], camera
         )
     return grid.counted_from(board, camera, pitch, origin).plane(camera)
-
-
-@click.command()
-@click.argument("photograph", type=click.Path(path_type=Path))
-@click.option("--target", type=commands.Choice(["grid", "chessboard", "charuco"]), default="grid", show_default=True,
-              help="Object in the screen's plane.")  # fmt: skip
-@click.option("--grid-pitch", default="9mm", show_default=True, metavar="LENGTH",
-              help="Distance of the grid's lines, or side of a board's square; 9mm+-0.01mm gives its error; default "
-              "0.2 %.")  # fmt: skip
-@click.option("--pattern", default="9x6", show_default=True, metavar="NxM",
-              help="Inner corners of the chessboard or ChArUco board in a row and in a column.")  # fmt: skip
-@click.option("--dictionary", default="DICT_4X4_50", show_default=True, help="OpenCV's name of the ChArUco markers.")
-@click.option(
-    "--marker-share",
-    default="0.75",
-    show_default=True,
-    metavar="NUMBER",
-    help="Side of a ChArUco marker over that of a square.",
-)
-@click.option("--point", "points", multiple=True, metavar="x,y=X,Z",
-              help="Instead of the grid: a known point, pixel and place (100,200=9mm,18mm); four or more.")  # fmt: skip
-@click.option("--scale", metavar="N px/m",
-              help="Instead of the grid: pixels per length of a camera that looks straight on; 75px/mm+-1px/mm.")  # fmt: skip
-@click.option("--lens", default="auto", show_default=True, metavar="auto|none|NAME|CAMERA.toml|PROFILE.xml",
-              help="Lens correction: lensfun's for what EXIF names, none, lensfun's for a name, the file of calibrate, or a "
-              "file in lensfun's format.")  # fmt: skip
-@click.option("--camera", "body", help="Name of the camera if missing in EXIF, such as 'Canon EOS 550D'.")
-@click.option("--focal", metavar="LENGTH", help="Focal length if missing in EXIF, such as 35mm.")
-@click.option("--origin", metavar="x,y", help="Pixel near the crossing that becomes X = Z = 0.  [default: the middle]")
-@click.option("--lamp-distance", metavar="LENGTH",
-              help="From the lamp to the object, if the light is not parallel; 2m+-5cm gives an error.")  # fmt: skip
-@click.option("--screen-distance", metavar="LENGTH", help="From the object to the screen; 3cm+-1mm gives an error.")
-@click.option("--roi", metavar="x0,y0,x1,y1", help="Region of interest in px; the shadow is searched only there.")
-@click.option("--mask", "masks", multiple=True, metavar="x0,y0,x1,y1",
-              help="Region in px in which no edge is looked for, such as a label's; may be repeated.")  # fmt: skip
-@click.option("--zero", metavar="x,y=x,y", help="Two pixels on the undeformed surface.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("setup.toml"), show_default=True,
-              help="Setup file to write, for photos --setup.")  # fmt: skip
-@click.option("--overlay", type=click.Path(path_type=Path),
-              help="Picture of the result.  [default: OUTPUT with the ending .png, or -overlay.png where that "
-              "is taken]")  # fmt: skip
-def setup(photograph: Path, output: Path, overlay: Path | None, **given: Any) -> None:
-    """Find the screen's plane in a PHOTOGRAPH of its grid, of a board, or of known points.
-
-    Pixels (x, y) count from the upper left; on the screen X counts to the right and Z upwards.
-
-    \b
-    Exit status: 0 done; 2 the input cannot be used, as where no grid is found; 1 failed.
-    """
-    for place in (output, overlay or output):
-        texts.check_place(place)
-    try:
-        _check_given(given)
-        shown = _places(photograph, output, overlay, given["lens"])
-        picture = calibration.read_picture(photograph)
-        pitch, pitch_error = _pitch(given["grid_pitch"])
-        camera = lens_camera(photograph, picture.shape[1::-1], given["lens"], given["body"], given["focal"])
-        plane = _plane(given, picture, camera, pitch)
-        printed = not given["points"] and given["scale"] is None
-        made = _setup(given, camera, plane, pitch if printed and given["target"] == "grid" else None)
-        made = dataclasses.replace(made, pitch_error=pitch_error if printed else 0.0)
-    except GridError as error:
-        texts.stop(f"{photograph}: {error}")
-    except (CameraError, OwnFolderError, PlaneError, SetupError, units.UnitError) as error:
-        texts.stop(str(error))
-    try:
-        calibration.draw_points(shown, picture, camera, plane)
-    except (OSError, ValueError) as error:
-        status = commands.status_of(error) if isinstance(error, OSError) else commands.UNUSABLE
-        texts.stop(f"the picture of the plane {shown} cannot be written: {errors.reason(error)}", status)
-    texts.write_text(output, made.to_toml())
-    _report(made, given, f"written to {output} and {shown}")
-
-
-def _setup(given: dict[str, Any], camera: Camera, plane: Plane, grid_pitch: float | None) -> Setup:
-    """Return the setup with what the options say of light, regions and the undeformed surface; the pitch is in m. Raises
-    `SetupError` or `UnitError` for a text that is not what it should be."""
-    size = texts.magnification(given["lamp_distance"], given["screen_distance"])
-    roi = None if given["roi"] is None else texts.numbers(given["roi"], 4, "--roi")
-    masks = tuple(texts.numbers(mask, 4, "--mask") for mask in given["masks"])
-    made = Setup(camera, plane, *size, roi=roi, masks=masks, grid_pitch=grid_pitch)  # type: ignore[arg-type]
-    if given["zero"] is None:
-        return made
-    ends = [texts.numbers(part, 2, "--zero") for part in given["zero"].split("=")]
-    return dataclasses.replace(made, zero=made.to_metres(ends))
-
-
-def _check_given(given: dict[str, Any]) -> None:
-    """Raise `SetupError` for the first option that something else given makes meaningless."""
-    source = click.get_current_context().get_parameter_source
-    told = {name for name in given if source(name) is click.core.ParameterSource.COMMANDLINE}
-    board = ("pattern", "dictionary", "marker_share")
-    target, lens = given["target"], given["lens"]
-    meaningless: list[tuple[str, tuple[str, ...]]] = []
-    if given["points"] or given["scale"] is not None:
-        way = "--point" if given["points"] else "--scale"
-        meaningless.append((way, ("target", "grid_pitch", *board, *(("origin",) if given["points"] else ()))))
-    elif target != "charuco":
-        meaningless.append((f"--target {target}", board if target == "grid" else ("dictionary", "marker_share")))
-    if lens == "none" or lens.endswith(".toml"):
-        meaningless.append((f"--lens {lens}", ("body", "focal")))
-    for cause, names in meaningless:
-        for name in names:
-            if name in told:
-                flag = {"body": "camera"}.get(name, name.replace("_", "-"))
-                raise SetupError(f"--{flag} has no effect with {cause}; leave one of them out")
-
-
-def _places(photograph: Path, output: Path, overlay: Path | None, lens: str) -> Path:
-    """Return where the overlay goes: beside the setup, under another name where that is the photograph's or somebody
-    else's. Raises `OwnFolderError` where either would replace what is not the program's."""
-    inputs = (photograph, Path(lens))
-    commands.check_output_file(output, inputs, files.has_table("plane"), "the setup", "-o")
-    if overlay is None:
-        overlay = output.with_suffix(".png")
-        if any(files.is_same(overlay, file) for file in inputs) or (overlay.is_file() and not files.is_drawn(overlay)):
-            overlay = output.with_name(f"{output.stem}-overlay.png")
-    commands.check_output_file(overlay, (*inputs, output), files.is_drawn, "the picture of what was found", "--overlay")
-    if overlay == output:
-        raise OwnFolderError(f"{output} cannot be both the setup and its picture; give another --overlay")
-    return overlay
-
-
-def _report(made: Setup, given: dict[str, Any], written: str) -> None:
-    camera, plane = made.camera, made.plane
-    raw = frame_points(camera.width, camera.height)
-    raw = raw[np.isfinite(made.to_metres(raw)).all(axis=1)]
-    span = float(np.sqrt(abs(np.linalg.det(made.jacobian([[camera.width / 2, camera.height / 2]])[0]))))
-    error = float(np.sqrt(np.mean(made.error(raw, 0.0) ** 2)))
-    processes.say(
-        f"Lens: {camera.source}, standard error {camera.error_px:.2g} px; focal length {camera.matrix[0, 0]:.0f} px"
-    )
-    size = f"{made.magnification:.4f}" + (f" +- {made.magnification_error:.1g}" if made.magnification_error else "")
-    processes.say(f"In the picture's middle one pixel spans {span * 1e6:.2f} um of the object; magnification {size}")
-    if made.pitch_error:
-        processes.say(
-            f"The pitch, and so all lengths, have an assumed error of {made.pitch_error:.2%}; give another with --grid-pitch"
-        )
-    if given["scale"] is not None:
-        processes.say("The plane follows from the given scale and a perpendicular view; the picture does not verify it")
-    else:
-        kind = "known points" if given["points"] else "crossings" if given["target"] == "grid" else "corners"
-        processes.say(f"{len(plane.points)} {kind}, residual to the plane {plane.residual * 1e6:.2f} um (rms)")
-    processes.say(f"Standard error of positions in the picture: {error * 1e6:.2g} um (rms); {written}")

@@ -44,6 +44,25 @@ from measurement.screen.look import Flatness, GridLook, View, flatness, look_at_
 from measurement.screen.setup import Setup
 from softmodels.common.arrays import Array, Mask
 
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Edge:
+    """An edge in pixels: points in order along it and unit vectors across it from shadow to light, shape (n, 2); by point,
+    shape (n,), the standard error along the normal and the standard deviation of penumbra and blur in px, and the share of
+    the local light that the shadow takes away. ``shape`` is what the profiles across it have in common."""
+
+    px: Array
+    normal: Array
+    error: Array
+    width: Array
+    contrast: Array
+    shape: EdgeShape = dataclasses.field(default_factory=gaussian)
+
+    def __getitem__(self, chosen: Mask) -> Edge:
+        names = ("px", "normal", "error", "width", "contrast")
+        return dataclasses.replace(self, **{name: getattr(self, name)[chosen] for name in names})
+
+
 MOST_STATIONS = 1200
 """Stations along an edge; at 10 um per pixel they lie some 50 um apart."""
 
@@ -64,24 +83,6 @@ WHOLE, PART = 0.85, 0.7
 
 DRAWN_ERROR = 0.35
 """Share of the shift by ink that blurs with the edge by which its correction may be wrong."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Edge:
-    """An edge in pixels: points in order along it and unit vectors across it from shadow to light, shape (n, 2); by point,
-    shape (n,), the standard error along the normal and the standard deviation of penumbra and blur in px, and the share of
-    the local light that the shadow takes away. ``shape`` is what the profiles across it have in common."""
-
-    px: Array
-    normal: Array
-    error: Array
-    width: Array
-    contrast: Array
-    shape: EdgeShape = dataclasses.field(default_factory=gaussian)
-
-    def __getitem__(self, chosen: Mask) -> Edge:
-        names = ("px", "normal", "error", "width", "contrast")
-        return dataclasses.replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
 
 def coarse_contour(mask: Mask, share: Array, factor: float, origin: tuple[int, int]) -> Array:

@@ -14,33 +14,6 @@ import numpy.typing as npt
 from softmodels.common import errors, files, units
 from softmodels.common.arrays import Array
 
-COLUMNS = "x_m,z_m,error_m,bridged"
-MEASURED_ONLY = "x_m,z_m,error_m"
-"""Header of files in which every point was measured."""
-
-type History = tuple[tuple[float, float], ...]
-"""Pressures through time: pairs of a time in s and a pressure in Pa, linear in between, from rest on."""
-
-SHARED = 10e-6
-"""Standard error in m above which it is no longer each point's own."""
-
-
-def reached(history: History) -> int:
-    """Return the index in a history of the moment at which its last pressure was reached."""
-    last = len(history) - 1
-    while last > 0 and history[last - 1][1] == history[-1][1]:
-        last -= 1
-    return last
-
-
-def hold_of(history: History) -> float:
-    """Return how long in s the last pressure of a history was held; nan for none."""
-    return history[-1][0] - history[reached(history)][0] if history else math.nan
-
-
-class OutlineError(ValueError):
-    """Invalid points or file of an outline; the message is for the user."""
-
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Outline:
@@ -255,6 +228,34 @@ class Outline:
             trust == "anyway",
             edge_error,
         )
+
+
+COLUMNS = "x_m,z_m,error_m,bridged"
+MEASURED_ONLY = "x_m,z_m,error_m"
+"""Header of files in which every point was measured."""
+
+type History = tuple[tuple[float, float], ...]
+"""Pressures through time: pairs of a time in s and a pressure in Pa, linear in between, from rest on."""
+
+SHARED = 10e-6
+"""Standard error in m above which it is no longer each point's own."""
+
+
+def reached(history: History) -> int:
+    """Return the index in a history of the moment at which its last pressure was reached."""
+    last = len(history) - 1
+    while last > 0 and history[last - 1][1] == history[-1][1]:
+        last -= 1
+    return last
+
+
+def hold_of(history: History) -> float:
+    """Return how long in s the last pressure of a history was held; nan for none."""
+    return history[-1][0] - history[reached(history)][0] if history else math.nan
+
+
+class OutlineError(ValueError):
+    """Invalid points or file of an outline; the message is for the user."""
 
 
 def _row(path: Path, place: int, line: str) -> list[float]:

@@ -20,6 +20,86 @@ from measurement.screen.look import GridLook
 from measurement.screen.setup import Setup
 from softmodels.common.arrays import Array, Mask
 
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Profiles:
+    """Light across an edge at n stations along it, k samples each.
+
+    Attributes:
+        place: The stations in px, shape (n, 2).
+        normal: Unit vectors from shadow to light, along which the samples lie, shape (n, 2).
+        offsets: Distances of the samples from the stations in px, shape (k,).
+        value: Light, averaged along the edge, shape (n, k).
+        weight: 1 where all samples are clear of ink and inside of the picture, shape (n, k).
+        points: Pixels that stand for the station's length, shape (n, m, k, 2).
+    """
+
+    place: Array
+    normal: Array
+    offsets: Array
+    value: Array
+    weight: Array
+    points: Array
+
+    @classmethod
+    def across(cls, shading: Shading, path: Array, spacing: float, reach: float) -> Profiles:
+        """Return the profiles from ``reach`` px in the shadow to ``reach`` px in the light, every ``spacing`` px of a path (m,
+        2)."""
+        place, normal = stations(path, spacing)
+        offsets = np.linspace(-reach, reach, 2 * HALF + 1)
+        tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
+        count = max(1, round(min(spacing, LONGEST_STATION)))
+        beside = np.arange(count) - (count - 1) / 2.0
+        points = (
+            place[:, None, None, :]
+            + beside[None, :, None, None] * tangent[:, None, None, :]
+            + offsets[None, None, :, None] * normal[:, None, None, :]
+        )
+        value = shading.level(points)
+        weight = np.isfinite(value).astype(float)
+        if shading.through is not None:
+            ink = shading.through(points)
+            value = value / ink
+            weight *= 1.0 / (1.0 + ((1.0 - ink) * INK_TRUST / 0.01) ** 2)
+        value = np.where(weight > 0.0, value, 0.0)
+        total = weight.sum(axis=1)
+        mean = (weight * value).sum(axis=1) / np.maximum(total, 1e-9)
+        return cls(place, normal, offsets, mean, total / count, points[:, :: max(1, (count - 1) // 2)])
+
+    @property
+    def depth(self) -> float:
+        """Share of the light that is missing at their dark ends, if it hardly changes at both ends any more; else 0."""
+        light = np.median(self.value, axis=0)
+        dark, next_dark, _, next_lit, lit = (float(np.median(part)) for part in np.split(light, np.array(ENDS)))
+        flat = max(next_dark - dark, lit - next_lit) < FLAT * (lit - dark)
+        return 1.0 - dark / lit if flat else 0.0
+
+    def drawn(self, drawn: Drawn, z: Array, width: Array) -> Array:
+        """Return what ink leaves in the profiles (n, k), averaged over the stations' lengths; see `Drawn`."""
+        parts = range(self.points.shape[1])
+        return np.asarray(np.mean([drawn(self.points[:, part], z, width) for part in parts], axis=0))
+
+
+def stations(path: Array, spacing: float) -> tuple[Array, Array]:
+    """Return the places (n, 2) at equal distances along a path, and its unit normals (n, 2): to the left of the way along
+    it. Raises `Unmeasurable` for a path that is too short."""
+    step = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    keep = np.r_[True, step > 1e-9]
+    path, arc = path[keep], np.r_[0.0, np.cumsum(step[step > 1e-9])]
+    if len(path) < 5 or arc[-1] < 5.0 * spacing:
+        raise pictures.Unmeasurable("the shadow is too small to be measured; move the camera closer")
+    s = np.arange(0.5 * spacing, arc[-1], spacing)
+
+    def at(along: Array) -> Array:
+        return np.column_stack([np.interp(along, arc, path[:, axis]) for axis in (0, 1)])
+
+    # Directions come from a chord of several stations: a single step of a coarse contour turns with every pixel.
+    chord = 3.0 * spacing
+    tangent = at(np.minimum(s + chord, arc[-1])) - at(np.maximum(s - chord, 0.0))
+    tangent /= np.maximum(np.linalg.norm(tangent, axis=1), 1e-9)[:, None]
+    return at(s), np.column_stack([tangent[:, 1], -tangent[:, 0]])
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Which pixels are shadow: the Mahalanobis distance to the shadow's colour.
 #
@@ -389,85 +469,6 @@ class Shading:
         return pictures.sample_light(self.image, points, self.light) @ self.colour.direction
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Profiles:
-    """Light across an edge at n stations along it, k samples each.
-
-    Attributes:
-        place: The stations in px, shape (n, 2).
-        normal: Unit vectors from shadow to light, along which the samples lie, shape (n, 2).
-        offsets: Distances of the samples from the stations in px, shape (k,).
-        value: Light, averaged along the edge, shape (n, k).
-        weight: 1 where all samples are clear of ink and inside of the picture, shape (n, k).
-        points: Pixels that stand for the station's length, shape (n, m, k, 2).
-    """
-
-    place: Array
-    normal: Array
-    offsets: Array
-    value: Array
-    weight: Array
-    points: Array
-
-    @classmethod
-    def across(cls, shading: Shading, path: Array, spacing: float, reach: float) -> Profiles:
-        """Return the profiles from ``reach`` px in the shadow to ``reach`` px in the light, every ``spacing`` px of a path (m,
-        2)."""
-        place, normal = stations(path, spacing)
-        offsets = np.linspace(-reach, reach, 2 * HALF + 1)
-        tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
-        count = max(1, round(min(spacing, LONGEST_STATION)))
-        beside = np.arange(count) - (count - 1) / 2.0
-        points = (
-            place[:, None, None, :]
-            + beside[None, :, None, None] * tangent[:, None, None, :]
-            + offsets[None, None, :, None] * normal[:, None, None, :]
-        )
-        value = shading.level(points)
-        weight = np.isfinite(value).astype(float)
-        if shading.through is not None:
-            ink = shading.through(points)
-            value = value / ink
-            weight *= 1.0 / (1.0 + ((1.0 - ink) * INK_TRUST / 0.01) ** 2)
-        value = np.where(weight > 0.0, value, 0.0)
-        total = weight.sum(axis=1)
-        mean = (weight * value).sum(axis=1) / np.maximum(total, 1e-9)
-        return cls(place, normal, offsets, mean, total / count, points[:, :: max(1, (count - 1) // 2)])
-
-    @property
-    def depth(self) -> float:
-        """Share of the light that is missing at their dark ends, if it hardly changes at both ends any more; else 0."""
-        light = np.median(self.value, axis=0)
-        dark, next_dark, _, next_lit, lit = (float(np.median(part)) for part in np.split(light, np.array(ENDS)))
-        flat = max(next_dark - dark, lit - next_lit) < FLAT * (lit - dark)
-        return 1.0 - dark / lit if flat else 0.0
-
-    def drawn(self, drawn: Drawn, z: Array, width: Array) -> Array:
-        """Return what ink leaves in the profiles (n, k), averaged over the stations' lengths; see `Drawn`."""
-        parts = range(self.points.shape[1])
-        return np.asarray(np.mean([drawn(self.points[:, part], z, width) for part in parts], axis=0))
-
-
-def stations(path: Array, spacing: float) -> tuple[Array, Array]:
-    """Return the places (n, 2) at equal distances along a path, and its unit normals (n, 2): to the left of the way along
-    it. Raises `Unmeasurable` for a path that is too short."""
-    step = np.linalg.norm(np.diff(path, axis=0), axis=1)
-    keep = np.r_[True, step > 1e-9]
-    path, arc = path[keep], np.r_[0.0, np.cumsum(step[step > 1e-9])]
-    if len(path) < 5 or arc[-1] < 5.0 * spacing:
-        raise pictures.Unmeasurable("the shadow is too small to be measured; move the camera closer")
-    s = np.arange(0.5 * spacing, arc[-1], spacing)
-
-    def at(along: Array) -> Array:
-        return np.column_stack([np.interp(along, arc, path[:, axis]) for axis in (0, 1)])
-
-    # Directions come from a chord of several stations: a single step of a coarse contour turns with every pixel.
-    chord = 3.0 * spacing
-    tangent = at(np.minimum(s + chord, arc[-1])) - at(np.maximum(s - chord, 0.0))
-    tangent /= np.maximum(np.linalg.norm(tangent, axis=1), 1e-9)[:, None]
-    return at(s), np.column_stack([tangent[:, 1], -tangent[:, 0]])
-
-
 # ----------------------------------------------------------------------------------------------------------------------
 # The shape that all light profiles across an edge have in common, and where in it half of the lamp is visible.
 #
@@ -528,7 +529,6 @@ DEEP = 0.5
 
 CAMERA, CAMERA_TONE = 0.012, 0.4
 """Error of the half light's place in widths that remains because the model is not the camera's, and its growth with e."""
-
 
 LARGEST_MISFIT = 3.5
 """Misfit of an edge's shape from which no tone is known to be right, and the light does not fall as behind one lamp."""

@@ -14,89 +14,6 @@ from measurement.outline import edge
 from measurement.screen.setup import Setup, SetupError
 from softmodels.common.arrays import Array, Mask
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The zero plane: the undeformed surface, from which heights are counted.
-#
-# Seen from the side it is a straight line on the screen, from the photograph at zero pressure or from two points given in the
-# setup. x runs along it from the foot of the screen's origin, z stands on it.
-#
-# The body's own width below its surface, where no pressure changes it: the scale of each photograph.
-#
-# A body that comes nearer to the lamp throws a larger shadow, and its bulge seems higher. Its sides tell: their distance is
-# measured over the lowest part that the picture shows, nearest to the support and farthest from the bulge.
-
-
-SIDE_NORMAL_COSINE = 0.35
-"""Cosine of the angle between an edge's normal and the surface's up to which the edge is a side of the body."""
-
-DEPTH, SIDE_BAND = 0.3e-3, 2e-3
-"""Depth in m below the surface from which a side counts, and the height in m of its lowest part that is taken."""
-
-SIDE_STEP, BULGE_ERRORS = 1e-3, 6.0
-"""Height in m of the bands in which sides are looked at for a bulge, and standard errors by which their widths differ then."""
-
-MIN_SIDE_POINTS = 8
-"""Points of each side."""
-
-CORRELATED_SIDE_POINTS = 5.0
-"""Neighbouring points that err together."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Sides:
-    """Both sides of a body as straight lines x = place + lean (z - depth): their distance in m at the depth z, negative,
-    how it grows with z, its standard error, and x in m midway between them."""
-
-    depth: float
-    width: float
-    lean: float
-    error: float
-    middle: float = 0.0
-
-    def beyond(self, x: Array) -> Array:
-        """Return how far in m places x (n,) lie outside of the body, negative inside."""
-        return np.abs(x - self.middle) - 0.5 * self.width
-
-    def width_at(self, depth: float) -> float:
-        """Return the width in m at another depth nearby."""
-        return self.width + self.lean * (depth - self.depth)
-
-
-def sides_of(placed: Array, upwards: Array, error: Array, band: tuple[float, float] | None = None) -> Sides | None:
-    """Return the body's sides in a photograph; None where it does not show both. The edge (n, 2) is x along the surface
-    and z above it in m, with the cosines of the angles between the way to the light and the surface's normal, and its
-    errors in m, shape (n,). The ``band`` of heights z is the lowest one that both sides show unless given."""
-    steep = (np.abs(upwards) < SIDE_NORMAL_COSINE) & (placed[:, 1] < -DEPTH)
-    if steep.sum() < 2 * MIN_SIDE_POINTS:
-        return None
-    # Smoothing rounds the corner between surface and side, over half a span of points on either side of it.
-    clear = steep & binary_erosion(np.abs(upwards) < SIDE_NORMAL_COSINE, np.ones(edge.SPAN + 1), border_value=1)
-    steep = clear if clear.sum() >= 4 * MIN_SIDE_POINTS else steep
-    middle = 0.5 * (placed[steep, 0].min() + placed[steep, 0].max())
-    halves = [steep & (placed[:, 0] < middle), steep & (placed[:, 0] > middle)]
-    if min(half.sum() for half in halves) < MIN_SIDE_POINTS:
-        return None
-    lowest = max(float(placed[half, 1].min()) for half in halves)
-    bottom, top = band or (lowest, min(lowest + SIDE_BAND, -DEPTH))
-    depth = 0.5 * (bottom + top)
-    lines, variance = [], 0.0
-    for half in halves:
-        part = half & (placed[:, 1] >= bottom) & (placed[:, 1] <= top)
-        if part.sum() < MIN_SIDE_POINTS:
-            return None
-        terms = np.column_stack([np.ones(int(part.sum())), placed[part, 1] - depth])
-        line = robust.robust_fit(terms, placed[part, 0], 6)
-        variance += (
-            (robust.deviation(line.rest) ** 2 + float(np.median(error[part])) ** 2)
-            * CORRELATED_SIDE_POINTS
-            / float(part.sum())
-        )
-        lines.append(line.coefficients)
-    width, lean = lines[1] - lines[0]
-    middle = 0.5 * float(lines[0][0] + lines[1][0])
-    return Sides(depth, float(width), float(lean), float(np.sqrt(variance)), middle)
-
-
 STEEPEST = 20.0
 """Largest angle in degrees between the surface and the screen's horizontal."""
 
@@ -104,24 +21,6 @@ STRAIGHT = 60e-6
 """Half width in m of the band in which a flat surface's edge must lie."""
 
 MIN_SURFACE_POINTS = 30
-
-SIDE_COSINE, SMALLEST_PIECE = 0.35, 0.25
-"""Cosine of the angle between an edge's normal and the screen's vertical from which it is a side, and the share of all level
-points that the body's surface has at least."""
-
-SURFACE_BAND, CORNERS = 250e-6, 0.97
-"""Distance in m from the line, and share of the body's radius, within which its edge is looked at for a bow."""
-
-FINEST = 1e-6
-"""Least error of a bow in m."""
-
-DEPTH_RATIO = 3.0
-"""Mean height of a bow over the lift that the penumbra's shape shows, up to which depth makes both."""
-
-HIDDEN, LEVEL = 2.0, 0.1
-"""Where the body's sides are not in the picture: the true bow over the visible one, and the standard error in degrees by
-which the lamp may have been moved, for the body's radius of which at least this much is visible."""
-
 CORRELATED_SURFACE_POINTS = 10.0
 """Neighbouring points that err together (dust, ripples of the skin), for the error of the line."""
 
@@ -231,6 +130,24 @@ class ZeroLine:
         return np.hypot(self.error, self.slope_error * (x - self.centre))
 
 
+SIDE_COSINE, SMALLEST_PIECE = 0.35, 0.25
+"""Cosine of the angle between an edge's normal and the screen's vertical from which it is a side, and the share of all level
+points that the body's surface has at least."""
+
+SURFACE_BAND, CORNERS = 250e-6, 0.97
+"""Distance in m from the line, and share of the body's radius, within which its edge is looked at for a bow."""
+
+FINEST = 1e-6
+"""Least error of a bow in m."""
+
+DEPTH_RATIO = 3.0
+"""Mean height of a bow over the lift that the penumbra's shape shows, up to which depth makes both."""
+
+HIDDEN, LEVEL = 2.0, 0.1
+"""Where the body's sides are not in the picture: the true bow over the visible one, and the standard error in degrees by
+which the lamp may have been moved, for the body's radius of which at least this much is visible."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Bow:
     """How far the undeformed surface's edge bows up towards its middle, with its error, the body's radius or how much of it
@@ -326,6 +243,89 @@ def _best_pair(points: Array) -> tuple[Array, Array]:
     best = int(np.argmax((np.abs(offset) < STRAIGHT / 2).sum(axis=1)))
     found = direction[best] if direction[best, 0] > 0.0 else -direction[best]
     return found, points[pairs[best, 0]]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The zero plane: the undeformed surface, from which heights are counted.
+#
+# Seen from the side it is a straight line on the screen, from the photograph at zero pressure or from two points given in the
+# setup. x runs along it from the foot of the screen's origin, z stands on it.
+#
+# The body's own width below its surface, where no pressure changes it: the scale of each photograph.
+#
+# A body that comes nearer to the lamp throws a larger shadow, and its bulge seems higher. Its sides tell: their distance is
+# measured over the lowest part that the picture shows, nearest to the support and farthest from the bulge.
+
+
+SIDE_NORMAL_COSINE = 0.35
+"""Cosine of the angle between an edge's normal and the surface's up to which the edge is a side of the body."""
+
+DEPTH, SIDE_BAND = 0.3e-3, 2e-3
+"""Depth in m below the surface from which a side counts, and the height in m of its lowest part that is taken."""
+
+SIDE_STEP, BULGE_ERRORS = 1e-3, 6.0
+"""Height in m of the bands in which sides are looked at for a bulge, and standard errors by which their widths differ then."""
+
+MIN_SIDE_POINTS = 8
+"""Points of each side."""
+
+CORRELATED_SIDE_POINTS = 5.0
+"""Neighbouring points that err together."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Sides:
+    """Both sides of a body as straight lines x = place + lean (z - depth): their distance in m at the depth z, negative,
+    how it grows with z, its standard error, and x in m midway between them."""
+
+    depth: float
+    width: float
+    lean: float
+    error: float
+    middle: float = 0.0
+
+    def beyond(self, x: Array) -> Array:
+        """Return how far in m places x (n,) lie outside of the body, negative inside."""
+        return np.abs(x - self.middle) - 0.5 * self.width
+
+    def width_at(self, depth: float) -> float:
+        """Return the width in m at another depth nearby."""
+        return self.width + self.lean * (depth - self.depth)
+
+
+def sides_of(placed: Array, upwards: Array, error: Array, band: tuple[float, float] | None = None) -> Sides | None:
+    """Return the body's sides in a photograph; None where it does not show both. The edge (n, 2) is x along the surface
+    and z above it in m, with the cosines of the angles between the way to the light and the surface's normal, and its
+    errors in m, shape (n,). The ``band`` of heights z is the lowest one that both sides show unless given."""
+    steep = (np.abs(upwards) < SIDE_NORMAL_COSINE) & (placed[:, 1] < -DEPTH)
+    if steep.sum() < 2 * MIN_SIDE_POINTS:
+        return None
+    # Smoothing rounds the corner between surface and side, over half a span of points on either side of it.
+    clear = steep & binary_erosion(np.abs(upwards) < SIDE_NORMAL_COSINE, np.ones(edge.SPAN + 1), border_value=1)
+    steep = clear if clear.sum() >= 4 * MIN_SIDE_POINTS else steep
+    middle = 0.5 * (placed[steep, 0].min() + placed[steep, 0].max())
+    halves = [steep & (placed[:, 0] < middle), steep & (placed[:, 0] > middle)]
+    if min(half.sum() for half in halves) < MIN_SIDE_POINTS:
+        return None
+    lowest = max(float(placed[half, 1].min()) for half in halves)
+    bottom, top = band or (lowest, min(lowest + SIDE_BAND, -DEPTH))
+    depth = 0.5 * (bottom + top)
+    lines, variance = [], 0.0
+    for half in halves:
+        part = half & (placed[:, 1] >= bottom) & (placed[:, 1] <= top)
+        if part.sum() < MIN_SIDE_POINTS:
+            return None
+        terms = np.column_stack([np.ones(int(part.sum())), placed[part, 1] - depth])
+        line = robust.robust_fit(terms, placed[part, 0], 6)
+        variance += (
+            (robust.deviation(line.rest) ** 2 + float(np.median(error[part])) ** 2)
+            * CORRELATED_SIDE_POINTS
+            / float(part.sum())
+        )
+        lines.append(line.coefficients)
+    width, lean = lines[1] - lines[0]
+    middle = 0.5 * float(lines[0][0] + lines[1][0])
+    return Sides(depth, float(width), float(lean), float(np.sqrt(variance)), middle)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

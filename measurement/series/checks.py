@@ -33,48 +33,6 @@ from measurement.series import witness
 from softmodels.common import names
 from softmodels.common.arrays import Array
 
-LIST, EDGE, TONE, ZERO, OUTLINE, RUN, COURSE = "list", "edge", "tone", "zero", "outline", "run", "course"
-"""When a check is asked: before anything is measured; of an edge; of one whose tone was compared with another; of the zero
-plane; of an outline above it; of all outlines of a run; and of those that are trusted after that."""
-
-FEWEST_POINTS = 40
-"""Points that an edge or an outline needs."""
-
-BELOW = 4.0
-"""Standard errors that a point may lie below the surface and still be on it."""
-
-BESIDE_ORIGIN = (("to the right of", "to the left of"), ("above", "below"))
-"""Words for lines of constant X and of constant Z on the two sides of the grid's origin."""
-
-READING = 0.1
-"""Movement in px that the grid's lines can tell from none."""
-
-OR_MASK = "or cover it with setup --mask"
-"""Of a thing that hides a part of the edge."""
-
-STATED = 4.5
-"""Ripple in its own scatter from which the stated error has to carry it: the largest of good outlines reach 4."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Doubt:
-    """What speaks against a photograph.
-
-    Attributes:
-        verdict: What is wrong, with its value.
-        remedy: What to do about it.
-        rejects: Whether there is no outline at all; otherwise it is only untrusted.
-        lasting: Whether there is none even of a photograph that shall be used anyway, since nothing is left to measure.
-    """
-
-    verdict: str
-    remedy: str = ""
-    rejects: bool = False
-    lasting: bool = False
-
-    def __str__(self) -> str:
-        return f"{self.verdict}; {self.remedy}" if self.remedy else self.verdict
-
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Evidence:
@@ -200,6 +158,49 @@ class Evidence:
         lengths[~(above[1:] | above[:-1])] = 0.0
         px = self.traced.line.px[seen]
         return seen, lengths, self.traced.masked(0.5 * (px[1:] + px[:-1]))
+
+
+LIST, EDGE, TONE, ZERO, OUTLINE, RUN, COURSE = "list", "edge", "tone", "zero", "outline", "run", "course"
+"""When a check is asked: before anything is measured; of an edge; of one whose tone was compared with another; of the zero
+plane; of an outline above it; of all outlines of a run; and of those that are trusted after that."""
+
+FEWEST_POINTS = 40
+"""Points that an edge or an outline needs."""
+
+BELOW = 4.0
+"""Standard errors that a point may lie below the surface and still be on it."""
+
+BESIDE_ORIGIN = (("to the right of", "to the left of"), ("above", "below"))
+"""Words for lines of constant X and of constant Z on the two sides of the grid's origin."""
+
+READING = 0.1
+"""Movement in px that the grid's lines can tell from none."""
+
+OR_MASK = "or cover it with setup --mask"
+"""Of a thing that hides a part of the edge."""
+
+STATED = 4.5
+"""Ripple in its own scatter from which the stated error has to carry it: the largest of good outlines reach 4."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Doubt:
+    """What speaks against a photograph.
+
+    Attributes:
+        verdict: What is wrong, with its value.
+        remedy: What to do about it.
+        rejects: Whether there is no outline at all; otherwise it is only untrusted.
+        lasting: Whether there is none even of a photograph that shall be used anyway, since nothing is left to measure.
+    """
+
+    verdict: str
+    remedy: str = ""
+    rejects: bool = False
+    lasting: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.verdict}; {self.remedy}" if self.remedy else self.verdict
 
 
 def unsure_of(ripple: tuple[int, float, float]) -> float:

@@ -27,30 +27,11 @@ from measurement.outline import outline
 from measurement.outline.outline import Outline
 from softmodels.common import errors, files, units
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The water column: readings in cm become pressures in Pa with a standard error.
-#
-# Two upright tubes, joined below, hold water of a known density; one is open, the other joined to the actuator. The gauge
-# pressure inside is density x gravity x difference of the two levels.
-
-
 READING_ERROR = 0.5e-3
 """Standard error in m of reading one level against a millimetre scale."""
 
 DENSITY_ERROR = 10.0 / math.sqrt(12.0)
 """Standard error in kg/m3 of a density given as 0.97 g/ml: even chances over the last digit."""
-
-WATER_UNITS = {"mmh2o": 9.80665, "cmh2o": 98.0665, "mmws": 9.80665, "cmws": 98.0665}
-"""Conventional columns of water in Pa (1000 kg/m3, standard gravity): a gauge's unit, not a length read off a tube."""
-
-FORMS = "write a column like 12.5 cm or a pressure like 1.2 kPa"
-
-GAUGE_ERROR = 0.01
-"""Relative standard error assumed of a pressure given in Pa without one, as of a simple gauge."""
-
-
-class ColumnError(ValueError):
-    """A reading is not a pressure; the message is for the user."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -405,6 +386,26 @@ def _find(folder: Path, name: str) -> Path:
     if len(same) > 1:
         raise PhotoListError(f"{name} matches several files: {', '.join(file.name for file in same)}")
     return same[0] if same else path
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The water column: readings in cm become pressures in Pa with a standard error.
+#
+# Two upright tubes, joined below, hold water of a known density; one is open, the other joined to the actuator. The gauge
+# pressure inside is density x gravity x difference of the two levels.
+
+
+WATER_UNITS = {"mmh2o": 9.80665, "cmh2o": 98.0665, "mmws": 9.80665, "cmws": 98.0665}
+"""Conventional columns of water in Pa (1000 kg/m3, standard gravity): a gauge's unit, not a length read off a tube."""
+
+FORMS = "write a column like 12.5 cm or a pressure like 1.2 kPa"
+
+GAUGE_ERROR = 0.01
+"""Relative standard error assumed of a pressure given in Pa without one, as of a simple gauge."""
+
+
+class ColumnError(ValueError):
+    """A reading is not a pressure; the message is for the user."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -26,223 +26,6 @@ from measurement.series import photo_list
 from measurement.series.photo_list import Photograph, copies
 from softmodels.common.arrays import Array, Mask
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The smooth course of pressure over height through a run's photographs, and what it expects of each from all the others.
-#
-# A bulge's pressure is one smooth function of its height even where it has a greatest value (a limit point), where a volume is
-# driven and the pressure falls, and on both sides of a snap: its height is none of its pressure there. So the course is
-# p(h), and a photograph is compared with what the others predict at its height.
-#
-# The course is a Gaussian process: a straight line and the integrals of white noise, twice (the cubic smoothing spline) or
-# three times, whose size, and a scatter beyond the readings' errors (creep, a leak, friction), are not fitted but averaged
-# over with the weight that the other photographs give them. C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine
-# Learning (2006), sections 5.4.2 (leaving one out) and 6.3 (splines).
-
-
-ROUGHNESS = np.geomspace(0.1, 40.0, 7)
-"""Sizes of the white noise, for pressure and height in units of their greatest values."""
-
-USUAL, SPREAD = 2.0, 1.2
-"""Prior of the roughness: most probable value, and its deviation in natural logarithms."""
-
-SCATTER = np.array([0.0, 0.0025, 0.005, 0.01, 0.03])
-"""Scatter of the pressures beyond their errors in units of the greatest one."""
-
-LIKELY = np.array([0.3, 0.2, 0.2, 0.2, 0.1])
-"""Prior probability of each scatter."""
-
-ANYWHERE = 10.0
-"""Prior standard deviation of the line's height and slope, which are unknown."""
-
-BENT, BEFORE = 3.0, 0.2
-"""Prior standard deviation of the parabola's coefficient, and how far before the lowest point the noise starts."""
-
-TIMES = (2, 3)
-"""Times that the white noise is integrated."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Course:
-    """The course through points of heights in m and pressures in Pa, with the standard errors of the pressures, those of
-    the heights taken along, shape (n,)."""
-
-    heights: Array
-    pressures: Array
-    errors: Array
-
-    @classmethod
-    def through(cls, heights: Array, pressures: Array, height_errors: Array, pressure_errors: Array) -> Course:
-        """Return the course through points with errors in both directions, shapes (n,), in m and Pa."""
-        plain = cls(heights, pressures, np.hypot(pressure_errors, 1e-4 * np.abs(pressures).max()))
-        slope = plain.slope(heights)
-        return dataclasses.replace(plain, errors=np.hypot(plain.errors, slope * height_errors))
-
-    @property
-    def scale(self) -> tuple[float, float]:
-        """Greatest height in m and pressure in Pa, in the course."""
-        return max(float(np.ptp(self.heights)), 1e-9), max(float(np.abs(self.pressures).max()), 1e-9)
-
-    def left_out(self) -> tuple[Array, Array, Array]:
-        """Return what all the others expect of each point: pressure in Pa, its standard error (the course's, the scatter's
-        and the reading's own), and the probability that a good point is as far off, shapes (n,)."""
-        u, q, noise = self._scaled()
-        root, evidence, _ = _models(u, q, noise)
-        precision = np.einsum("mji,mji->mi", root, root)
-        pull = np.einsum("mji,mj->mi", root, root @ q)
-        mean, deviation = q - pull / precision, 1.0 / np.sqrt(precision)
-        alone = norm.logpdf(q, mean, deviation)
-        weight = _weights(evidence[:, None] - alone)
-        expected = np.sum(weight * mean, axis=0)
-        spread = np.sqrt(np.sum(weight * (deviation**2 + (mean - expected) ** 2), axis=0))
-        tail = np.sum(weight * 2.0 * norm.sf(np.abs(q - mean) / deviation), axis=0)
-        pressure = self.scale[1]
-        return expected * pressure, spread * pressure, tail
-
-    def at(self, heights: Array, errors: Array | float = 0.0) -> tuple[Array, Array, Array]:
-        """Return the expected pressure of further points and its standard error in Pa, as `left_out` for theirs, shapes
-        (k,), and the tails' table for `tail`; ``errors`` are their readings' in Pa."""
-        u, q, noise = self._scaled()
-        length, pressure = self.scale
-        v = (np.asarray(heights) - self.heights.min()) / length
-        root, evidence, scatter = _models(u, q, noise)
-        weight = _weights(evidence)
-        cross, own = _prior(v, u), _prior(v, v, diagonal=True)
-        pulled = cross @ root.transpose(0, 2, 1)
-        mean = np.einsum("mkn,mn->mk", pulled, root @ q)
-        variance = own - np.einsum("mkn,mkn->mk", pulled, pulled) + scatter[:, None] ** 2
-        variance = np.maximum(variance, 1e-12) + (np.asarray(errors) / pressure) ** 2
-        expected = np.einsum("m,mk->k", weight, mean)
-        spread = np.sqrt(np.einsum("m,mk->k", weight, variance + (mean - expected) ** 2))
-        table = np.stack([np.broadcast_to(weight[:, None], mean.shape), mean, np.sqrt(variance)])
-        return expected * pressure, spread * pressure, table
-
-    def tail(self, table: Array, pressures: Array) -> Array:
-        """Return the probability that a good point is as far off as these pressures (k,) in Pa, by the table of `at`."""
-        weight, mean, deviation = table
-        return np.asarray(np.sum(weight * 2.0 * norm.sf(np.abs(pressures / self.scale[1] - mean) / deviation), axis=0))
-
-    def height(self, pressure: float, near: float) -> tuple[float, float] | None:
-        """Return the height in m, the nearest to ``near``, at which the course has a pressure, and its standard error; None if
-        nowhere."""
-        low, high = float(self.heights.min()), float(self.heights.max())
-        reach = np.linspace(low - 0.1 * (high - low), high + 0.1 * (high - low), 400)
-        expected, spread, _ = self.at(reach)
-        off = expected - pressure
-        crossing = np.nonzero(off[1:] * off[:-1] <= 0.0)[0]
-        if not len(crossing):
-            return None
-        k = min(crossing, key=lambda k: abs(reach[k] - near))
-        slope = (expected[k + 1] - expected[k]) / (reach[k + 1] - reach[k])
-        if slope == 0.0:
-            return None
-        return float(reach[k] - off[k] / slope), float(spread[k] / abs(slope))
-
-    def _scaled(self) -> tuple[Array, Array, Array]:
-        length, pressure = self.scale
-        return (self.heights - self.heights.min()) / length, self.pressures / pressure, self.errors / pressure
-
-    def slope(self, heights: Array) -> Array:
-        """Return the slope of the course in Pa/m at heights (k,)."""
-        step = 1e-3 * self.scale[0]
-        above, below = self.at(heights + step)[0], self.at(heights - step)[0]
-        return np.abs(above - below) / (2.0 * step)
-
-
-def _models(u: Array, q: Array, noise: Array) -> tuple[Array, Array, Array]:
-    """Return the inverse roots L^-1 of the covariances L L^T (m, n, n), logarithms of the evidence (m,), and scatters
-    (m,). Roots, because the line's wide prior leaves inverses of the covariances themselves with few digits."""
-    prior = _prior(u, u)
-    scatter = np.tile(SCATTER, len(prior) // len(SCATTER))
-    matrix = prior + (scatter[:, None] ** 2 + noise**2)[:, :, None] * np.eye(len(u))
-    lower = np.linalg.cholesky(matrix)
-    root = np.linalg.solve(lower, np.broadcast_to(np.eye(len(u)), matrix.shape))
-    size = 2.0 * np.log(np.einsum("mii->mi", lower)).sum(axis=1)
-    fit = np.sum((root @ q) ** 2, axis=1)
-    before = [
-        np.log(likely) - 0.5 * (np.log(rough / USUAL) / SPREAD) ** 2
-        for _ in TIMES for rough in ROUGHNESS for likely in LIKELY
-    ]  # fmt: skip
-    return root, -0.5 * (fit + size) + np.array(before), scatter
-
-
-def _prior(v: Array, u: Array, diagonal: bool = False) -> Array:
-    """Return the covariances (m, k, n) of the course at v (k,) and u (n,), or its variances (m, k) at v; one per model."""
-    product = v * v if diagonal else v[:, None] * u
-    first, second = (v, v) if diagonal else (v[:, None], u[None, :])
-    found = []
-    for times in TIMES:
-        # Noise that is integrated three times leaves a parabola open, not only a line.
-        known = ANYWHERE**2 * (1.0 + product) + (BENT**2 * product**2 if times > 2 else 0.0)
-        kernel = _integrated(first, second, times)
-        found += [known + rough**2 * kernel for rough in ROUGHNESS for _ in SCATTER]
-    return np.stack(found)
-
-
-def _integrated(v: Array, u: Array, times: int) -> Array:
-    """Return the covariance of white noise integrated two or three times from a place before all points."""
-    v, u = np.maximum(v + BEFORE, 0.0), np.maximum(u + BEFORE, 0.0)
-    least, apart = np.minimum(v, u), np.abs(v - u)
-    if times == 2:
-        return np.asarray(least**3 / 3.0 + apart * least**2 / 2.0)
-    return np.asarray(least**5 / 20.0 + apart * least**4 / 8.0 + apart**2 * least**3 / 12.0)
-
-
-def _weights(logarithms: Array) -> Array:
-    weight = np.exp(logarithms - logarithms.max(axis=0))
-    return np.asarray(weight / weight.sum(axis=0))
-
-
-FEWEST = 4
-"""Photographs, one at zero among them, from which there is a course to compare with."""
-
-CHANCE = 1e-3
-"""Probability that a good photograph is as far off, below which one is not trusted."""
-
-FITS = 0.01
-"""The same from which another pressure explains a photograph."""
-
-SHARE = 4
-"""At most every so manieth photograph is taken for wrong before the course is looked for through the others."""
-
-LAG = 0.5
-"""Greatest share of the pressure by which a height is kept at less while a soft body is let down."""
-
-TURNS = 4
-"""Turns between rising and falling pressure beyond which the list's order is not that of the experiment."""
-
-CLEAR = 3.0
-"""Standard errors from which a difference is one."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Refusal:
-    """A photograph that was not measured.
-
-    Attributes:
-        reason: Why, as a sentence for the user.
-        file: The photograph.
-    """
-
-    reason: str
-    file: Path
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Result:
-    """Result of one photograph.
-
-    Attributes:
-        photograph: Its row of the list.
-        outcome: Its outline, or why there is none.
-        name: Stem of its files in the output folder.
-        sample: Patches of its picture, by which copies are found; None where it could not be read.
-    """
-
-    photograph: Photograph
-    outcome: Outline | Refusal
-    name: str
-    sample: pictures.Pixels | None = None
-
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Run:
@@ -492,6 +275,224 @@ def _cause(run: Run, course: Course, k: int, odd: npt.NDArray[np.int64]) -> str:
         if (_tails(run, course, pair, run.pressures[pair[::-1]]) > FITS).all():
             return f": its row and that of {list(run.outlines.values())[other].source} may be swapped"
     return ""
+
+
+@dataclasses.dataclass(frozen=True)
+class Refusal:
+    """A photograph that was not measured.
+
+    Attributes:
+        reason: Why, as a sentence for the user.
+        file: The photograph.
+    """
+
+    reason: str
+    file: Path
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Result:
+    """Result of one photograph.
+
+    Attributes:
+        photograph: Its row of the list.
+        outcome: Its outline, or why there is none.
+        name: Stem of its files in the output folder.
+        sample: Patches of its picture, by which copies are found; None where it could not be read.
+    """
+
+    photograph: Photograph
+    outcome: Outline | Refusal
+    name: str
+    sample: pictures.Pixels | None = None
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The smooth course of pressure over height through a run's photographs, and what it expects of each from all the others.
+#
+# A bulge's pressure is one smooth function of its height even where it has a greatest value (a limit point), where a volume is
+# driven and the pressure falls, and on both sides of a snap: its height is none of its pressure there. So the course is
+# p(h), and a photograph is compared with what the others predict at its height.
+#
+# The course is a Gaussian process: a straight line and the integrals of white noise, twice (the cubic smoothing spline) or
+# three times, whose size, and a scatter beyond the readings' errors (creep, a leak, friction), are not fitted but averaged
+# over with the weight that the other photographs give them. C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine
+# Learning (2006), sections 5.4.2 (leaving one out) and 6.3 (splines).
+
+
+ROUGHNESS = np.geomspace(0.1, 40.0, 7)
+"""Sizes of the white noise, for pressure and height in units of their greatest values."""
+
+USUAL, SPREAD = 2.0, 1.2
+"""Prior of the roughness: most probable value, and its deviation in natural logarithms."""
+
+SCATTER = np.array([0.0, 0.0025, 0.005, 0.01, 0.03])
+"""Scatter of the pressures beyond their errors in units of the greatest one."""
+
+LIKELY = np.array([0.3, 0.2, 0.2, 0.2, 0.1])
+"""Prior probability of each scatter."""
+
+ANYWHERE = 10.0
+"""Prior standard deviation of the line's height and slope, which are unknown."""
+
+BENT, BEFORE = 3.0, 0.2
+"""Prior standard deviation of the parabola's coefficient, and how far before the lowest point the noise starts."""
+
+TIMES = (2, 3)
+"""Times that the white noise is integrated."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Course:
+    """The course through points of heights in m and pressures in Pa, with the standard errors of the pressures, those of
+    the heights taken along, shape (n,)."""
+
+    heights: Array
+    pressures: Array
+    errors: Array
+
+    @classmethod
+    def through(cls, heights: Array, pressures: Array, height_errors: Array, pressure_errors: Array) -> Course:
+        """Return the course through points with errors in both directions, shapes (n,), in m and Pa."""
+        plain = cls(heights, pressures, np.hypot(pressure_errors, 1e-4 * np.abs(pressures).max()))
+        slope = plain.slope(heights)
+        return dataclasses.replace(plain, errors=np.hypot(plain.errors, slope * height_errors))
+
+    @property
+    def scale(self) -> tuple[float, float]:
+        """Greatest height in m and pressure in Pa, in the course."""
+        return max(float(np.ptp(self.heights)), 1e-9), max(float(np.abs(self.pressures).max()), 1e-9)
+
+    def left_out(self) -> tuple[Array, Array, Array]:
+        """Return what all the others expect of each point: pressure in Pa, its standard error (the course's, the scatter's
+        and the reading's own), and the probability that a good point is as far off, shapes (n,)."""
+        u, q, noise = self._scaled()
+        root, evidence, _ = _models(u, q, noise)
+        precision = np.einsum("mji,mji->mi", root, root)
+        pull = np.einsum("mji,mj->mi", root, root @ q)
+        mean, deviation = q - pull / precision, 1.0 / np.sqrt(precision)
+        alone = norm.logpdf(q, mean, deviation)
+        weight = _weights(evidence[:, None] - alone)
+        expected = np.sum(weight * mean, axis=0)
+        spread = np.sqrt(np.sum(weight * (deviation**2 + (mean - expected) ** 2), axis=0))
+        tail = np.sum(weight * 2.0 * norm.sf(np.abs(q - mean) / deviation), axis=0)
+        pressure = self.scale[1]
+        return expected * pressure, spread * pressure, tail
+
+    def at(self, heights: Array, errors: Array | float = 0.0) -> tuple[Array, Array, Array]:
+        """Return the expected pressure of further points and its standard error in Pa, as `left_out` for theirs, shapes
+        (k,), and the tails' table for `tail`; ``errors`` are their readings' in Pa."""
+        u, q, noise = self._scaled()
+        length, pressure = self.scale
+        v = (np.asarray(heights) - self.heights.min()) / length
+        root, evidence, scatter = _models(u, q, noise)
+        weight = _weights(evidence)
+        cross, own = _prior(v, u), _prior(v, v, diagonal=True)
+        pulled = cross @ root.transpose(0, 2, 1)
+        mean = np.einsum("mkn,mn->mk", pulled, root @ q)
+        variance = own - np.einsum("mkn,mkn->mk", pulled, pulled) + scatter[:, None] ** 2
+        variance = np.maximum(variance, 1e-12) + (np.asarray(errors) / pressure) ** 2
+        expected = np.einsum("m,mk->k", weight, mean)
+        spread = np.sqrt(np.einsum("m,mk->k", weight, variance + (mean - expected) ** 2))
+        table = np.stack([np.broadcast_to(weight[:, None], mean.shape), mean, np.sqrt(variance)])
+        return expected * pressure, spread * pressure, table
+
+    def tail(self, table: Array, pressures: Array) -> Array:
+        """Return the probability that a good point is as far off as these pressures (k,) in Pa, by the table of `at`."""
+        weight, mean, deviation = table
+        return np.asarray(np.sum(weight * 2.0 * norm.sf(np.abs(pressures / self.scale[1] - mean) / deviation), axis=0))
+
+    def height(self, pressure: float, near: float) -> tuple[float, float] | None:
+        """Return the height in m, the nearest to ``near``, at which the course has a pressure, and its standard error; None if
+        nowhere."""
+        low, high = float(self.heights.min()), float(self.heights.max())
+        reach = np.linspace(low - 0.1 * (high - low), high + 0.1 * (high - low), 400)
+        expected, spread, _ = self.at(reach)
+        off = expected - pressure
+        crossing = np.nonzero(off[1:] * off[:-1] <= 0.0)[0]
+        if not len(crossing):
+            return None
+        k = min(crossing, key=lambda k: abs(reach[k] - near))
+        slope = (expected[k + 1] - expected[k]) / (reach[k + 1] - reach[k])
+        if slope == 0.0:
+            return None
+        return float(reach[k] - off[k] / slope), float(spread[k] / abs(slope))
+
+    def _scaled(self) -> tuple[Array, Array, Array]:
+        length, pressure = self.scale
+        return (self.heights - self.heights.min()) / length, self.pressures / pressure, self.errors / pressure
+
+    def slope(self, heights: Array) -> Array:
+        """Return the slope of the course in Pa/m at heights (k,)."""
+        step = 1e-3 * self.scale[0]
+        above, below = self.at(heights + step)[0], self.at(heights - step)[0]
+        return np.abs(above - below) / (2.0 * step)
+
+
+def _models(u: Array, q: Array, noise: Array) -> tuple[Array, Array, Array]:
+    """Return the inverse roots L^-1 of the covariances L L^T (m, n, n), logarithms of the evidence (m,), and scatters
+    (m,). Roots, because the line's wide prior leaves inverses of the covariances themselves with few digits."""
+    prior = _prior(u, u)
+    scatter = np.tile(SCATTER, len(prior) // len(SCATTER))
+    matrix = prior + (scatter[:, None] ** 2 + noise**2)[:, :, None] * np.eye(len(u))
+    lower = np.linalg.cholesky(matrix)
+    root = np.linalg.solve(lower, np.broadcast_to(np.eye(len(u)), matrix.shape))
+    size = 2.0 * np.log(np.einsum("mii->mi", lower)).sum(axis=1)
+    fit = np.sum((root @ q) ** 2, axis=1)
+    before = [
+        np.log(likely) - 0.5 * (np.log(rough / USUAL) / SPREAD) ** 2
+        for _ in TIMES for rough in ROUGHNESS for likely in LIKELY
+    ]  # fmt: skip
+    return root, -0.5 * (fit + size) + np.array(before), scatter
+
+
+def _prior(v: Array, u: Array, diagonal: bool = False) -> Array:
+    """Return the covariances (m, k, n) of the course at v (k,) and u (n,), or its variances (m, k) at v; one per model."""
+    product = v * v if diagonal else v[:, None] * u
+    first, second = (v, v) if diagonal else (v[:, None], u[None, :])
+    found = []
+    for times in TIMES:
+        # Noise that is integrated three times leaves a parabola open, not only a line.
+        known = ANYWHERE**2 * (1.0 + product) + (BENT**2 * product**2 if times > 2 else 0.0)
+        kernel = _integrated(first, second, times)
+        found += [known + rough**2 * kernel for rough in ROUGHNESS for _ in SCATTER]
+    return np.stack(found)
+
+
+def _integrated(v: Array, u: Array, times: int) -> Array:
+    """Return the covariance of white noise integrated two or three times from a place before all points."""
+    v, u = np.maximum(v + BEFORE, 0.0), np.maximum(u + BEFORE, 0.0)
+    least, apart = np.minimum(v, u), np.abs(v - u)
+    if times == 2:
+        return np.asarray(least**3 / 3.0 + apart * least**2 / 2.0)
+    return np.asarray(least**5 / 20.0 + apart * least**4 / 8.0 + apart**2 * least**3 / 12.0)
+
+
+def _weights(logarithms: Array) -> Array:
+    weight = np.exp(logarithms - logarithms.max(axis=0))
+    return np.asarray(weight / weight.sum(axis=0))
+
+
+FEWEST = 4
+"""Photographs, one at zero among them, from which there is a course to compare with."""
+
+CHANCE = 1e-3
+"""Probability that a good photograph is as far off, below which one is not trusted."""
+
+FITS = 0.01
+"""The same from which another pressure explains a photograph."""
+
+SHARE = 4
+"""At most every so manieth photograph is taken for wrong before the course is looked for through the others."""
+
+LAG = 0.5
+"""Greatest share of the pressure by which a height is kept at less while a soft body is let down."""
+
+TURNS = 4
+"""Turns between rising and falling pressure beyond which the list's order is not that of the experiment."""
+
+CLEAR = 3.0
+"""Standard errors from which a difference is one."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -44,77 +44,6 @@ if TYPE_CHECKING:
     from softmodels.pictures.comparison import Comparison
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Solve a case into a `Run`, with its states in memory or in a results folder.
-
-
-def solve_in_memory(simulation: Simulation, branch: bool) -> Run:
-    """Solve a case that is not prepared yet, perhaps with the first branch, and keep its states; all ranks call it. `RunError`
-    if no state under load was found."""
-    case, comm, ended = simulation.case, simulation.comm, outcomes.Ended()
-    states: InMemory | None = None
-    aside: InMemory | None = None
-    try:
-        with notes.sentences(), temporary_folder(comm) as folder:
-            mesh = folder / f"{case.name}.msh"
-            simulation.write_mesh(mesh)
-            simulation.prepare(mesh)
-            states = InMemory(simulation, mesh.read_bytes)
-            try:
-                for step in simulation.steps():
-                    states.add(step)
-            except PathEnded as end:
-                ended = outcomes.Ended.by(end)
-                if case.program:
-                    raise
-            aside = _branch(simulation, states) if branch else None
-            states.others = solve_sources(simulation, mesh)
-    except RunError as error:
-        ended = outcomes.Ended.by(error)
-        if states is None:
-            raise
-    finally:
-        simulation.release()
-    if ended.error is not None and not recording.is_loaded(states.rows):
-        raise ended.error
-    return Run(states, ended, comm, None if aside is None else Run(aside, outcomes.Ended(), comm))
-
-
-def _branch(simulation: Simulation, states: InMemory) -> InMemory | None:
-    """Return the states of the branch at the first bifurcation; None if there is none to be found."""
-    if not simulation.bifurcates:
-        simulation.listener.say(notes.no_branch(simulation.case, states.rows))
-        return None
-    aside = InMemory(simulation, states.mesh)
-    for step in simulation.branch():
-        aside.add(step)
-    return aside if aside.rows else None
-
-
-def solve_in_folder(place: recording.ResultsPlace, case: Case, comm: MPI.Comm, listener: Listener, branch: bool) -> Run:
-    """Solve a case into a folder, which is given; see `solved_into`. `RunError` if no state under load was found or stored,
-    other errors for what is in the folder."""
-    folder, loaded, ended = recording.solved_into(place, case, comm, listener, branch=branch)
-    if ended.error is not None:
-        # The end of a path is no error where there are states up to it.
-        end = isinstance(ended.error, RunError) and not isinstance(ended.error, outcomes.UnwrittenError)
-        if not end or not loaded or ended.status == outcomes.BAD_INPUT:
-            raise ended.error
-    assert folder is not None
-    return run_of(folder, ended, comm)
-
-
-def run_of(folder: Path, ended: outcomes.Ended, comm: MPI.Comm | None = None) -> Run:
-    """Return the run in a folder, with the branch that leaves it; `ResultsError` or `CaseError` if it cannot be read."""
-    source = states.StoredStates(folder)
-    aside = source.branch_states()
-    return Run(source, ended, comm, None if aside is None else Run(aside, outcomes.Ended(), comm))
-
-
-errors.call("output", "folder")
-for _option in ("resume", "branch", "sealed"):
-    errors.call(_option, f"{_option}=True")
-
 type Told = bool | Callable[[dict[str, float]], object] | None
 """Progress reports of each state: none, a bar (True), or a function that gets its row of ``path.csv``."""
 
@@ -393,6 +322,80 @@ def modes(
     comm = mpi.start()
     with notes.sentences():
         return analyses.find_frequencies(analyses.case_for_modes(case), count, closed, comm)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Solve a case into a `Run`, with its states in memory or in a results folder.
+
+
+def solve_in_memory(simulation: Simulation, branch: bool) -> Run:
+    """Solve a case that is not prepared yet, perhaps with the first branch, and keep its states; all ranks call it. `RunError`
+    if no state under load was found."""
+    case, comm, ended = simulation.case, simulation.comm, outcomes.Ended()
+    states: InMemory | None = None
+    aside: InMemory | None = None
+    try:
+        with notes.sentences(), temporary_folder(comm) as folder:
+            mesh = folder / f"{case.name}.msh"
+            simulation.write_mesh(mesh)
+            simulation.prepare(mesh)
+            states = InMemory(simulation, mesh.read_bytes)
+            try:
+                for step in simulation.steps():
+                    states.add(step)
+            except PathEnded as end:
+                ended = outcomes.Ended.by(end)
+                if case.program:
+                    raise
+            aside = _branch(simulation, states) if branch else None
+            states.others = solve_sources(simulation, mesh)
+    except RunError as error:
+        ended = outcomes.Ended.by(error)
+        if states is None:
+            raise
+    finally:
+        simulation.release()
+    if ended.error is not None and not recording.is_loaded(states.rows):
+        raise ended.error
+    return Run(states, ended, comm, None if aside is None else Run(aside, outcomes.Ended(), comm))
+
+
+def _branch(simulation: Simulation, states: InMemory) -> InMemory | None:
+    """Return the states of the branch at the first bifurcation; None if there is none to be found."""
+    if not simulation.bifurcates:
+        simulation.listener.say(notes.no_branch(simulation.case, states.rows))
+        return None
+    aside = InMemory(simulation, states.mesh)
+    for step in simulation.branch():
+        aside.add(step)
+    return aside if aside.rows else None
+
+
+def solve_in_folder(place: recording.ResultsPlace, case: Case, comm: MPI.Comm, listener: Listener, branch: bool) -> Run:
+    """Solve a case into a folder, which is given; see `solved_into`. `RunError` if no state under load was found or stored,
+    other errors for what is in the folder."""
+    folder, loaded, ended = recording.solved_into(place, case, comm, listener, branch=branch)
+    if ended.error is not None:
+        # The end of a path is no error where there are states up to it.
+        end = isinstance(ended.error, RunError) and not isinstance(ended.error, outcomes.UnwrittenError)
+        if not end or not loaded or ended.status == outcomes.BAD_INPUT:
+            raise ended.error
+    assert folder is not None
+    return run_of(folder, ended, comm)
+
+
+def run_of(folder: Path, ended: outcomes.Ended, comm: MPI.Comm | None = None) -> Run:
+    """Return the run in a folder, with the branch that leaves it; `ResultsError` or `CaseError` if it cannot be read."""
+    source = states.StoredStates(folder)
+    aside = source.branch_states()
+    return Run(source, ended, comm, None if aside is None else Run(aside, outcomes.Ended(), comm))
+
+
+errors.call("output", "folder")
+
+
+for _option in ("resume", "branch", "sealed"):
+    errors.call(_option, f"{_option}=True")
 
 
 # ----------------------------------------------------------------------------------------------------------------------

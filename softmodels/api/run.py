@@ -48,413 +48,6 @@ if TYPE_CHECKING:
     from softmodels.path import stability
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The states of a run, in memory or in a folder, and `SolvedState` as the user's view of one.
-
-
-type Place = str | Sequence[float] | Array
-"""A place in the undeformed device: a text with its unit, the name of a probe or point, or three numbers in m."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class SolvedState(cards.Shown):
-    """One state of a run, SI units. Its arrays are read-only; ``state.displacement.copy()`` can be changed.
-
-    Attributes:
-        case: What was run.
-        variables: The variables of the table in SI by name, such as ``state.variables["apex"]``.
-        points: Undeformed nodes in device coordinates, m, shape (n, 3); of a section (r, 0, z).
-        cells: Node numbers of the second-order cells in VTK's order, shape (c, 6 or 10).
-        cell_name: ``"Triangle_6"`` or ``"Tetrahedron_10"``.
-        fields: Nodal fields by name: ``displacement``, ``p``, ``von_mises``, ``largest_stretch``, ``J``, those that the run
-            was asked for and, at a bifurcation, its ``mode``.
-    """
-
-    case: Case
-    variables: Row
-    points: Array
-    cells: npt.NDArray[np.int64]
-    cell_name: str
-    fields: Mapping[str, Array]
-    _mesh: Callable[[], bytes] = bytes
-
-    def _line(self) -> str:
-        return f"of {self.case.name} at {headline(self.case, self.variables)}"
-
-    def _figures(self) -> cards.Table:
-        return state_figures(self.case, self.variables)
-
-    def _remarks(self) -> list[str]:
-        return [text] if (text := labels.overlap_text(self.variables)) else []
-
-    def __post_init__(self) -> None:
-        # The arrays belong to the run: `Run.at` and `Run.save` use them.
-        keep_arrays(self)
-        fields = {name: read_only(values) for name, values in self.fields.items()}
-        object.__setattr__(self, "fields", MappingProxyType(fields))
-
-    @property
-    def row(self) -> dict[str, float]:
-        """Its row of ``path.csv``, with that file's columns and units; NaN where a number is not known."""
-        return self.variables.written
-
-    @property
-    def pressure(self) -> float:
-        """Pressure in Pa; of a program the highest."""
-        return float(self.variables["pressure"])
-
-    @property
-    def added_volume(self) -> float:
-        """Added volume in m3."""
-        return float(self.variables["added_volume"])
-
-    @property
-    def displacement(self) -> Array:
-        """Displacement in m, in device coordinates, shape (n, 3)."""
-        return self.fields["displacement"]
-
-    @property
-    def von_mises(self) -> Array:
-        """Von Mises stress in Pa, shape (n,)."""
-        return self.fields["von_mises"]
-
-    @property
-    def largest_stretch(self) -> Array:
-        """Largest principal stretch, shape (n,)."""
-        return self.fields["largest_stretch"]
-
-    @property
-    def J(self) -> Array:
-        """Ratio of the silicone's volume to that at rest, shape (n,)."""
-        return self.fields["J"]
-
-    @property
-    def p(self) -> Array:
-        """Pressure-like unknown in Pa, shape (n,)."""
-        return self.fields["p"]
-
-    @property
-    def deformation_gradient(self) -> Array:
-        """Deformation gradient F in device coordinates, shape (n, 3, 3); of a section x is radial and y the hoop."""
-        return self._tensor("deformation_gradient")
-
-    @property
-    def green_lagrange_strain(self) -> Array:
-        """Green-Lagrange strain (F^T F - I)/2, shape (n, 3, 3)."""
-        return self._tensor("green_lagrange_strain")
-
-    @property
-    def cauchy_stress(self) -> Array:
-        """Cauchy stress in Pa, shape (n, 3, 3): of the silicone, without fibres in its place."""
-        return self._tensor("cauchy_stress")
-
-    @property
-    def nominal_stress(self) -> Array:
-        """First Piola-Kirchhoff stress in Pa, force per undeformed area, shape (n, 3, 3)."""
-        return self._tensor("nominal_stress")
-
-    @property
-    def principal_stresses(self) -> Array:
-        """Principal Cauchy stresses in Pa, the largest first, shape (n, 3)."""
-        return self._tensor("principal_stresses")
-
-    @property
-    def principal_stress_directions(self) -> Array:
-        """Unit vectors of the principal stresses, in the rows, shape (n, 3, 3)."""
-        return self._tensor("principal_stress_directions")
-
-    @property
-    def principal_stretches(self) -> Array:
-        """Principal stretches, the largest first, shape (n, 3)."""
-        return self._tensor("principal_stretches")
-
-    @property
-    def principal_stretch_directions(self) -> Array:
-        """Unit vectors, undeformed, of the principal stretches, in the rows, shape (n, 3, 3)."""
-        return self._tensor("principal_stretch_directions")
-
-    def _tensor(self, name: str) -> Array:
-        """Return a field that may have to be computed; `RunError` if it depends on the states before, and was not stored."""
-        if name not in self.fields and name not in self._further:
-            raise RunError(
-                f"{name} of a silicone with a memory depends on the states before and is not stored; run again with "
-                f"fields=[{name!r}]"
-            )
-        return self.fields[name] if name in self.fields else self._further[name]
-
-    @functools.cached_property
-    def _further(self) -> Mapping[str, Array]:
-        """The fields that follow from displacement and p, those that the run did not store computed."""
-        past = self.case.timed and self.case.remembers
-        missing = [name for name in requestable() if name not in self.fields and not (past and "stress" in name)]
-        return _computed(self, missing, self._mesh) if missing else {}
-
-    @checked
-    @one_at_a_time
-    def along(self, begin: Place, end: Place, points: int = states.POINTS) -> Line:
-        """Return the values along a straight line of the undeformed device, which moves with it.
-
-        Args:
-            begin: Place in device coordinates: a text such as ``"0, 0, 10 mm"``, the name of a probe or a named point, or
-                three numbers in m. It need not lie in the modelled slice.
-            end: The line's other end.
-            points: How many values.
-
-        Raises:
-            CaseError: No such places, or the line does not meet the silicone.
-            RunError: The tensors of a silicone with a memory were not stored.
-        """
-        return self._probe.line((self._place("begin", begin), self._place("end", end)), self._everything, points)
-
-    @checked
-    @one_at_a_time
-    def through(self, point: Place, points: int = states.POINTS) -> Line:
-        """Return the values straight through the wall at the surface point nearest to a place, see `along`."""
-        return self._probe.line(self._probe.through(self._place("point", point)), self._everything, points)
-
-    @property
-    def _everything(self) -> Mapping[str, Array]:
-        return {**self._further, **self.fields, "cauchy_stress": self._tensor("cauchy_stress")}
-
-    @functools.cached_property
-    def _probe(self) -> states.Probe:
-        return states.Probe(self.case.actuator, (self.points, self.cells, self.cell_name))
-
-    def _place(self, name: str, given: Place) -> Array:
-        known = {**self.case.actuator.probes, **self.case.gauges.places}
-        if not isinstance(given, str):
-            if not isinstance(given, list | tuple | np.ndarray):
-                raise CaseError(
-                    f"{name} is {units.brief(given)}; a place is a text such as '0, 0, 10 mm', a probe's name, or "
-                    "three numbers in m"
-                )
-            place = np.array([_number(value, name) for value in given])
-            if place.shape != (3,):
-                raise CaseError(f"{name} has {len(place)} numbers; a place has three, x, y and z in m")
-            return place
-        if given in known:
-            return np.asarray(known[given])
-        if re.fullmatch(entries.NAME, given):
-            raise CaseError(f"{name}: the device has no point {units.brief(given)}; {errors.known_are(given, known)}")
-        try:
-            return np.asarray(entries.place_of(name, given))
-        except entries.ProbeError as error:
-            raise CaseError(str(error)) from None
-
-    @property
-    def mode(self) -> Array | None:
-        """Buckling mode at a bifurcation, shape (n, 3); None in any other state."""
-        return self.fields.get("mode")
-
-    @functools.cached_property
-    def grid(self) -> pyvista.UnstructuredGrid:
-        """The undeformed device as a `pyvista.UnstructuredGrid` with the fields; ``grid.warp_by_vector("displacement")``
-        moves it."""
-        # Copies, because VTK writes into its inputs and users may change a grid.
-        grid = pyvista.UnstructuredGrid({formats.CELL_TYPES[self.cell_name]: self.cells.copy()}, self.points.copy())
-        for name, values in self.fields.items():
-            grid.point_data[name] = values.reshape(-1, formats.TENSOR).copy() if values.ndim == 3 else values.copy()
-        return grid
-
-    @checked
-    @one_at_a_time
-    def show(self, field: str = "von_mises") -> object:
-        """Show the deformed device in space, coloured by a field; see `Run.show`."""
-        from softmodels.api.views import show
-
-        return show(self._states, field)
-
-    @property
-    def _states(self) -> States:
-        """This state as pictures take it."""
-        grid = self.points, self.cells, self.cell_name
-        return States(self.case, [self.variables], grid, lambda step, name: self._tensor(name))
-
-
-def state_of(source: States, step: int) -> SolvedState:
-    """Return one of a source's states."""
-    return SolvedState(
-        source.case, source.rows[step], source.points, source.cells, source.cell_name, source.fields(step), source.mesh
-    )
-
-
-def _computed(state: SolvedState, names: Sequence[str], mesh: Callable[[], bytes]) -> Mapping[str, Array]:
-    """Return fields of a state from its displacement and p, on the run's own mesh; all ranks call it."""
-    comm, case = mpi.start(), state.case
-    simulation = Simulation(dataclasses.replace(case, fields=tuple(names)), comm)
-    try:
-        simulation.prepare_on(mesh)
-        with notes.sentences():
-            fields = simulation.fields
-            nodal = fields.nodal(fields.state(state.fields if mpi.is_root(comm) else None, 0.0, 0.0))
-            found = mpi.on_root(comm, lambda: nodal or {})
-            return {name: read_only(found[name]) for name in names}
-    finally:
-        simulation.release()
-
-
-def write_states(source: States, results: store.Results) -> None:
-    """Store all states of a source in a prepared folder."""
-    results.begin(source.points, source.cells, source.cell_name)
-    for step, row in enumerate(source.rows):
-        results.add(row, source.fields(step), source.restart(step))
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# States between two stored states of a run, solved on the run's own mesh.
-
-
-def solve_between(source: States, quantity: str, wanted: float, values: Array) -> SolvedState:
-    """Solve for the first state of a run's path at a value; all ranks call it. `RunError` if it was not found.
-
-    The two stored states beside it are what Newton's method starts from, so nothing before them is solved again. Where there
-    are no such two, as under a cycle that jumps over the value, the path is followed from rest. The quantity is
-    ``"pressure"``, ``"volume"`` or ``"stroke"`` in SI units, or a column of ``path.csv`` in its own; ``values`` are those of
-    the stored states, shape (states,).
-    """
-    comm, ends = mpi.start(), _bracket(source, values, wanted)
-    if ends is None and quantity in source.rows.columns:
-        raise RunError(f"no two neighbouring states on one continuous piece of the path bracket {quantity} {wanted:g}")
-    case = source.case if ends else _to_one(source.case, quantity, wanted)
-    simulation = Simulation(case, comm)
-    try:
-        simulation.prepare_on(source.mesh)
-        with notes.sentences():
-            states = InMemory(simulation, source.mesh)
-            for step in [_between(simulation, source, ends, (quantity, wanted))] if ends else simulation.steps():
-                states.add(step)
-    finally:
-        simulation.release()
-    return state_of(states, len(states.rows) - 1)
-
-
-def _bracket(source: States, values: Array, wanted: float) -> tuple[int, int] | None:
-    """Return the first two neighbouring solved states on one continuous piece of the path that bracket a value."""
-    # A bifurcation is interpolated, and snap-through leaves no path between its two ends.
-    solved = np.flatnonzero(source.rows["bifurcation"] == 0).tolist()
-    for before, after in itertools.pairwise(solved):
-        low, high = sorted(values[[before, after]])
-        if low < wanted < high and not source.rows[after]["jump"]:
-            return before, after
-    if not source.rows["jump"].any():  # as on a branch
-        raise RunError("no two neighbouring states of the branch bracket this value")
-    return None
-
-
-def _between(simulation: Simulation, source: States, ends: tuple[int, int], asked: tuple[str, float]) -> Step:
-    """Return the state at a value between two steps of a run."""
-    fields, comm, (quantity, wanted) = simulation.fields, simulation.comm, asked
-    passed = np.flatnonzero(source.rows["bifurcation"][: ends[0]]).tolist()
-    *points, after = (
-        recording.stored_point(source, fields, comm, step, source.restart(step), step in passed)
-        for step in (*passed, *ends)
-    )
-    followed = source.case.quantity if quantity in source.rows.columns else quantity
-    path = Continuation(simulation.solver, simulation.quantity(followed), start=simulation.model.hanging())
-    solved = dict.fromkeys((step for step in range(ends[0] + 1) if step not in passed), 0.0)
-    path.recall = functools.partial(recording.recall, source, fields, comm, solved)
-    try:
-        path.resume(points)
-        tangent = path.corrector.tangent(after.state)
-        before, after = path.last, dataclasses.replace(after, tangent=tangent)
-        if quantity in source.rows.columns:
-            state = path.corrector.root(before, after, lambda point: _figure(simulation, point, quantity) - wanted)
-            found = path.corrector.point(state, requested=True)
-        else:
-            found = path.between(before, after, wanted / simulation.model.unit_of(quantity))
-        path.keep(found)
-    except newton.NoConvergence as failure:
-        raise RunError(f"no converged state between steps {ends[0]} and {ends[1]} ({failure})") from failure
-    return simulation.step_of(found, ends[0])
-
-
-def _figure(simulation: Simulation, point: stability.Point, column: str) -> float:
-    """Return the value of a column of ``path.csv`` at a point, on all ranks."""
-    return simulation.step_of(point, 0).row.cell(column)
-
-
-def _to_one(case: Case, quantity: str, wanted: float) -> Case:
-    """Return a case that ends at one value."""
-    if case.driven is not None:
-        last = dataclasses.replace(case.driven, values=(wanted,))
-        steps = (*case.steps[:-1], dataclasses.replace(case.steps[-1], prescribed=(last,)))
-    else:
-        steps = one_step(quantity, [wanted])
-    supply = case.supply if quantity == STROKE else None
-    return dataclasses.replace(case, steps=steps, load_unload=False, control="auto", supply=supply)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# A run as a value.
-
-
-VARIABLES = {"pressure": "pressure", "volume": "added_volume", "stroke": "stroke", "step": "load_step"}
-"""Variable of the table of each requestable quantity."""
-SAME = 1e-6
-"""Relative distance below which two values are the same."""
-
-
-class StateIndexError(errors.Spoken, IndexError):
-    """No state of a run has this number; the message is for the user."""
-
-
-def _number(value: object, what: str, more: str = "") -> float:
-    """Return a finite number; else `CaseError`."""
-    try:
-        return units.number(value)
-    except units.UnitError as error:
-        raise CaseError(f"{what}: {error}; give a finite number{more}") from None
-
-
-def headline(case: Case, row: Row) -> str:
-    """Return the load of a state, and its main figures, in a line."""
-    words = labels.state_labels(case)
-    volume = f", added volume {row.told('added_volume')}" if words.volume else ""
-    return (
-        f"{words.under(row, _pressure(row, words))}: {words.gauge} rise {row.told(words.gauge)}{volume}, "
-        f"largest stretch {row['max_stretch']:.4g}"
-    )
-
-
-def ingredients(case: Case) -> cards.Table:
-    """Return the device with the lengths that are not its usual ones, the silicone with its parameters, and the components."""
-    device, texts = case.actuator, schema.to_table(case.actuator, units.readable)
-    changed = [
-        f"{field.name} {texts[field.name]}"
-        for field in dataclasses.fields(device)
-        if field.name in texts and getattr(device, field.name) != field.default
-    ]
-    table = materials.to_table(case.material, units.readable)
-    law = [f"{field.name} {table[field.name]}" for field in laws.parameter_fields(case.material)]
-    law += [] if case.material.memory is None else ["with a memory"]
-    components = [type(one).__name__ for one in case.components]
-    return [
-        ("device", ": ".join(filter(None, [type(device).__name__, ", ".join(changed)]))),
-        ("silicone", silicones.named(case.material) or ", ".join([case.material.name, *law])),
-        *([("components", ", ".join(components))] if components else []),
-    ]
-
-
-def _pressure(row: Row, words: labels.StateLabels) -> str:
-    return f"{row['pressure'] / 1e3:.4g} kPa ({row.shown('pressure'):.4g} {words.unit})"
-
-
-def state_figures(case: Case, row: Row) -> cards.Table:
-    """Return the main figures of a state, with their units and 95 % bands."""
-    words = labels.state_labels(case)
-    names = [
-        *(name for name in ("time", "load_step", "stroke") if name in row), *words.volumes(row), *words.loads_in(row),
-        *case.actuator.probes, "max_stretch", "max_von_mises", "stored_energy",
-    ]  # fmt: skip
-    table = [("pressure", _pressure(row, words))] if words.pressure else []
-    for name in names:
-        known, band = columns.term(row.column(name), case.actuator, words.driver), band_of(name)
-        give = f" ± {row.shown(band):.2g}" if math.isfinite(row.get(band, math.nan)) else ""
-        text = f"{row.shown(name):.4g}{give} {row.unit(name)}{' (95 %)' if give else ''}"
-        table.append((known.name, text.strip()))
-    return table
-
-
 class Run(cards.Shown):
     """The states of an inflated device. Made by `softmodels.inflate`, `softmodels.run` and `softmodels.load`.
 
@@ -911,3 +504,406 @@ class Run(cards.Shown):
         aside = recording.begin_branch(home, self.case)
         write_states(self._source, aside)
         recording.gather(self.case, aside, outcomes.Ended())
+
+
+VARIABLES = {"pressure": "pressure", "volume": "added_volume", "stroke": "stroke", "step": "load_step"}
+"""Variable of the table of each requestable quantity."""
+SAME = 1e-6
+"""Relative distance below which two values are the same."""
+
+
+class StateIndexError(errors.Spoken, IndexError):
+    """No state of a run has this number; the message is for the user."""
+
+
+def _number(value: object, what: str, more: str = "") -> float:
+    """Return a finite number; else `CaseError`."""
+    try:
+        return units.number(value)
+    except units.UnitError as error:
+        raise CaseError(f"{what}: {error}; give a finite number{more}") from None
+
+
+def headline(case: Case, row: Row) -> str:
+    """Return the load of a state, and its main figures, in a line."""
+    words = labels.state_labels(case)
+    volume = f", added volume {row.told('added_volume')}" if words.volume else ""
+    return (
+        f"{words.under(row, _pressure(row, words))}: {words.gauge} rise {row.told(words.gauge)}{volume}, "
+        f"largest stretch {row['max_stretch']:.4g}"
+    )
+
+
+def ingredients(case: Case) -> cards.Table:
+    """Return the device with the lengths that are not its usual ones, the silicone with its parameters, and the components."""
+    device, texts = case.actuator, schema.to_table(case.actuator, units.readable)
+    changed = [
+        f"{field.name} {texts[field.name]}"
+        for field in dataclasses.fields(device)
+        if field.name in texts and getattr(device, field.name) != field.default
+    ]
+    table = materials.to_table(case.material, units.readable)
+    law = [f"{field.name} {table[field.name]}" for field in laws.parameter_fields(case.material)]
+    law += [] if case.material.memory is None else ["with a memory"]
+    components = [type(one).__name__ for one in case.components]
+    return [
+        ("device", ": ".join(filter(None, [type(device).__name__, ", ".join(changed)]))),
+        ("silicone", silicones.named(case.material) or ", ".join([case.material.name, *law])),
+        *([("components", ", ".join(components))] if components else []),
+    ]
+
+
+def _pressure(row: Row, words: labels.StateLabels) -> str:
+    return f"{row['pressure'] / 1e3:.4g} kPa ({row.shown('pressure'):.4g} {words.unit})"
+
+
+def state_figures(case: Case, row: Row) -> cards.Table:
+    """Return the main figures of a state, with their units and 95 % bands."""
+    words = labels.state_labels(case)
+    names = [
+        *(name for name in ("time", "load_step", "stroke") if name in row), *words.volumes(row), *words.loads_in(row),
+        *case.actuator.probes, "max_stretch", "max_von_mises", "stored_energy",
+    ]  # fmt: skip
+    table = [("pressure", _pressure(row, words))] if words.pressure else []
+    for name in names:
+        known, band = columns.term(row.column(name), case.actuator, words.driver), band_of(name)
+        give = f" ± {row.shown(band):.2g}" if math.isfinite(row.get(band, math.nan)) else ""
+        text = f"{row.shown(name):.4g}{give} {row.unit(name)}{' (95 %)' if give else ''}"
+        table.append((known.name, text.strip()))
+    return table
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The states of a run, in memory or in a folder, and `SolvedState` as the user's view of one.
+
+
+type Place = str | Sequence[float] | Array
+"""A place in the undeformed device: a text with its unit, the name of a probe or point, or three numbers in m."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class SolvedState(cards.Shown):
+    """One state of a run, SI units. Its arrays are read-only; ``state.displacement.copy()`` can be changed.
+
+    Attributes:
+        case: What was run.
+        variables: The variables of the table in SI by name, such as ``state.variables["apex"]``.
+        points: Undeformed nodes in device coordinates, m, shape (n, 3); of a section (r, 0, z).
+        cells: Node numbers of the second-order cells in VTK's order, shape (c, 6 or 10).
+        cell_name: ``"Triangle_6"`` or ``"Tetrahedron_10"``.
+        fields: Nodal fields by name: ``displacement``, ``p``, ``von_mises``, ``largest_stretch``, ``J``, those that the run
+            was asked for and, at a bifurcation, its ``mode``.
+    """
+
+    case: Case
+    variables: Row
+    points: Array
+    cells: npt.NDArray[np.int64]
+    cell_name: str
+    fields: Mapping[str, Array]
+    _mesh: Callable[[], bytes] = bytes
+
+    def _line(self) -> str:
+        return f"of {self.case.name} at {headline(self.case, self.variables)}"
+
+    def _figures(self) -> cards.Table:
+        return state_figures(self.case, self.variables)
+
+    def _remarks(self) -> list[str]:
+        return [text] if (text := labels.overlap_text(self.variables)) else []
+
+    def __post_init__(self) -> None:
+        # The arrays belong to the run: `Run.at` and `Run.save` use them.
+        keep_arrays(self)
+        fields = {name: read_only(values) for name, values in self.fields.items()}
+        object.__setattr__(self, "fields", MappingProxyType(fields))
+
+    @property
+    def row(self) -> dict[str, float]:
+        """Its row of ``path.csv``, with that file's columns and units; NaN where a number is not known."""
+        return self.variables.written
+
+    @property
+    def pressure(self) -> float:
+        """Pressure in Pa; of a program the highest."""
+        return float(self.variables["pressure"])
+
+    @property
+    def added_volume(self) -> float:
+        """Added volume in m3."""
+        return float(self.variables["added_volume"])
+
+    @property
+    def displacement(self) -> Array:
+        """Displacement in m, in device coordinates, shape (n, 3)."""
+        return self.fields["displacement"]
+
+    @property
+    def von_mises(self) -> Array:
+        """Von Mises stress in Pa, shape (n,)."""
+        return self.fields["von_mises"]
+
+    @property
+    def largest_stretch(self) -> Array:
+        """Largest principal stretch, shape (n,)."""
+        return self.fields["largest_stretch"]
+
+    @property
+    def J(self) -> Array:
+        """Ratio of the silicone's volume to that at rest, shape (n,)."""
+        return self.fields["J"]
+
+    @property
+    def p(self) -> Array:
+        """Pressure-like unknown in Pa, shape (n,)."""
+        return self.fields["p"]
+
+    @property
+    def deformation_gradient(self) -> Array:
+        """Deformation gradient F in device coordinates, shape (n, 3, 3); of a section x is radial and y the hoop."""
+        return self._tensor("deformation_gradient")
+
+    @property
+    def green_lagrange_strain(self) -> Array:
+        """Green-Lagrange strain (F^T F - I)/2, shape (n, 3, 3)."""
+        return self._tensor("green_lagrange_strain")
+
+    @property
+    def cauchy_stress(self) -> Array:
+        """Cauchy stress in Pa, shape (n, 3, 3): of the silicone, without fibres in its place."""
+        return self._tensor("cauchy_stress")
+
+    @property
+    def nominal_stress(self) -> Array:
+        """First Piola-Kirchhoff stress in Pa, force per undeformed area, shape (n, 3, 3)."""
+        return self._tensor("nominal_stress")
+
+    @property
+    def principal_stresses(self) -> Array:
+        """Principal Cauchy stresses in Pa, the largest first, shape (n, 3)."""
+        return self._tensor("principal_stresses")
+
+    @property
+    def principal_stress_directions(self) -> Array:
+        """Unit vectors of the principal stresses, in the rows, shape (n, 3, 3)."""
+        return self._tensor("principal_stress_directions")
+
+    @property
+    def principal_stretches(self) -> Array:
+        """Principal stretches, the largest first, shape (n, 3)."""
+        return self._tensor("principal_stretches")
+
+    @property
+    def principal_stretch_directions(self) -> Array:
+        """Unit vectors, undeformed, of the principal stretches, in the rows, shape (n, 3, 3)."""
+        return self._tensor("principal_stretch_directions")
+
+    def _tensor(self, name: str) -> Array:
+        """Return a field that may have to be computed; `RunError` if it depends on the states before, and was not stored."""
+        if name not in self.fields and name not in self._further:
+            raise RunError(
+                f"{name} of a silicone with a memory depends on the states before and is not stored; run again with "
+                f"fields=[{name!r}]"
+            )
+        return self.fields[name] if name in self.fields else self._further[name]
+
+    @functools.cached_property
+    def _further(self) -> Mapping[str, Array]:
+        """The fields that follow from displacement and p, those that the run did not store computed."""
+        past = self.case.timed and self.case.remembers
+        missing = [name for name in requestable() if name not in self.fields and not (past and "stress" in name)]
+        return _computed(self, missing, self._mesh) if missing else {}
+
+    @checked
+    @one_at_a_time
+    def along(self, begin: Place, end: Place, points: int = states.POINTS) -> Line:
+        """Return the values along a straight line of the undeformed device, which moves with it.
+
+        Args:
+            begin: Place in device coordinates: a text such as ``"0, 0, 10 mm"``, the name of a probe or a named point, or
+                three numbers in m. It need not lie in the modelled slice.
+            end: The line's other end.
+            points: How many values.
+
+        Raises:
+            CaseError: No such places, or the line does not meet the silicone.
+            RunError: The tensors of a silicone with a memory were not stored.
+        """
+        return self._probe.line((self._place("begin", begin), self._place("end", end)), self._everything, points)
+
+    @checked
+    @one_at_a_time
+    def through(self, point: Place, points: int = states.POINTS) -> Line:
+        """Return the values straight through the wall at the surface point nearest to a place, see `along`."""
+        return self._probe.line(self._probe.through(self._place("point", point)), self._everything, points)
+
+    @property
+    def _everything(self) -> Mapping[str, Array]:
+        return {**self._further, **self.fields, "cauchy_stress": self._tensor("cauchy_stress")}
+
+    @functools.cached_property
+    def _probe(self) -> states.Probe:
+        return states.Probe(self.case.actuator, (self.points, self.cells, self.cell_name))
+
+    def _place(self, name: str, given: Place) -> Array:
+        known = {**self.case.actuator.probes, **self.case.gauges.places}
+        if not isinstance(given, str):
+            if not isinstance(given, list | tuple | np.ndarray):
+                raise CaseError(
+                    f"{name} is {units.brief(given)}; a place is a text such as '0, 0, 10 mm', a probe's name, or "
+                    "three numbers in m"
+                )
+            place = np.array([_number(value, name) for value in given])
+            if place.shape != (3,):
+                raise CaseError(f"{name} has {len(place)} numbers; a place has three, x, y and z in m")
+            return place
+        if given in known:
+            return np.asarray(known[given])
+        if re.fullmatch(entries.NAME, given):
+            raise CaseError(f"{name}: the device has no point {units.brief(given)}; {errors.known_are(given, known)}")
+        try:
+            return np.asarray(entries.place_of(name, given))
+        except entries.ProbeError as error:
+            raise CaseError(str(error)) from None
+
+    @property
+    def mode(self) -> Array | None:
+        """Buckling mode at a bifurcation, shape (n, 3); None in any other state."""
+        return self.fields.get("mode")
+
+    @functools.cached_property
+    def grid(self) -> pyvista.UnstructuredGrid:
+        """The undeformed device as a `pyvista.UnstructuredGrid` with the fields; ``grid.warp_by_vector("displacement")``
+        moves it."""
+        # Copies, because VTK writes into its inputs and users may change a grid.
+        grid = pyvista.UnstructuredGrid({formats.CELL_TYPES[self.cell_name]: self.cells.copy()}, self.points.copy())
+        for name, values in self.fields.items():
+            grid.point_data[name] = values.reshape(-1, formats.TENSOR).copy() if values.ndim == 3 else values.copy()
+        return grid
+
+    @checked
+    @one_at_a_time
+    def show(self, field: str = "von_mises") -> object:
+        """Show the deformed device in space, coloured by a field; see `Run.show`."""
+        from softmodels.api.views import show
+
+        return show(self._states, field)
+
+    @property
+    def _states(self) -> States:
+        """This state as pictures take it."""
+        grid = self.points, self.cells, self.cell_name
+        return States(self.case, [self.variables], grid, lambda step, name: self._tensor(name))
+
+
+def state_of(source: States, step: int) -> SolvedState:
+    """Return one of a source's states."""
+    return SolvedState(
+        source.case, source.rows[step], source.points, source.cells, source.cell_name, source.fields(step), source.mesh
+    )
+
+
+def _computed(state: SolvedState, names: Sequence[str], mesh: Callable[[], bytes]) -> Mapping[str, Array]:
+    """Return fields of a state from its displacement and p, on the run's own mesh; all ranks call it."""
+    comm, case = mpi.start(), state.case
+    simulation = Simulation(dataclasses.replace(case, fields=tuple(names)), comm)
+    try:
+        simulation.prepare_on(mesh)
+        with notes.sentences():
+            fields = simulation.fields
+            nodal = fields.nodal(fields.state(state.fields if mpi.is_root(comm) else None, 0.0, 0.0))
+            found = mpi.on_root(comm, lambda: nodal or {})
+            return {name: read_only(found[name]) for name in names}
+    finally:
+        simulation.release()
+
+
+def write_states(source: States, results: store.Results) -> None:
+    """Store all states of a source in a prepared folder."""
+    results.begin(source.points, source.cells, source.cell_name)
+    for step, row in enumerate(source.rows):
+        results.add(row, source.fields(step), source.restart(step))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# States between two stored states of a run, solved on the run's own mesh.
+
+
+def solve_between(source: States, quantity: str, wanted: float, values: Array) -> SolvedState:
+    """Solve for the first state of a run's path at a value; all ranks call it. `RunError` if it was not found.
+
+    The two stored states beside it are what Newton's method starts from, so nothing before them is solved again. Where there
+    are no such two, as under a cycle that jumps over the value, the path is followed from rest. The quantity is
+    ``"pressure"``, ``"volume"`` or ``"stroke"`` in SI units, or a column of ``path.csv`` in its own; ``values`` are those of
+    the stored states, shape (states,).
+    """
+    comm, ends = mpi.start(), _bracket(source, values, wanted)
+    if ends is None and quantity in source.rows.columns:
+        raise RunError(f"no two neighbouring states on one continuous piece of the path bracket {quantity} {wanted:g}")
+    case = source.case if ends else _to_one(source.case, quantity, wanted)
+    simulation = Simulation(case, comm)
+    try:
+        simulation.prepare_on(source.mesh)
+        with notes.sentences():
+            states = InMemory(simulation, source.mesh)
+            for step in [_between(simulation, source, ends, (quantity, wanted))] if ends else simulation.steps():
+                states.add(step)
+    finally:
+        simulation.release()
+    return state_of(states, len(states.rows) - 1)
+
+
+def _bracket(source: States, values: Array, wanted: float) -> tuple[int, int] | None:
+    """Return the first two neighbouring solved states on one continuous piece of the path that bracket a value."""
+    # A bifurcation is interpolated, and snap-through leaves no path between its two ends.
+    solved = np.flatnonzero(source.rows["bifurcation"] == 0).tolist()
+    for before, after in itertools.pairwise(solved):
+        low, high = sorted(values[[before, after]])
+        if low < wanted < high and not source.rows[after]["jump"]:
+            return before, after
+    if not source.rows["jump"].any():  # as on a branch
+        raise RunError("no two neighbouring states of the branch bracket this value")
+    return None
+
+
+def _between(simulation: Simulation, source: States, ends: tuple[int, int], asked: tuple[str, float]) -> Step:
+    """Return the state at a value between two steps of a run."""
+    fields, comm, (quantity, wanted) = simulation.fields, simulation.comm, asked
+    passed = np.flatnonzero(source.rows["bifurcation"][: ends[0]]).tolist()
+    *points, after = (
+        recording.stored_point(source, fields, comm, step, source.restart(step), step in passed)
+        for step in (*passed, *ends)
+    )
+    followed = source.case.quantity if quantity in source.rows.columns else quantity
+    path = Continuation(simulation.solver, simulation.quantity(followed), start=simulation.model.hanging())
+    solved = dict.fromkeys((step for step in range(ends[0] + 1) if step not in passed), 0.0)
+    path.recall = functools.partial(recording.recall, source, fields, comm, solved)
+    try:
+        path.resume(points)
+        tangent = path.corrector.tangent(after.state)
+        before, after = path.last, dataclasses.replace(after, tangent=tangent)
+        if quantity in source.rows.columns:
+            state = path.corrector.root(before, after, lambda point: _figure(simulation, point, quantity) - wanted)
+            found = path.corrector.point(state, requested=True)
+        else:
+            found = path.between(before, after, wanted / simulation.model.unit_of(quantity))
+        path.keep(found)
+    except newton.NoConvergence as failure:
+        raise RunError(f"no converged state between steps {ends[0]} and {ends[1]} ({failure})") from failure
+    return simulation.step_of(found, ends[0])
+
+
+def _figure(simulation: Simulation, point: stability.Point, column: str) -> float:
+    """Return the value of a column of ``path.csv`` at a point, on all ranks."""
+    return simulation.step_of(point, 0).row.cell(column)
+
+
+def _to_one(case: Case, quantity: str, wanted: float) -> Case:
+    """Return a case that ends at one value."""
+    if case.driven is not None:
+        last = dataclasses.replace(case.driven, values=(wanted,))
+        steps = (*case.steps[:-1], dataclasses.replace(case.steps[-1], prescribed=(last,)))
+    else:
+        steps = one_step(quantity, [wanted])
+    supply = case.supply if quantity == STROKE else None
+    return dataclasses.replace(case, steps=steps, load_unload=False, control="auto", supply=supply)

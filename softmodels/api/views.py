@@ -38,13 +38,13 @@ if TYPE_CHECKING:
     from softmodels.fitting import comparison
     from softmodels.runs.analyses import Limit
 
+
 # ----------------------------------------------------------------------------------------------------------------------
 # The small picture on a result's card.
 
 
 SMALL = 640
 """Width of a card's picture in pixels; it is shown at two thirds of it."""
-
 
 type Drawing = Figure | Picture.Image | None
 

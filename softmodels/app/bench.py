@@ -30,6 +30,30 @@ from softmodels.case.entries import CaseError
 from softmodels.common import errors, files, tables
 from softmodels.materials import silicones
 
+
+class Bench:
+    """What all tabs of one server share: the project, the address (with the key) under which other machines of the network
+    connect, empty if they may not, and the processes that answer about devices and photographs. ``slower`` is for what takes
+    longer about devices, so that no slider waits for it."""
+
+    def __init__(self, project: Project, address: str = ""):
+        self.project, self.address = project, address
+        self.solver, self.slower = jobs.Warm("softmodels.app.answers"), jobs.Warm("softmodels.app.answers")
+        self.tracer = jobs.Warm("softmodels.app.tracing")
+        self.jobs, self.photographs = Jobs(project.folder), Photographs(project, self.tracer)
+
+    async def begin(self) -> None:
+        """Load the solver while the user looks at the page, and resume interrupted jobs."""
+        self._loading = [asyncio.create_task(asyncio.to_thread(warm.start)) for warm in (self.solver, self.tracer)]
+        self._loading.append(asyncio.create_task(self.photographs.begin()))
+        self.jobs.begin()
+
+    def end(self) -> None:
+        self.jobs.end()
+        for warm in (self.solver, self.slower, self.tracer):
+            warm.stop()
+
+
 OUTLINES, LENS = "outlines", "lens.toml"
 CASE, PHOTOS, SETUP, FITTED = "case.toml", "photos.csv", "setup.toml", "fitted.toml"
 PHOTOGRAPHS, BOARDS, CURVES, RESULTS = "photographs", "boards", "curves", "results"
@@ -392,26 +416,3 @@ class Photographs:
         self.handles = handles
         self.changed.emit("")
         await self.trace_all()
-
-
-class Bench:
-    """What all tabs of one server share: the project, the address (with the key) under which other machines of the network
-    connect, empty if they may not, and the processes that answer about devices and photographs. ``slower`` is for what takes
-    longer about devices, so that no slider waits for it."""
-
-    def __init__(self, project: Project, address: str = ""):
-        self.project, self.address = project, address
-        self.solver, self.slower = jobs.Warm("softmodels.app.answers"), jobs.Warm("softmodels.app.answers")
-        self.tracer = jobs.Warm("softmodels.app.tracing")
-        self.jobs, self.photographs = Jobs(project.folder), Photographs(project, self.tracer)
-
-    async def begin(self) -> None:
-        """Load the solver while the user looks at the page, and resume interrupted jobs."""
-        self._loading = [asyncio.create_task(asyncio.to_thread(warm.start)) for warm in (self.solver, self.tracer)]
-        self._loading.append(asyncio.create_task(self.photographs.begin()))
-        self.jobs.begin()
-
-    def end(self) -> None:
-        self.jobs.end()
-        for warm in (self.solver, self.slower, self.tracer):
-            warm.stop()

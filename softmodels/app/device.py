@@ -30,9 +30,7 @@ from softmodels.runs import table
 if TYPE_CHECKING:
     from softmodels.app import replies
 
-GREY = "#808080"
-"""Is read on white and on black."""
-FAINT = {"splitLine": {"lineStyle": {"opacity": 0.25}}, "axisLabel": {"color": GREY}}
+
 OUTPUT = f"{bench.RESULTS}/device"
 
 
@@ -373,6 +371,11 @@ class DevicePage(forms.TabPage):
             take()
         except forms.ERRORS as error:
             self.case_why.set_text(forms.page_words(errors.reason(error)))
+
+
+GREY = "#808080"
+"""Is read on white and on black."""
+FAINT = {"splitLine": {"lineStyle": {"opacity": 0.25}}, "axisLabel": {"color": GREY}}
 
 
 def stored_run(project: bench.Project) -> tuple[Case | None, table.PathTable]:

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from softmodels.app import bench, replies
     from softmodels.app.bench import Bench
 
+
 ERRORS = (
     *entries.INPUT_ERRORS,
     jobs.AnswerError,

@@ -23,71 +23,7 @@ from softmodels.casting import settings
 from softmodels.common import errors, files, processes
 from softmodels.runs import outcomes
 
-FOLDER = "jobs"
 WAITING, RUNNING, DONE, STOPPED, FAILED = "waiting", "running", "done", "stopped", "failed"
-ENDED = {outcomes.DONE: DONE, outcomes.NO_EQUILIBRIUM: DONE, outcomes.STOPPED: STOPPED}
-"""States by exit status; some photographs refused has that of a limit point. All others are `FAILED`."""
-ELSEWHERE = "recorded elsewhere, not run"
-"""State of a job that another machine, or anyone without this one's `machine_key`, recorded as waiting or running."""
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Commands that the page starts. A project's folder may come from somebody else, and its records name programs to start again.
-
-
-COMMANDS = {
-    "softmodels run": ("-o",),
-    "softmodels fit": ("-o", "--exclude", "--tensile", "--material", "--poisson", "--silicone", "--fix"),
-    "softmodels mould": (
-        "-o", "--silicone", *(f"--{field.name.replace('_', '-')}" for field in dataclasses.fields(settings.Workshop)),
-    ),
-    "softmodels design": ("-o",),
-    "measurement photos": ("-o", "--setup", "--tone"),
-}  # fmt: skip
-"""Options with a value that the page's commands have, by module and command."""
-FLAGS = {"softmodels run": ("--resume",), "softmodels design": ("--resume",)}
-"""The same without a value."""
-
-
-def check_command(words: list[str], project: Path) -> None:
-    """Raise FieldError unless the words after ``python -m`` are a command of `COMMANDS` with its options, whose values and
-    files lie in the project's folder, also where links lead."""
-    name = " ".join(words[:2])
-    if name not in COMMANDS:
-        raise errors.FieldError(f"{name!r} is not a command of the page; it starts {', '.join(COMMANDS)}")
-    rest = iter(words[2:])
-    for word in rest:
-        value = word
-        if word.startswith("-"):
-            if word in FLAGS.get(name, ()):
-                continue
-            if word not in COMMANDS[name]:
-                raise errors.FieldError(f"{word} is not an option of the page's command {name}")
-            value = next(rest, "")
-        for file in (value, value.rpartition(":")[0]):  # a curve has its test behind a colon
-            if not (project / file).resolve().is_relative_to(project.resolve()):
-                raise errors.FieldError(
-                    f"{value} lies outside of the project's folder, which the page's commands do not leave"
-                )
-
-
-KEY_BYTES = 32
-
-
-def machine_key() -> bytes:
-    """Return the key of this user on this machine, by which the page recognises its own records; it is made at the first call.
-    Where it cannot be stored, it is another one in each process, and no job is resumed."""
-    home = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
-    file, key = Path(home) / "softmodels" / "key", b""
-    with contextlib.suppress(OSError):
-        key = files.read_file(file, KEY_BYTES)
-    if len(key) != KEY_BYTES:
-        key = secrets.token_bytes(KEY_BYTES)
-        with contextlib.suppress(OSError):
-            file.parent.mkdir(parents=True, exist_ok=True)
-            with files.replaced_whole(file) as aside:
-                aside.touch(0o600)
-                aside.write_bytes(key)
-    return key
 
 
 @dataclasses.dataclass
@@ -287,3 +223,70 @@ class Warm:
     def stop(self) -> None:
         """End the process."""
         self._worker.stop()
+
+
+FOLDER = "jobs"
+ENDED = {outcomes.DONE: DONE, outcomes.NO_EQUILIBRIUM: DONE, outcomes.STOPPED: STOPPED}
+"""States by exit status; some photographs refused has that of a limit point. All others are `FAILED`."""
+ELSEWHERE = "recorded elsewhere, not run"
+"""State of a job that another machine, or anyone without this one's `machine_key`, recorded as waiting or running."""
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Commands that the page starts. A project's folder may come from somebody else, and its records name programs to start again.
+
+
+COMMANDS = {
+    "softmodels run": ("-o",),
+    "softmodels fit": ("-o", "--exclude", "--tensile", "--material", "--poisson", "--silicone", "--fix"),
+    "softmodels mould": (
+        "-o", "--silicone", *(f"--{field.name.replace('_', '-')}" for field in dataclasses.fields(settings.Workshop)),
+    ),
+    "softmodels design": ("-o",),
+    "measurement photos": ("-o", "--setup", "--tone"),
+}  # fmt: skip
+"""Options with a value that the page's commands have, by module and command."""
+FLAGS = {"softmodels run": ("--resume",), "softmodels design": ("--resume",)}
+"""The same without a value."""
+
+
+def check_command(words: list[str], project: Path) -> None:
+    """Raise FieldError unless the words after ``python -m`` are a command of `COMMANDS` with its options, whose values and
+    files lie in the project's folder, also where links lead."""
+    name = " ".join(words[:2])
+    if name not in COMMANDS:
+        raise errors.FieldError(f"{name!r} is not a command of the page; it starts {', '.join(COMMANDS)}")
+    rest = iter(words[2:])
+    for word in rest:
+        value = word
+        if word.startswith("-"):
+            if word in FLAGS.get(name, ()):
+                continue
+            if word not in COMMANDS[name]:
+                raise errors.FieldError(f"{word} is not an option of the page's command {name}")
+            value = next(rest, "")
+        for file in (value, value.rpartition(":")[0]):  # a curve has its test behind a colon
+            if not (project / file).resolve().is_relative_to(project.resolve()):
+                raise errors.FieldError(
+                    f"{value} lies outside of the project's folder, which the page's commands do not leave"
+                )
+
+
+KEY_BYTES = 32
+
+
+def machine_key() -> bytes:
+    """Return the key of this user on this machine, by which the page recognises its own records; it is made at the first call.
+    Where it cannot be stored, it is another one in each process, and no job is resumed."""
+    home = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
+    file, key = Path(home) / "softmodels" / "key", b""
+    with contextlib.suppress(OSError):
+        key = files.read_file(file, KEY_BYTES)
+    if len(key) != KEY_BYTES:
+        key = secrets.token_bytes(KEY_BYTES)
+        with contextlib.suppress(OSError):
+            file.parent.mkdir(parents=True, exist_ok=True)
+            with files.replaced_whole(file) as aside:
+                aside.touch(0o600)
+                aside.write_bytes(key)
+    return key

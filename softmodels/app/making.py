@@ -23,7 +23,9 @@ from softmodels.path import steps
 if TYPE_CHECKING:
     from nicegui.events import MultiUploadEventArguments
 
+
 FIT, MOULD, DESIGN = f"{RESULTS}/fit", f"{RESULTS}/mould", f"{RESULTS}/design"
+
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The material: measured curves and outlines to a fitted law with intervals.

@@ -22,6 +22,7 @@ from softmodels.common import processes
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+
 HERE = "127.0.0.1"
 FIRST_PORT, PORTS = 8700, 100
 """Where free ports are looked for, and how many are tried."""
@@ -205,7 +206,6 @@ img.stored { max-height: 60vh; max-width: 100%; margin: 0 auto; display: block; 
 iframe { width: 100%; height: 80vh; border: 0; background: white; }
 .nicegui-content { padding: 0.75rem; }
 """
-
 
 ICON = "🎈"
 BLUE = "#1f5f99"

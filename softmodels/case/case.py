@@ -56,6 +56,9 @@ from softmodels.mechanics.system import FORMULATIONS
 from softmodels.path.steps import LEAST_TOLERANCE, PRESSURE, STROKE, TOLERANCE, VOLUME, Prescribed, Step, Steps, timed
 from softmodels.path.supply import AirSupply
 
+__all__ = ["CONTROLS", "FORMULATIONS", "STIFFNESS_RANGE", "Case", "CaseError", "entries"]
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Entries of a case with their own tables: name, device, material, programs and gauges.
 
@@ -150,7 +153,9 @@ def _check_volume(where: str, material: Material, formulation: str) -> None:
         )
 
 
-__all__ = ["CONTROLS", "FORMULATIONS", "STIFFNESS_RANGE", "Case", "CaseError", "entries"]
+# ----------------------------------------------------------------------------------------------------------------------
+# A case: everything that determines a run's numbers, from and to text.
+
 
 CONTROLS = ("auto", "pressure", "volume", "arc-length")
 

@@ -30,6 +30,148 @@ from softmodels.mechanics.component import ComponentError
 from softmodels.path import steps
 from softmodels.path.supply import SUPPLIES, AirSupply, SupplyError, Syringe
 
+
+class Entry[V](abc.ABC):
+    """Conversion of a field with values V to and from text; ``tables`` are those of the case file that it reads, ``keys`` its
+    keys in a table that it shares with other fields."""
+
+    tables: tuple[str, ...] = ()
+    keys: tuple[str, ...] = ()
+
+    @abc.abstractmethod
+    def read(self, tables: Tables) -> V | Missing:
+        """Return the field's value, or `MISSING` if the file omits it; raise an error of `errors.PART_ERRORS` if it
+        is invalid."""
+
+    @abc.abstractmethod
+    def write(self, value: V, text: schema.Text) -> Written:
+        """Return the entries by table; empty for an empty value."""
+
+    def known(self, key: str) -> bool:
+        """Return whether a key of its table belongs to it."""
+        return True
+
+    def options(self) -> Iterator[Option]:
+        """Yield the command options of the field; none by default."""
+        yield from ()
+
+    def arguments(self, field: str) -> dict[str, str]:
+        """Return the Python names of a field's options that differ from the option's."""
+        return {}
+
+    def take(self, options: MutableMapping[str, object]) -> V | Missing:
+        """Pop its options from a command's values; return the field's value, or `MISSING` if none was given."""
+        return MISSING
+
+
+@dataclasses.dataclass(frozen=True)
+class Value(Entry[object]):
+    """A single value of a table, with an option of the same name unless ``option`` is given.
+
+    Attributes:
+        hidden: Whether it is left out of a written file where it has its default.
+    """
+
+    table: str
+    key: str
+    about: schema.About
+    default: object
+    hidden: bool = False
+    metavar: str | None = None
+    option: str = ""
+
+    @property
+    def tables(self) -> tuple[str, ...]:  # type: ignore[override]
+        return (self.table,)
+
+    @property
+    def keys(self) -> tuple[str, ...]:  # type: ignore[override]
+        return (self.key,)
+
+    @property
+    def _option(self) -> str:
+        return self.option or self.key
+
+    def known(self, key: str) -> bool:
+        return key in self.keys
+
+    def read(self, tables: Tables) -> object:
+        value = table_of(tables, self.table).get(self.key, MISSING)
+        return value if value is MISSING else self.about.kind.read(self.key, value)
+
+    def settled(self, value: object) -> object:
+        """Return a value given by code in plain form; raise an error of `errors.PART_ERRORS` if it is invalid."""
+        return self.about.kind.settled(self.key, value)
+
+    def write(self, value: object, text: schema.Text) -> Written:
+        if self.hidden and value == self.default:
+            return {}
+        return {self.table: {self.key: self.about.kind.write(value, text)}}
+
+    def options(self) -> Iterator[Option]:
+        default = None if self.hidden else self.default
+        yield Option(self._option, self.about, default, self.metavar)
+
+    def arguments(self, field: str) -> dict[str, str]:
+        return {self._option: f"{field}=True"} if isinstance(self.about.kind, schema.Flag) else {}
+
+    def take(self, options: MutableMapping[str, object]) -> object:
+        value = options.pop(self._option, None)
+        return MISSING if value is None else value
+
+
+class SupplyEntry(Entry[AirSupply | None]):
+    """The air supply: a table with the supply's name as its ``kind``, and its fields."""
+
+    tables = ("supply",)
+
+    def read(self, tables: Tables) -> AirSupply | Missing:
+        if "supply" not in tables:
+            return MISSING
+        table = dict(table_of(tables, "supply"))
+        supply = _supply(table.pop("kind", Syringe.name))
+        return supply(**schema.from_table(supply, table, "the supply"))
+
+    def write(self, value: AirSupply | None, text: schema.Text) -> Written:
+        return {} if value is None else {"supply": {"kind": value.name, **schema.to_table(value, text)}}
+
+    def options(self) -> Iterator[Option]:
+        text = "air supply: a prescribed pressure or volume, or a syringe on a T-junction"
+        yield Option("supply", schema.About(schema.Choice(("direct", *SUPPLIES)), text))
+        seen = set()
+        for supply in SUPPLIES.values():
+            for name, field in about(supply).items():
+                option = field.option or name
+                if option not in seen:
+                    yield Option(option, field, getattr(supply, name, None))
+                seen.add(option)
+
+    def take(self, options: MutableMapping[str, object]) -> AirSupply | Missing:
+        names = {option.name for option in self.options()} - {"supply"}
+        kind, given = options.pop("supply", None), {name: options.pop(name, None) for name in names}
+        given = {name: value for name, value in given.items() if value is not None}
+        if kind in (None, "direct"):
+            for name in given:
+                owner = next(supply.name for supply in SUPPLIES.values() if name in _options(supply))
+                raise SupplyError(f"--{name.replace('_', '-')} belongs to a {owner}; add --supply {owner}")
+            return MISSING
+        supply = _supply(kind)
+        for name in given:
+            if name not in _options(supply):
+                raise SupplyError(f"--{name.replace('_', '-')} does not belong to a {supply.name}; leave it out")
+        return supply(**schema.from_options(supply, given))
+
+
+def _supply(name: object) -> type[AirSupply]:
+    if not isinstance(name, str) or name not in SUPPLIES:
+        raise SupplyError(f"supply {name!r} is unknown; {errors.known_are(name, SUPPLIES)}")
+    return SUPPLIES[name]
+
+
+def _options(supply: type[AirSupply]) -> set[str]:
+    return {field.option or name for name, field in about(supply).items()}
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # User-defined outputs of a device: positions of named points, angles between them, a profile.
 #
@@ -247,7 +389,6 @@ WITH_VACUUM = {"pressure": "cavity1.pressure_cm", "volume": "cavity1.volume_ml"}
 """Requested quantities that may be below 0, and their series in a case file."""
 SHORT_PAIR = re.compile(r"(\d{1,2}),(\d{1,2})")
 """Two values, or one with a decimal comma."""
-
 
 MAX_PRESSURE = 1e6
 """Maximum pressure in Pa; above it the number or its unit is wrong for any silicone."""
@@ -482,147 +623,6 @@ class Option:
     about: schema.About
     default: object = None
     metavar: str | None = None
-
-
-class Entry[V](abc.ABC):
-    """Conversion of a field with values V to and from text; ``tables`` are those of the case file that it reads, ``keys`` its
-    keys in a table that it shares with other fields."""
-
-    tables: tuple[str, ...] = ()
-    keys: tuple[str, ...] = ()
-
-    @abc.abstractmethod
-    def read(self, tables: Tables) -> V | Missing:
-        """Return the field's value, or `MISSING` if the file omits it; raise an error of `errors.PART_ERRORS` if it
-        is invalid."""
-
-    @abc.abstractmethod
-    def write(self, value: V, text: schema.Text) -> Written:
-        """Return the entries by table; empty for an empty value."""
-
-    def known(self, key: str) -> bool:
-        """Return whether a key of its table belongs to it."""
-        return True
-
-    def options(self) -> Iterator[Option]:
-        """Yield the command options of the field; none by default."""
-        yield from ()
-
-    def arguments(self, field: str) -> dict[str, str]:
-        """Return the Python names of a field's options that differ from the option's."""
-        return {}
-
-    def take(self, options: MutableMapping[str, object]) -> V | Missing:
-        """Pop its options from a command's values; return the field's value, or `MISSING` if none was given."""
-        return MISSING
-
-
-@dataclasses.dataclass(frozen=True)
-class Value(Entry[object]):
-    """A single value of a table, with an option of the same name unless ``option`` is given.
-
-    Attributes:
-        hidden: Whether it is left out of a written file where it has its default.
-    """
-
-    table: str
-    key: str
-    about: schema.About
-    default: object
-    hidden: bool = False
-    metavar: str | None = None
-    option: str = ""
-
-    @property
-    def tables(self) -> tuple[str, ...]:  # type: ignore[override]
-        return (self.table,)
-
-    @property
-    def keys(self) -> tuple[str, ...]:  # type: ignore[override]
-        return (self.key,)
-
-    @property
-    def _option(self) -> str:
-        return self.option or self.key
-
-    def known(self, key: str) -> bool:
-        return key in self.keys
-
-    def read(self, tables: Tables) -> object:
-        value = table_of(tables, self.table).get(self.key, MISSING)
-        return value if value is MISSING else self.about.kind.read(self.key, value)
-
-    def settled(self, value: object) -> object:
-        """Return a value given by code in plain form; raise an error of `errors.PART_ERRORS` if it is invalid."""
-        return self.about.kind.settled(self.key, value)
-
-    def write(self, value: object, text: schema.Text) -> Written:
-        if self.hidden and value == self.default:
-            return {}
-        return {self.table: {self.key: self.about.kind.write(value, text)}}
-
-    def options(self) -> Iterator[Option]:
-        default = None if self.hidden else self.default
-        yield Option(self._option, self.about, default, self.metavar)
-
-    def arguments(self, field: str) -> dict[str, str]:
-        return {self._option: f"{field}=True"} if isinstance(self.about.kind, schema.Flag) else {}
-
-    def take(self, options: MutableMapping[str, object]) -> object:
-        value = options.pop(self._option, None)
-        return MISSING if value is None else value
-
-
-class SupplyEntry(Entry[AirSupply | None]):
-    """The air supply: a table with the supply's name as its ``kind``, and its fields."""
-
-    tables = ("supply",)
-
-    def read(self, tables: Tables) -> AirSupply | Missing:
-        if "supply" not in tables:
-            return MISSING
-        table = dict(table_of(tables, "supply"))
-        supply = _supply(table.pop("kind", Syringe.name))
-        return supply(**schema.from_table(supply, table, "the supply"))
-
-    def write(self, value: AirSupply | None, text: schema.Text) -> Written:
-        return {} if value is None else {"supply": {"kind": value.name, **schema.to_table(value, text)}}
-
-    def options(self) -> Iterator[Option]:
-        text = "air supply: a prescribed pressure or volume, or a syringe on a T-junction"
-        yield Option("supply", schema.About(schema.Choice(("direct", *SUPPLIES)), text))
-        seen = set()
-        for supply in SUPPLIES.values():
-            for name, field in about(supply).items():
-                option = field.option or name
-                if option not in seen:
-                    yield Option(option, field, getattr(supply, name, None))
-                seen.add(option)
-
-    def take(self, options: MutableMapping[str, object]) -> AirSupply | Missing:
-        names = {option.name for option in self.options()} - {"supply"}
-        kind, given = options.pop("supply", None), {name: options.pop(name, None) for name in names}
-        given = {name: value for name, value in given.items() if value is not None}
-        if kind in (None, "direct"):
-            for name in given:
-                owner = next(supply.name for supply in SUPPLIES.values() if name in _options(supply))
-                raise SupplyError(f"--{name.replace('_', '-')} belongs to a {owner}; add --supply {owner}")
-            return MISSING
-        supply = _supply(kind)
-        for name in given:
-            if name not in _options(supply):
-                raise SupplyError(f"--{name.replace('_', '-')} does not belong to a {supply.name}; leave it out")
-        return supply(**schema.from_options(supply, given))
-
-
-def _supply(name: object) -> type[AirSupply]:
-    if not isinstance(name, str) or name not in SUPPLIES:
-        raise SupplyError(f"supply {name!r} is unknown; {errors.known_are(name, SUPPLIES)}")
-    return SUPPLIES[name]
-
-
-def _options(supply: type[AirSupply]) -> set[str]:
-    return {field.option or name for name, field in about(supply).items()}
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -47,6 +47,301 @@ from softmodels.path.steps import (
 )
 from softmodels.path.supply import AMBIENT, AirSupply, Reservoir
 
+
+class Load:
+    """What the steps of a case say."""
+
+    def __init__(self, case: Loaded):
+        self.case, self.steps = case, case.steps
+
+    @functools.cached_property
+    def program(self) -> bool:
+        """Whether the steps are a program, and not values of one quantity."""
+        return is_program(self.steps)
+
+    @functools.cached_property
+    def asked(self) -> Prescribed | None:
+        """The values of one quantity that are requested; None for a program."""
+        return None if self.program or not self.steps else self.steps[-1].prescribed[0]
+
+    @property
+    def driven(self) -> Prescribed | None:
+        """The same, of a dead load; None for others."""
+        return self.asked if self.asked is not None and self.asked.of_load else None
+
+    @property
+    def driven_part(self) -> controls.LoadPart:
+        """The dead load whose values are requested."""
+        assert self.driven is not None
+        return load_part(self.driven, self.case.components)
+
+    @property
+    def preload(self) -> float:
+        """Pressure in Pa that is applied before the values of a dead load, and kept."""
+        return self.steps[0].prescribed[0].values[0] if self.driven is not None and len(self.steps) > 1 else 0.0
+
+    def of(self, quantity: str) -> tuple[float, ...]:
+        """Return the requested values of a quantity, SI; empty where another one, or a program, is requested."""
+        return self.asked.values if self.asked is not None and self.asked.quantity == quantity else ()
+
+    @property
+    def requested(self) -> Requested:
+        if self.asked is None:
+            return STEP if self.program else REQUESTED[STROKE]
+        if not self.asked.of_load:
+            return REQUESTED[self.asked.quantity]
+        asked, part = load_quantities()[self.asked.quantity][2], self.driven_part
+        column = part.travel_column if asked.held else part.column
+        return Requested(
+            stability.LoadDisplacement.name if asked.held else stability.DeadForce.name,
+            asked.words,
+            asked.unit,
+            part.share_column if self.asked.quantity == "share" else column,
+        )
+
+    @property
+    def driver(self) -> str:
+        """Name of the air supply, in a word."""
+        return "supply" if self.case.supply is None else self.case.supply.name
+
+    @property
+    def has_pressure(self) -> bool:
+        """Whether the device is pressurised; it is not if only weights, forces and moments are requested."""
+        of_loads = [one.of_load for step in self.steps for one in step.prescribed]
+        return not all(of_loads) and (self.driven is None or self.preload > 0.0)
+
+    @property
+    def direction(self) -> int:
+        """1, or -1 if the requested pressures or added volumes fall from 0."""
+        return -1 if min([*self.of(PRESSURE), *self.of(VOLUME)], default=0.0) < 0.0 else 1
+
+    def lowest(self) -> float:
+        """Return the lowest pressure in Pa of a cavity, or of a supply's source, at most 0."""
+        common = (*self.of(PRESSURE), self.preload)
+        own = self._in_program(PRESSURE, SOURCE_PRESSURE)
+        return min([0.0, *(value * ratio for value in common for ratio in self.case.actuator.ratios), *own])
+
+    def draws(self) -> bool:
+        """Return whether air is drawn out: a pressure or an added volume is below 0."""
+        return self.lowest() < 0.0 or min([0.0, *self.of(VOLUME), *self._in_program(VOLUME)]) < 0.0
+
+    def _in_program(self, *quantities: str) -> list[float]:
+        """Return the values of quantities in a program."""
+        steps = self.steps if self.program else ()
+        return [one.values[0] for step in steps for one in step.prescribed if one.quantity in quantities]
+
+    @property
+    def scale(self) -> float:
+        """SI units in one of the requested values' unit; 1 of a program."""
+        if self.asked is None:
+            return 1.0 if self.program else entries.ML
+        return self.case.cm if self.asked.quantity == PRESSURE else _unit(self.asked.quantity)[0]
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Requested values in their unit; of a program the numbers of its steps."""
+        if self.asked is None:
+            last = last_number(self.steps) if self.program else 0
+            return tuple(float(k) for k in range(last - len(self.steps) + 1, last + 1))
+        unit = self.requested.unit
+        return tuple(in_unit(value, unit, self.scale) for value in self.asked.values)
+
+    @property
+    def goals(self) -> tuple[float, ...]:
+        """Requested pressures in Pa, added volumes or strokes in m3, forces and travels in SI units; none of a program."""
+        return self.asked.values if self.asked is not None else ()
+
+    def check(self) -> None:
+        """Raise `CaseError` if nothing is requested, or options contradict each other, and `SupplyError` for strokes that the
+        supply cannot make."""
+        case, actuator, asked = self.case, self.case.actuator, self.asked
+        if not self.steps:
+            raise CaseError(ONE_REQUEST)
+        if asked is not None:
+            key = load_quantities()[asked.quantity][1] if asked.of_load else asked.quantity
+            if not any(asked.values):
+                raise CaseError(f"the only {key} requested is 0; add a value above 0")
+            entries.check_order(asked.values, key)
+        if not actuator.ratios and asked is not None and not asked.of_load:
+            raise CaseError(
+                f"{type(actuator).__name__} has no cavity for a pressure or a volume; load it by a force (--force with "
+                "--force-N) or by its weight (--gravity with --weight-share 0:1)"
+            )
+        if (lowest := self.lowest()) <= -AMBIENT:
+            raise CaseError(
+                f"a pressure of {lowest / case.cm:g} cm ({lowest / 1e3:.4g} kPa) is below absolute vacuum, "
+                f"{-AMBIENT / case.cm:.0f} cm ({-AMBIENT / 1e3:.5g} kPa) at an ambient pressure of {AMBIENT / 1e3:.5g} kPa; "
+                "pumps reach about -90 kPa, ejectors -85 kPa"
+            )
+        if self.program:
+            check_steps(self.steps)
+            self._check_program()
+        if self.driven is not None:
+            self._check_driven(self.driven)
+        held = asked is not None and (asked.held or asked.quantity == STROKE)
+        if case.load_unload and (asked is None or held):
+            raise CaseError(
+                "--load-unload needs a pressure or a force to raise and lower; add --pressure-cm or --force-N"
+            )
+        if case.load_unload and (rubs := self._remembering):
+            raise CaseError(
+                f"--load-unload reads one equilibrium curve, but with the friction of {rubs} the states depend "
+                f"on the loading history; use a series in a case file instead (cavity1.pressure_cm = [40, 0])"
+            )
+        if case.load_unload and case.control != "auto":
+            raise CaseError("--load-unload chooses the control itself; leave out --control")
+        self._check_supply()
+        self._check_lifted()
+        if (
+            case.supply is not None
+            and not case.supply.in_time
+            and any(isinstance(part, controls.LoadPart) and not part.idle(case.components) for part in case.components)
+        ):
+            raise CaseError(
+                "strokes of a supply count from the undeformed cavity, but a device with weights or forces starts "
+                "from a preloaded one; request pressures or added volumes"
+            )
+        if self.of(VOLUME) and case.control == "pressure":
+            raise CaseError("added volumes cannot be requested under pressure control; use --control auto or volume")
+        if not 100.0 <= case.water_density <= 20000.0:
+            raise CaseError(
+                f"a water density of {case.water_density:g} kg/m^3 is out of range; give 100 to 20000 kg/m^3 (the "
+                f"thesis measured 970)"
+            )
+
+    @property
+    def _remembering(self) -> str:
+        """The table of a part whose forces depend on the states before; empty if none do."""
+        return next((part.where for part in self.case.components if part.remembers), "")
+
+    def _check_lifted(self) -> None:
+        """Reject shares of gravity if the device lifts a mass, which always has its full weight."""
+        lifted = next((part.where for part in self.case.components if part.lifted and part.weighs), "")
+        if lifted and prescribes(self.steps, "share"):
+            raise CaseError(
+                f"{lifted} has a mass with its full weight, but shares of the weight are requested; "
+                "leave out the shares, or the mass"
+            )
+
+    def check_band(self) -> None:
+        """Raise `CaseError` for loads without a band: a supply, a program, a cycle, or travels."""
+        if rubs := self._remembering:
+            raise CaseError(f"bands are not available with friction, as at {rubs}: leave out --band, or the friction")
+        travels = self.driven is not None and self.driven.held
+        if self.program or self.case.supply is not None or self.case.load_unload or travels:
+            raise CaseError(
+                "bands are available only for requested pressures, volumes, forces or shares of the weight; "
+                "leave out --band, or the supply, load_unload, travels or series"
+            )
+
+    def check_branch(self) -> None:
+        """Raise `CaseError` for loads under which no branch can be followed: a program or a cycle."""
+        if rubs := self._remembering:
+            raise CaseError(f"--branch is not available with friction, as at {rubs}; leave one of them out")
+        if self.program:
+            raise CaseError("--branch is not available with a series for each cavity; leave one of them out")
+        if self.case.load_unload:
+            raise CaseError("--branch and --load-unload cannot be combined; leave out one of them")
+
+    def _check_supply(self) -> None:
+        case, strokes = self.case, self.of(STROKE)
+        supply, actuator = case.supply, case.actuator
+        in_time = supply is not None and supply.in_time
+        source = next((q for q in (SOURCE_PRESSURE, FLOW) if prescribes(self.steps, q)), "")
+        if in_time or source:
+            if not in_time:
+                key = next(key for key, quantity in SOURCE_KEYS.items() if quantity == source)
+                raise CaseError(
+                    f"{key} is the series of a supply in time; add one (a [supply] of kind "
+                    f'"{Reservoir.name}", or supply=Reservoir())'
+                )
+            if not source:
+                raise CaseError(
+                    f"a {self.driver} needs its source in time: source_pressure_cm (or flow_ml_per_min) and time_s in [load], "
+                    "or --pressure-cm with --rate or --hold"
+                )
+            if not actuator.ratios:
+                raise CaseError(f"{type(actuator).__name__} has no cavity for a {self.driver}; leave out the supply")
+            return
+        if bool(strokes) != (supply is not None):
+            owner = "syringe" if supply is None else supply.name
+            raise CaseError(f"a {owner} (--supply {owner}) and its strokes (--stroke-ml) belong together")
+        if supply is not None:
+            supply.check_strokes(strokes[-1], actuator.cavity_volume)
+            if case.control not in ("auto", "arc-length"):
+                raise CaseError("strokes need --control auto or arc-length")
+
+    def _check_driven(self, driven: Prescribed) -> None:
+        load, actuator = self.driven_part, self.case.actuator
+        if self.preload and not actuator.ratios:
+            raise CaseError(f"at_pressure_cm: {type(actuator).__name__} has no cavity for a pressure; leave it out")
+        if load.kept:
+            raise CaseError(
+                f"{load.where} has a constant amount, but {load_quantities()[driven.quantity][2].words} of it are requested; "
+                "leave one of them out"
+            )
+
+    def _check_program(self) -> None:
+        case, actuator = self.case, self.case.actuator
+        count, known = (
+            len(actuator.ratios),
+            {part.key: part for part in case.components if isinstance(part, controls.LoadPart)},
+        )
+        drivers = courses(self.steps)
+        cavities = [one.of for one in drivers if one.of_cavity]
+        if cavities and sorted(cavities) != sorted(f"cavity{i + 1}" for i in range(count)):
+            raise CaseError(
+                f"[load] has series for {len(cavities)} cavities, but the device has {count}; give one for each"
+            )
+        for one in drivers:
+            if one.of_load and one.of not in known:
+                table, _, name = one.of.partition(".")
+                raise CaseError(
+                    f"[load] has a series for {one.of}, but the case has no [{table}{'.' + name if name else ''}]; the "
+                    f"loads it has are {', '.join(known) or 'none'}"
+                )
+            if one.of_load and known[one.of].kept:
+                raise CaseError(
+                    f"{known[one.of].where} has a constant amount, and a series in [load]; leave one of them out"
+                )
+        if cavities and actuator.ratios != (1.0,) * count:
+            raise CaseError("pressure_ratios cannot be combined with a series for each cavity; leave out the ratios")
+        if case.load_unload or case.control not in ("auto", "arc-length"):
+            raise CaseError("a series for each cavity needs control auto or arc-length, without load_unload")
+
+    def check_size(self, shear_modulus: float, cavity: float) -> None:
+        """Raise `CaseError` for values that suggest a wrong unit, given the material's shear modulus in Pa and the cavity's
+        volume in m3."""
+        cm = self.case.cm
+        highest = max(map(abs, [*self.of(PRESSURE), *self._in_program(PRESSURE), self.preload]))
+        if highest > STIFFNESS_RANGE * shear_modulus:
+            usual_cm, usual_kPa = (f"{float(f'{shear_modulus / unit:.2g}'):g}" for unit in (cm, 1e3))
+            raise CaseError(
+                f"a pressure of {highest / cm:g} cm ({highest / 1e3:.4g} kPa) is too much for a shear modulus of "
+                f"{shear_modulus / 1e3:.4g} kPa: devices take about {usual_cm} cm ({usual_kPa} kPa), and at most "
+                f"{STIFFNESS_RANGE * shear_modulus / cm:.0f} cm is accepted; write --pressure '{usual_cm} cm' "
+                f"or --pressure '{usual_kPa} kPa' or less, or correct the modulus (silicones have 5 to 500 kPa)"
+            )
+        volumes = [0.0, *self.of(VOLUME), *self._in_program(VOLUME)]
+        if cavity and min(volumes) <= -cavity:
+            raise CaseError(
+                f"an added volume of {min(volumes) / entries.ML:g} ml empties a cavity of {cavity * 1e6:.4g} ml; "
+                "give a volume above "
+                f"{-cavity * 1e6:.4g} ml"
+            )
+        largest = max(volumes)
+        if largest > VOLUME_RANGE * cavity:
+            raise CaseError(
+                f"an added volume of {largest / entries.ML:g} ml against a cavity of {cavity * 1e6:.4g} ml is out of range; "
+                f"give at most {VOLUME_RANGE:g} times the cavity volume"
+            )
+
+
+def in_unit(value: float, unit: str, scale: float) -> float:
+    """Return a value in a unit of so many SI units: its own number where it was written in that unit."""
+    return value.number if isinstance(value, units.Amount) and value.unit == unit else value / scale
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Load steps from the keys of ``[load]``.
 
@@ -620,297 +915,3 @@ def _driving(step: Step, case: Loaded) -> Step:
                 f"a {case.supply.name} supplies pressures, not added volumes; request pressures, those of its source"
             )
     return dataclasses.replace(step, prescribed=tuple(found))
-
-
-class Load:
-    """What the steps of a case say."""
-
-    def __init__(self, case: Loaded):
-        self.case, self.steps = case, case.steps
-
-    @functools.cached_property
-    def program(self) -> bool:
-        """Whether the steps are a program, and not values of one quantity."""
-        return is_program(self.steps)
-
-    @functools.cached_property
-    def asked(self) -> Prescribed | None:
-        """The values of one quantity that are requested; None for a program."""
-        return None if self.program or not self.steps else self.steps[-1].prescribed[0]
-
-    @property
-    def driven(self) -> Prescribed | None:
-        """The same, of a dead load; None for others."""
-        return self.asked if self.asked is not None and self.asked.of_load else None
-
-    @property
-    def driven_part(self) -> controls.LoadPart:
-        """The dead load whose values are requested."""
-        assert self.driven is not None
-        return load_part(self.driven, self.case.components)
-
-    @property
-    def preload(self) -> float:
-        """Pressure in Pa that is applied before the values of a dead load, and kept."""
-        return self.steps[0].prescribed[0].values[0] if self.driven is not None and len(self.steps) > 1 else 0.0
-
-    def of(self, quantity: str) -> tuple[float, ...]:
-        """Return the requested values of a quantity, SI; empty where another one, or a program, is requested."""
-        return self.asked.values if self.asked is not None and self.asked.quantity == quantity else ()
-
-    @property
-    def requested(self) -> Requested:
-        if self.asked is None:
-            return STEP if self.program else REQUESTED[STROKE]
-        if not self.asked.of_load:
-            return REQUESTED[self.asked.quantity]
-        asked, part = load_quantities()[self.asked.quantity][2], self.driven_part
-        column = part.travel_column if asked.held else part.column
-        return Requested(
-            stability.LoadDisplacement.name if asked.held else stability.DeadForce.name,
-            asked.words,
-            asked.unit,
-            part.share_column if self.asked.quantity == "share" else column,
-        )
-
-    @property
-    def driver(self) -> str:
-        """Name of the air supply, in a word."""
-        return "supply" if self.case.supply is None else self.case.supply.name
-
-    @property
-    def has_pressure(self) -> bool:
-        """Whether the device is pressurised; it is not if only weights, forces and moments are requested."""
-        of_loads = [one.of_load for step in self.steps for one in step.prescribed]
-        return not all(of_loads) and (self.driven is None or self.preload > 0.0)
-
-    @property
-    def direction(self) -> int:
-        """1, or -1 if the requested pressures or added volumes fall from 0."""
-        return -1 if min([*self.of(PRESSURE), *self.of(VOLUME)], default=0.0) < 0.0 else 1
-
-    def lowest(self) -> float:
-        """Return the lowest pressure in Pa of a cavity, or of a supply's source, at most 0."""
-        common = (*self.of(PRESSURE), self.preload)
-        own = self._in_program(PRESSURE, SOURCE_PRESSURE)
-        return min([0.0, *(value * ratio for value in common for ratio in self.case.actuator.ratios), *own])
-
-    def draws(self) -> bool:
-        """Return whether air is drawn out: a pressure or an added volume is below 0."""
-        return self.lowest() < 0.0 or min([0.0, *self.of(VOLUME), *self._in_program(VOLUME)]) < 0.0
-
-    def _in_program(self, *quantities: str) -> list[float]:
-        """Return the values of quantities in a program."""
-        steps = self.steps if self.program else ()
-        return [one.values[0] for step in steps for one in step.prescribed if one.quantity in quantities]
-
-    @property
-    def scale(self) -> float:
-        """SI units in one of the requested values' unit; 1 of a program."""
-        if self.asked is None:
-            return 1.0 if self.program else entries.ML
-        return self.case.cm if self.asked.quantity == PRESSURE else _unit(self.asked.quantity)[0]
-
-    @property
-    def values(self) -> tuple[float, ...]:
-        """Requested values in their unit; of a program the numbers of its steps."""
-        if self.asked is None:
-            last = last_number(self.steps) if self.program else 0
-            return tuple(float(k) for k in range(last - len(self.steps) + 1, last + 1))
-        unit = self.requested.unit
-        return tuple(in_unit(value, unit, self.scale) for value in self.asked.values)
-
-    @property
-    def goals(self) -> tuple[float, ...]:
-        """Requested pressures in Pa, added volumes or strokes in m3, forces and travels in SI units; none of a program."""
-        return self.asked.values if self.asked is not None else ()
-
-    def check(self) -> None:
-        """Raise `CaseError` if nothing is requested, or options contradict each other, and `SupplyError` for strokes that the
-        supply cannot make."""
-        case, actuator, asked = self.case, self.case.actuator, self.asked
-        if not self.steps:
-            raise CaseError(ONE_REQUEST)
-        if asked is not None:
-            key = load_quantities()[asked.quantity][1] if asked.of_load else asked.quantity
-            if not any(asked.values):
-                raise CaseError(f"the only {key} requested is 0; add a value above 0")
-            entries.check_order(asked.values, key)
-        if not actuator.ratios and asked is not None and not asked.of_load:
-            raise CaseError(
-                f"{type(actuator).__name__} has no cavity for a pressure or a volume; load it by a force (--force with "
-                "--force-N) or by its weight (--gravity with --weight-share 0:1)"
-            )
-        if (lowest := self.lowest()) <= -AMBIENT:
-            raise CaseError(
-                f"a pressure of {lowest / case.cm:g} cm ({lowest / 1e3:.4g} kPa) is below absolute vacuum, "
-                f"{-AMBIENT / case.cm:.0f} cm ({-AMBIENT / 1e3:.5g} kPa) at an ambient pressure of {AMBIENT / 1e3:.5g} kPa; "
-                "pumps reach about -90 kPa, ejectors -85 kPa"
-            )
-        if self.program:
-            check_steps(self.steps)
-            self._check_program()
-        if self.driven is not None:
-            self._check_driven(self.driven)
-        held = asked is not None and (asked.held or asked.quantity == STROKE)
-        if case.load_unload and (asked is None or held):
-            raise CaseError(
-                "--load-unload needs a pressure or a force to raise and lower; add --pressure-cm or --force-N"
-            )
-        if case.load_unload and (rubs := self._remembering):
-            raise CaseError(
-                f"--load-unload reads one equilibrium curve, but with the friction of {rubs} the states depend "
-                f"on the loading history; use a series in a case file instead (cavity1.pressure_cm = [40, 0])"
-            )
-        if case.load_unload and case.control != "auto":
-            raise CaseError("--load-unload chooses the control itself; leave out --control")
-        self._check_supply()
-        self._check_lifted()
-        if (
-            case.supply is not None
-            and not case.supply.in_time
-            and any(isinstance(part, controls.LoadPart) and not part.idle(case.components) for part in case.components)
-        ):
-            raise CaseError(
-                "strokes of a supply count from the undeformed cavity, but a device with weights or forces starts "
-                "from a preloaded one; request pressures or added volumes"
-            )
-        if self.of(VOLUME) and case.control == "pressure":
-            raise CaseError("added volumes cannot be requested under pressure control; use --control auto or volume")
-        if not 100.0 <= case.water_density <= 20000.0:
-            raise CaseError(
-                f"a water density of {case.water_density:g} kg/m^3 is out of range; give 100 to 20000 kg/m^3 (the "
-                f"thesis measured 970)"
-            )
-
-    @property
-    def _remembering(self) -> str:
-        """The table of a part whose forces depend on the states before; empty if none do."""
-        return next((part.where for part in self.case.components if part.remembers), "")
-
-    def _check_lifted(self) -> None:
-        """Reject shares of gravity if the device lifts a mass, which always has its full weight."""
-        lifted = next((part.where for part in self.case.components if part.lifted and part.weighs), "")
-        if lifted and prescribes(self.steps, "share"):
-            raise CaseError(
-                f"{lifted} has a mass with its full weight, but shares of the weight are requested; "
-                "leave out the shares, or the mass"
-            )
-
-    def check_band(self) -> None:
-        """Raise `CaseError` for loads without a band: a supply, a program, a cycle, or travels."""
-        if rubs := self._remembering:
-            raise CaseError(f"bands are not available with friction, as at {rubs}: leave out --band, or the friction")
-        travels = self.driven is not None and self.driven.held
-        if self.program or self.case.supply is not None or self.case.load_unload or travels:
-            raise CaseError(
-                "bands are available only for requested pressures, volumes, forces or shares of the weight; "
-                "leave out --band, or the supply, load_unload, travels or series"
-            )
-
-    def check_branch(self) -> None:
-        """Raise `CaseError` for loads under which no branch can be followed: a program or a cycle."""
-        if rubs := self._remembering:
-            raise CaseError(f"--branch is not available with friction, as at {rubs}; leave one of them out")
-        if self.program:
-            raise CaseError("--branch is not available with a series for each cavity; leave one of them out")
-        if self.case.load_unload:
-            raise CaseError("--branch and --load-unload cannot be combined; leave out one of them")
-
-    def _check_supply(self) -> None:
-        case, strokes = self.case, self.of(STROKE)
-        supply, actuator = case.supply, case.actuator
-        in_time = supply is not None and supply.in_time
-        source = next((q for q in (SOURCE_PRESSURE, FLOW) if prescribes(self.steps, q)), "")
-        if in_time or source:
-            if not in_time:
-                key = next(key for key, quantity in SOURCE_KEYS.items() if quantity == source)
-                raise CaseError(
-                    f"{key} is the series of a supply in time; add one (a [supply] of kind "
-                    f'"{Reservoir.name}", or supply=Reservoir())'
-                )
-            if not source:
-                raise CaseError(
-                    f"a {self.driver} needs its source in time: source_pressure_cm (or flow_ml_per_min) and time_s in [load], "
-                    "or --pressure-cm with --rate or --hold"
-                )
-            if not actuator.ratios:
-                raise CaseError(f"{type(actuator).__name__} has no cavity for a {self.driver}; leave out the supply")
-            return
-        if bool(strokes) != (supply is not None):
-            owner = "syringe" if supply is None else supply.name
-            raise CaseError(f"a {owner} (--supply {owner}) and its strokes (--stroke-ml) belong together")
-        if supply is not None:
-            supply.check_strokes(strokes[-1], actuator.cavity_volume)
-            if case.control not in ("auto", "arc-length"):
-                raise CaseError("strokes need --control auto or arc-length")
-
-    def _check_driven(self, driven: Prescribed) -> None:
-        load, actuator = self.driven_part, self.case.actuator
-        if self.preload and not actuator.ratios:
-            raise CaseError(f"at_pressure_cm: {type(actuator).__name__} has no cavity for a pressure; leave it out")
-        if load.kept:
-            raise CaseError(
-                f"{load.where} has a constant amount, but {load_quantities()[driven.quantity][2].words} of it are requested; "
-                "leave one of them out"
-            )
-
-    def _check_program(self) -> None:
-        case, actuator = self.case, self.case.actuator
-        count, known = (
-            len(actuator.ratios),
-            {part.key: part for part in case.components if isinstance(part, controls.LoadPart)},
-        )
-        drivers = courses(self.steps)
-        cavities = [one.of for one in drivers if one.of_cavity]
-        if cavities and sorted(cavities) != sorted(f"cavity{i + 1}" for i in range(count)):
-            raise CaseError(
-                f"[load] has series for {len(cavities)} cavities, but the device has {count}; give one for each"
-            )
-        for one in drivers:
-            if one.of_load and one.of not in known:
-                table, _, name = one.of.partition(".")
-                raise CaseError(
-                    f"[load] has a series for {one.of}, but the case has no [{table}{'.' + name if name else ''}]; the "
-                    f"loads it has are {', '.join(known) or 'none'}"
-                )
-            if one.of_load and known[one.of].kept:
-                raise CaseError(
-                    f"{known[one.of].where} has a constant amount, and a series in [load]; leave one of them out"
-                )
-        if cavities and actuator.ratios != (1.0,) * count:
-            raise CaseError("pressure_ratios cannot be combined with a series for each cavity; leave out the ratios")
-        if case.load_unload or case.control not in ("auto", "arc-length"):
-            raise CaseError("a series for each cavity needs control auto or arc-length, without load_unload")
-
-    def check_size(self, shear_modulus: float, cavity: float) -> None:
-        """Raise `CaseError` for values that suggest a wrong unit, given the material's shear modulus in Pa and the cavity's
-        volume in m3."""
-        cm = self.case.cm
-        highest = max(map(abs, [*self.of(PRESSURE), *self._in_program(PRESSURE), self.preload]))
-        if highest > STIFFNESS_RANGE * shear_modulus:
-            usual_cm, usual_kPa = (f"{float(f'{shear_modulus / unit:.2g}'):g}" for unit in (cm, 1e3))
-            raise CaseError(
-                f"a pressure of {highest / cm:g} cm ({highest / 1e3:.4g} kPa) is too much for a shear modulus of "
-                f"{shear_modulus / 1e3:.4g} kPa: devices take about {usual_cm} cm ({usual_kPa} kPa), and at most "
-                f"{STIFFNESS_RANGE * shear_modulus / cm:.0f} cm is accepted; write --pressure '{usual_cm} cm' "
-                f"or --pressure '{usual_kPa} kPa' or less, or correct the modulus (silicones have 5 to 500 kPa)"
-            )
-        volumes = [0.0, *self.of(VOLUME), *self._in_program(VOLUME)]
-        if cavity and min(volumes) <= -cavity:
-            raise CaseError(
-                f"an added volume of {min(volumes) / entries.ML:g} ml empties a cavity of {cavity * 1e6:.4g} ml; "
-                "give a volume above "
-                f"{-cavity * 1e6:.4g} ml"
-            )
-        largest = max(volumes)
-        if largest > VOLUME_RANGE * cavity:
-            raise CaseError(
-                f"an added volume of {largest / entries.ML:g} ml against a cavity of {cavity * 1e6:.4g} ml is out of range; "
-                f"give at most {VOLUME_RANGE:g} times the cavity volume"
-            )
-
-
-def in_unit(value: float, unit: str, scale: float) -> float:
-    """Return a value in a unit of so many SI units: its own number where it was written in that unit."""
-    return value.number if isinstance(value, units.Amount) and value.unit == unit else value / scale

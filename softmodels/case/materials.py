@@ -565,6 +565,7 @@ class Region(regions.RegionPart):
 
 Parts = tuple[Component, ...]
 
+
 component.COMPONENTS.put_first(
     (Gravity, Mass, Force, Moment, Region, RigidShape, Obstacle, Walls, Sheet, Fibres, Fabric, Rigid, Clamp)
 )  # the order of a case's tables and options

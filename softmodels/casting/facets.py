@@ -19,60 +19,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.errors import MeshingError
 from softmodels.common.lazy import gmsh
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Maximum edge lengths of a body's triangles for a given chord error.
-
-
-PLANAR, DELAUNAY = 3, 6
-"""Gmsh's algorithms: a plane needs no inner nodes."""
-
-
-def set_sizes(solid: int, shares: dict[int, float], chord: float) -> None:
-    """Edges as long as the curvature allows, times a share for each face, on the face and on the curves around it."""
-    low, high = np.reshape(gmsh.model.getBoundingBox(3, solid), (2, 3))
-    largest = 0.25 * float(np.linalg.norm(high - low))
-    sizes: dict[tuple[int, int], float] = {}
-    for surface, share in shares.items():
-        plane = gmsh.model.getType(2, surface) == "Plane"
-        gmsh.model.mesh.setAlgorithm(2, surface, PLANAR if plane else DELAUNAY)
-        size = largest if plane else min(largest, share * 2.0 * math.sqrt(2.0 * chord / _curvature(surface)))
-        sizes[2, surface] = size
-        for _, curve in gmsh.model.getBoundary([(2, surface)], combined=False, oriented=False):
-            bent = _bend(curve)
-            along = min(size, share * 2.0 * math.sqrt(2.0 * chord / bent)) if bent > 0.0 else size
-            sizes[1, curve] = min(along, sizes.get((1, curve), largest))
-    gmsh.option.setNumber("Mesh.MeshSizeMax", largest)
-    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: sizes.get((dim, tag), largest))
-
-
-def _curvature(surface: int) -> float:
-    """Return the largest principal curvature at some points of a face, 1/mm."""
-    low, high = (np.array(bound) for bound in gmsh.model.getParametrizationBounds(2, surface))
-    grid = np.array(
-        [low + (high - low) * (a, b) for a in np.linspace(0.05, 0.95, 7) for b in np.linspace(0.05, 0.95, 7)]
-    )
-    most, least, _, _ = gmsh.model.getPrincipalCurvatures(surface, grid.ravel())
-    values = np.abs(np.concatenate([most, least]))
-    return max(float(values[np.isfinite(values)].max(initial=0.0)), 1e-6)
-
-
-def _bend(curve: int) -> float:
-    """Return the largest curvature of a curve, 1/mm."""
-    low, high = (bound[0] for bound in gmsh.model.getParametrizationBounds(1, curve))
-    values = np.abs(gmsh.model.getCurvature(1, curve, np.linspace(low, high, 9)[1:-1]))
-    return float(values[np.isfinite(values)].max(initial=0.0))
-
-
 Cells = npt.NDArray[np.int64]
-
-SHARE = 0.72
-"""Safety factor of the edge length, because triangles deviate more than their edges."""
-ROUNDS = 4
-"""Maximum number of refinements."""
-FINE_ENOUGH = 10_000
-"""Number of triangles above which second order is accurate for the volume; fewer are curved to fourth order."""
-LEAST_COSINE = 0.7
-"""Cosine between a surface's normal and a triangle's below which the normal is invalid."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -116,6 +63,16 @@ class Facets:
         known, count = np.unique(edges, axis=0, return_counts=True)
         both = {tuple(edge) for edge in known.tolist()}
         return int(np.count_nonzero(count != 1)) + sum((b, a) not in both for a, b in both)
+
+
+SHARE = 0.72
+"""Safety factor of the edge length, because triangles deviate more than their edges."""
+ROUNDS = 4
+"""Maximum number of refinements."""
+FINE_ENOUGH = 10_000
+"""Number of triangles above which second order is accurate for the volume; fewer are curved to fourth order."""
+LEAST_COSINE = 0.7
+"""Cosine between a surface's normal and a triangle's below which the normal is invalid."""
 
 
 def facets_of(file: Path, chord: float) -> Facets:
@@ -274,6 +231,50 @@ def _volume(turns: dict[int, float], middle: Array, count: int) -> tuple[float, 
             volume += float((np.einsum("ij,ij->i", at, normal) * share).sum()) / 3.0
             moment += 0.5 * np.einsum("ij,ij,i->j", at**2, normal, share)
     return volume, middle + moment / volume
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Maximum edge lengths of a body's triangles for a given chord error.
+
+
+PLANAR, DELAUNAY = 3, 6
+"""Gmsh's algorithms: a plane needs no inner nodes."""
+
+
+def set_sizes(solid: int, shares: dict[int, float], chord: float) -> None:
+    """Edges as long as the curvature allows, times a share for each face, on the face and on the curves around it."""
+    low, high = np.reshape(gmsh.model.getBoundingBox(3, solid), (2, 3))
+    largest = 0.25 * float(np.linalg.norm(high - low))
+    sizes: dict[tuple[int, int], float] = {}
+    for surface, share in shares.items():
+        plane = gmsh.model.getType(2, surface) == "Plane"
+        gmsh.model.mesh.setAlgorithm(2, surface, PLANAR if plane else DELAUNAY)
+        size = largest if plane else min(largest, share * 2.0 * math.sqrt(2.0 * chord / _curvature(surface)))
+        sizes[2, surface] = size
+        for _, curve in gmsh.model.getBoundary([(2, surface)], combined=False, oriented=False):
+            bent = _bend(curve)
+            along = min(size, share * 2.0 * math.sqrt(2.0 * chord / bent)) if bent > 0.0 else size
+            sizes[1, curve] = min(along, sizes.get((1, curve), largest))
+    gmsh.option.setNumber("Mesh.MeshSizeMax", largest)
+    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: sizes.get((dim, tag), largest))
+
+
+def _curvature(surface: int) -> float:
+    """Return the largest principal curvature at some points of a face, 1/mm."""
+    low, high = (np.array(bound) for bound in gmsh.model.getParametrizationBounds(2, surface))
+    grid = np.array(
+        [low + (high - low) * (a, b) for a in np.linspace(0.05, 0.95, 7) for b in np.linspace(0.05, 0.95, 7)]
+    )
+    most, least, _, _ = gmsh.model.getPrincipalCurvatures(surface, grid.ravel())
+    values = np.abs(np.concatenate([most, least]))
+    return max(float(values[np.isfinite(values)].max(initial=0.0)), 1e-6)
+
+
+def _bend(curve: int) -> float:
+    """Return the largest curvature of a curve, 1/mm."""
+    low, high = (bound[0] for bound in gmsh.model.getParametrizationBounds(1, curve))
+    values = np.abs(gmsh.model.getCurvature(1, curve, np.linspace(low, high, 9)[1:-1]))
+    return float(values[np.isfinite(values)].max(initial=0.0))
 
 
 # ----------------------------------------------------------------------------------------------------------------------

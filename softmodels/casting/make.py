@@ -41,6 +41,364 @@ if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkStaticCellLocator
 
 
+@dataclasses.dataclass(frozen=True, repr=False)
+class Made(cards.Shown):
+    """The finished mould; lengths of bodies in mm, everything else in SI units.
+
+    Attributes:
+        recipe: How the device is cast, with the cores that are cast of wax, each before the piece that it is for.
+        bodies: Of the moulds, piece by piece, in the order in which they leave.
+        extras: To print beside them: a jig where pieces are bonded, and a coupon that tests the printer's clearances.
+        casts: What is cast in them of silicone, as large as the mould leaves it.
+        waxes: The same of wax: the lost cores.
+        device: STEP of what the pieces are once bonded, the tube's hole filled, shrunk, in the device's own place; mm.
+        differs: How far casts and device differ in volume, centre and moments of inertia, as a share.
+        balance: What a piece's block has more than bodies, openings and cast, over its volume.
+        volume: Of the device's solid, m3.
+        plug, grooved: Volumes that the tube and the grooves for a thread take from it, m3.
+        wound: Threads around it, in its own size.
+        thinnest: Smallest wall of silicone, m.
+        channel: Smallest width of the cavity, m; NaN without one.
+        scale: Length in the mould over length in the device.
+    """
+
+    recipe: actuator.Recipe
+    bodies: tuple[MouldBody, ...]
+    extras: tuple[MouldBody, ...]
+    casts: tuple[MouldBody, ...]
+    waxes: tuple[MouldBody, ...]
+    device: bytes
+    differs: float
+    balance: float
+    volume: float
+    plug: float
+    grooved: float
+    wound: grooves.Winding | None
+    thinnest: float
+    channel: float
+    scale: float
+
+    @property
+    def printed(self) -> tuple[MouldBody, ...]:
+        """The bodies without the cores that are cast of wax."""
+        return tuple(body for body in self.bodies if any(body.pull) or not self.waxes)
+
+    def of(self, pour: actuator.Pour) -> tuple[list[MouldBody], MouldBody]:
+        """Return the bodies of a piece's mould, and what is cast in it."""
+        bodies = [body for body in self.bodies if body.piece == pour.name]
+        return bodies, next(cast for cast in (*self.casts, *self.waxes) if cast.piece == pour.name)
+
+    def _line(self) -> str:
+        return f"of {len(self.printed)} bodies to print, for {self.cast_volume * 1e6:.4g} ml of silicone"
+
+    def _figures(self) -> cards.Table:
+        pieces = f" in {len(self.casts)} parts, bonded" if len(self.casts) > 1 else ""
+        channel = [] if math.isnan(self.channel) else [
+            ("narrowest part of the cavity", f"{self.channel * 1e3:.3g} mm")
+        ]  # fmt: skip
+        return [
+            ("to print", ", ".join(body.name for body in self.printed)),
+            ("silicone", f"{self.cast_volume * 1e6:.4g} ml{pieces}"),
+            ("device", f"{self.volume * 1e6:.4g} ml"),
+            ("thinnest wall", f"{self.thinnest * 1e3:.3g} mm"),
+            *channel,
+            ("casts against the device", f"{self.differs:.1e} (volume, centre, moments of inertia)"),
+        ]
+
+    def _remarks(self) -> list[str]:
+        return self.notes
+
+    @property
+    def notes(self) -> list[str]:
+        """What may go wrong with the printed bodies, sentences with the remedy."""
+        found = [(body, fin) for body in self.bodies if body.checked for fin in body.checked.fins if fin.slender]
+        return [fin.told(body.name, self.scale) for body, fin in found]
+
+    @property
+    def cast_volume(self) -> float:
+        """Volume of all casts after demoulding, m3."""
+        return sum(body.facets.volume for body in self.casts) / MM**3
+
+
+def made(device: Actuator, workshop: settings.Workshop, stopped: Callable[[], bool] = bool) -> Made:
+    """Make the mould of a device, slices and sections standing for their whole; ``stopped`` is asked several times a second,
+    and once true ends the work.
+
+    Raises:
+        MouldError: It cannot be made so.
+        GeometryError, MeshingError: The device's whole cannot be made, or a body fails a check.
+        MeshingStopped: ``stopped`` was true.
+    """
+    return meshing.apart(_made, device, recipe_of(device, workshop), workshop, stopped=stopped)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Drawn:
+    """One piece's mould once its model is closed.
+
+    Attributes:
+        folder: A STEP of each body, of ``cast``, and of each jig, core, cavity and plug by its number.
+        counts: How many jigs, cores, cavities and plugs there are.
+        differs: See `Made`.
+        taken, beyond: Volume of the block in no body, and of bodies not in the block, mm3.
+        plug: Volume of the plugs, mm3.
+    """
+
+    tools: Tooling
+    folder: Path
+    counts: Mapping[str, int]
+    differs: float
+    taken: float
+    beyond: float
+    plug: float
+
+    def file(self, name: str) -> Path:
+        return self.folder / f"{name.replace(' ', '-')}.step"
+
+    def surfaces(self, kind: str, chord: float) -> list[Facets]:
+        """Return those of the jigs, cores, cavities or plugs, to a chord in mm."""
+        return [facets.facets_of(self.file(f"{kind} {k}"), chord) for k in range(self.counts[kind])]
+
+
+@dataclasses.dataclass(frozen=True)
+class _Piece:
+    """One piece's mould, measured; lengths in m, of the device's own size."""
+
+    bodies: list[MouldBody]
+    cast: MouldBody
+    balance: float
+    channel: float
+
+
+def _made(device: Actuator, recipe: actuator.Recipe, workshop: settings.Workshop) -> Made:
+    with tempfile.TemporaryDirectory() as place:
+        drawn, molten = list[_Drawn](), list[_Drawn]()
+        for k, pour in enumerate(recipe.pours):  # all of them before any is measured, which takes most of the time
+            drawn.append(_draw(device, recipe, pour, workshop, _inside(place, str(k))))
+            if pour.lost and workshop.core == "wax":
+                molten.append(_draw_wax(drawn[-1], workshop, _inside(place, f"{k} wax")))
+        # Closed cavities are the same for all pieces: their points as the device lies.
+        cavities = drawn[0].surfaces("cavity", MM * workshop.chord)
+        where = face_namer(device, drawn[0].tools.frame)
+        channels = [check_core(cavity, math.nan, workshop, where) / workshop.scale for cavity in cavities]
+        inside = np.concatenate([np.zeros((0, 3)), *(cavity.points for cavity in cavities)]) @ drawn[0].tools.frame.turn
+        pieces = [_piece(device, one, inside, workshop) for one in drawn]
+        waxes = [_piece(LostCore(one.file("cast")), one, np.zeros((0, 3)), workshop) for one in molten]
+        shrunk = workshop.scale**-3 / MM**3
+        plug, grooved = (
+            sum(volumes) * shrunk for volumes in zip(*((one.plug, one.tools.grooved) for one in drawn), strict=True)
+        )
+        casts = tuple(piece.cast for piece in pieces)
+        silicone = min(
+            thicknesses(cast.facets, _flanks(cast.facets, one.tools))[0][0]
+            for cast, one in zip(casts, drawn, strict=True)
+        )
+        channels = [width for width in (*channels, *(piece.channel for piece in pieces)) if math.isfinite(width)]
+        first = {one.tools.pour.name.removesuffix(" core"): one.tools.pour for one in molten}
+        pours = [pour for one in recipe.pours for pour in (first.get(one.name), one) if pour]
+        return Made(
+            dataclasses.replace(recipe, pours=tuple(pours)),
+            tuple(body for piece in (*waxes, *pieces) for body in piece.bodies), _extras(drawn, workshop), casts,
+            tuple(piece.cast for piece in waxes), _bonded(drawn, Path(place)),
+            max(one.differs for one in (*drawn, *molten)),
+            max((piece.balance for piece in (*pieces, *waxes)), key=abs),
+            sum(cast.facets.volume for cast in casts) * shrunk + plug + grooved, plug, grooved,
+            next((one.tools.wound for one in drawn), None), silicone / MM / workshop.scale,
+            min(channels, default=math.nan), workshop.scale,
+        )  # fmt: skip
+
+
+def _inside(place: str, name: str) -> Path:
+    """Return a new folder in another one."""
+    folder = Path(place) / name
+    folder.mkdir()
+    return folder
+
+
+def _draw_wax(drawn: _Drawn, workshop: settings.Workshop, folder: Path) -> _Drawn:
+    """Make the mould in which a piece's lost core is cast of wax, with its peg."""
+    tools, name = drawn.tools, f"{drawn.tools.pour.name} core"
+    core = facets.facets_of(drawn.file(name), MM * workshop.chord)
+    with meshing.private_model():
+        (solid,) = imported(drawn.file(name))
+        box = np.reshape(gmsh.model.occ.getBoundingBox(*solid), (2, 3))
+    middle = np.array([*box.mean(axis=0)[:2], tools.level])
+    along = None if tools.pour.sideways is None else int(np.abs(tools.frame.turn @ tools.pour.sideways).argmax())
+    peg = float(core.points[:, 2].min())
+    parting = next((axis for axis in (along, 2, 1, 0) if axis is not None and _parts(core, axis, middle[axis])), None)
+    if parting is None:
+        raise MouldError(f"the {name} does not leave a mould in two halves in any direction; print it (--core lost)")
+    pour = actuator.Pour(
+        name=name, up=(0.0, 0.0, 1.0), level=peg / MM, lid=False, wax=True, vented=tools.level / MM,
+        floor=tools.level / MM if parting == 2 else None,
+        sideways=None if parting == 2 else _triple(np.eye(3)[parting]),
+    )  # fmt: skip
+    own = dataclasses.replace(workshop, shrinkage=workshop.wax_shrinkage)
+    return _draw(LostCore(drawn.file(name)), actuator.Recipe(pours=(pour,), why=""), pour, own, folder)
+
+
+def _parts(core: Facets, axis: int, level: float) -> bool:
+    """Return whether nothing of a core hangs over in a mould of two halves that part along an axis at a level, mm."""
+    beyond = core.corners[:, :, axis] - level
+    lean = core.normals[:, :, axis] * np.sign(beyond)
+    return float(lean[np.abs(beyond) > FLUSH].min()) > -SLIP
+
+
+def _extras(drawn: Sequence[_Drawn], workshop: settings.Workshop) -> tuple[MouldBody, ...]:
+    """Return the jig and the coupon."""
+    chord, folder = MM * workshop.chord, drawn[0].folder
+    with meshing.private_model():
+        own = _Drawn(drawn[0].tools, folder, {}, 0.0, 0.0, 0.0, 0.0)
+        _write_steps(facets.coupon_solids(workshop), own)
+    files = {"bonding jig": drawn[0].file("jig 0")} if drawn[0].counts["jig"] else {}
+    files |= {name: own.file(name) for name in ("coupon", "coupon pin")}
+    found = [MouldBody(name, "", file.read_bytes(), facets.facets_of(file, chord), (0.0, 0.0, 0.0), None)
+             for name, file in files.items()]  # fmt: skip
+    if leaks := [body.name for body in found if body.facets.open_edges]:
+        raise MeshingError(f"the {leaks[0]} is not watertight; change a length slightly")
+    return tuple(found)
+
+
+def _draw(
+    device: actuator.Castable, recipe: actuator.Recipe, pour: actuator.Pour, workshop: settings.Workshop, folder: Path
+) -> _Drawn:
+    """Make the mould of one piece, compare its void with the piece, and write its STEP files; `MeshingError` if the mould
+    leaves something else than the device."""
+    with meshing.private_model():
+        tools = tooling(device, recipe, pour, workshop)
+        void = left(tools)
+        differs = _difference(void, tools.target, tools.size)
+        if differs > SAME or len(void) != 1:
+            raise MeshingError(
+                f"the cast differs from the device (volumes or moments by {differs:.2g}); change a length slightly"
+            )
+        if len(recipe.pours) == 1:
+            gmsh.model.occ.remove([tools.jig], recursive=True)
+        several = {
+            "jig": [tools.jig] if len(recipe.pours) > 1 and pour == recipe.pours[0] else [],
+            "core": tools.cores,
+            "cavity": tools.cavities,
+            "plug": tools.plugs,
+        }
+        named = {body.name: body.solid for body in tools.bodies} | {"cast": void[0]}
+        named |= {f"{kind} {k}": solid for kind, solids in several.items() for k, solid in enumerate(solids)}
+        plug = sum(gmsh.model.occ.getMass(*solid) for solid in tools.plugs)
+        found = _Drawn(tools, folder, {kind: len(solids) for kind, solids in several.items()}, differs,
+                       *_block_volumes(tools), plug)  # fmt: skip
+        _write_steps(named, found)
+    return found
+
+
+def _piece(device: Actuator | LostCore, drawn: _Drawn, inside: Array, workshop: settings.Workshop) -> _Piece:
+    """Measure and check the mould of one piece; ``inside`` are points of closed cavities, shape (n, 3), mm."""
+    tools, chord = drawn.tools, MM * workshop.chord
+    named = {body.name: facets.facets_of(drawn.file(body.name), chord) for body in tools.bodies}
+    surfaces = Surfaces(tools, named, facets.facets_of(drawn.file("cast"), CAST_CHORD))
+    where = face_namer(device, tools.frame)
+    found = {name: check_body(name, surfaces, workshop, where) for name in named}
+    overlap = overlaps(surfaces)
+    rest = balance(drawn, surfaces)
+    if abs(rest) > SAME:
+        raise MeshingError(
+            f"bodies, openings and cast do not fill the mould ({rest:.2g} of it are left); change a length slightly"
+        )
+    bodies = [
+        MouldBody(body.name, tools.pour.name, drawn.file(body.name).read_bytes(), named[body.name], _triple(body.pull),
+                  dataclasses.replace(found[body.name], overlap=overlap[body.name] / MM))
+        for body in tools.bodies
+    ]  # fmt: skip
+    cores = [] if len(inside) else drawn.surfaces("core", chord)
+    widths = [check_core(core, tools.level, workshop, where) for core in cores]
+    heights = np.concatenate([inside @ tools.frame.turn[2], *(core.points[:, 2] for core in cores)])
+    highest = float(heights[heights < tools.top + FLUSH].max(initial=tools.level))
+    beyond = (float(surfaces.cast.points[:, 2].max()) - highest) / MM / workshop.scale
+    cast = MouldBody(f"{tools.pour.name} cast", tools.pour.name, drawn.file("cast").read_bytes(), surfaces.cast,
+                     (0.0, 0.0, 0.0), None, beyond)  # fmt: skip
+    return _Piece(bodies, cast, rest, min(widths, default=math.nan) / workshop.scale)
+
+
+CAST_CHORD = 0.05
+"""Chord error in mm of the casts."""
+
+
+def _triple(vector: Array) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in vector)
+    return x, y, z
+
+
+def _difference(one: list[Solid], other: list[Solid], size: float) -> float:
+    """Return how far two bodies differ in volume, centre and moments of inertia, as shares of the volume and of the size.
+
+    Not the volume of what is left of one without the other: the CAD kernel fails on bodies whose faces all coincide.
+    """
+    occ, found = gmsh.model.occ, []
+    for solids in (one, other):
+        mass = np.array([occ.getMass(*solid) for solid in solids])
+        centre = np.array([occ.getCenterOfMass(*solid) for solid in solids])
+        inertia = np.array([occ.getMatrixOfInertia(*solid) for solid in solids])
+        found.append((mass.sum(), mass @ centre, inertia.sum(axis=0)))
+    whole = found[1][0]
+    return max(
+        float(np.abs(np.asarray(a) - b).max()) / (whole * size**k) for k, (a, b) in enumerate(zip(*found, strict=True))
+    )
+
+
+def _bonded(pieces: Sequence[_Drawn], folder: Path) -> bytes:
+    """Return the STEP of the pieces merged, with the tube's hole filled, in the device's own size and place."""
+    file = folder / "device.step"
+    with meshing.private_model():
+        parts: list[Solid] = []
+        for piece in pieces:
+            for name in ("cast", *(f"plug {k}" for k in range(piece.counts["plug"]))):
+                solids = imported(piece.file(name))
+                turned(solids, piece.tools.frame.turn.T)
+                parts += solids
+        parts = merged(parts, unify=False)
+        if len(parts) != 1:
+            raise MeshingError("the CAD kernel cannot merge the pieces; change a length slightly")
+        scaled(1.0 / pieces[0].tools.frame.scale)
+        gmsh.model.occ.synchronize()
+        meshing.write_step(file)
+    return file.read_bytes()
+
+
+def _write_steps(named: Mapping[str, Solid], drawn: _Drawn) -> None:
+    """Write each of some solids of the current Gmsh model into a file of its own."""
+    gmsh.model.occ.synchronize()
+    gmsh.option.setNumber("Geometry.OCCExportOnlyVisible", 1)
+    gmsh.model.setVisibility(gmsh.model.getEntities(), 0)
+    for name, solid in named.items():
+        gmsh.model.setVisibility([solid], 1, recursive=True)
+        meshing.write_step(drawn.file(name))
+        gmsh.model.setVisibility([solid], 0, recursive=True)
+    gmsh.option.setNumber("Geometry.OCCExportOnlyVisible", 0)
+
+
+@dataclasses.dataclass(frozen=True)
+class MouldBody:
+    """A body of a mould, or what is cast in it, with its STEP file and its surface in mm.
+
+    Attributes:
+        name, piece: ``"upper cup"``, ``"lower lid"``, ``"upper cast"`` and so on, and the piece that it belongs to.
+        pull: Unit vector along which it leaves; zero of what is cast, and of what is dissolved.
+        checked: What was found of it; None of what is cast.
+        beyond: Of what is cast: silicone between its core and the cup along z, m; NaN of bodies.
+    """
+
+    name: str
+    piece: str
+    step: bytes
+    facets: Facets
+    pull: tuple[float, float, float]
+    checked: Checked | None
+    beyond: float = math.nan
+
+    @property
+    def stem(self) -> str:
+        """Name of its files."""
+        return self.name.replace(" ", "-")
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Checks of every body of a mould before anything is written.
 
@@ -499,361 +857,3 @@ def balance(drawn: _Drawn, found: Surfaces) -> float:
 def _is_inside(solid: Solid, low: Array, high: Array) -> bool:
     box = np.array(gmsh.model.occ.getBoundingBox(*solid)).reshape(2, 3)
     return bool((box[0] > low - 1e-3).all() and (box[1] < high + 1e-3).all())
-
-
-@dataclasses.dataclass(frozen=True)
-class MouldBody:
-    """A body of a mould, or what is cast in it, with its STEP file and its surface in mm.
-
-    Attributes:
-        name, piece: ``"upper cup"``, ``"lower lid"``, ``"upper cast"`` and so on, and the piece that it belongs to.
-        pull: Unit vector along which it leaves; zero of what is cast, and of what is dissolved.
-        checked: What was found of it; None of what is cast.
-        beyond: Of what is cast: silicone between its core and the cup along z, m; NaN of bodies.
-    """
-
-    name: str
-    piece: str
-    step: bytes
-    facets: Facets
-    pull: tuple[float, float, float]
-    checked: Checked | None
-    beyond: float = math.nan
-
-    @property
-    def stem(self) -> str:
-        """Name of its files."""
-        return self.name.replace(" ", "-")
-
-
-@dataclasses.dataclass(frozen=True, repr=False)
-class Made(cards.Shown):
-    """The finished mould; lengths of bodies in mm, everything else in SI units.
-
-    Attributes:
-        recipe: How the device is cast, with the cores that are cast of wax, each before the piece that it is for.
-        bodies: Of the moulds, piece by piece, in the order in which they leave.
-        extras: To print beside them: a jig where pieces are bonded, and a coupon that tests the printer's clearances.
-        casts: What is cast in them of silicone, as large as the mould leaves it.
-        waxes: The same of wax: the lost cores.
-        device: STEP of what the pieces are once bonded, the tube's hole filled, shrunk, in the device's own place; mm.
-        differs: How far casts and device differ in volume, centre and moments of inertia, as a share.
-        balance: What a piece's block has more than bodies, openings and cast, over its volume.
-        volume: Of the device's solid, m3.
-        plug, grooved: Volumes that the tube and the grooves for a thread take from it, m3.
-        wound: Threads around it, in its own size.
-        thinnest: Smallest wall of silicone, m.
-        channel: Smallest width of the cavity, m; NaN without one.
-        scale: Length in the mould over length in the device.
-    """
-
-    recipe: actuator.Recipe
-    bodies: tuple[MouldBody, ...]
-    extras: tuple[MouldBody, ...]
-    casts: tuple[MouldBody, ...]
-    waxes: tuple[MouldBody, ...]
-    device: bytes
-    differs: float
-    balance: float
-    volume: float
-    plug: float
-    grooved: float
-    wound: grooves.Winding | None
-    thinnest: float
-    channel: float
-    scale: float
-
-    @property
-    def printed(self) -> tuple[MouldBody, ...]:
-        """The bodies without the cores that are cast of wax."""
-        return tuple(body for body in self.bodies if any(body.pull) or not self.waxes)
-
-    def of(self, pour: actuator.Pour) -> tuple[list[MouldBody], MouldBody]:
-        """Return the bodies of a piece's mould, and what is cast in it."""
-        bodies = [body for body in self.bodies if body.piece == pour.name]
-        return bodies, next(cast for cast in (*self.casts, *self.waxes) if cast.piece == pour.name)
-
-    def _line(self) -> str:
-        return f"of {len(self.printed)} bodies to print, for {self.cast_volume * 1e6:.4g} ml of silicone"
-
-    def _figures(self) -> cards.Table:
-        pieces = f" in {len(self.casts)} parts, bonded" if len(self.casts) > 1 else ""
-        channel = [] if math.isnan(self.channel) else [
-            ("narrowest part of the cavity", f"{self.channel * 1e3:.3g} mm")
-        ]  # fmt: skip
-        return [
-            ("to print", ", ".join(body.name for body in self.printed)),
-            ("silicone", f"{self.cast_volume * 1e6:.4g} ml{pieces}"),
-            ("device", f"{self.volume * 1e6:.4g} ml"),
-            ("thinnest wall", f"{self.thinnest * 1e3:.3g} mm"),
-            *channel,
-            ("casts against the device", f"{self.differs:.1e} (volume, centre, moments of inertia)"),
-        ]
-
-    def _remarks(self) -> list[str]:
-        return self.notes
-
-    @property
-    def notes(self) -> list[str]:
-        """What may go wrong with the printed bodies, sentences with the remedy."""
-        found = [(body, fin) for body in self.bodies if body.checked for fin in body.checked.fins if fin.slender]
-        return [fin.told(body.name, self.scale) for body, fin in found]
-
-    @property
-    def cast_volume(self) -> float:
-        """Volume of all casts after demoulding, m3."""
-        return sum(body.facets.volume for body in self.casts) / MM**3
-
-
-def made(device: Actuator, workshop: settings.Workshop, stopped: Callable[[], bool] = bool) -> Made:
-    """Make the mould of a device, slices and sections standing for their whole; ``stopped`` is asked several times a second,
-    and once true ends the work.
-
-    Raises:
-        MouldError: It cannot be made so.
-        GeometryError, MeshingError: The device's whole cannot be made, or a body fails a check.
-        MeshingStopped: ``stopped`` was true.
-    """
-    return meshing.apart(_made, device, recipe_of(device, workshop), workshop, stopped=stopped)
-
-
-@dataclasses.dataclass(frozen=True)
-class _Drawn:
-    """One piece's mould once its model is closed.
-
-    Attributes:
-        folder: A STEP of each body, of ``cast``, and of each jig, core, cavity and plug by its number.
-        counts: How many jigs, cores, cavities and plugs there are.
-        differs: See `Made`.
-        taken, beyond: Volume of the block in no body, and of bodies not in the block, mm3.
-        plug: Volume of the plugs, mm3.
-    """
-
-    tools: Tooling
-    folder: Path
-    counts: Mapping[str, int]
-    differs: float
-    taken: float
-    beyond: float
-    plug: float
-
-    def file(self, name: str) -> Path:
-        return self.folder / f"{name.replace(' ', '-')}.step"
-
-    def surfaces(self, kind: str, chord: float) -> list[Facets]:
-        """Return those of the jigs, cores, cavities or plugs, to a chord in mm."""
-        return [facets.facets_of(self.file(f"{kind} {k}"), chord) for k in range(self.counts[kind])]
-
-
-@dataclasses.dataclass(frozen=True)
-class _Piece:
-    """One piece's mould, measured; lengths in m, of the device's own size."""
-
-    bodies: list[MouldBody]
-    cast: MouldBody
-    balance: float
-    channel: float
-
-
-def _made(device: Actuator, recipe: actuator.Recipe, workshop: settings.Workshop) -> Made:
-    with tempfile.TemporaryDirectory() as place:
-        drawn, molten = list[_Drawn](), list[_Drawn]()
-        for k, pour in enumerate(recipe.pours):  # all of them before any is measured, which takes most of the time
-            drawn.append(_draw(device, recipe, pour, workshop, _inside(place, str(k))))
-            if pour.lost and workshop.core == "wax":
-                molten.append(_draw_wax(drawn[-1], workshop, _inside(place, f"{k} wax")))
-        # Closed cavities are the same for all pieces: their points as the device lies.
-        cavities = drawn[0].surfaces("cavity", MM * workshop.chord)
-        where = face_namer(device, drawn[0].tools.frame)
-        channels = [check_core(cavity, math.nan, workshop, where) / workshop.scale for cavity in cavities]
-        inside = np.concatenate([np.zeros((0, 3)), *(cavity.points for cavity in cavities)]) @ drawn[0].tools.frame.turn
-        pieces = [_piece(device, one, inside, workshop) for one in drawn]
-        waxes = [_piece(LostCore(one.file("cast")), one, np.zeros((0, 3)), workshop) for one in molten]
-        shrunk = workshop.scale**-3 / MM**3
-        plug, grooved = (
-            sum(volumes) * shrunk for volumes in zip(*((one.plug, one.tools.grooved) for one in drawn), strict=True)
-        )
-        casts = tuple(piece.cast for piece in pieces)
-        silicone = min(
-            thicknesses(cast.facets, _flanks(cast.facets, one.tools))[0][0]
-            for cast, one in zip(casts, drawn, strict=True)
-        )
-        channels = [width for width in (*channels, *(piece.channel for piece in pieces)) if math.isfinite(width)]
-        first = {one.tools.pour.name.removesuffix(" core"): one.tools.pour for one in molten}
-        pours = [pour for one in recipe.pours for pour in (first.get(one.name), one) if pour]
-        return Made(
-            dataclasses.replace(recipe, pours=tuple(pours)),
-            tuple(body for piece in (*waxes, *pieces) for body in piece.bodies), _extras(drawn, workshop), casts,
-            tuple(piece.cast for piece in waxes), _bonded(drawn, Path(place)),
-            max(one.differs for one in (*drawn, *molten)),
-            max((piece.balance for piece in (*pieces, *waxes)), key=abs),
-            sum(cast.facets.volume for cast in casts) * shrunk + plug + grooved, plug, grooved,
-            next((one.tools.wound for one in drawn), None), silicone / MM / workshop.scale,
-            min(channels, default=math.nan), workshop.scale,
-        )  # fmt: skip
-
-
-def _inside(place: str, name: str) -> Path:
-    """Return a new folder in another one."""
-    folder = Path(place) / name
-    folder.mkdir()
-    return folder
-
-
-def _draw_wax(drawn: _Drawn, workshop: settings.Workshop, folder: Path) -> _Drawn:
-    """Make the mould in which a piece's lost core is cast of wax, with its peg."""
-    tools, name = drawn.tools, f"{drawn.tools.pour.name} core"
-    core = facets.facets_of(drawn.file(name), MM * workshop.chord)
-    with meshing.private_model():
-        (solid,) = imported(drawn.file(name))
-        box = np.reshape(gmsh.model.occ.getBoundingBox(*solid), (2, 3))
-    middle = np.array([*box.mean(axis=0)[:2], tools.level])
-    along = None if tools.pour.sideways is None else int(np.abs(tools.frame.turn @ tools.pour.sideways).argmax())
-    peg = float(core.points[:, 2].min())
-    parting = next((axis for axis in (along, 2, 1, 0) if axis is not None and _parts(core, axis, middle[axis])), None)
-    if parting is None:
-        raise MouldError(f"the {name} does not leave a mould in two halves in any direction; print it (--core lost)")
-    pour = actuator.Pour(
-        name=name, up=(0.0, 0.0, 1.0), level=peg / MM, lid=False, wax=True, vented=tools.level / MM,
-        floor=tools.level / MM if parting == 2 else None,
-        sideways=None if parting == 2 else _triple(np.eye(3)[parting]),
-    )  # fmt: skip
-    own = dataclasses.replace(workshop, shrinkage=workshop.wax_shrinkage)
-    return _draw(LostCore(drawn.file(name)), actuator.Recipe(pours=(pour,), why=""), pour, own, folder)
-
-
-def _parts(core: Facets, axis: int, level: float) -> bool:
-    """Return whether nothing of a core hangs over in a mould of two halves that part along an axis at a level, mm."""
-    beyond = core.corners[:, :, axis] - level
-    lean = core.normals[:, :, axis] * np.sign(beyond)
-    return float(lean[np.abs(beyond) > FLUSH].min()) > -SLIP
-
-
-def _extras(drawn: Sequence[_Drawn], workshop: settings.Workshop) -> tuple[MouldBody, ...]:
-    """Return the jig and the coupon."""
-    chord, folder = MM * workshop.chord, drawn[0].folder
-    with meshing.private_model():
-        own = _Drawn(drawn[0].tools, folder, {}, 0.0, 0.0, 0.0, 0.0)
-        _write_steps(facets.coupon_solids(workshop), own)
-    files = {"bonding jig": drawn[0].file("jig 0")} if drawn[0].counts["jig"] else {}
-    files |= {name: own.file(name) for name in ("coupon", "coupon pin")}
-    found = [MouldBody(name, "", file.read_bytes(), facets.facets_of(file, chord), (0.0, 0.0, 0.0), None)
-             for name, file in files.items()]  # fmt: skip
-    if leaks := [body.name for body in found if body.facets.open_edges]:
-        raise MeshingError(f"the {leaks[0]} is not watertight; change a length slightly")
-    return tuple(found)
-
-
-def _draw(
-    device: actuator.Castable, recipe: actuator.Recipe, pour: actuator.Pour, workshop: settings.Workshop, folder: Path
-) -> _Drawn:
-    """Make the mould of one piece, compare its void with the piece, and write its STEP files; `MeshingError` if the mould
-    leaves something else than the device."""
-    with meshing.private_model():
-        tools = tooling(device, recipe, pour, workshop)
-        void = left(tools)
-        differs = _difference(void, tools.target, tools.size)
-        if differs > SAME or len(void) != 1:
-            raise MeshingError(
-                f"the cast differs from the device (volumes or moments by {differs:.2g}); change a length slightly"
-            )
-        if len(recipe.pours) == 1:
-            gmsh.model.occ.remove([tools.jig], recursive=True)
-        several = {
-            "jig": [tools.jig] if len(recipe.pours) > 1 and pour == recipe.pours[0] else [],
-            "core": tools.cores,
-            "cavity": tools.cavities,
-            "plug": tools.plugs,
-        }
-        named = {body.name: body.solid for body in tools.bodies} | {"cast": void[0]}
-        named |= {f"{kind} {k}": solid for kind, solids in several.items() for k, solid in enumerate(solids)}
-        plug = sum(gmsh.model.occ.getMass(*solid) for solid in tools.plugs)
-        found = _Drawn(tools, folder, {kind: len(solids) for kind, solids in several.items()}, differs,
-                       *_block_volumes(tools), plug)  # fmt: skip
-        _write_steps(named, found)
-    return found
-
-
-def _piece(device: Actuator | LostCore, drawn: _Drawn, inside: Array, workshop: settings.Workshop) -> _Piece:
-    """Measure and check the mould of one piece; ``inside`` are points of closed cavities, shape (n, 3), mm."""
-    tools, chord = drawn.tools, MM * workshop.chord
-    named = {body.name: facets.facets_of(drawn.file(body.name), chord) for body in tools.bodies}
-    surfaces = Surfaces(tools, named, facets.facets_of(drawn.file("cast"), CAST_CHORD))
-    where = face_namer(device, tools.frame)
-    found = {name: check_body(name, surfaces, workshop, where) for name in named}
-    overlap = overlaps(surfaces)
-    rest = balance(drawn, surfaces)
-    if abs(rest) > SAME:
-        raise MeshingError(
-            f"bodies, openings and cast do not fill the mould ({rest:.2g} of it are left); change a length slightly"
-        )
-    bodies = [
-        MouldBody(body.name, tools.pour.name, drawn.file(body.name).read_bytes(), named[body.name], _triple(body.pull),
-                  dataclasses.replace(found[body.name], overlap=overlap[body.name] / MM))
-        for body in tools.bodies
-    ]  # fmt: skip
-    cores = [] if len(inside) else drawn.surfaces("core", chord)
-    widths = [check_core(core, tools.level, workshop, where) for core in cores]
-    heights = np.concatenate([inside @ tools.frame.turn[2], *(core.points[:, 2] for core in cores)])
-    highest = float(heights[heights < tools.top + FLUSH].max(initial=tools.level))
-    beyond = (float(surfaces.cast.points[:, 2].max()) - highest) / MM / workshop.scale
-    cast = MouldBody(f"{tools.pour.name} cast", tools.pour.name, drawn.file("cast").read_bytes(), surfaces.cast,
-                     (0.0, 0.0, 0.0), None, beyond)  # fmt: skip
-    return _Piece(bodies, cast, rest, min(widths, default=math.nan) / workshop.scale)
-
-
-CAST_CHORD = 0.05
-"""Chord error in mm of the casts."""
-
-
-def _triple(vector: Array) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in vector)
-    return x, y, z
-
-
-def _difference(one: list[Solid], other: list[Solid], size: float) -> float:
-    """Return how far two bodies differ in volume, centre and moments of inertia, as shares of the volume and of the size.
-
-    Not the volume of what is left of one without the other: the CAD kernel fails on bodies whose faces all coincide.
-    """
-    occ, found = gmsh.model.occ, []
-    for solids in (one, other):
-        mass = np.array([occ.getMass(*solid) for solid in solids])
-        centre = np.array([occ.getCenterOfMass(*solid) for solid in solids])
-        inertia = np.array([occ.getMatrixOfInertia(*solid) for solid in solids])
-        found.append((mass.sum(), mass @ centre, inertia.sum(axis=0)))
-    whole = found[1][0]
-    return max(
-        float(np.abs(np.asarray(a) - b).max()) / (whole * size**k) for k, (a, b) in enumerate(zip(*found, strict=True))
-    )
-
-
-def _bonded(pieces: Sequence[_Drawn], folder: Path) -> bytes:
-    """Return the STEP of the pieces merged, with the tube's hole filled, in the device's own size and place."""
-    file = folder / "device.step"
-    with meshing.private_model():
-        parts: list[Solid] = []
-        for piece in pieces:
-            for name in ("cast", *(f"plug {k}" for k in range(piece.counts["plug"]))):
-                solids = imported(piece.file(name))
-                turned(solids, piece.tools.frame.turn.T)
-                parts += solids
-        parts = merged(parts, unify=False)
-        if len(parts) != 1:
-            raise MeshingError("the CAD kernel cannot merge the pieces; change a length slightly")
-        scaled(1.0 / pieces[0].tools.frame.scale)
-        gmsh.model.occ.synchronize()
-        meshing.write_step(file)
-    return file.read_bytes()
-
-
-def _write_steps(named: Mapping[str, Solid], drawn: _Drawn) -> None:
-    """Write each of some solids of the current Gmsh model into a file of its own."""
-    gmsh.model.occ.synchronize()
-    gmsh.option.setNumber("Geometry.OCCExportOnlyVisible", 1)
-    gmsh.model.setVisibility(gmsh.model.getEntities(), 0)
-    for name, solid in named.items():
-        gmsh.model.setVisibility([solid], 1, recursive=True)
-        meshing.write_step(drawn.file(name))
-        gmsh.model.setVisibility([solid], 0, recursive=True)
-    gmsh.option.setNumber("Geometry.OCCExportOnlyVisible", 0)

@@ -21,23 +21,6 @@ from softmodels.components.fibres import Fibres
 from softmodels.materials import silicones
 from softmodels.mechanics import component
 
-STEEPEST = 15.0
-"""Largest accepted draft in degrees."""
-MOST_SHRINKAGE = 0.05
-"""Largest accepted shrinkage: addition-cure silicones shrink by less than 0.01, condensation-cure by up to 0.02."""
-PIN_LENGTH = 0.6
-"""Length of a pin relative to the wall of its socket."""
-GRIP = 0.8
-"""Diameter of the hole for a barb over the barb's."""
-LUER = 0.00397
-"""Diameter of a male Luer slip at its tip, m (ISO 80369-7: 3.925 to 4.027 mm)."""
-FINEST_CHORD = 2e-6
-"""Smallest accepted chord error in m, finer than any printer."""
-
-
-class MouldError(errors.Spoken, ValueError):
-    """The requested mould cannot be made; the message is for the user."""
-
 
 @checked
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -230,6 +213,24 @@ class Workshop:
             return float(units.quantity(self.split, "m"))
         except units.UnitError as error:
             raise MouldError(f"split: {error}") from None
+
+
+STEEPEST = 15.0
+"""Largest accepted draft in degrees."""
+MOST_SHRINKAGE = 0.05
+"""Largest accepted shrinkage: addition-cure silicones shrink by less than 0.01, condensation-cure by up to 0.02."""
+PIN_LENGTH = 0.6
+"""Length of a pin relative to the wall of its socket."""
+GRIP = 0.8
+"""Diameter of the hole for a barb over the barb's."""
+LUER = 0.00397
+"""Diameter of a male Luer slip at its tip, m (ISO 80369-7: 3.925 to 4.027 mm)."""
+FINEST_CHORD = 2e-6
+"""Smallest accepted chord error in m, finer than any printer."""
+
+
+class MouldError(errors.Spoken, ValueError):
+    """The requested mould cannot be made; the message is for the user."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -34,6 +34,7 @@ from softmodels.runs.notes import NEAR_STRETCH_LIMIT, sentences, unseen
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Output of ``softmodels limit``: sentences, tables and the picture of the scatter.
 
@@ -209,249 +210,6 @@ def write_page(
         {name: files.read_text(folder / name) for name in names if (folder / name).exists()}, column.cm,
     )  # fmt: skip
     files.write_text(folder / "report.html", page.html())
-
-
-SAMPLES = 32
-
-
-@dataclasses.dataclass(frozen=True)
-class LimitOptions:
-    """The options of the command except those of devices and laws."""
-
-    working_pressure: str | None = commands.option(metavar="PRESSURE",
-    help="Working pressure, for the margin: cm of column (20), or "
-                                          "with a unit (2kPa).")  # fmt: skip
-    vacuum: bool = commands.flag_option("How much vacuum it can take, instead of pressure.")
-    hold: float | None = commands.option(type=registry.QuantityType("s"),
-    help="Time for which the pressure, applied at once, must be borne by "
-                                "a silicone with a memory; default: for ever.")  # fmt: skip
-    vary: tuple[str, ...] = commands.option(multiple=True, metavar="NAME=VALUE+-HALF", help="A tolerance, such as "
-                                   "membrane=2mm+-0.2mm (a thickness) or offset=0mm+-0.2mm (the cavity's height in the part); "
-                                   "may be repeated.")  # fmt: skip
-    count: int | None = commands.option("--samples", type=click.IntRange(2, 4096),
-                               help=f"Number of sampled devices.  [default: {SAMPLES}]")  # fmt: skip
-    normal: bool = commands.flag_option(
-        "Tolerances are two standard deviations of a normal distribution; default: uniform."
-    )
-    output: Path | None = commands.output_option(  # noqa: RUF009
-        "Folder for tables and picture.  [default: with --vary results/limit, or results/limit-2 and so on]"
-    )
-    water_density: float | None = commands.option(
-        type=registry.QuantityType("kg/m^3"),
-        help=f"Density of the column's liquid.  [default: the case's, or {units.WATER_DENSITY:g}kg/m^3]",
-    )
-
-
-@dataclasses.dataclass(frozen=True)
-class LimitRequest:
-    """The question of one command.
-
-    Attributes:
-        case: A case around the device; its load is ignored.
-        tolerances, count: Within which the device scatters, none for only the nominal device; how many devices.
-        normal: Whether the tolerances are two standard deviations.
-        column: Unit of the pressures.
-        hold: Time in s for which they must be borne; 0 for ever.
-    """
-
-    case: Case
-    materials: Mapping[str, Material]
-    tolerances: Sequence[analyses.Tolerance]
-    count: int
-    normal: bool
-    column: LimitColumn
-    hold: float
-
-    @classmethod
-    def from_options(
-        cls, kind: type[Actuator], file: Path | None, how: LimitOptions, names: Sequence[str], values: options.Values
-    ) -> LimitRequest:
-        """Make it from the command's options, of a case file or else a device, and those of device and law, None where not
-        given; `CaseError`, `GeometryError` or `MaterialError` for invalid input."""
-        case = None if file is None else simulation.AtRest.from_file(file)
-        device, materials = _asked(kind, case, file, names, dict(values))
-        for material in materials.values():
-            specimens.check_rest(material)
-        tolerances = [analyses.Tolerance.parse(text, type(device)) for text in how.vary]
-        if not tolerances and (how.normal or how.count is not None):
-            raise CaseError("--samples and --normal need a tolerance; give one with --vary")
-        hold = analyses.check_hold(how.hold or 0.0, list(materials.values()))
-        for other in ("vary", "vacuum"):
-            if hold and getattr(how, other):
-                raise CaseError(f"--hold and --{other} cannot be combined; leave out one of them")
-        around = _as_asked(case, device, materials, how.water_density, -100.0 if how.vacuum else 100.0)
-        column = LimitColumn(around.cm, _working_cm(how.working_pressure, around.cm))
-        return cls(around, materials, tolerances, how.count or SAMPLES, how.normal, column, hold)
-
-
-def _working_cm(text: str | None, pascal_in_cm: float) -> float | None:
-    """Return a working pressure in cm of the column, of a number of cm or a text with a unit; `CaseError` if it is not
-    positive."""
-    if text is None:
-        return None
-    try:
-        plain = not entries.split_text(text)[1]
-        value = (
-            units.quantity(text, "")
-            if plain
-            else entries.one_of_text("cm", text, "working pressure", pascal_in_cm) / pascal_in_cm
-        )
-    except (entries.SeriesError, units.UnitError) as error:
-        raise CaseError(f"--working-pressure: {error}") from None
-    if not value > 0:
-        raise CaseError(f"--working-pressure {text}: the working pressure must be above zero")
-    return value
-
-
-def limit(
-    kind: type[Actuator], case_file: Path | None, how: LimitOptions, material: tuple[str, ...], values: options.Values
-) -> None:
-    """Find the largest pressure a device can take, and the place of its largest strain.
-
-    With --vacuum it is the largest vacuum. The device is that of a case FILE or of the options below (as a section, unless
-    --section is given; --device NAME has those of another one); every --material adds a row. With --vary the limit's scatter
-    over fabrication tolerances is added: of any thickness or other length, and of the offset of the cavity, which on a disk
-    sits too high in a part of the same height (a thinner membrane over a thicker base). A sideways shift of a disk's core is
-    not sampled: by symmetry it has no first-order effect.
-
-    Exit status: 0 done; 1 failed; 2 bad input; 3 no equilibrium under the preload.
-
-    \b
-    Examples:
-      softmodels limit results/disk/case.toml
-      softmodels limit --variant shadow --material ecoflex-00-30 --material dragon-skin-20 --working-pressure 20cm
-      softmodels limit --device Balloon --wall 1.5mm --material ecoflex-00-30
-      softmodels limit --device Balloon --material memory.toml --hold 60s
-      softmodels limit --device Bellows --vacuum
-      softmodels limit --variant shadow --shear-modulus 20kPa --vary membrane=2mm+-0.2mm --vary offset=0mm+-0.2mm
-      softmodels limit results/seminar/case.toml --vary thickness=8mm+-0.2mm --vary offset=-1mm+-0.2mm --samples 8
-    """
-    question = LimitRequest.from_options(kind, case_file, how, material, values)
-    comm = mpi.start()
-    folder = None
-    if how.output is not None or question.tolerances:
-        asked = {**values, **vars(how), "material": material, "cm": question.column.cm}
-        files = [path for path in (case_file, *map(Path, material)) if path is not None and path.is_file()]
-        folder = mpi.kept_on_root(
-            comm, lambda: commands.open_folder(how.output, Path("results/limit"), "limits", asked, files)
-        )
-    named, bands = analyses.with_sources(dict(question.materials))
-    with sentences():
-        limits, scattered = _answered(question, named, comm)
-    if not mpi.is_root(comm):
-        return
-    notes = list(_notes(question, named, limits, scattered))
-    for text in [
-        *(sentence(name, found, question.column) for name, found in limits.items()),
-        *analyses.band_texts(bands, limits, question.column.cm), *notes,
-        *([scatter_text(scattered, question.column)] if scattered.sampled else []),
-    ]:  # fmt: skip
-        processes.say(text)
-    if folder is not None:
-        options.write_into(folder, lambda place: write_page(place, question, limits, scattered, notes), "the tables")
-        processes.say(f"tables and report.html in {folder.path}")
-
-
-def _answered(
-    question: LimitRequest, materials: Mapping[str, Material], comm: MPI.Comm
-) -> tuple[dict[str, Limit], Scatter]:
-    """Return the limits by material and of the devices within the tolerances."""
-    case, sampled = question.case, list[Sampled]()
-    analyses.check_varied(case.actuator, question.tolerances, comm)
-    limits = analyses.find_limit(case, list(materials.values()), comm, question.hold)
-    if question.tolerances:
-        values = analyses.samples(question.tolerances, question.count, question.normal)
-        sampled = analyses.scatter(case, next(iter(materials.values())), question.tolerances, values, comm)
-    return dict(zip(materials, limits, strict=True)), Scatter(question.tolerances, sampled)
-
-
-def _notes(
-    question: LimitRequest, materials: Mapping[str, Material], limits: Mapping[str, Limit], scatter: Scatter
-) -> Iterator[str]:
-    """Yield warnings about the limits."""
-    device = question.case.actuator
-    for name, found in limits.items():
-        weak = specimens.weakest(materials[name])
-        if weak is not None and found.stretch >= NEAR_STRETCH_LIMIT * weak.stretch:
-            yield (
-                f"note: {specimens.weakness(materials[name])}, and the state reaches stretch {found.stretch:.3g}: "
-                "the limit may "
-                f"come from the law, not from the device; use a law that is stable over these stretches (softmodels curve "
-                f"shows them)"
-            )
-        if text := silicones.extrapolated(materials[name], found.stretch):
-            yield f"note: {name}: {text}"
-        if materials[name].misread:
-            yield f"note: {materials[name].misread}"
-    for text in dict.fromkeys(text for found in limits.values() for text in found.notes):
-        yield f"note: {text}"
-    if warned := [found.notes for _, found in scatter.sampled if found.notes]:
-        many = f"{len(warned)} of {len(scatter.sampled)} sampled devices have warnings"
-        yield f"note: {many}; of the first: {'; '.join(warned[0])}"
-    if hidden := unseen(device):
-        yield f"note: {hidden}"
-    if len(device.ratios) > 1:
-        how = "in its ratios" if device.ratios != (1.0,) * len(device.ratios) else "the same"
-        yield f"note: this is the pressure in all {len(device.ratios)} cavities, {how}; softmodels run takes a series for each"
-
-
-def _as_asked(
-    case: Case | None, device: Actuator, materials: Mapping[str, Material], water_density: float | None, dummy: float
-) -> Case:
-    """Return a case of the device with a dummy pressure in Pa, to check the input as any case is checked."""
-    for material in materials.values():
-        around = case or Case("limit", device, material, steps.one_step(steps.PRESSURE, [dummy]))
-        made = dataclasses.replace(
-            around, name="limit", actuator=device, material=material, load_unload=False,
-            steps=steps.one_step(steps.PRESSURE, [dummy]), supply=None, inertia=False,
-            water_density=around.water_density if water_density is None else water_density,
-        )  # fmt: skip
-    return made
-
-
-def _asked(
-    kind: type[Actuator], case: Case | None, file: Path | None, names: Sequence[str], values: options.Values
-) -> tuple[Actuator, dict[str, Material]]:
-    law = options.law_taken(values)
-    given = any(value is not None for value in law.values())
-    if case is not None:
-        device, default = case.actuator, case.material
-        changes = {key: value for key, value in values.items() if value is not None and key != "variant"}
-        unknown = changes.keys() - {field.name for field in dataclasses.fields(device)}
-        if values.get("variant") or unknown:
-            raise CaseError(f"{file} already names the device; leave out --variant and options of other devices")
-        device = dataclasses.replace(device, **changes)
-        registry.check_meaning(device, changes)
-        if not names and not given:
-            return device, {default.name: default}
-    else:
-        variant = kind.variants[str(values.get("variant") or "default")]
-        if "section" in values and values["section"] is None and "section" not in variant:
-            values["section"] = "axisymmetric"
-        device = registry.device_told(kind, values)
-    if len(names) > 1 and given:
-        raise CaseError(
-            "parameters such as --shear-modulus belong to one --material; with several, leave the parameters out"
-        )
-    if not names:
-        made = materials.material_from(kind.silicone if case is None else None, law)
-        return device, {made.name: made}
-    return device, {name: materials.material_from(name, law) for name in names}
-
-
-def _limit_command(kind: type[Actuator] = HollowDisk, cls: type[click.Command] = options.Command) -> click.Command:
-    @click.argument("case_file", metavar="[FILE]", required=False, type=click.Path(path_type=Path))
-    @commands.options(LimitOptions)
-    def of_kind(case_file: Path | None, how: LimitOptions, material: tuple[str, ...], **values: object) -> None:
-        limit(kind, case_file, how, material, values)  # a device may have a field "file"
-
-    made = registry.device_options(kind)(options.material_options(of_kind, kind.silicone, several=True))
-    return options.command("limit", cls=cls, help=limit.__doc__)(made)
-
-
-limit_command = _limit_command(
-    cls=options.by_device(_limit_command, "A device, with options of its own: {}.  [default: HollowDisk]")
-)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -766,3 +524,250 @@ def told(made: Grasp, found: Sequence[grasp.Held]) -> list[str]:
 def _zero(value: float) -> float:
     """Return a value without the rounding errors of zero."""
     return value if abs(value) > 1e-9 else 0.0
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The command ``limit``.
+
+
+SAMPLES = 32
+
+
+@dataclasses.dataclass(frozen=True)
+class LimitOptions:
+    """The options of the command except those of devices and laws."""
+
+    working_pressure: str | None = commands.option(metavar="PRESSURE",
+    help="Working pressure, for the margin: cm of column (20), or "
+                                          "with a unit (2kPa).")  # fmt: skip
+    vacuum: bool = commands.flag_option("How much vacuum it can take, instead of pressure.")
+    hold: float | None = commands.option(type=registry.QuantityType("s"),
+    help="Time for which the pressure, applied at once, must be borne by "
+                                "a silicone with a memory; default: for ever.")  # fmt: skip
+    vary: tuple[str, ...] = commands.option(multiple=True, metavar="NAME=VALUE+-HALF", help="A tolerance, such as "
+                                   "membrane=2mm+-0.2mm (a thickness) or offset=0mm+-0.2mm (the cavity's height in the part); "
+                                   "may be repeated.")  # fmt: skip
+    count: int | None = commands.option("--samples", type=click.IntRange(2, 4096),
+                               help=f"Number of sampled devices.  [default: {SAMPLES}]")  # fmt: skip
+    normal: bool = commands.flag_option(
+        "Tolerances are two standard deviations of a normal distribution; default: uniform."
+    )
+    output: Path | None = commands.output_option(  # noqa: RUF009
+        "Folder for tables and picture.  [default: with --vary results/limit, or results/limit-2 and so on]"
+    )
+    water_density: float | None = commands.option(
+        type=registry.QuantityType("kg/m^3"),
+        help=f"Density of the column's liquid.  [default: the case's, or {units.WATER_DENSITY:g}kg/m^3]",
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class LimitRequest:
+    """The question of one command.
+
+    Attributes:
+        case: A case around the device; its load is ignored.
+        tolerances, count: Within which the device scatters, none for only the nominal device; how many devices.
+        normal: Whether the tolerances are two standard deviations.
+        column: Unit of the pressures.
+        hold: Time in s for which they must be borne; 0 for ever.
+    """
+
+    case: Case
+    materials: Mapping[str, Material]
+    tolerances: Sequence[analyses.Tolerance]
+    count: int
+    normal: bool
+    column: LimitColumn
+    hold: float
+
+    @classmethod
+    def from_options(
+        cls, kind: type[Actuator], file: Path | None, how: LimitOptions, names: Sequence[str], values: options.Values
+    ) -> LimitRequest:
+        """Make it from the command's options, of a case file or else a device, and those of device and law, None where not
+        given; `CaseError`, `GeometryError` or `MaterialError` for invalid input."""
+        case = None if file is None else simulation.AtRest.from_file(file)
+        device, materials = _asked(kind, case, file, names, dict(values))
+        for material in materials.values():
+            specimens.check_rest(material)
+        tolerances = [analyses.Tolerance.parse(text, type(device)) for text in how.vary]
+        if not tolerances and (how.normal or how.count is not None):
+            raise CaseError("--samples and --normal need a tolerance; give one with --vary")
+        hold = analyses.check_hold(how.hold or 0.0, list(materials.values()))
+        for other in ("vary", "vacuum"):
+            if hold and getattr(how, other):
+                raise CaseError(f"--hold and --{other} cannot be combined; leave out one of them")
+        around = _as_asked(case, device, materials, how.water_density, -100.0 if how.vacuum else 100.0)
+        column = LimitColumn(around.cm, _working_cm(how.working_pressure, around.cm))
+        return cls(around, materials, tolerances, how.count or SAMPLES, how.normal, column, hold)
+
+
+def _working_cm(text: str | None, pascal_in_cm: float) -> float | None:
+    """Return a working pressure in cm of the column, of a number of cm or a text with a unit; `CaseError` if it is not
+    positive."""
+    if text is None:
+        return None
+    try:
+        plain = not entries.split_text(text)[1]
+        value = (
+            units.quantity(text, "")
+            if plain
+            else entries.one_of_text("cm", text, "working pressure", pascal_in_cm) / pascal_in_cm
+        )
+    except (entries.SeriesError, units.UnitError) as error:
+        raise CaseError(f"--working-pressure: {error}") from None
+    if not value > 0:
+        raise CaseError(f"--working-pressure {text}: the working pressure must be above zero")
+    return value
+
+
+def limit(
+    kind: type[Actuator], case_file: Path | None, how: LimitOptions, material: tuple[str, ...], values: options.Values
+) -> None:
+    """Find the largest pressure a device can take, and the place of its largest strain.
+
+    With --vacuum it is the largest vacuum. The device is that of a case FILE or of the options below (as a section, unless
+    --section is given; --device NAME has those of another one); every --material adds a row. With --vary the limit's scatter
+    over fabrication tolerances is added: of any thickness or other length, and of the offset of the cavity, which on a disk
+    sits too high in a part of the same height (a thinner membrane over a thicker base). A sideways shift of a disk's core is
+    not sampled: by symmetry it has no first-order effect.
+
+    Exit status: 0 done; 1 failed; 2 bad input; 3 no equilibrium under the preload.
+
+    \b
+    Examples:
+      softmodels limit results/disk/case.toml
+      softmodels limit --variant shadow --material ecoflex-00-30 --material dragon-skin-20 --working-pressure 20cm
+      softmodels limit --device Balloon --wall 1.5mm --material ecoflex-00-30
+      softmodels limit --device Balloon --material memory.toml --hold 60s
+      softmodels limit --device Bellows --vacuum
+      softmodels limit --variant shadow --shear-modulus 20kPa --vary membrane=2mm+-0.2mm --vary offset=0mm+-0.2mm
+      softmodels limit results/seminar/case.toml --vary thickness=8mm+-0.2mm --vary offset=-1mm+-0.2mm --samples 8
+    """
+    question = LimitRequest.from_options(kind, case_file, how, material, values)
+    comm = mpi.start()
+    folder = None
+    if how.output is not None or question.tolerances:
+        asked = {**values, **vars(how), "material": material, "cm": question.column.cm}
+        files = [path for path in (case_file, *map(Path, material)) if path is not None and path.is_file()]
+        folder = mpi.kept_on_root(
+            comm, lambda: commands.open_folder(how.output, Path("results/limit"), "limits", asked, files)
+        )
+    named, bands = analyses.with_sources(dict(question.materials))
+    with sentences():
+        limits, scattered = _answered(question, named, comm)
+    if not mpi.is_root(comm):
+        return
+    notes = list(_notes(question, named, limits, scattered))
+    for text in [
+        *(sentence(name, found, question.column) for name, found in limits.items()),
+        *analyses.band_texts(bands, limits, question.column.cm), *notes,
+        *([scatter_text(scattered, question.column)] if scattered.sampled else []),
+    ]:  # fmt: skip
+        processes.say(text)
+    if folder is not None:
+        options.write_into(folder, lambda place: write_page(place, question, limits, scattered, notes), "the tables")
+        processes.say(f"tables and report.html in {folder.path}")
+
+
+def _answered(
+    question: LimitRequest, materials: Mapping[str, Material], comm: MPI.Comm
+) -> tuple[dict[str, Limit], Scatter]:
+    """Return the limits by material and of the devices within the tolerances."""
+    case, sampled = question.case, list[Sampled]()
+    analyses.check_varied(case.actuator, question.tolerances, comm)
+    limits = analyses.find_limit(case, list(materials.values()), comm, question.hold)
+    if question.tolerances:
+        values = analyses.samples(question.tolerances, question.count, question.normal)
+        sampled = analyses.scatter(case, next(iter(materials.values())), question.tolerances, values, comm)
+    return dict(zip(materials, limits, strict=True)), Scatter(question.tolerances, sampled)
+
+
+def _notes(
+    question: LimitRequest, materials: Mapping[str, Material], limits: Mapping[str, Limit], scatter: Scatter
+) -> Iterator[str]:
+    """Yield warnings about the limits."""
+    device = question.case.actuator
+    for name, found in limits.items():
+        weak = specimens.weakest(materials[name])
+        if weak is not None and found.stretch >= NEAR_STRETCH_LIMIT * weak.stretch:
+            yield (
+                f"note: {specimens.weakness(materials[name])}, and the state reaches stretch {found.stretch:.3g}: "
+                "the limit may "
+                f"come from the law, not from the device; use a law that is stable over these stretches (softmodels curve "
+                f"shows them)"
+            )
+        if text := silicones.extrapolated(materials[name], found.stretch):
+            yield f"note: {name}: {text}"
+        if materials[name].misread:
+            yield f"note: {materials[name].misread}"
+    for text in dict.fromkeys(text for found in limits.values() for text in found.notes):
+        yield f"note: {text}"
+    if warned := [found.notes for _, found in scatter.sampled if found.notes]:
+        many = f"{len(warned)} of {len(scatter.sampled)} sampled devices have warnings"
+        yield f"note: {many}; of the first: {'; '.join(warned[0])}"
+    if hidden := unseen(device):
+        yield f"note: {hidden}"
+    if len(device.ratios) > 1:
+        how = "in its ratios" if device.ratios != (1.0,) * len(device.ratios) else "the same"
+        yield f"note: this is the pressure in all {len(device.ratios)} cavities, {how}; softmodels run takes a series for each"
+
+
+def _as_asked(
+    case: Case | None, device: Actuator, materials: Mapping[str, Material], water_density: float | None, dummy: float
+) -> Case:
+    """Return a case of the device with a dummy pressure in Pa, to check the input as any case is checked."""
+    for material in materials.values():
+        around = case or Case("limit", device, material, steps.one_step(steps.PRESSURE, [dummy]))
+        made = dataclasses.replace(
+            around, name="limit", actuator=device, material=material, load_unload=False,
+            steps=steps.one_step(steps.PRESSURE, [dummy]), supply=None, inertia=False,
+            water_density=around.water_density if water_density is None else water_density,
+        )  # fmt: skip
+    return made
+
+
+def _asked(
+    kind: type[Actuator], case: Case | None, file: Path | None, names: Sequence[str], values: options.Values
+) -> tuple[Actuator, dict[str, Material]]:
+    law = options.law_taken(values)
+    given = any(value is not None for value in law.values())
+    if case is not None:
+        device, default = case.actuator, case.material
+        changes = {key: value for key, value in values.items() if value is not None and key != "variant"}
+        unknown = changes.keys() - {field.name for field in dataclasses.fields(device)}
+        if values.get("variant") or unknown:
+            raise CaseError(f"{file} already names the device; leave out --variant and options of other devices")
+        device = dataclasses.replace(device, **changes)
+        registry.check_meaning(device, changes)
+        if not names and not given:
+            return device, {default.name: default}
+    else:
+        variant = kind.variants[str(values.get("variant") or "default")]
+        if "section" in values and values["section"] is None and "section" not in variant:
+            values["section"] = "axisymmetric"
+        device = registry.device_told(kind, values)
+    if len(names) > 1 and given:
+        raise CaseError(
+            "parameters such as --shear-modulus belong to one --material; with several, leave the parameters out"
+        )
+    if not names:
+        made = materials.material_from(kind.silicone if case is None else None, law)
+        return device, {made.name: made}
+    return device, {name: materials.material_from(name, law) for name in names}
+
+
+def _limit_command(kind: type[Actuator] = HollowDisk, cls: type[click.Command] = options.Command) -> click.Command:
+    @click.argument("case_file", metavar="[FILE]", required=False, type=click.Path(path_type=Path))
+    @commands.options(LimitOptions)
+    def of_kind(case_file: Path | None, how: LimitOptions, material: tuple[str, ...], **values: object) -> None:
+        limit(kind, case_file, how, material, values)  # a device may have a field "file"
+
+    made = registry.device_options(kind)(options.material_options(of_kind, kind.silicone, several=True))
+    return options.command("limit", cls=cls, help=limit.__doc__)(made)
+
+
+limit_command = _limit_command(
+    cls=options.by_device(_limit_command, "A device, with options of its own: {}.  [default: HollowDisk]")
+)

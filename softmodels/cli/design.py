@@ -27,10 +27,6 @@ if TYPE_CHECKING:
     from softmodels.design.result import DesignResult
 
 
-FINER = 2.0
-"""Refinement factor between two mesh levels."""
-
-
 @dataclasses.dataclass(frozen=True)
 class DesignOptions:
     """The options of `design`."""
@@ -94,6 +90,10 @@ def design(file: Path, how: DesignOptions) -> None:
         if folder is not None:
             folder.leave()
     sys.exit(status)
+
+
+FINER = 2.0
+"""Refinement factor between two mesh levels."""
 
 
 def _design(

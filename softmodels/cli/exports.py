@@ -20,6 +20,7 @@ from softmodels.mechanics import mpi
 if TYPE_CHECKING:
     from softmodels.casting import make
 
+
 # ----------------------------------------------------------------------------------------------------------------------
 # The command ``mould``.
 

@@ -51,6 +51,7 @@ from softmodels.runs import labels, notes, outcomes
 if TYPE_CHECKING:
     from measurement.outline.outline import Outline
 
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Options of several of these commands.
 

@@ -40,6 +40,180 @@ from softmodels.mechanics import mpi, solver
 from softmodels.mechanics.mpi import StartError
 from softmodels.runs import outcomes
 
+HELP = """Inflate {what} and write its whole load path.
+
+Pressures are heights of a column in cm, as on the bench (0.97 g/ml, or --water-density): {pressures} goes from rest to the
+end in steps chosen by the solver; 0:177:10 also stops every 10 cm; 0,70,130,177 stops at each. Lengths, angles and stresses
+carry a unit (20mm, 45deg, 30kPa). Near a limit point, beyond which no equilibrium exists at that pressure, the run switches
+to volume control, finds the limit and reports it.
+
+\b
+Examples:
+  python -m {module} --pressure-cm {pressures}
+  mpirun -n 2 python -m {module} --pressure-cm {pressures}
+{examples}
+  python -m {module} --pressure-cm {pressures} -- -snes_monitor -log_view
+
+Words after -- go to PETSc; the factorisation of the tangent, or its multigrid, has the prefix body_.
+
+\b
+Exit status: 0 done; 1 failed; 2 bad input; 3 no equilibrium at a requested value (limit point); 130 stopped.
+"""
+
+
+def device_command(
+    device: type[Actuator],
+    module: str,
+    examples: tuple[str, ...],
+    pressures: str = "",
+) -> click.Command:
+    """Return the click command of one actuator; ``module`` is how it is started, such as ``softmodels.disk``, and examples and
+    pressures are those of the help."""
+    given = CaseOptions(device, device.silicone)
+
+    @commands.options(commands.RunOptions)
+    def run_device(how: commands.RunOptions, **values: object) -> None:
+        execute(lambda: given.case(values), how)
+
+    what = (device.__doc__ or "").strip().split("\n")[0].rstrip(".").lower()
+    text = HELP.format(what=what, pressures=pressures or device.pressures, module=module,
+                       examples="\n".join(f"  python -m {module} {words}" for words in examples))  # fmt: skip
+    return command(module, help=text, context_settings={"help_option_names": ["-h", "--help"]})(given.add(run_device))
+
+
+def command_of(device: type[Actuator]) -> click.Command:
+    """Return the command that runs a registered device."""
+    words = tuple(f"--pressure-cm {device.pressures} {words}" for words in device.examples)
+    return device_command(device, f"softmodels run {DEVICE} {device.__name__}", words)
+
+
+def case_of_file(
+    file: Path, material: str | None, band: str | None = None, solver: str | None = None, kind: type[Case] = Case
+) -> Case:
+    """Return a case file's case, as the class given, with the given material, band or solver."""
+    more: dict[str, Mapping[str, object]] = {}
+    if material is not None:
+        more["material"] = materials.to_table(materials.material_from(material, {}))
+    if band is not None:
+        product = silicones.product_of(band) if silicones.silicone_called(band) else ""
+        more["band"] = {"silicone": product} if product else {"file": str(Path(band).absolute())}
+    case = kind.from_file(file, more)
+    return case if solver is None else dataclasses.replace(case, solver=solver)
+
+
+def execute(case: Callable[[], Case], how: commands.RunOptions, inputs: Sequence[Path] = ()) -> None:
+    """Build a case, run it and exit with its status; see `softmodels.cli.run.run`."""
+    ready = case()
+    _check_words(how.petsc)
+    if how.branch:
+        ready.load.check_branch()
+    if how.film and not how.draws:
+        raise CaseError("--film has no effect without pictures; leave out --no-pictures and --pictures none")
+    try:
+        with commands.stoppable("softmodels", mpi.speaks):
+            from softmodels.cli import run
+
+        if (ranks := ranks_for(ready, how.ranks, how.quiet)) > 1:
+            sys.exit(start_again(ranks))
+        with commands.stoppable("softmodels", mpi.speaks):
+            mpi.start(how.petsc)
+        sys.exit(run.run(ready, how.output, how, inputs, rank_asked_to_stop))
+    except ImportError as error:
+        fail(f"{error}; the simulation needs FEniCSx (softmodels doctor lists what is missing)", 1)
+
+
+def _check_words(petsc: tuple[str, ...]) -> None:
+    """Reject arguments that PETSc would accept silently, or reject with a page of text."""
+    for word in petsc[:1]:
+        if not word.startswith("-"):
+            raise CaseError(f"unexpected argument {word!r}; options start with --, and PETSc's follow after a lone --")
+    for word, file in itertools.pairwise(petsc):
+        if word == "-options_file" and not Path(file).is_file():
+            raise CaseError(f"-options_file {file!r} is not a file")
+
+
+def fail(message: str, status: int = 2) -> NoReturn:
+    """Print an error message on one rank, whichever has it, and exit."""
+    _tell(message, only_here=not mpi.ends_with_others())
+    sys.exit(status)
+
+
+class Command(click.Command):
+    """A command that ends with a sentence and a status where an error has a sentence for the user."""
+
+    def invoke(self, ctx: click.Context) -> object:
+        try:
+            return super().invoke(ctx)
+        except MemoryError as error:
+            fail(outcomes.no_memory(error), outcomes.FAILED)
+        except (StartError, materials.OwnModuleError) as error:
+            fail(str(error), getattr(error, "status", 2))
+        except Exception as error:
+            if not isinstance(error, errors.Spoken | units.UnitError):
+                raise
+            fail(str(error), outcomes.Ended.by(error).status)
+
+
+command = functools.partial(click.command, cls=Command)
+"""As `click.command`."""
+
+
+@contextlib.contextmanager
+def unwritable(what: str | Path, does: str = "cannot be written") -> Iterator[None]:
+    """Exit with a sentence where a file cannot be opened or written in here."""
+    try:
+        yield
+    except OSError as error:
+        fail(f"{what} {does} ({errors.reason(error)})", commands.status_of(error))
+
+
+def write_into(folder: commands.ResultFolder, write: Callable[[Path], None], what: str) -> None:
+    """Write all results (``what``, such as "the tables") into a folder at once; exit with a sentence if that fails."""
+    with unwritable(what, f"cannot be written into {folder.path}"), folder.writing() as place:
+        write(place)
+
+
+def _tell(message: str, only_here: bool = False) -> None:
+    if only_here or mpi.speaks():
+        with contextlib.suppress(OSError):  # stderr is closed
+            processes.say(f"softmodels: {commands.bounded(message)}", err=True)
+
+
+def _missing(error: click.MissingParameter) -> str:
+    """Return a message for missing arguments, with the examples of the command's help."""
+    context, said = error.ctx, error.format_message().rstrip(".")
+    if context is None or context.command.help is None:
+        return f"{said} (see --help)"
+    lines = [" ".join(line.split()) for line in context.command.help.partition("Examples:")[2].splitlines()]
+    examples = [line for line in lines if line.startswith("softmodels ")][:3]
+    if not examples:
+        return f"{said} (see {context.command_path} --help)"
+    return f"{said}; for example: {' | '.join(examples)} (softmodels examples writes files to begin with; see --help)"
+
+
+def main(command: click.Command) -> None:
+    """Run a click command; usage errors print one sentence on one rank; exit status 2."""
+    if not mpi.speaks():
+        sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  (help is printed once too, and the stream stays open)
+    with mpi.exits_together(), commands.written(_tell):
+        try:
+            materials.import_own_modules()
+            command.main(standalone_mode=False)
+        except materials.OwnModuleError as error:
+            fail(str(error))
+        except (click.exceptions.Abort, KeyboardInterrupt):
+            fail("stopped by the user", commands.STOPPED)
+        except click.exceptions.NoArgsIsHelpError as error:
+            print(error.format_message())
+            sys.exit(2)
+        except click.MissingParameter as error:
+            fail(_missing(error))
+        except click.ClickException as error:
+            fail(f"{commands.usage_sentence(error)} (see --help)")
+        finally:
+            gc.unfreeze()  # for callers whose process continues
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Command-line options of a case, generated from the entries of its fields.
 
@@ -215,180 +389,6 @@ def _children(parents: list[int]) -> list[int]:
             if int(status.read_text().rpartition(")")[2].split()[1]) in parents:
                 found.append(int(status.parent.name))
     return found
-
-
-HELP = """Inflate {what} and write its whole load path.
-
-Pressures are heights of a column in cm, as on the bench (0.97 g/ml, or --water-density): {pressures} goes from rest to the
-end in steps chosen by the solver; 0:177:10 also stops every 10 cm; 0,70,130,177 stops at each. Lengths, angles and stresses
-carry a unit (20mm, 45deg, 30kPa). Near a limit point, beyond which no equilibrium exists at that pressure, the run switches
-to volume control, finds the limit and reports it.
-
-\b
-Examples:
-  python -m {module} --pressure-cm {pressures}
-  mpirun -n 2 python -m {module} --pressure-cm {pressures}
-{examples}
-  python -m {module} --pressure-cm {pressures} -- -snes_monitor -log_view
-
-Words after -- go to PETSc; the factorisation of the tangent, or its multigrid, has the prefix body_.
-
-\b
-Exit status: 0 done; 1 failed; 2 bad input; 3 no equilibrium at a requested value (limit point); 130 stopped.
-"""
-
-
-def device_command(
-    device: type[Actuator],
-    module: str,
-    examples: tuple[str, ...],
-    pressures: str = "",
-) -> click.Command:
-    """Return the click command of one actuator; ``module`` is how it is started, such as ``softmodels.disk``, and examples and
-    pressures are those of the help."""
-    given = CaseOptions(device, device.silicone)
-
-    @commands.options(commands.RunOptions)
-    def run_device(how: commands.RunOptions, **values: object) -> None:
-        execute(lambda: given.case(values), how)
-
-    what = (device.__doc__ or "").strip().split("\n")[0].rstrip(".").lower()
-    text = HELP.format(what=what, pressures=pressures or device.pressures, module=module,
-                       examples="\n".join(f"  python -m {module} {words}" for words in examples))  # fmt: skip
-    return command(module, help=text, context_settings={"help_option_names": ["-h", "--help"]})(given.add(run_device))
-
-
-def command_of(device: type[Actuator]) -> click.Command:
-    """Return the command that runs a registered device."""
-    words = tuple(f"--pressure-cm {device.pressures} {words}" for words in device.examples)
-    return device_command(device, f"softmodels run {DEVICE} {device.__name__}", words)
-
-
-def case_of_file(
-    file: Path, material: str | None, band: str | None = None, solver: str | None = None, kind: type[Case] = Case
-) -> Case:
-    """Return a case file's case, as the class given, with the given material, band or solver."""
-    more: dict[str, Mapping[str, object]] = {}
-    if material is not None:
-        more["material"] = materials.to_table(materials.material_from(material, {}))
-    if band is not None:
-        product = silicones.product_of(band) if silicones.silicone_called(band) else ""
-        more["band"] = {"silicone": product} if product else {"file": str(Path(band).absolute())}
-    case = kind.from_file(file, more)
-    return case if solver is None else dataclasses.replace(case, solver=solver)
-
-
-def execute(case: Callable[[], Case], how: commands.RunOptions, inputs: Sequence[Path] = ()) -> None:
-    """Build a case, run it and exit with its status; see `softmodels.cli.run.run`."""
-    ready = case()
-    _check_words(how.petsc)
-    if how.branch:
-        ready.load.check_branch()
-    if how.film and not how.draws:
-        raise CaseError("--film has no effect without pictures; leave out --no-pictures and --pictures none")
-    try:
-        with commands.stoppable("softmodels", mpi.speaks):
-            from softmodels.cli import run
-
-        if (ranks := ranks_for(ready, how.ranks, how.quiet)) > 1:
-            sys.exit(start_again(ranks))
-        with commands.stoppable("softmodels", mpi.speaks):
-            mpi.start(how.petsc)
-        sys.exit(run.run(ready, how.output, how, inputs, rank_asked_to_stop))
-    except ImportError as error:
-        fail(f"{error}; the simulation needs FEniCSx (softmodels doctor lists what is missing)", 1)
-
-
-def _check_words(petsc: tuple[str, ...]) -> None:
-    """Reject arguments that PETSc would accept silently, or reject with a page of text."""
-    for word in petsc[:1]:
-        if not word.startswith("-"):
-            raise CaseError(f"unexpected argument {word!r}; options start with --, and PETSc's follow after a lone --")
-    for word, file in itertools.pairwise(petsc):
-        if word == "-options_file" and not Path(file).is_file():
-            raise CaseError(f"-options_file {file!r} is not a file")
-
-
-def fail(message: str, status: int = 2) -> NoReturn:
-    """Print an error message on one rank, whichever has it, and exit."""
-    _tell(message, only_here=not mpi.ends_with_others())
-    sys.exit(status)
-
-
-class Command(click.Command):
-    """A command that ends with a sentence and a status where an error has a sentence for the user."""
-
-    def invoke(self, ctx: click.Context) -> object:
-        try:
-            return super().invoke(ctx)
-        except MemoryError as error:
-            fail(outcomes.no_memory(error), outcomes.FAILED)
-        except (StartError, materials.OwnModuleError) as error:
-            fail(str(error), getattr(error, "status", 2))
-        except Exception as error:
-            if not isinstance(error, errors.Spoken | units.UnitError):
-                raise
-            fail(str(error), outcomes.Ended.by(error).status)
-
-
-command = functools.partial(click.command, cls=Command)
-"""As `click.command`."""
-
-
-@contextlib.contextmanager
-def unwritable(what: str | Path, does: str = "cannot be written") -> Iterator[None]:
-    """Exit with a sentence where a file cannot be opened or written in here."""
-    try:
-        yield
-    except OSError as error:
-        fail(f"{what} {does} ({errors.reason(error)})", commands.status_of(error))
-
-
-def write_into(folder: commands.ResultFolder, write: Callable[[Path], None], what: str) -> None:
-    """Write all results (``what``, such as "the tables") into a folder at once; exit with a sentence if that fails."""
-    with unwritable(what, f"cannot be written into {folder.path}"), folder.writing() as place:
-        write(place)
-
-
-def _tell(message: str, only_here: bool = False) -> None:
-    if only_here or mpi.speaks():
-        with contextlib.suppress(OSError):  # stderr is closed
-            processes.say(f"softmodels: {commands.bounded(message)}", err=True)
-
-
-def _missing(error: click.MissingParameter) -> str:
-    """Return a message for missing arguments, with the examples of the command's help."""
-    context, said = error.ctx, error.format_message().rstrip(".")
-    if context is None or context.command.help is None:
-        return f"{said} (see --help)"
-    lines = [" ".join(line.split()) for line in context.command.help.partition("Examples:")[2].splitlines()]
-    examples = [line for line in lines if line.startswith("softmodels ")][:3]
-    if not examples:
-        return f"{said} (see {context.command_path} --help)"
-    return f"{said}; for example: {' | '.join(examples)} (softmodels examples writes files to begin with; see --help)"
-
-
-def main(command: click.Command) -> None:
-    """Run a click command; usage errors print one sentence on one rank; exit status 2."""
-    if not mpi.speaks():
-        sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  (help is printed once too, and the stream stays open)
-    with mpi.exits_together(), commands.written(_tell):
-        try:
-            materials.import_own_modules()
-            command.main(standalone_mode=False)
-        except materials.OwnModuleError as error:
-            fail(str(error))
-        except (click.exceptions.Abort, KeyboardInterrupt):
-            fail("stopped by the user", commands.STOPPED)
-        except click.exceptions.NoArgsIsHelpError as error:
-            print(error.format_message())
-            sys.exit(2)
-        except click.MissingParameter as error:
-            fail(_missing(error))
-        except click.ClickException as error:
-            fail(f"{commands.usage_sentence(error)} (see --help)")
-        finally:
-            gc.unfreeze()  # for callers whose process continues
 
 
 # ----------------------------------------------------------------------------------------------------------------------

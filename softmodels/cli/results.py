@@ -21,6 +21,7 @@ from softmodels.runs.states import Line
 if TYPE_CHECKING:
     from softmodels.api.run import SolvedState
 
+
 PAGES = ("report.html", "overview.html", "sheet.html")
 """Reports by the names they have in folders of results."""
 TABLES = (

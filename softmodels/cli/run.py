@@ -25,152 +25,6 @@ from softmodels.common.lazy import MPI, PETSc, consoles, progress
 from softmodels.mechanics import mpi
 from softmodels.runs import fields, labels, notes, outcomes, recording, store
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The process that draws the pictures of a run; it starts with the run to hide its start-up time.
-
-
-def start_drawing(case: Case, module: str, *words: str) -> subprocess.Popen[str]:
-    """Start a drawing module with words in a separate process, without MPI's environment variables, importing the case's own
-    modules there too; `OSError` if no process can be started."""
-    command, environment = processes.python(module, *words)
-    environment[materials.VARIABLE] = materials.own_modules(case, *fields.OUTPUTS.values())
-    pipe = subprocess.PIPE
-    return subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
-
-
-def end(process: subprocess.Popen[str]) -> None:
-    """End a process if it still runs."""
-    if process.poll() is None:
-        process.kill()
-        process.communicate()
-
-
-def tell_not_drawn(out: str, errors: str, status: int, left: str) -> None:
-    """Report that drawing failed, why, and what is left."""
-    reason = (errors or out).strip().splitlines() or [f"exit status {status}"]
-    processes.say(f"softmodels: the pictures could not be drawn ({reason[-1]}); {left}", err=True)
-
-
-def drawn_aside(case: Case, left: str, module: str, *words: str) -> bool:
-    """Draw in a separate process, see `start_drawing`; return whether that succeeded, or report what is ``left``."""
-    process = start_drawing(case, module, *words)
-    try:
-        out, errors = process.communicate()
-    finally:
-        end(process)
-    if process.returncode:
-        tell_not_drawn(out, errors, process.returncode, left)
-    return process.returncode == 0
-
-
-@contextlib.contextmanager
-def _counter(quiet: bool) -> Iterator[Callable[[str], None]]:
-    """Show the current step and the elapsed time on a terminal; nothing elsewhere."""
-    width = processes.columns("stderr")
-    if quiet or width is None:
-        yield lambda text: None
-        return
-    console = consoles.Console(
-        stderr=True,
-        force_terminal=processes.COLUMNS["stderr"] in os.environ or None,
-        width=width,
-        markup=False,
-        highlight=False,
-    )
-    parts = progress.TextColumn("{task.description}", markup=False), progress.TimeElapsedColumn()
-    with progress.Progress(*parts, console=console, transient=True) as shown:
-        task = shown.add_task("drawing", total=None)
-        yield lambda text: shown.update(task, description=text)
-
-
-class DrawingProcess:
-    """Draws pictures and report of a run in a separate process, because VTK and DOLFINx each bring their own HDF5.
-
-    Loading what draws takes seconds, which the process spends while the path is being solved, if a core is free for that, and
-    draws the device at rest there. All else has one camera and one colour scale for all states, and so waits for the last.
-    """
-
-    def __init__(self, case: Case, wanted: commands.DrawingOptions = commands.ALL_PICTURES):
-        self.case, self.wanted = case, wanted
-        self._process: subprocess.Popen[str] | None = None
-
-    @property
-    def begins(self) -> str:
-        """Return the message before drawing."""
-        if self.wanted.few:
-            return "drawing curves, stress and report (--pictures all for everything, --pictures none to skip)"
-        return "drawing pictures and report (--pictures few for less, --pictures none to skip)"
-
-    def made(self, folder: Path) -> str:
-        """Return which files were drawn into a folder, in a few words, and how to get the film."""
-        if self.wanted.film:
-            return "pictures (*.png), film.gif, film.webp and report.html"
-        return f"pictures (*.png) and report.html (the film: softmodels draw {shlex.quote(str(folder))} --film)"
-
-    def get_ready(self, ranks: int) -> None:
-        """Start the process, if there are more cores than ranks."""
-        with contextlib.suppress(OSError):  # tried again, and reported, when drawing starts
-            if processes.cores() > ranks:
-                self._process = self._started()
-
-    def _started(self) -> subprocess.Popen[str]:
-        wanted = self.wanted
-        words = ["--pictures", wanted.pictures, "--colormap", wanted.colormap, *(["--film"] if wanted.film else [])]
-        return start_drawing(self.case, "softmodels.pictures.draw", *words)
-
-    def begin(self, results: store.Results) -> None:
-        """Draw the pictures of the first state, if the process runs; called once that state is stored."""
-        if self._process is not None and not self.wanted.few:
-            self._order(results, complete=False)
-
-    def _order(self, results: store.Results, complete: bool) -> None:
-        assert self._process is not None and self._process.stdin is not None
-        with contextlib.suppress(BrokenPipeError):  # the process has died, which is reported at the end
-            self._process.stdin.write(json.dumps([str(results.folder.absolute()), results.name, complete]) + "\n")
-            self._process.stdin.flush()
-
-    def draw(self, results: store.Results, quiet: bool = False) -> float | None:
-        """Draw the results; return the seconds it took, or None if it failed, which is reported.
-
-        On a terminal the files are counted as they are drawn, beside the time, unless ``quiet``.
-        """
-        begun = time.monotonic()
-        try:
-            process = self._process = self._process or self._started()
-        except OSError as error:
-            tell_not_drawn("", reason(error), 0, "the results are complete")
-            return None
-        self._order(results, complete=True)
-        out, errors = self._followed(process, quiet)
-        if process.returncode == 0:
-            print(errors, end="", file=sys.stderr)  # such as that this machine cannot render
-            return time.monotonic() - begun
-        tell_not_drawn(out, errors, process.returncode, "the results are complete")
-        return None
-
-    def _followed(self, process: subprocess.Popen[str], quiet: bool) -> tuple[str, str]:
-        """Collect the output of a drawing process until it ends: the files drawn, and errors."""
-        assert process.stdin is not None and process.stdout is not None and process.stderr is not None
-        with contextlib.suppress(BrokenPipeError):
-            process.stdin.close()
-        drawn = []
-        with ThreadPoolExecutor(1) as beside, _counter(quiet) as show:
-            errors = beside.submit(process.stderr.read)
-            for line in process.stdout:
-                drawn.append(line)
-                show(f"drawn: {len(drawn)} files, the last {Path(line.strip()).name}")
-            process.wait()
-            return "".join(drawn), errors.result()
-
-    def leave(self) -> None:
-        """End the process in any state."""
-        if self._process is not None:
-            end(self._process)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# What a run prints on the way and at the end.
-
 
 def run(
     case: Case,
@@ -290,3 +144,146 @@ def _solved_on() -> str:
     """Return the number of ranks in words, if there are several."""
     ranks = MPI.COMM_WORLD.size
     return f"; solved on {ranks} ranks" if ranks > 1 else ""
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The process that draws the pictures of a run; it starts with the run to hide its start-up time.
+
+
+class DrawingProcess:
+    """Draws pictures and report of a run in a separate process, because VTK and DOLFINx each bring their own HDF5.
+
+    Loading what draws takes seconds, which the process spends while the path is being solved, if a core is free for that, and
+    draws the device at rest there. All else has one camera and one colour scale for all states, and so waits for the last.
+    """
+
+    def __init__(self, case: Case, wanted: commands.DrawingOptions = commands.ALL_PICTURES):
+        self.case, self.wanted = case, wanted
+        self._process: subprocess.Popen[str] | None = None
+
+    @property
+    def begins(self) -> str:
+        """Return the message before drawing."""
+        if self.wanted.few:
+            return "drawing curves, stress and report (--pictures all for everything, --pictures none to skip)"
+        return "drawing pictures and report (--pictures few for less, --pictures none to skip)"
+
+    def made(self, folder: Path) -> str:
+        """Return which files were drawn into a folder, in a few words, and how to get the film."""
+        if self.wanted.film:
+            return "pictures (*.png), film.gif, film.webp and report.html"
+        return f"pictures (*.png) and report.html (the film: softmodels draw {shlex.quote(str(folder))} --film)"
+
+    def get_ready(self, ranks: int) -> None:
+        """Start the process, if there are more cores than ranks."""
+        with contextlib.suppress(OSError):  # tried again, and reported, when drawing starts
+            if processes.cores() > ranks:
+                self._process = self._started()
+
+    def _started(self) -> subprocess.Popen[str]:
+        wanted = self.wanted
+        words = ["--pictures", wanted.pictures, "--colormap", wanted.colormap, *(["--film"] if wanted.film else [])]
+        return start_drawing(self.case, "softmodels.pictures.draw", *words)
+
+    def begin(self, results: store.Results) -> None:
+        """Draw the pictures of the first state, if the process runs; called once that state is stored."""
+        if self._process is not None and not self.wanted.few:
+            self._order(results, complete=False)
+
+    def _order(self, results: store.Results, complete: bool) -> None:
+        assert self._process is not None and self._process.stdin is not None
+        with contextlib.suppress(BrokenPipeError):  # the process has died, which is reported at the end
+            self._process.stdin.write(json.dumps([str(results.folder.absolute()), results.name, complete]) + "\n")
+            self._process.stdin.flush()
+
+    def draw(self, results: store.Results, quiet: bool = False) -> float | None:
+        """Draw the results; return the seconds it took, or None if it failed, which is reported.
+
+        On a terminal the files are counted as they are drawn, beside the time, unless ``quiet``.
+        """
+        begun = time.monotonic()
+        try:
+            process = self._process = self._process or self._started()
+        except OSError as error:
+            tell_not_drawn("", reason(error), 0, "the results are complete")
+            return None
+        self._order(results, complete=True)
+        out, errors = self._followed(process, quiet)
+        if process.returncode == 0:
+            print(errors, end="", file=sys.stderr)  # such as that this machine cannot render
+            return time.monotonic() - begun
+        tell_not_drawn(out, errors, process.returncode, "the results are complete")
+        return None
+
+    def _followed(self, process: subprocess.Popen[str], quiet: bool) -> tuple[str, str]:
+        """Collect the output of a drawing process until it ends: the files drawn, and errors."""
+        assert process.stdin is not None and process.stdout is not None and process.stderr is not None
+        with contextlib.suppress(BrokenPipeError):
+            process.stdin.close()
+        drawn = []
+        with ThreadPoolExecutor(1) as beside, _counter(quiet) as show:
+            errors = beside.submit(process.stderr.read)
+            for line in process.stdout:
+                drawn.append(line)
+                show(f"drawn: {len(drawn)} files, the last {Path(line.strip()).name}")
+            process.wait()
+            return "".join(drawn), errors.result()
+
+    def leave(self) -> None:
+        """End the process in any state."""
+        if self._process is not None:
+            end(self._process)
+
+
+def start_drawing(case: Case, module: str, *words: str) -> subprocess.Popen[str]:
+    """Start a drawing module with words in a separate process, without MPI's environment variables, importing the case's own
+    modules there too; `OSError` if no process can be started."""
+    command, environment = processes.python(module, *words)
+    environment[materials.VARIABLE] = materials.own_modules(case, *fields.OUTPUTS.values())
+    pipe = subprocess.PIPE
+    return subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
+
+
+def end(process: subprocess.Popen[str]) -> None:
+    """End a process if it still runs."""
+    if process.poll() is None:
+        process.kill()
+        process.communicate()
+
+
+def tell_not_drawn(out: str, errors: str, status: int, left: str) -> None:
+    """Report that drawing failed, why, and what is left."""
+    reason = (errors or out).strip().splitlines() or [f"exit status {status}"]
+    processes.say(f"softmodels: the pictures could not be drawn ({reason[-1]}); {left}", err=True)
+
+
+def drawn_aside(case: Case, left: str, module: str, *words: str) -> bool:
+    """Draw in a separate process, see `start_drawing`; return whether that succeeded, or report what is ``left``."""
+    process = start_drawing(case, module, *words)
+    try:
+        out, errors = process.communicate()
+    finally:
+        end(process)
+    if process.returncode:
+        tell_not_drawn(out, errors, process.returncode, left)
+    return process.returncode == 0
+
+
+@contextlib.contextmanager
+def _counter(quiet: bool) -> Iterator[Callable[[str], None]]:
+    """Show the current step and the elapsed time on a terminal; nothing elsewhere."""
+    width = processes.columns("stderr")
+    if quiet or width is None:
+        yield lambda text: None
+        return
+    console = consoles.Console(
+        stderr=True,
+        force_terminal=processes.COLUMNS["stderr"] in os.environ or None,
+        width=width,
+        markup=False,
+        highlight=False,
+    )
+    parts = progress.TextColumn("{task.description}", markup=False), progress.TimeElapsedColumn()
+    with progress.Progress(*parts, console=console, transient=True) as shown:
+        task = shown.add_task("drawing", total=None)
+        yield lambda text: shown.update(task, description=text)

@@ -236,7 +236,8 @@ class RunOptions(DrawingOptions, SolvingOptions):
         return self.pictures != "none" and not self.no_pictures
 
 
-ALL_PICTURES, USUAL = DrawingOptions(), RunOptions()
+# ----------------------------------------------------------------------------------------------------------------------
+# How a command starts, is stopped, and ends.
 
 
 @contextlib.contextmanager
@@ -258,6 +259,9 @@ def stoppable(name: str, speaks: Callable[[], bool] = lambda: True) -> Iterator[
             yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+ALL_PICTURES, USUAL = DrawingOptions(), RunOptions()
 
 
 @contextlib.contextmanager

@@ -11,6 +11,68 @@ from collections.abc import Iterable
 from pathlib import Path
 from types import ModuleType
 
+
+class Spoken:
+    """Mixin of errors whose message uses option names for its reader."""
+
+    def __str__(self) -> str:
+        return spoken(super().__str__())
+
+
+class MissingPackageError(Spoken, ImportError):
+    """A package that only some calls need is not installed; the message says how to install it."""
+
+    __str__ = ImportError.__str__  # uv's options stay as they are typed
+
+
+def required(package: str, extra: str) -> ModuleType:
+    """Import a package that comes with an extra of this project; `MissingPackageError` if it is not installed."""
+    try:
+        return importlib.import_module(package)
+    except ImportError:
+        raise MissingPackageError(
+            f"{package} is not installed; it comes with the extra {extra!r}: uv sync --inexact --extra {extra} in a clone, "
+            f"pip install 'softmodels[{extra}]' elsewhere"
+        ) from None
+
+
+def written(error: BaseException) -> str:
+    """Return an error's sentence as it was written, to be read by others later."""
+    return str(error.args[0]) if isinstance(error, Spoken) and error.args else str(error)
+
+
+class FieldError(Spoken, ValueError):
+    """An invalid value of a field, or an unknown entry; the message is for the user."""
+
+
+def whole_path(file: str) -> str:
+    """Return a file's absolute path; a text that cannot be a path is returned unchanged, so that reading it fails."""
+    try:
+        return str(Path(file).absolute()) if file and "\0" not in file else file
+    except OSError:  # the current folder is gone
+        return file
+
+
+class ComponentError(Spoken, ValueError):
+    """An invalid part, or one unsuitable for this device; the message is for the user."""
+
+
+class GeometryError(Spoken, ValueError):
+    """Invalid parameters of a device; the message names the field and its value."""
+
+
+class MeshingError(Spoken, RuntimeError):
+    """Meshing failed although the parameters seem valid; the message gives the cause and a fix."""
+
+
+class MeshingStopped(Exception):
+    """The caller stopped the meshing."""
+
+
+class MeshFileError(Spoken, ValueError):
+    """A file is not a mesh written by this project; the message names the file."""
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Names of options in messages: ``--cell-size`` on a command line, ``cell_size`` in Python.
 #
@@ -116,67 +178,6 @@ def known_are(name: object, known: Iterable[str], more: str = "") -> str:
     is beside."""
     names = list(dict.fromkeys(known))
     return f"known are {', '.join(names)}{more}{meant(name, names)}" if names else "there are none"
-
-
-class Spoken:
-    """Mixin of errors whose message uses option names for its reader."""
-
-    def __str__(self) -> str:
-        return spoken(super().__str__())
-
-
-class MissingPackageError(Spoken, ImportError):
-    """A package that only some calls need is not installed; the message says how to install it."""
-
-    __str__ = ImportError.__str__  # uv's options stay as they are typed
-
-
-def required(package: str, extra: str) -> ModuleType:
-    """Import a package that comes with an extra of this project; `MissingPackageError` if it is not installed."""
-    try:
-        return importlib.import_module(package)
-    except ImportError:
-        raise MissingPackageError(
-            f"{package} is not installed; it comes with the extra {extra!r}: uv sync --inexact --extra {extra} in a clone, "
-            f"pip install 'softmodels[{extra}]' elsewhere"
-        ) from None
-
-
-def written(error: BaseException) -> str:
-    """Return an error's sentence as it was written, to be read by others later."""
-    return str(error.args[0]) if isinstance(error, Spoken) and error.args else str(error)
-
-
-class FieldError(Spoken, ValueError):
-    """An invalid value of a field, or an unknown entry; the message is for the user."""
-
-
-def whole_path(file: str) -> str:
-    """Return a file's absolute path; a text that cannot be a path is returned unchanged, so that reading it fails."""
-    try:
-        return str(Path(file).absolute()) if file and "\0" not in file else file
-    except OSError:  # the current folder is gone
-        return file
-
-
-class ComponentError(Spoken, ValueError):
-    """An invalid part, or one unsuitable for this device; the message is for the user."""
-
-
-class GeometryError(Spoken, ValueError):
-    """Invalid parameters of a device; the message names the field and its value."""
-
-
-class MeshingError(Spoken, RuntimeError):
-    """Meshing failed although the parameters seem valid; the message gives the cause and a fix."""
-
-
-class MeshingStopped(Exception):
-    """The caller stopped the meshing."""
-
-
-class MeshFileError(Spoken, ValueError):
-    """A file is not a mesh written by this project; the message names the file."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------

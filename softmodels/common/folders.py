@@ -39,160 +39,6 @@ if TYPE_CHECKING:
     from filelock import BaseFileLock
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# A lock on a folder of results: one program at a time writes there, also where hosts share a file system.
-#
-# The system holds the lock until the process ends, however that happens; the file has the process and the host in its lines.
-# On file systems that know no locks the file alone counts; of a process of this machine it is seen whether it has ended.
-
-
-NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP)  # answers of file systems without locks
-
-
-class InUseError(errors.Spoken, RuntimeError):
-    """Another program writes in the folder; the message is for the user."""
-
-
-class FolderLock:
-    """A lock that a file stands for while it is held; one that a killed process left behind is taken over."""
-
-    def __init__(self, file: Path):
-        self.file = file
-        self._lock: BaseFileLock | None = None
-
-    @property
-    def held(self) -> bool:
-        return self._lock is not None
-
-    def take(self, wait: float = 0.0) -> None:
-        """Take the lock; after ``wait`` seconds `InUseError` while another program holds it."""
-        from filelock import FileLock, SoftFileLock, Timeout
-
-        if self.held:
-            return
-        if self.file.is_symlink():  # in a folder from elsewhere, it could lead to any file of the user's
-            raise OSError(errno.ELOOP, f"its lock {self.file.name} is a link; remove that", str(self.file))
-        lock: BaseFileLock = FileLock(self.file, thread_local=False, fallback_to_soft=False)
-        try:
-            try:
-                lock.acquire(timeout=wait)
-                self.file.write_text(f"{os.getpid()}\n{socket.gethostname()}\n", encoding="utf-8")
-            except OSError as error:
-                if isinstance(error, Timeout) or error.errno not in NO_LOCKS:
-                    raise
-                if not self.file.stat().st_size:  # made by this attempt
-                    self.file.unlink()
-                lock = SoftFileLock(self.file, thread_local=False)
-                lock.acquire(timeout=wait)
-        except Timeout:
-            raise InUseError(self._refusal()) from None
-        except BaseException:
-            lock.release()
-            raise
-        self._lock = lock
-
-    def release(self) -> None:
-        """Give the lock back and take its file away; nothing happens if it is not held."""
-        if self._lock is None:
-            return
-        with contextlib.suppress(OSError):
-            self.file.unlink(missing_ok=True)
-        with contextlib.suppress(OSError):
-            self._lock.release()
-        self._lock = None
-
-    def _refusal(self) -> str:
-        who, since = "another process", ""
-        with contextlib.suppress(OSError, ValueError):
-            pid, host, *_ = read_text(self.file).splitlines()
-            who = f"process {int(pid)} on {host}"
-            since = f", since {time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(self.file.stat().st_mtime))}"
-        text = f"{self.file.parent} is in use by {who}{since}; wait until it ends, or use another folder (--output)"
-        return f"{text}. If that process no longer exists, remove {self.file}"
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The record in a folder of results: which files a program wrote there, so that it may replace and remove them.
-
-
-RECORD = f"{HIDDEN}.json"
-FORMAT = 2  # of the record
-
-
-@dataclasses.dataclass(frozen=True)
-class Record:
-    """Record of a folder's files.
-
-    Attributes:
-        kind, about: What the folder holds, and what was recorded of the results beside their files.
-        files: Names that are the program's own, relative to the folder; folders with a slash at the end. A run's steps have
-            no names here: in a folder that is the program's own they are its own too.
-        incoming: New files on their way into the folder; None where none are.
-        incoming_about: What is to be recorded of them.
-        version, format: Of the program that wrote it, and of the record.
-    """
-
-    kind: Any = None
-    files: tuple[str, ...] = ()
-    about: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    incoming: tuple[str, ...] | None = None
-    incoming_about: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    version: str | None = None
-    format: int = FORMAT
-
-    @classmethod
-    def read(cls, path: Path) -> Record | None:
-        """Return the record in a file; None if there is none or it is not readable."""
-        try:
-            found = {"format": 0, **read_json(path)}
-            if found["format"] < 2:  # what is in a folder stood beside its name
-                found["files"] = [*found["files"], *_inside(found.get("inside", {}))]
-                found |= {"incoming": [*given, *_inside(given)]} if (given := found.get("incoming")) is not None else {}
-            kinds = {"files": list, "about": dict, "incoming": list, "incoming_about": dict}
-            if not all(isinstance(found.get(name, kind()), kind) for name, kind in kinds.items()):
-                return None
-            known = {field.name: found[field.name] for field in dataclasses.fields(cls) if field.name in found}
-            known |= {name: tuple(known[name]) for name in ("files", "incoming") if name in known}
-            own = all(map(is_inside, (*known["files"], *known.get("incoming", ()))))
-            return cls(**known) if own and "about" in known else None
-        except (OSError, ValueError, TypeError, KeyError, AttributeError):
-            return None
-
-    def write(self, path: Path) -> None:
-        """Write it whole or not at all."""
-        own = dataclasses.replace(self, version=version(), format=FORMAT)
-        table = {"written_by": "softmodels", **{name: value for name, value in vars(own).items() if value is not None}}
-        write_text(path, json.dumps(table, indent=1) + "\n")
-
-
-def _inside(folders: Mapping[str, list[str]]) -> list[str]:
-    return [f"{folder}{file}" for folder, files in folders.items() for file in files]
-
-
-def remove_recorded(folder: Path, names: Iterable[str]) -> None:
-    """Take recorded files away; of a folder its steps and what its own record names, and itself if nothing else is in it."""
-    for name in sorted(names, reverse=True):  # a folder after what is in it
-        path = folder / name
-        if path.parent != folder and path.parent.is_symlink():
-            continue
-        if not name.endswith("/"):
-            if not path.is_dir():
-                path.unlink(missing_ok=True)
-            path.with_name(f"{path.name}.part").unlink(missing_ok=True)
-        elif path.is_dir() and not path.is_symlink():
-            if (own := Record.read(path / RECORD)) is not None:
-                remove_recorded(path, own.files)
-                (path / RECORD).unlink(missing_ok=True)
-            remove_steps(path)
-
-
-PATIENCE = 600.0  # seconds to wait for a program that draws into a folder which is to be replaced
-
-
-class OwnFolderError(errors.Spoken, RuntimeError):
-    """A folder or a file that is not a program's own, so that it must not be written; the message is a sentence."""
-
-
 class OwnFolder:
     """A folder of results, which need not be there, and the record of what was written there; those of another kind are not
     replaced. Records of several parts, each with a lock of its own, may be beside each other."""
@@ -353,6 +199,160 @@ class OwnFolder:
         known = self._known
         names = tuple(dict.fromkeys(known.files if files is None else files))
         dataclasses.replace(known, kind=self.kind, files=names, **changes).write(self._record)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A lock on a folder of results: one program at a time writes there, also where hosts share a file system.
+#
+# The system holds the lock until the process ends, however that happens; the file has the process and the host in its lines.
+# On file systems that know no locks the file alone counts; of a process of this machine it is seen whether it has ended.
+
+
+NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP)  # answers of file systems without locks
+
+
+class InUseError(errors.Spoken, RuntimeError):
+    """Another program writes in the folder; the message is for the user."""
+
+
+class FolderLock:
+    """A lock that a file stands for while it is held; one that a killed process left behind is taken over."""
+
+    def __init__(self, file: Path):
+        self.file = file
+        self._lock: BaseFileLock | None = None
+
+    @property
+    def held(self) -> bool:
+        return self._lock is not None
+
+    def take(self, wait: float = 0.0) -> None:
+        """Take the lock; after ``wait`` seconds `InUseError` while another program holds it."""
+        from filelock import FileLock, SoftFileLock, Timeout
+
+        if self.held:
+            return
+        if self.file.is_symlink():  # in a folder from elsewhere, it could lead to any file of the user's
+            raise OSError(errno.ELOOP, f"its lock {self.file.name} is a link; remove that", str(self.file))
+        lock: BaseFileLock = FileLock(self.file, thread_local=False, fallback_to_soft=False)
+        try:
+            try:
+                lock.acquire(timeout=wait)
+                self.file.write_text(f"{os.getpid()}\n{socket.gethostname()}\n", encoding="utf-8")
+            except OSError as error:
+                if isinstance(error, Timeout) or error.errno not in NO_LOCKS:
+                    raise
+                if not self.file.stat().st_size:  # made by this attempt
+                    self.file.unlink()
+                lock = SoftFileLock(self.file, thread_local=False)
+                lock.acquire(timeout=wait)
+        except Timeout:
+            raise InUseError(self._refusal()) from None
+        except BaseException:
+            lock.release()
+            raise
+        self._lock = lock
+
+    def release(self) -> None:
+        """Give the lock back and take its file away; nothing happens if it is not held."""
+        if self._lock is None:
+            return
+        with contextlib.suppress(OSError):
+            self.file.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            self._lock.release()
+        self._lock = None
+
+    def _refusal(self) -> str:
+        who, since = "another process", ""
+        with contextlib.suppress(OSError, ValueError):
+            pid, host, *_ = read_text(self.file).splitlines()
+            who = f"process {int(pid)} on {host}"
+            since = f", since {time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(self.file.stat().st_mtime))}"
+        text = f"{self.file.parent} is in use by {who}{since}; wait until it ends, or use another folder (--output)"
+        return f"{text}. If that process no longer exists, remove {self.file}"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The record in a folder of results: which files a program wrote there, so that it may replace and remove them.
+
+
+RECORD = f"{HIDDEN}.json"
+FORMAT = 2  # of the record
+
+
+@dataclasses.dataclass(frozen=True)
+class Record:
+    """Record of a folder's files.
+
+    Attributes:
+        kind, about: What the folder holds, and what was recorded of the results beside their files.
+        files: Names that are the program's own, relative to the folder; folders with a slash at the end. A run's steps have
+            no names here: in a folder that is the program's own they are its own too.
+        incoming: New files on their way into the folder; None where none are.
+        incoming_about: What is to be recorded of them.
+        version, format: Of the program that wrote it, and of the record.
+    """
+
+    kind: Any = None
+    files: tuple[str, ...] = ()
+    about: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    incoming: tuple[str, ...] | None = None
+    incoming_about: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    version: str | None = None
+    format: int = FORMAT
+
+    @classmethod
+    def read(cls, path: Path) -> Record | None:
+        """Return the record in a file; None if there is none or it is not readable."""
+        try:
+            found = {"format": 0, **read_json(path)}
+            if found["format"] < 2:  # what is in a folder stood beside its name
+                found["files"] = [*found["files"], *_inside(found.get("inside", {}))]
+                found |= {"incoming": [*given, *_inside(given)]} if (given := found.get("incoming")) is not None else {}
+            kinds = {"files": list, "about": dict, "incoming": list, "incoming_about": dict}
+            if not all(isinstance(found.get(name, kind()), kind) for name, kind in kinds.items()):
+                return None
+            known = {field.name: found[field.name] for field in dataclasses.fields(cls) if field.name in found}
+            known |= {name: tuple(known[name]) for name in ("files", "incoming") if name in known}
+            own = all(map(is_inside, (*known["files"], *known.get("incoming", ()))))
+            return cls(**known) if own and "about" in known else None
+        except (OSError, ValueError, TypeError, KeyError, AttributeError):
+            return None
+
+    def write(self, path: Path) -> None:
+        """Write it whole or not at all."""
+        own = dataclasses.replace(self, version=version(), format=FORMAT)
+        table = {"written_by": "softmodels", **{name: value for name, value in vars(own).items() if value is not None}}
+        write_text(path, json.dumps(table, indent=1) + "\n")
+
+
+def _inside(folders: Mapping[str, list[str]]) -> list[str]:
+    return [f"{folder}{file}" for folder, files in folders.items() for file in files]
+
+
+def remove_recorded(folder: Path, names: Iterable[str]) -> None:
+    """Take recorded files away; of a folder its steps and what its own record names, and itself if nothing else is in it."""
+    for name in sorted(names, reverse=True):  # a folder after what is in it
+        path = folder / name
+        if path.parent != folder and path.parent.is_symlink():
+            continue
+        if not name.endswith("/"):
+            if not path.is_dir():
+                path.unlink(missing_ok=True)
+            path.with_name(f"{path.name}.part").unlink(missing_ok=True)
+        elif path.is_dir() and not path.is_symlink():
+            if (own := Record.read(path / RECORD)) is not None:
+                remove_recorded(path, own.files)
+                (path / RECORD).unlink(missing_ok=True)
+            remove_steps(path)
+
+
+PATIENCE = 600.0  # seconds to wait for a program that draws into a folder which is to be replaced
+
+
+class OwnFolderError(errors.Spoken, RuntimeError):
+    """A folder or a file that is not a program's own, so that it must not be written; the message is a sentence."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------

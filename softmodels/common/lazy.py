@@ -46,4 +46,5 @@ else:
     cm, colors, figures = (_Library(f"matplotlib.{name}") for name in ("cm", "colors", "figure"))
     MPI, PETSc = _Library("mpi4py.MPI"), _Library("petsc4py.PETSc")
 
+
 type Expr = ufl.core.expr.Expr

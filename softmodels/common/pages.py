@@ -17,8 +17,85 @@ from typing import ClassVar
 from softmodels.common import commands, files, units
 from softmodels.common.units import pascal_per_cm
 
+type Section = tuple[str, Sequence[Part | None]]
+"""A heading and what stands below it; None and parts without content are left out, and so is a section of only those."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Page:
+    """A report.
+
+    Attributes:
+        answer, facts: The answer in a sentence or two, and its figures.
+        warnings: What a reader must know before using them.
+        sources: Publications of the laws and data used.
+        downloads: Tables to download from the page: text by the name of the file.
+        pascal_per_cm: Pa in one cm of the column.
+        unit: Unit of pressure that its texts and tables are written in: ``"cm"`` or one of `UNITS`.
+    """
+
+    title: str
+    answer: str
+    sections: Sequence[Section]
+    provenance: commands.Provenance
+    facts: Sequence[Fact] = ()
+    warnings: Sequence[str] = ()
+    sources: Sequence[str] = ()
+    downloads: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    pascal_per_cm: float = pascal_per_cm()
+    unit: str = "cm"
+
+    def html(self) -> str:
+        """Return the page."""
+        sections = [(heading, [part for part in parts if _filled(part)]) for heading, parts in self.sections]
+        links = [
+            (name, f"data:text/csv;base64,{base64.b64encode(text.encode()).decode('ascii')}")
+            for name, text in self.downloads.items()
+        ]
+        factors = json.dumps({"cm": self.pascal_per_cm, **{unit: pascal(unit) for unit in UNITS}})
+        return files.render(
+            "page.html", "softmodels.common", page=self, links=links, factors=factors,
+            column=units.column_unit(self.pascal_per_cm),
+            sections=[(heading, parts) for heading, parts in sections if parts],
+        )  # fmt: skip
+
+
+def pascal(unit: str) -> float:
+    """Return how many Pa one of a unit of pressure has."""
+    return units.FACTORS["Pa"].get(unit) or units.quantity(f"1 {unit}", "Pa")
+
+
+def _filled(part: Part | None) -> bool:
+    """Return whether a part shows anything."""
+    return part is not None and any(getattr(part, field.name) for field in dataclasses.fields(part)[:1])
+
+
+INKS = {
+    "#000000": "currentColor",
+    "#102a43": "currentColor",
+    "#ffffff": "var(--paper, #ffffff)",
+    "#2f6f9f": "var(--accent, #2f6f9f)",
+}
+"""Colours of drawings, and those of a page, which change on a dark screen."""
+
+
+def inline_svg(text: str) -> str:
+    """Return a drawing of matplotlib, marked as HTML, for a page, in whose colours it is.
+
+    Groups whose identifier is ``pu-`` and a unit of pressure are shown while the page has that unit.
+    """
+    from markupsafe import Markup
+
+    text = text[text.index("<svg") :]
+    for colour, own in INKS.items():
+        text = text.replace(colour, own)
+    return Markup(re.sub(r'id="(pu-\w+)"', r'class="pu \1"', text))
+
+
 UNITS = {"kPa": "kPa", "mbar": "mbar", "psi": "psi"}
 """Units of pressure beside the cm of a column, by their names in `softmodels.common.units`."""
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # What a page consists of. Each part is written by the macro of ``parts.html`` that its ``kind`` names.
 
@@ -149,76 +226,3 @@ class Program:
 
 
 type Part = Table | Text | Bullets | Picture | Charts | Gallery | Terms | Listing | Folded | Program
-type Section = tuple[str, Sequence[Part | None]]
-"""A heading and what stands below it; None and parts without content are left out, and so is a section of only those."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Page:
-    """A report.
-
-    Attributes:
-        answer, facts: The answer in a sentence or two, and its figures.
-        warnings: What a reader must know before using them.
-        sources: Publications of the laws and data used.
-        downloads: Tables to download from the page: text by the name of the file.
-        pascal_per_cm: Pa in one cm of the column.
-        unit: Unit of pressure that its texts and tables are written in: ``"cm"`` or one of `UNITS`.
-    """
-
-    title: str
-    answer: str
-    sections: Sequence[Section]
-    provenance: commands.Provenance
-    facts: Sequence[Fact] = ()
-    warnings: Sequence[str] = ()
-    sources: Sequence[str] = ()
-    downloads: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    pascal_per_cm: float = pascal_per_cm()
-    unit: str = "cm"
-
-    def html(self) -> str:
-        """Return the page."""
-        sections = [(heading, [part for part in parts if _filled(part)]) for heading, parts in self.sections]
-        links = [
-            (name, f"data:text/csv;base64,{base64.b64encode(text.encode()).decode('ascii')}")
-            for name, text in self.downloads.items()
-        ]
-        factors = json.dumps({"cm": self.pascal_per_cm, **{unit: pascal(unit) for unit in UNITS}})
-        return files.render(
-            "page.html", "softmodels.common", page=self, links=links, factors=factors,
-            column=units.column_unit(self.pascal_per_cm),
-            sections=[(heading, parts) for heading, parts in sections if parts],
-        )  # fmt: skip
-
-
-def pascal(unit: str) -> float:
-    """Return how many Pa one of a unit of pressure has."""
-    return units.FACTORS["Pa"].get(unit) or units.quantity(f"1 {unit}", "Pa")
-
-
-def _filled(part: Part | None) -> bool:
-    """Return whether a part shows anything."""
-    return part is not None and any(getattr(part, field.name) for field in dataclasses.fields(part)[:1])
-
-
-INKS = {
-    "#000000": "currentColor",
-    "#102a43": "currentColor",
-    "#ffffff": "var(--paper, #ffffff)",
-    "#2f6f9f": "var(--accent, #2f6f9f)",
-}
-"""Colours of drawings, and those of a page, which change on a dark screen."""
-
-
-def inline_svg(text: str) -> str:
-    """Return a drawing of matplotlib, marked as HTML, for a page, in whose colours it is.
-
-    Groups whose identifier is ``pu-`` and a unit of pressure are shown while the page has that unit.
-    """
-    from markupsafe import Markup
-
-    text = text[text.index("<svg") :]
-    for colour, own in INKS.items():
-        text = text.replace(colour, own)
-    return Markup(re.sub(r'id="(pu-\w+)"', r'class="pu \1"', text))

@@ -214,7 +214,6 @@ ENDED = (
     "fewer processes at a time), and try again"
 )
 
-
 type Answer = tuple[bool, Any]
 """Whether a function returned, and its value; else the sentence of its error."""
 

@@ -20,11 +20,8 @@ if TYPE_CHECKING:
     import pint
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Factors of the units that people write most, so that reading ``20mm`` need not start Pint.
-#
-# Pint takes as long to start as all the rest of a command's options. Every factor is Pint's own, to the last digit, and what
-# is not here is asked of Pint, which also words what is wrong. A test holds the table against it.
+class UnitError(ValueError):
+    """A text that is not a number with a fitting unit; the message is for the user."""
 
 
 _LITRE = 0.0010000000000000002
@@ -52,7 +49,6 @@ FACTORS: dict[str, dict[str, float]] = {
 }  # fmt: skip
 """By the unit that is wanted: how much of it one of a unit is."""
 
-
 STANDARD_GRAVITY = 9.80665
 """Standard acceleration of gravity in m/s2 (CGPM 1901)."""
 
@@ -70,10 +66,6 @@ _NAME = r"(?:[^\W\d_]|[%°])\w*"
 _FACTOR = rf"\(*\s*{_NAME}(?:\s*(?:\^|\*\*)\s*-?[0-9]|[⁻]?[¹²³⁴])?\s*\)*(?:\s*(?:\^|\*\*)\s*-?[0-9])?"
 _UNIT = re.compile(rf"{_FACTOR}(?:\s*[*/·⋅\s]\s*{_FACTOR})*")
 _ANGLES = {"degree", "radian", "milliradian", "arcminute", "arcsecond", "turn", "gradian"}
-
-
-class UnitError(ValueError):
-    """A text that is not a number with a fitting unit; the message is for the user."""
 
 
 class DecimalCommaError(UnitError):
@@ -294,7 +286,6 @@ def column_unit(pascal: float | None = None) -> str:
 
 LIGHTER = "3 % less than water at 20 degC"
 """What the usual density of a column's liquid is, `WATER_DENSITY`, for texts that ask for another."""
-
 
 _FRIENDLY = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "degree": ("deg", 1.0), "m^3": ("ml", 1e6)}
 

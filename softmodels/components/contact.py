@@ -96,8 +96,6 @@ class ContactPart(component.EnergyComponent):
 # kernel's radius, and twice differentiable everywhere. A sphere of radius r appears larger by a tenth of that squared over r.
 
 
-Indices = npt.NDArray[np.int64]
-
 SHAPES = ("sphere", "cylinder", "capsule", "plane", "stl")
 ENDLESS = 1e3
 """Half length of a cylinder in sizes of the device."""
@@ -105,10 +103,6 @@ MAX_SHAPE_DEPTH = 0.05
 """Penetration relative to the size at which a state is rejected: the device would pass through the shape."""
 MOST = 3.0
 """Largest accepted coefficient of friction: rubber on dry glass has 1 to 2."""
-SAME = 1e-6
-"""Tolerance relative to an STL shape's extent for mirror images of its corners."""
-
-
 type Numbers = tuple[Array, Array, float | None, float, float]
 """Place of its middle, direction of its line, radius, half the line's length, and 1 or, of a hollow one, -1; in sizes.
 
@@ -452,6 +446,11 @@ class RigidShape(ContactPart):
             standing = FileShapeTerm(self, setting) if self.file else SampledShapeTerm(self, setting)
             return (GuidedShapeTerm if self.guide else RubbingShapeTerm)(self, standing, setting)
         return FileShapeTerm(self, setting) if self.file else ShapeTerm(self, setting)
+
+
+Indices = npt.NDArray[np.int64]
+SAME = 1e-6
+"""Tolerance relative to an STL shape's extent for mirror images of its corners."""
 
 
 def surface_of(shape: RigidShape) -> tuple[Array, Indices]:

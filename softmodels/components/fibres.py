@@ -597,6 +597,10 @@ def slope_of(law: str, changes: npt.NDArray[np.float64], exponent: float, slack:
     return np.array(found)
 
 
+# ----------------------------------------------------------------------------------------------------------------------
+# One family of fibres, or two that cross.
+
+
 @component.register_component
 @dataclasses.dataclass(frozen=True)
 class Fibres(component.EnergyComponent):

@@ -22,8 +22,6 @@ from softmodels.mechanics import body, component, controls, regions
 from softmodels.mechanics.component import Component, ComponentError, direction
 
 STANDARD_GRAVITY = 9.81
-HEAVIEST = 25e3
-"""Density in kg/m3 above which a wrong unit is assumed: no metal is denser."""
 
 
 class DirectedLoad(controls.LoadPart):
@@ -41,43 +39,6 @@ class DirectedLoad(controls.LoadPart):
 
     def check_on(self, actuator: Actuator) -> None:
         component.check_direction(self.vector, actuator, self.where)
-
-
-class FaceLoad(DirectedLoad):
-    """A load on a face; a kind is a dataclass of it with the fields below and one for its direction.
-
-    Attributes:
-        face: Role of the facets.
-        amount: Its size on the whole device in SI units; 0 where a request or a program sets it.
-    """
-
-    face: str
-    amount: float
-
-    @property
-    def kept(self) -> bool:
-        return self.amount != 0.0
-
-    def undesigned(self, actuator: Actuator) -> str:
-        if getattr(self, "traction", 0.0) or getattr(self, "line_load", 0.0):
-            return "which is given per area or length; give its amount instead"
-        return _off_faces(self.face) if self.kept else "which has no amount"
-
-    @property
-    def variable(self) -> Mapping[str, str]:
-        return {"amount": "N" if self.arm == 2 else "N*m"}
-
-    def magnitude_of(self, masses: complex) -> complex:
-        return self.amount
-
-    def check(self) -> None:
-        super().check()
-        if self.amount:
-            controls.check_finite(self.amount, self.where, "amount")
-
-    def check_on(self, actuator: Actuator) -> None:
-        super().check_on(actuator)
-        component.check_on_mesh(self.where, actuator, [self.face])
 
 
 @component.register_component
@@ -164,6 +125,47 @@ class Gravity(DirectedLoad):
         shares = tuple((on.constant(one.amount / whole), one) for one in masses)
         forms = [share * form for share, one in shares for form in one.forms]
         return controls.Weighed(forms, whole * self.magnitude, shares=shares)
+
+
+HEAVIEST = 25e3
+"""Density in kg/m3 above which a wrong unit is assumed: no metal is denser."""
+
+
+class FaceLoad(DirectedLoad):
+    """A load on a face; a kind is a dataclass of it with the fields below and one for its direction.
+
+    Attributes:
+        face: Role of the facets.
+        amount: Its size on the whole device in SI units; 0 where a request or a program sets it.
+    """
+
+    face: str
+    amount: float
+
+    @property
+    def kept(self) -> bool:
+        return self.amount != 0.0
+
+    def undesigned(self, actuator: Actuator) -> str:
+        if getattr(self, "traction", 0.0) or getattr(self, "line_load", 0.0):
+            return "which is given per area or length; give its amount instead"
+        return _off_faces(self.face) if self.kept else "which has no amount"
+
+    @property
+    def variable(self) -> Mapping[str, str]:
+        return {"amount": "N" if self.arm == 2 else "N*m"}
+
+    def magnitude_of(self, masses: complex) -> complex:
+        return self.amount
+
+    def check(self) -> None:
+        super().check()
+        if self.amount:
+            controls.check_finite(self.amount, self.where, "amount")
+
+    def check_on(self, actuator: Actuator) -> None:
+        super().check_on(actuator)
+        component.check_on_mesh(self.where, actuator, [self.face])
 
 
 @component.register_component

@@ -917,6 +917,10 @@ class Grip:
         return cls(places, pressed.gaps, limits, drawn, slid, 0.0)
 
 
+# ----------------------------------------------------------------------------------------------------------------------
+# Friction of faces on a body: how they rub, and the state that was kept last.
+
+
 class Rubbed(PressedSamples):
     """A device's faces in a deformed shape, in frictional contact with a body: the same without friction, how they rub, and
     the state that was kept last.

@@ -28,124 +28,9 @@ from softmodels.decks import deck, reduction
 from softmodels.decks.reduction import ReducedModel
 from softmodels.runs.outcomes import RunError
 
-MOTIONS = (*actuator.AXES, *(f"turn_{axis}" for axis in actuator.AXES))
-LOADS = (*(f"f{axis}" for axis in actuator.AXES), *(f"m{axis}" for axis in actuator.AXES))
+__all__ = ["WRITERS", "Chain", "chain_of", "is_own", "kind_of", "write"]
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Tables: units in the heads of the columns, or beside the values.
-
-
-def columns(model: ReducedModel) -> dict[str, Callable[[reduction.TipState], float]]:
-    """Return the columns of the table by their heads, which end in the unit."""
-    found: dict[str, Callable[[reduction.TipState], float]] = {"pressure_Pa": lambda one: one.pressure}
-    device = model.case.actuator
-    for k, ratio in enumerate(device.ratios, 1):
-        if len(device.ratios) > 1:
-            found[f"pressure_cavity{k}_Pa"] = lambda one, ratio=ratio: ratio * one.pressure  # type: ignore[misc]
-    found |= {f"tip_{axis}_m": lambda one, i=i: one.position[i] for i, axis in enumerate(actuator.AXES)}  # type: ignore[misc]
-    found |= {f"tip_q{axis}_1": lambda one, i=i: float(_quaternion(one)[i]) for i, axis in enumerate("wxyz")}  # type: ignore[misc]
-    found |= {"added_volume_m3": lambda one: one.volume, "volume_rate_m3_per_Pa": lambda one: one.volume_rate}
-    for i, motion in enumerate(MOTIONS):
-        unit = "m" if i < 3 else "rad"
-        for k in range(len(device.ratios)):
-            head = (
-                f"rate_{motion}_by_cavity{k + 1}_{unit}_per_Pa"
-                if len(device.ratios) > 1
-                else f"rate_{motion}_{unit}_per_Pa"
-            )
-            found[head] = lambda one, i=i, k=k: one.jacobian[i, k]  # type: ignore[misc]
-    for i, motion in enumerate(MOTIONS):
-        for j, load in enumerate(LOADS[: i + 1]):
-            unit = f"{'m' if i < 3 else 'rad'}_per_{'N' if j < 3 else 'Nm'}"
-            found[f"compliance_{motion}_{load}_{unit}"] = lambda one, i=i, j=j: one.compliance[i, j]  # type: ignore[misc]
-    for i, load in enumerate(LOADS):
-        unit = "N_per_Pa" if i < 3 else "Nm_per_Pa"
-        found[f"blocked_{load}_{unit}"] = lambda one, i=i: model.blocked(one)[i]  # type: ignore[misc,assignment]
-    found["effective_area_m2"] = model.effective_area
-    for i, name in enumerate(("curvature_per_m", "arc_length_m", "bending_direction_rad")):
-        found[name] = lambda one, i=i: model.constant_curvature(one)[i]  # type: ignore[misc]
-    found["max_stretch_1"] = lambda one: one.stretch
-    if np.isfinite(model.states[-1].spread).all():
-        heads = [
-            *(f"tip_{axis}_ci95_m" for axis in actuator.AXES),
-            *(f"turn_{axis}_ci95_rad" for axis in actuator.AXES),
-            "added_volume_ci95_m3",
-        ]
-        found |= {head: lambda one, i=i: one.spread[i] for i, head in enumerate(heads)}  # type: ignore[misc]
-    return found
-
-
-def _quaternion(one: reduction.TipState) -> Array:
-    return np.asarray(Rotation.from_matrix(one.rotation).as_quat(canonical=True, scalar_first=True))
-
-
-def table_csv(model: ReducedModel) -> str:
-    """Return the table as CSV; empty cells where a value is not known."""
-    out = io.StringIO(newline="")
-    writer = csv.writer(out, lineterminator="\n")
-    known = columns(model)
-    writer.writerow(known)
-    for one in model.states:
-        values = [float(read(one)) for read in known.values()]
-        writer.writerow([f"{value:.12g}" if math.isfinite(value) else "" for value in values])
-    return out.getvalue()
-
-
-def table_json(model: ReducedModel) -> str:
-    """Return the table as JSON, with what it is of, where it ends and its errors in between."""
-    known, low_high = columns(model), model.span
-    rows = {head: [_plain(float(read(one))) for one in model.states] for head, read in known.items()}
-    about = {
-        "written_by": deck.WRITTEN, "case": model.case.name, "device": type(model.case.actuator).__name__, "tip": model.face,
-        "support_m": model.base.tolist(), "length_m": model.length, "from_Pa": low_high[0], "to_Pa": low_high[1],
-        "notes": model.notes,
-        "errors_between_states": {
-            "position_per_length": model.errors["position"], "angle_deg": model.errors["angle_deg"],
-            "volume_relative": model.errors["volume"], "compliance_relative": model.errors["compliance"],
-        },
-        "interpolation": "position, rotation vector, volume: cubic Hermite with the rates; compliance: cubic spline",
-        "table": rows,
-    }  # fmt: skip
-    return json.dumps(about, indent=1) + "\n"
-
-
-def _plain(value: float) -> float | None:
-    return value if math.isfinite(value) else None
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# A chain of joints for MuJoCo: hinges and slides with springs, whose rest positions follow the pressure.
-#
-# Segments of equal length. Their angles grow linearly along the chain, and all slides move by the same: three numbers give the
-# tip any place and angle in the plane of bending, three more (leaning out of it, evenly and not, and twist) any pose at all.
-# They are quartics of the advance, which follows from the pressure by a few quartics in turn: where walls come into contact,
-# quartics of the pressure itself leave 0.25 % of the length. In MuJoCo joints stand for the pressure and these (drivers),
-# equalities tie them, and tendons are the springs between the numbers and the chain. The drivers turn on the chain's base, so
-# that they come along with it. They have nearly no mass; but equalities are only as firm as the mass, whatever the armature, so
-# all but the pressure turn far: an equality's firmness grows with the square of that. The pressure has armature, on which no
-# motion of the base acts.
-
-
-SEGMENTS = 8
-MOST_TURN = math.radians(0.5)
-"""Rotation up to which a device only extends."""
-FLAT = 0.02
-"""Distance of the tip from the plane of bending, in lengths, up to which a chain stays in it."""
-LAG = 0.01
-"""Time constant in s of the pressure behind its command."""
-DAMPING = 0.01
-"""Damping of a joint over its spring's stiffness, s."""
-DRIVER_MASS = 1e-7
-"""Mass of a driver in masses of the device."""
-DRIVER_INERTIA = 1e-6
-"""Moment of inertia of a driver in masses of the device times its length squared."""
-DRIVER_TURN = 1000.0
-"""Angle by which drivers turn over the range, rad."""
-ADVANCES = ("onset", "rise", "advance")
-"""What follows from the pressure, each from the one before, by a quartic from 0 at 0 to 1 at 1."""
-SAMPLES = 61
-"""Pressures at which a chain is fitted to the table's curves, beside the table's own."""
 DRIVERS = ("bend", "uneven", "extension", "lean", "uneven_lean", "twisting")
 FOLLOWED = {
     "hinge": ("bend", "uneven"),
@@ -185,6 +70,27 @@ class Chain:
     def follows(self, kind: str) -> bool:
         """Return whether joints of a kind follow the pressure, and not only yield to loads."""
         return self.stiffness[kind] > 0.0 and DRIVERS.index(FOLLOWED[kind][0]) < len(self.quartics)
+
+
+SEGMENTS = 8
+MOST_TURN = math.radians(0.5)
+"""Rotation up to which a device only extends."""
+FLAT = 0.02
+"""Distance of the tip from the plane of bending, in lengths, up to which a chain stays in it."""
+LAG = 0.01
+"""Time constant in s of the pressure behind its command."""
+DAMPING = 0.01
+"""Damping of a joint over its spring's stiffness, s."""
+DRIVER_MASS = 1e-7
+"""Mass of a driver in masses of the device."""
+DRIVER_INERTIA = 1e-6
+"""Moment of inertia of a driver in masses of the device times its length squared."""
+DRIVER_TURN = 1000.0
+"""Angle by which drivers turn over the range, rad."""
+ADVANCES = ("onset", "rise", "advance")
+"""What follows from the pressure, each from the one before, by a quartic from 0 at 0 to 1 at 1."""
+SAMPLES = 61
+"""Pressures at which a chain is fitted to the table's curves, beside the table's own."""
 
 
 def reached(numbers: Array, length: float) -> tuple[Array, Array]:
@@ -399,6 +305,92 @@ def _words(values: Iterable[float]) -> str:
     return " ".join(f"{value:.9g}" for value in values)
 
 
+MOTIONS = (*actuator.AXES, *(f"turn_{axis}" for axis in actuator.AXES))
+LOADS = (*(f"f{axis}" for axis in actuator.AXES), *(f"m{axis}" for axis in actuator.AXES))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Tables: units in the heads of the columns, or beside the values.
+
+
+def columns(model: ReducedModel) -> dict[str, Callable[[reduction.TipState], float]]:
+    """Return the columns of the table by their heads, which end in the unit."""
+    found: dict[str, Callable[[reduction.TipState], float]] = {"pressure_Pa": lambda one: one.pressure}
+    device = model.case.actuator
+    for k, ratio in enumerate(device.ratios, 1):
+        if len(device.ratios) > 1:
+            found[f"pressure_cavity{k}_Pa"] = lambda one, ratio=ratio: ratio * one.pressure  # type: ignore[misc]
+    found |= {f"tip_{axis}_m": lambda one, i=i: one.position[i] for i, axis in enumerate(actuator.AXES)}  # type: ignore[misc]
+    found |= {f"tip_q{axis}_1": lambda one, i=i: float(_quaternion(one)[i]) for i, axis in enumerate("wxyz")}  # type: ignore[misc]
+    found |= {"added_volume_m3": lambda one: one.volume, "volume_rate_m3_per_Pa": lambda one: one.volume_rate}
+    for i, motion in enumerate(MOTIONS):
+        unit = "m" if i < 3 else "rad"
+        for k in range(len(device.ratios)):
+            head = (
+                f"rate_{motion}_by_cavity{k + 1}_{unit}_per_Pa"
+                if len(device.ratios) > 1
+                else f"rate_{motion}_{unit}_per_Pa"
+            )
+            found[head] = lambda one, i=i, k=k: one.jacobian[i, k]  # type: ignore[misc]
+    for i, motion in enumerate(MOTIONS):
+        for j, load in enumerate(LOADS[: i + 1]):
+            unit = f"{'m' if i < 3 else 'rad'}_per_{'N' if j < 3 else 'Nm'}"
+            found[f"compliance_{motion}_{load}_{unit}"] = lambda one, i=i, j=j: one.compliance[i, j]  # type: ignore[misc]
+    for i, load in enumerate(LOADS):
+        unit = "N_per_Pa" if i < 3 else "Nm_per_Pa"
+        found[f"blocked_{load}_{unit}"] = lambda one, i=i: model.blocked(one)[i]  # type: ignore[misc,assignment]
+    found["effective_area_m2"] = model.effective_area
+    for i, name in enumerate(("curvature_per_m", "arc_length_m", "bending_direction_rad")):
+        found[name] = lambda one, i=i: model.constant_curvature(one)[i]  # type: ignore[misc]
+    found["max_stretch_1"] = lambda one: one.stretch
+    if np.isfinite(model.states[-1].spread).all():
+        heads = [
+            *(f"tip_{axis}_ci95_m" for axis in actuator.AXES),
+            *(f"turn_{axis}_ci95_rad" for axis in actuator.AXES),
+            "added_volume_ci95_m3",
+        ]
+        found |= {head: lambda one, i=i: one.spread[i] for i, head in enumerate(heads)}  # type: ignore[misc]
+    return found
+
+
+def _quaternion(one: reduction.TipState) -> Array:
+    return np.asarray(Rotation.from_matrix(one.rotation).as_quat(canonical=True, scalar_first=True))
+
+
+def table_csv(model: ReducedModel) -> str:
+    """Return the table as CSV; empty cells where a value is not known."""
+    out = io.StringIO(newline="")
+    writer = csv.writer(out, lineterminator="\n")
+    known = columns(model)
+    writer.writerow(known)
+    for one in model.states:
+        values = [float(read(one)) for read in known.values()]
+        writer.writerow([f"{value:.12g}" if math.isfinite(value) else "" for value in values])
+    return out.getvalue()
+
+
+def table_json(model: ReducedModel) -> str:
+    """Return the table as JSON, with what it is of, where it ends and its errors in between."""
+    known, low_high = columns(model), model.span
+    rows = {head: [_plain(float(read(one))) for one in model.states] for head, read in known.items()}
+    about = {
+        "written_by": deck.WRITTEN, "case": model.case.name, "device": type(model.case.actuator).__name__, "tip": model.face,
+        "support_m": model.base.tolist(), "length_m": model.length, "from_Pa": low_high[0], "to_Pa": low_high[1],
+        "notes": model.notes,
+        "errors_between_states": {
+            "position_per_length": model.errors["position"], "angle_deg": model.errors["angle_deg"],
+            "volume_relative": model.errors["volume"], "compliance_relative": model.errors["compliance"],
+        },
+        "interpolation": "position, rotation vector, volume: cubic Hermite with the rates; compliance: cubic spline",
+        "table": rows,
+    }  # fmt: skip
+    return json.dumps(about, indent=1) + "\n"
+
+
+def _plain(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # A unit for co-simulation (FMI 2.0, by pythonfmu): the interpolant, and loads on the tip by its compliance.
 
@@ -480,6 +472,3 @@ def kind_of(file: Path, kind: str = "") -> str:
     if chosen == "fmu":
         errors.required("pythonfmu", EXTRA)
     return chosen
-
-
-__all__ = ["WRITERS", "Chain", "chain_of", "is_own", "kind_of", "write"]

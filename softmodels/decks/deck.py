@@ -32,6 +32,217 @@ from softmodels.mechanics.component import Component, gravity_of, names_in
 from softmodels.mechanics.system import System, nodal_forces
 from softmodels.path import steps
 
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Deck:
+    """A case to be written, with its mesh of second-order cells.
+
+    Attributes:
+        pressures: Of each cavity in Pa, step by step, shape (steps, cavities).
+        silicones: Its materials, the main one first.
+        forces: Of all dead loads, on the slice, in N, shape (n, 3); None where there are none.
+        springs: Its contact, fibres and fabrics.
+    """
+
+    case: Case
+    mesh: MeshArrays
+    pressures: Array
+    supports: Supports
+    silicones: tuple[DeckSilicone, ...]
+    forces: Array | None = None
+    springs: tuple[Springs, ...] = ()
+
+    @property
+    def walls(self) -> list[str]:
+        """Role of each cavity's walls."""
+        return actuator.cavity_roles(self.case.actuator)
+
+    @functools.cached_property
+    def points(self) -> Array:
+        """Places in m of all nodes: the mesh's, those of rigid parts, then those of springs."""
+        return np.concatenate([self.mesh.points, self.supports.added, *(one.places for one in self.springs)])
+
+    @property
+    def grounds(self) -> Iterator[tuple[Springs, int]]:
+        """Each part's springs, and the number of the first of their nodes."""
+        number = len(self.mesh.points) + len(self.supports.added)
+        for one in self.springs:
+            yield one, number
+            number += len(one.places)
+
+    @functools.cached_property
+    def tied(self) -> list[Tie]:
+        """Displacements that depend on others."""
+        return [*self.supports.tied, *(tie for tie in self._of_springs if tie.terms)]
+
+    @functools.cached_property
+    def held(self) -> dict[int, mesh_arrays.Ints]:
+        """Held displacements: component (0 to 2) and nodes at which it vanishes, no node twice for a component."""
+        found = {}
+        for component in range(3):
+            still = [tie.node for tie in self._of_springs if tie.component == component and not tie.terms]
+            if nodes := [*self.supports.held.get(component, ()), *still]:
+                found[component] = np.array(nodes, dtype=np.int64)
+        return found
+
+    @functools.cached_property
+    def _of_springs(self) -> list[Tie]:
+        """Ties of the springs' nodes."""
+        return [tie for one, first in self.grounds for tie in one.ties(first)]
+
+    @property
+    def watched(self) -> dict[str, int]:
+        """Output nodes by label: the device's probes, and the reference nodes of rigid parts."""
+        found = {
+            name: int(np.linalg.norm(self.mesh.points - place, axis=1).argmin())
+            for name, place in self.case.actuator.probes.items()
+        }
+        for one in self.supports.rigged:
+            found[f"centre of {one.name}"] = one.place
+            if one.turn is not None:
+                found[f"rotation vector of {one.name} in rad"] = one.turn
+        return found
+
+    @property
+    def overlapping(self) -> str:
+        """A sentence that walls overlap in the deck; empty if none meet."""
+        if not any(isinstance(part, Walls) and not part.off for part in self.case.components):
+            return ""
+        return "self-contact of walls is not exported: walls that touch in a run overlap here"
+
+    @property
+    def remarks(self) -> list[str]:
+        """Remarks on the deck, as sentences."""
+        case, names = self.case, ", ".join(self.mesh.faces)
+        found = [
+            f"{case.name}, {type(case.actuator).__name__}, one of {case.actuator.copies} equal slices",
+            f"faces by role: {names}",
+            "nodes: " + ", ".join(f"{number + 1} {name}" for name, number in self.watched.items()),
+        ]
+        if self.forces is not None:
+            found.append(f"a first step applies {', '.join(acting(case))}, as forces on the nodes of this slice")
+        found += [f"{one.label}, {one.what}, from node {ground + 1}" for one, ground in self.grounds]
+        found += [self.overlapping] if self.overlapping else []
+        return [*found, *(remark for silicone in self.silicones for remark in silicone.remarks)]
+
+
+WRITTEN = "written by softmodels"
+"""Mark of a deck: files with it may be overwritten."""
+LOADS = (controls.LoadPart, Mass)
+"""Kinds of parts written as nodal forces."""
+ALIKE = 1e-6
+"""Distance relative to the device's size below which two places are the same node."""
+
+
+def deck_of(case: Case, mesh: Path, system: System | None = None) -> Deck:
+    """Return the deck of a case that passes `check`; its equations, with displacements only and on one rank, if
+    `needs_equations`. `CaseError` for cells or loads that cannot be written, `MeshFileError` for no mesh of tetrahedra."""
+    arrays = mesh_arrays.read_arrays(mesh)
+    if arrays.cells.shape[1] == 4:
+        raise CaseError("the mesh has 4-node tetrahedra, which lock for silicone; use second-order cells")
+    forces, springs, freedoms = None, tuple[Springs, ...](), dict[str, regions.Freedom]()
+    if system is not None:
+        forces = _by_node(arrays, *nodal_forces(system)) if acting(case) else None
+        pressed = pressing(system, arrays, case.components)
+        springs = (*pressed, *threads(arrays, case.components, system.length_unit))
+        freedoms = {
+            name: dataclasses.replace(motion.freedom, centre=motion.freedom.centre * system.length_unit)
+            for name, motion in system.unknowns.moving.items()
+        }
+    supports = supports_of(case, arrays, freedoms)
+    _check_apart(supports, springs)
+    # Other programs want each cell once: a region with a law of its own keeps all of its cells.
+    arrays = arrays.parted([part.name for part in case.components if isinstance(part, Region)])
+    silicones = silicones_of(case.material, case.components, arrays.regions)
+    return Deck(case, arrays, _pressures(case), supports, silicones, forces, springs)
+
+
+def _pressures(case: Case) -> Array:
+    """Return the requested pressures of each cavity in Pa, without those of the device at rest, shape (steps, cavities)."""
+    if case.program:
+        return np.array([one.values for one in steps.courses(case.steps)]).T[steps.begins_at_rest(case.steps) :]
+    return np.outer([goal for goal in case.goals if goal], case.actuator.ratios)
+
+
+def _check_apart(supports: Supports, springs: tuple[Springs, ...]) -> None:
+    """Reject springs on nodes of a rotating rigid part: CalculiX 2.20 drops part of their motion in equations."""
+    for part in supports.rigged:
+        for one in springs:
+            if part.turn is not None and not one.nodes.isdisjoint(part.nodes.tolist()):
+                raise CaseError(
+                    f"{one.label} acts on nodes of the rotating rigid part {part.name}, which CalculiX "
+                    f"solves wrongly: guide the part (kind = 'guided'), or name other faces"
+                )
+
+
+def needs_equations(case: Case) -> bool:
+    """Return whether a deck needs the device's equations: dead loads, supports, rigid parts or contact."""
+    kinds = (Clamp, Rigid, RigidShape, Fibres, Fabric)
+    return (
+        bool(acting(case))
+        or contact.obstacle_of(case.components) is not None
+        or any(isinstance(part, kinds) for part in case.components)
+    )
+
+
+def _by_node(mesh: MeshArrays, places: Array, forces: Array) -> Array:
+    """Return the forces in the order of a mesh's nodes."""
+    away, found = scipy.spatial.cKDTree(places).query(mesh.points)
+    if away.max() > ALIKE * np.ptp(mesh.points, axis=0).max():
+        raise CaseError("the mesh and the equations have different nodes: the dead loads cannot be written")
+    return forces[found]
+
+
+def acting(case: Case) -> list[str]:
+    """Return the dead loads by the names of their tables, without those of requested amount."""
+    idle = [part for part in case.components if isinstance(part, controls.LoadPart) and part.idle(case.components)]
+    loads = [part for part in case.components if isinstance(part, LOADS) and part not in idle]
+    return [load.where for load in loads if not isinstance(load, FaceLoad) or load.kept]
+
+
+def check(case: Case) -> None:
+    """Raise `CaseError` for what decks cannot express, with what to do."""
+    device = case.actuator
+    if device.dimension != 3:
+        raise CaseError(
+            f'the case has an axisymmetric section of {type(device).__name__}; decks need a solid one (section = "wedge")'
+        )
+    unpressed = case.timed or any(one.quantity != steps.PRESSURE for step in case.steps for one in step.prescribed)
+    if unpressed or case.load_unload:
+        raise CaseError(
+            f"the case asks for {case.load.requested.words}; a deck takes pressures (pressure_cm), and no unloading"
+        )
+    main, *others = silicones_of(case.material, case.components, device.regions)
+    main.check("")
+    for silicone in others:
+        silicone.check(f"region {silicone.name}: ")
+    for what in _unknown(case):
+        raise CaseError(f"the case has {what}, which decks do not support; leave it out")
+
+
+def _unknown(case: Case) -> Iterator[str]:
+    """Yield the names of unsupported parts."""
+    if any(isinstance(part, Sheet) for part in case.components):
+        yield "a sheet"
+    for part in case.components:
+        named = [name for field in ("face", "faces", "on") for name in names_in(getattr(part, field, ""))]
+        if not isinstance(part, LOADS) and not all(map(body.is_plain, named)):
+            yield f"{part.where} on a piece of a face"
+        if isinstance(part, Region) and part.within:
+            yield f"{part.where} with cells chosen by within"
+        if isinstance(part, RigidShape):
+            if part.shape not in SHAPES:
+                yield f"{part.where} with a shape {part.shape!r} (springs support {', '.join(SHAPES)})"
+            if part.friction:
+                yield f"{part.where} with friction"
+        elif isinstance(part, Fabric) and not threaded(part):
+            yield f"{part.where} whose yarns contract each other or resist shear"
+        elif isinstance(part, Walls) and (part.automatic or part.off):
+            continue  # see `Deck.overlapping`
+        elif not isinstance(part, (Obstacle, Region, Clamp, Rigid, Fibres, Fabric, *LOADS)):
+            yield part.where
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Materials of a deck and their regions.
 
@@ -571,216 +782,6 @@ def _in_regions(family: Family, mesh: MeshArrays) -> Points:
     k, q, n, _ = slopes.shape
     volumes = np.abs(np.linalg.det(jacobians)) / 24
     return np.repeat(nodes, q, axis=0), places.reshape(-1, 3), None, slopes.reshape(k * q, n, 3), volumes.ravel()
-
-
-WRITTEN = "written by softmodels"
-"""Mark of a deck: files with it may be overwritten."""
-LOADS = (controls.LoadPart, Mass)
-"""Kinds of parts written as nodal forces."""
-ALIKE = 1e-6
-"""Distance relative to the device's size below which two places are the same node."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Deck:
-    """A case to be written, with its mesh of second-order cells.
-
-    Attributes:
-        pressures: Of each cavity in Pa, step by step, shape (steps, cavities).
-        silicones: Its materials, the main one first.
-        forces: Of all dead loads, on the slice, in N, shape (n, 3); None where there are none.
-        springs: Its contact, fibres and fabrics.
-    """
-
-    case: Case
-    mesh: MeshArrays
-    pressures: Array
-    supports: Supports
-    silicones: tuple[DeckSilicone, ...]
-    forces: Array | None = None
-    springs: tuple[Springs, ...] = ()
-
-    @property
-    def walls(self) -> list[str]:
-        """Role of each cavity's walls."""
-        return actuator.cavity_roles(self.case.actuator)
-
-    @functools.cached_property
-    def points(self) -> Array:
-        """Places in m of all nodes: the mesh's, those of rigid parts, then those of springs."""
-        return np.concatenate([self.mesh.points, self.supports.added, *(one.places for one in self.springs)])
-
-    @property
-    def grounds(self) -> Iterator[tuple[Springs, int]]:
-        """Each part's springs, and the number of the first of their nodes."""
-        number = len(self.mesh.points) + len(self.supports.added)
-        for one in self.springs:
-            yield one, number
-            number += len(one.places)
-
-    @functools.cached_property
-    def tied(self) -> list[Tie]:
-        """Displacements that depend on others."""
-        return [*self.supports.tied, *(tie for tie in self._of_springs if tie.terms)]
-
-    @functools.cached_property
-    def held(self) -> dict[int, mesh_arrays.Ints]:
-        """Held displacements: component (0 to 2) and nodes at which it vanishes, no node twice for a component."""
-        found = {}
-        for component in range(3):
-            still = [tie.node for tie in self._of_springs if tie.component == component and not tie.terms]
-            if nodes := [*self.supports.held.get(component, ()), *still]:
-                found[component] = np.array(nodes, dtype=np.int64)
-        return found
-
-    @functools.cached_property
-    def _of_springs(self) -> list[Tie]:
-        """Ties of the springs' nodes."""
-        return [tie for one, first in self.grounds for tie in one.ties(first)]
-
-    @property
-    def watched(self) -> dict[str, int]:
-        """Output nodes by label: the device's probes, and the reference nodes of rigid parts."""
-        found = {
-            name: int(np.linalg.norm(self.mesh.points - place, axis=1).argmin())
-            for name, place in self.case.actuator.probes.items()
-        }
-        for one in self.supports.rigged:
-            found[f"centre of {one.name}"] = one.place
-            if one.turn is not None:
-                found[f"rotation vector of {one.name} in rad"] = one.turn
-        return found
-
-    @property
-    def overlapping(self) -> str:
-        """A sentence that walls overlap in the deck; empty if none meet."""
-        if not any(isinstance(part, Walls) and not part.off for part in self.case.components):
-            return ""
-        return "self-contact of walls is not exported: walls that touch in a run overlap here"
-
-    @property
-    def remarks(self) -> list[str]:
-        """Remarks on the deck, as sentences."""
-        case, names = self.case, ", ".join(self.mesh.faces)
-        found = [
-            f"{case.name}, {type(case.actuator).__name__}, one of {case.actuator.copies} equal slices",
-            f"faces by role: {names}",
-            "nodes: " + ", ".join(f"{number + 1} {name}" for name, number in self.watched.items()),
-        ]
-        if self.forces is not None:
-            found.append(f"a first step applies {', '.join(acting(case))}, as forces on the nodes of this slice")
-        found += [f"{one.label}, {one.what}, from node {ground + 1}" for one, ground in self.grounds]
-        found += [self.overlapping] if self.overlapping else []
-        return [*found, *(remark for silicone in self.silicones for remark in silicone.remarks)]
-
-
-def deck_of(case: Case, mesh: Path, system: System | None = None) -> Deck:
-    """Return the deck of a case that passes `check`; its equations, with displacements only and on one rank, if
-    `needs_equations`. `CaseError` for cells or loads that cannot be written, `MeshFileError` for no mesh of tetrahedra."""
-    arrays = mesh_arrays.read_arrays(mesh)
-    if arrays.cells.shape[1] == 4:
-        raise CaseError("the mesh has 4-node tetrahedra, which lock for silicone; use second-order cells")
-    forces, springs, freedoms = None, tuple[Springs, ...](), dict[str, regions.Freedom]()
-    if system is not None:
-        forces = _by_node(arrays, *nodal_forces(system)) if acting(case) else None
-        pressed = pressing(system, arrays, case.components)
-        springs = (*pressed, *threads(arrays, case.components, system.length_unit))
-        freedoms = {
-            name: dataclasses.replace(motion.freedom, centre=motion.freedom.centre * system.length_unit)
-            for name, motion in system.unknowns.moving.items()
-        }
-    supports = supports_of(case, arrays, freedoms)
-    _check_apart(supports, springs)
-    # Other programs want each cell once: a region with a law of its own keeps all of its cells.
-    arrays = arrays.parted([part.name for part in case.components if isinstance(part, Region)])
-    silicones = silicones_of(case.material, case.components, arrays.regions)
-    return Deck(case, arrays, _pressures(case), supports, silicones, forces, springs)
-
-
-def _pressures(case: Case) -> Array:
-    """Return the requested pressures of each cavity in Pa, without those of the device at rest, shape (steps, cavities)."""
-    if case.program:
-        return np.array([one.values for one in steps.courses(case.steps)]).T[steps.begins_at_rest(case.steps) :]
-    return np.outer([goal for goal in case.goals if goal], case.actuator.ratios)
-
-
-def _check_apart(supports: Supports, springs: tuple[Springs, ...]) -> None:
-    """Reject springs on nodes of a rotating rigid part: CalculiX 2.20 drops part of their motion in equations."""
-    for part in supports.rigged:
-        for one in springs:
-            if part.turn is not None and not one.nodes.isdisjoint(part.nodes.tolist()):
-                raise CaseError(
-                    f"{one.label} acts on nodes of the rotating rigid part {part.name}, which CalculiX "
-                    f"solves wrongly: guide the part (kind = 'guided'), or name other faces"
-                )
-
-
-def needs_equations(case: Case) -> bool:
-    """Return whether a deck needs the device's equations: dead loads, supports, rigid parts or contact."""
-    kinds = (Clamp, Rigid, RigidShape, Fibres, Fabric)
-    return (
-        bool(acting(case))
-        or contact.obstacle_of(case.components) is not None
-        or any(isinstance(part, kinds) for part in case.components)
-    )
-
-
-def _by_node(mesh: MeshArrays, places: Array, forces: Array) -> Array:
-    """Return the forces in the order of a mesh's nodes."""
-    away, found = scipy.spatial.cKDTree(places).query(mesh.points)
-    if away.max() > ALIKE * np.ptp(mesh.points, axis=0).max():
-        raise CaseError("the mesh and the equations have different nodes: the dead loads cannot be written")
-    return forces[found]
-
-
-def acting(case: Case) -> list[str]:
-    """Return the dead loads by the names of their tables, without those of requested amount."""
-    idle = [part for part in case.components if isinstance(part, controls.LoadPart) and part.idle(case.components)]
-    loads = [part for part in case.components if isinstance(part, LOADS) and part not in idle]
-    return [load.where for load in loads if not isinstance(load, FaceLoad) or load.kept]
-
-
-def check(case: Case) -> None:
-    """Raise `CaseError` for what decks cannot express, with what to do."""
-    device = case.actuator
-    if device.dimension != 3:
-        raise CaseError(
-            f'the case has an axisymmetric section of {type(device).__name__}; decks need a solid one (section = "wedge")'
-        )
-    unpressed = case.timed or any(one.quantity != steps.PRESSURE for step in case.steps for one in step.prescribed)
-    if unpressed or case.load_unload:
-        raise CaseError(
-            f"the case asks for {case.load.requested.words}; a deck takes pressures (pressure_cm), and no unloading"
-        )
-    main, *others = silicones_of(case.material, case.components, device.regions)
-    main.check("")
-    for silicone in others:
-        silicone.check(f"region {silicone.name}: ")
-    for what in _unknown(case):
-        raise CaseError(f"the case has {what}, which decks do not support; leave it out")
-
-
-def _unknown(case: Case) -> Iterator[str]:
-    """Yield the names of unsupported parts."""
-    if any(isinstance(part, Sheet) for part in case.components):
-        yield "a sheet"
-    for part in case.components:
-        named = [name for field in ("face", "faces", "on") for name in names_in(getattr(part, field, ""))]
-        if not isinstance(part, LOADS) and not all(map(body.is_plain, named)):
-            yield f"{part.where} on a piece of a face"
-        if isinstance(part, Region) and part.within:
-            yield f"{part.where} with cells chosen by within"
-        if isinstance(part, RigidShape):
-            if part.shape not in SHAPES:
-                yield f"{part.where} with a shape {part.shape!r} (springs support {', '.join(SHAPES)})"
-            if part.friction:
-                yield f"{part.where} with friction"
-        elif isinstance(part, Fabric) and not threaded(part):
-            yield f"{part.where} whose yarns contract each other or resist shear"
-        elif isinstance(part, Walls) and (part.automatic or part.off):
-            continue  # see `Deck.overlapping`
-        elif not isinstance(part, (Obstacle, Region, Clamp, Rigid, Fibres, Fabric, *LOADS)):
-            yield part.where
 
 
 # ----------------------------------------------------------------------------------------------------------------------

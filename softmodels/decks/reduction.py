@@ -39,408 +39,7 @@ from softmodels.runs.outcomes import RunError
 from softmodels.runs.simulation import Simulation
 from softmodels.runs.states import States
 
-TOLERANCE = 1e-11
-"""Relative tolerance of the linear responses."""
-DEVIATIONS = 1.959963984540054
-"""Half width of a 95 % interval in standard deviations."""
-FEWEST = 4
-"""Minimum number of states of a table."""
-SAME = 1e-9
-"""Relative size below which a load by symmetry does nothing."""
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The pose of a face, and its derivatives.
-
-
-def hat(a: Array) -> Array:
-    """Return the matrix of the cross product with a vector."""
-    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
-
-
-def axial(W: Array) -> Array:
-    """Return the vector whose cross product is the skew part of a matrix, times two."""
-    return np.array([W[2, 1] - W[1, 2], W[0, 2] - W[2, 0], W[1, 0] - W[0, 1]])
-
-
-def fitted_rotation(A: Array) -> tuple[Array, Array]:
-    """Return the rotation R that maximises tr(R^T A), and the matrix from axial(R^T dA) to its angular rate in space."""
-    U, s, Vt = np.linalg.svd(A)
-    s[2] *= np.sign(np.linalg.det(U) * np.linalg.det(Vt))
-    R = U @ np.diag([1.0, 1.0, np.sign(s[2]) or 1.0]) @ Vt
-    if np.linalg.det(R) < 0.0:  # a plane face: the third direction has no part in A
-        R = U @ np.diag([1.0, 1.0, -1.0]) @ Vt
-    P = Vt.T @ np.diag(s) @ Vt
-    return R, R @ np.linalg.inv(np.trace(P) * np.eye(3) - P)
-
-
-def group(actuator: Actuator) -> list[Array]:
-    """Return the motions that make the whole device of its slice: the reflections in its cut planes and their products."""
-    mirrors = [np.eye(3) - 2.0 * np.outer(plane.normal, plane.normal) for plane in actuator.cut_planes]
-    found = [np.eye(3)]
-    for one in found:
-        for mirror in mirrors:
-            made = mirror @ one
-            if len(found) < max(actuator.copies, 2 ** len(mirrors)) and all(
-                np.abs(made - known).max() > 1e-9 for known in found
-            ):
-                found.append(made)
-    return found
-
-
-class TipFace:
-    """The pose of a face of a device as linear means of its displacement; ``of`` is the device whose slice this is, for
-    motions against its symmetry.
-
-    Attributes:
-        centre: Of the undeformed face of the whole device, m.
-        vectors: Entries by all owned dofs whose product with w is the mean of u_i (3) and of u_i (X - c)_j (9), dimensionless.
-    """
-
-    def __init__(self, system: System, role: str, of: Actuator | None = None):
-        self.system, on = system, controls.DistributedLoad(system)
-        device, d = of or system.body.actuator, system.body.actuator.dimension
-        self._odd = of is not None
-        area = on.integral(on.constant(1.0), role)
-        hoop, measure = system.body.hoop, on.measure(role)
-        places = [on.places[j] for j in range(d)]
-        images = group(device)
-        means = np.array([on.integral(x, role) for x in places]) / area
-        squares = np.array([[on.integral(x * y, role) for y in places] for x in places]) / area
-        # An axisymmetric section stands for all its turns: means over the circle.
-        self._turned = d == 2
-        self._images = images
-        self.centre_in_sizes = self._whole(self._in_space(means))
-        XX = self._whole(self._in_space(squares)) - np.outer(self.centre_in_sizes, self.centre_in_sizes)
-        self._at_rest = XX
-        weights = [on.constant(1 / area) * x for x in (1.0, *places)]
-        parts = [[weight * on.test[i] * hoop * measure for weight in weights] for i in range(d)]
-        forms = [*(row[0] for row in parts), *(form for row in parts for form in row[1:])]
-        raw = np.array([system.assemble([system.form(form)], held=True).copy() for form in forms])
-        self.vectors = self._combined(raw, d)
-        self.loads = np.array([system.by_unknowns(row).copy() for row in self.vectors])
-        self.centre = self.centre_in_sizes * device.size
-
-    def _in_space(self, of_mesh: Array) -> Array:
-        """Return a vector or matrix of the mesh in space: that of a section is averaged over the circle."""
-        if not self._turned:
-            return of_mesh
-        if of_mesh.ndim == 1:
-            return np.array([0.0, 0.0, of_mesh[1]])
-        return np.diag([of_mesh[0, 0] / 2, of_mesh[0, 0] / 2, of_mesh[1, 1]])
-
-    def _whole(self, of_slice: Array, odd: bool = False) -> Array:
-        """Return the mean of a vector or matrix over the images that make the whole device; of a motion against the symmetry
-        with the sign of each image."""
-        signs = [np.linalg.det(Q) if odd else 1.0 for Q in self._images]
-        if of_slice.ndim == 1:
-            return np.mean([sign * Q @ of_slice for sign, Q in zip(signs, self._images, strict=True)], axis=0)
-        return np.mean([sign * Q @ of_slice @ Q.T for sign, Q in zip(signs, self._images, strict=True)], axis=0)
-
-    def _combined(self, raw: Array, d: int) -> Array:
-        """Return the twelve vectors of the whole device from those of the mesh's components."""
-        basis, n = np.eye(len(raw)), raw.shape[1]
-        means = np.array([self._whole(self._in_space(e[:d]), self._odd) for e in basis])
-        products = np.array([self._whole(self._in_space(e[d:].reshape(d, d)), self._odd) for e in basis])
-        products -= means[:, :, None] * self.centre_in_sizes
-        return (np.hstack([means, products.reshape(len(raw), 9)]).T @ raw).reshape(12, n)
-
-    def pose(self, state: State) -> tuple[Array, Array, Array]:
-        """Return position (m), rotation matrix, and the map from the twelve means to position (m) and turn, shape (6, 12)."""
-        device = self.system.body.actuator
-        found = self.vectors @ state.w[: self.system.n]
-        A = self._at_rest + found[3:].reshape(3, 3)
-        R, turn = fitted_rotation(A)
-        rates = np.zeros((6, 12))
-        rates[:3, :3] = np.eye(3) * device.size
-        for k in range(9):
-            dA = np.zeros(9)
-            dA[k] = 1.0
-            rates[3:, 3 + k] = turn @ axial(R.T @ dA.reshape(3, 3))
-        return self.centre + found[:3] * device.size, R, rates
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Loads against the symmetry of half a device.
-#
-# At a symmetric state the tangent does not couple motions with and against the symmetry. Those against it are found on the same
-# half: on the cut plane they have no displacement within the plane, and are free across it.
-
-
-def odd_body(body: Body) -> Body | None:
-    """Return half a device whose cut plane may warp, but not move within itself; None if it is not half a device."""
-    device = body.actuator
-    if len(device.cut_planes) != 1 or device.dimension != 3:
-        return None
-    (plane,) = device.cut_planes
-    within = [e for e in np.eye(3) if abs(e @ plane.normal) < SAME]
-    if len(within) != 2 or any(hold.role == plane.name for hold in body.holds):
-        return None
-
-    class Warping(Body):
-        """A body whose cavity is closed by its mirror image."""
-
-        def volume_integrand(self, w: Expr) -> Expr:
-            return super().volume_integrand(w)
-
-    kind = type(type(device).__name__, (type(device),), {"cut_planes": ()})
-    uncut: Actuator = object.__new__(kind)
-    for name, value in vars(device).items():
-        object.__setattr__(uncut, name, value)
-    holds = (*body.holds, *(Hold(plane.name, (float(e[0]), float(e[1]), float(e[2]))) for e in within))
-    own = {field.name: getattr(body, field.name) for field in dataclasses.fields(body)}
-    return Warping(**{**own, "actuator": uncut, "holds": holds})
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The table: the solved states of a path, and linear responses at each.
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class TipState:
-    """A state of the table, SI units, device coordinates.
-
-    Attributes:
-        pressure: Pa.
-        volume: Added volume, m3.
-        position: Of the tip's centre, m.
-        rotation: Of the tip, a matrix.
-        volume_rate: By the pressure, m3/Pa.
-        rate: Of position and rotation by the pressure: m/Pa and rad/Pa, shape (6,).
-        jacobian: The same by the pressure of each cavity, shape (6, cavities).
-        compliance: Of position and rotation by force and moment on the tip at constant pressure, shape (6, 6); nan for loads
-            against the symmetry of the slice.
-        spread: Half widths of the 95 % intervals of position, rotation and volume, shape (7,); nan without errors of the
-            material.
-        stretch: Largest stretch.
-    """
-
-    pressure: float
-    volume: float
-    position: Array
-    rotation: Array
-    volume_rate: float
-    rate: Array
-    jacobian: Array
-    compliance: Array
-    spread: Array
-    stretch: float
-
-
-def usable(rows: table.PathTable) -> tuple[list[int], str]:
-    """Return the steps of the first rising piece of a path, and why it ends, if not by the last requested value."""
-    chosen, top = list[int](), -math.inf
-    way = -1.0 if rows[-1]["pressure"] < 0.0 else 1.0
-    for step, row in enumerate(rows):
-        if row["bifurcation"]:
-            return chosen, "bifurcation"
-        if row.get("jump"):
-            return chosen, "jump"
-        if row["limit"]:
-            return chosen, "limit point"
-        pressure = way * row["pressure"]
-        if pressure < top:
-            return chosen, "limit point"
-        if pressure > top:
-            chosen.append(step)
-            top = pressure
-    return chosen, ""
-
-
-def tip_of(case: Case, face: str, roles: Sequence[str]) -> str:
-    """Return the face that is the tip; `CaseError` if the device has none, or it is not named."""
-    device = case.actuator
-    chosen = face or device.pushed or ("tip" if "tip" in roles else "")
-    if not chosen:
-        raise CaseError(
-            f"{type(device).__name__} has no tip; name the face (face=..., --face): {', '.join(sorted(roles))}"
-        )
-    if chosen not in roles:
-        raise CaseError(f"the device has no face {chosen!r}; {errors.known_are(chosen, sorted(roles))}")
-    return chosen
-
-
-def table_of(source: States, face: str = "") -> ReducedModel:
-    """Return the reduced model of a run's first rising piece, of the given tip face or the device's own.
-
-    Raises:
-        CaseError: A run of a program or in time, or no such face.
-        RunError: Too few states, or one cannot be solved again.
-    """
-    case, rows = source.case, source.rows
-    if case.program or case.driven is not None or case.supply is not None:
-        raise CaseError("a reduced model needs a path over one pressure; run the case with pressures or added volumes")
-    steps, end = usable(rows)
-    if len(steps) < FEWEST:
-        raise RunError(
-            f"the run has {len(steps)} states with rising pressure; a reduced model needs {FEWEST}, so request more pressures"
-        )
-    comm = mpi.start()
-    if comm.size > 1:
-        raise RunError("a reduced model is made on one process only; start it without mpirun")
-    simulation = Simulation(case, comm)
-    try:
-        simulation.prepare_on(source.mesh)
-        with notes.sentences():
-            simulation.model.hanging()
-            role = tip_of(case, face, [*simulation.body.entities])
-            responses = Responses(simulation, role)
-            states = []
-            for step in steps:
-                restart = source.restart(step)
-                state = recording.stored_state(source, simulation.fields, comm, step, restart["P"], restart["V"])
-                states.append(responses.at(state, rows[step]))
-            base, mass = responses.base(), responses.mass()
-            responses.release()
-    except newton.NoConvergence as failure:
-        raise RunError(f"a stored state could not be solved again ({failure}); run the case again") from failure
-    finally:
-        simulation.release()
-    model = ReducedModel(case, role, tuple(states), base, end, mass)
-    touching = (rows[step]["pressure"] for step in steps if touches(rows[step]))
-    model.contact = next(touching, None)
-    return model
-
-
-def touches(row: table.Row) -> bool:
-    """Return whether surfaces press on each other, or overlap, in a state."""
-    forces = [name for name in row if re.search(r"contact", name) and row.unit(name) == "N"]
-    return bool(row.get("walls_touch")) or any(abs(row[name]) > 0.0 for name in forces)
-
-
-class Responses:
-    """Linear responses of a prepared device, of the pose of a face, at its states."""
-
-    def __init__(self, simulation: Simulation, role: str):
-        self.solver, self.fields, self.case = simulation.solver, simulation.fields, simulation.case
-        self.system, self.tip = self.solver.system, TipFace(self.solver.system, role)
-        self._sides = [(self.solver, self.tip), *self._against(role)]
-        self._sensitivity = None
-        if isinstance(self.case.band, materials.MaterialErrors):
-            self._sensitivity = Sensitivity(self.solver)
-
-    def _against(self, role: str) -> list[tuple[Solver, TipFace]]:
-        """Return what solves for motions against the symmetry of half a device; nothing for others."""
-        body, parts = odd_body(self.system.body), materials.without_walls(self.case.components)
-        if body is None or not all(isinstance(part, regions.RegionPart | Walls) for part in parts):
-            return []
-        system = System(body, self.case.material, self.case.formulation, parts)
-        system.direction = self.system.direction
-        return [(Solver(system, self.case.solver), TipFace(system, role, self.system.body.actuator))]
-
-    def release(self) -> None:
-        """Release what the simulation does not."""
-        for solver, _ in self._sides[1:]:
-            solver.release()
-
-    def base(self) -> Array:
-        """Return the centre of the device's first support, m."""
-        device = self.system.body.actuator
-        role = next((hold.role for hold in device.holds if hold.role in self.system.body.entities), "")
-        if not role:
-            return np.zeros(3)
-        try:
-            return TipFace(self.system, role).centre
-        except ComponentError:
-            return np.zeros(3)
-
-    def mass(self) -> float:
-        """Return what the whole device weighs with the masses on it, kg."""
-        system, parts, on = self.system, self.case.components, controls.DistributedLoad(self.system)
-        amounts = zip(system.matter, loads.densities(system, parts), strict=True)
-        return sum(density * on.volume(matter) for matter, density in amounts) + sum(part.weighs for part in parts)
-
-    def at(self, state: State, row: table.Row) -> TipState:
-        """Return a state of the table, from a guess of it."""
-        solver, system = self.solver, self.system
-        control = controls.pressure_control(state.P)
-        state = solver.solve(control, state.w, state.P)
-        solver.factorise(state)
-        along = solver.tangent(state, control, TOLERANCE)
-        device = system.body.actuator
-        position, R, rates = self.tip.pose(state)
-        stress, n = system.stress_unit, system.n
-        compliance = self._compliance(state, rates, touches(row))
-        pushes = [push.copy() for push in system.pressure_loads()[: len(device.ratios)]]
-        jacobian = [self.tip.vectors @ solver.linear_response(push, 0.0, TOLERANCE).w[:n] for push in pushes]
-        return TipState(
-            state.P * stress, row["added_volume"], position, R,
-            along.V * system.volume_unit / stress, rates @ (self.tip.vectors @ along.w[:n]) / stress,
-            rates @ np.transpose(jacobian) / stress, compliance, self._spread(state, rates), row["max_stretch"],
-        )  # fmt: skip
-
-    def _compliance(self, state: State, rates: Array, touching: bool) -> Array:
-        """Return the compliance at a state at which the tangent of the slice is factorised.
-
-        Where surfaces press on each other, only that of the slice is known.
-        """
-        device = self.system.body.actuator
-        # Forces on the slice are those on the whole device over its copies; in shear moduli times the size squared or cubed.
-        unit = 1.0 / (self.system.stress_unit * device.size**3 * device.copies)
-        found = np.full((6, 6), np.nan)
-        for solver, tip in self._sides[:1] if touching else self._sides[::-1]:
-            loads = rates @ tip.loads
-            size = np.linalg.norm(loads, axis=1)
-            acting = [k for k in range(6) if size[k] > SAME * max(size[3 * (k // 3) : 3 * (k // 3) + 3])]
-            if solver is not self.solver:
-                solver.factorise(state)
-                solver.tangent(state, controls.pressure_control(state.P), TOLERANCE)
-            moved = np.transpose(
-                [tip.vectors @ solver.linear_response(loads[k], 0.0, TOLERANCE).w[: len(loads[k])] for k in acting]
-            )
-            found[np.ix_(acting, acting)] = (rates @ moved)[acting] * unit
-            for k in acting:
-                others = [j for j in range(6) if j not in acting and np.isfinite(found[j, j])]
-                found[k, others] = found[others, k] = 0.0
-        return found
-
-    def _spread(self, state: State, rates: Array) -> Array:
-        """Return the half widths of the 95 % intervals of position, rotation and volume at a fixed pressure."""
-        errors, known, system = self.case.band, self._sensitivity, self.system
-        if known is None or not isinstance(errors, materials.MaterialErrors):
-            return np.full(7, np.nan)
-        moves = []
-        for root in errors.roots.T:
-            force, dmu = np.zeros(system.n), 0.0
-            for name, change in zip(errors.names, root, strict=True):
-                own, slope = known.material_force(name)
-                force, dmu = force + change * own, dmu + change * slope
-            found = self.solver.linear_response(-force, -state.P * dmu / system.stress_unit, TOLERANCE)
-            pose = rates @ (self.tip.vectors @ found.w[: system.n])
-            moves.append(np.append(pose, found.V * system.volume_unit))
-        return DEVIATIONS * np.linalg.norm(moves, axis=0)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The model: the table as smooth functions of the pressure.
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class TipPose:
-    """What a reduced model gives for a pressure; SI units.
-
-    Attributes:
-        pressure: Pa.
-        position: Of the tip, m.
-        rotation: Matrix of the tip's rotation from rest.
-        volume: Added volume, m3.
-        compliance: See `TipState`.
-        rate: Of position and rotation (in space) by the pressure, shape (6,).
-        volume_rate: m3/Pa.
-    """
-
-    pressure: float
-    position: Array
-    rotation: Array
-    volume: float
-    compliance: Array
-    rate: Array
-    volume_rate: float
-
-    @property
-    def quaternion(self) -> Array:
-        """Of the rotation: w, x, y, z, with w at least 0."""
-        return np.asarray(Rotation.from_matrix(self.rotation).as_quat(canonical=True, scalar_first=True))
+__all__ = ["Curves", "ReducedModel", "TipPose", "TipState", "table_of"]
 
 
 class ReducedModel(cards.Shown):
@@ -696,4 +295,405 @@ def inverse_left_jacobian(turn: Array) -> Array:
     return np.eye(3) - K / 2 + c * K @ K
 
 
-__all__ = ["Curves", "ReducedModel", "TipPose", "TipState", "table_of"]
+TOLERANCE = 1e-11
+"""Relative tolerance of the linear responses."""
+DEVIATIONS = 1.959963984540054
+"""Half width of a 95 % interval in standard deviations."""
+FEWEST = 4
+"""Minimum number of states of a table."""
+SAME = 1e-9
+"""Relative size below which a load by symmetry does nothing."""
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The pose of a face, and its derivatives.
+
+
+def hat(a: Array) -> Array:
+    """Return the matrix of the cross product with a vector."""
+    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
+
+
+def axial(W: Array) -> Array:
+    """Return the vector whose cross product is the skew part of a matrix, times two."""
+    return np.array([W[2, 1] - W[1, 2], W[0, 2] - W[2, 0], W[1, 0] - W[0, 1]])
+
+
+def fitted_rotation(A: Array) -> tuple[Array, Array]:
+    """Return the rotation R that maximises tr(R^T A), and the matrix from axial(R^T dA) to its angular rate in space."""
+    U, s, Vt = np.linalg.svd(A)
+    s[2] *= np.sign(np.linalg.det(U) * np.linalg.det(Vt))
+    R = U @ np.diag([1.0, 1.0, np.sign(s[2]) or 1.0]) @ Vt
+    if np.linalg.det(R) < 0.0:  # a plane face: the third direction has no part in A
+        R = U @ np.diag([1.0, 1.0, -1.0]) @ Vt
+    P = Vt.T @ np.diag(s) @ Vt
+    return R, R @ np.linalg.inv(np.trace(P) * np.eye(3) - P)
+
+
+def group(actuator: Actuator) -> list[Array]:
+    """Return the motions that make the whole device of its slice: the reflections in its cut planes and their products."""
+    mirrors = [np.eye(3) - 2.0 * np.outer(plane.normal, plane.normal) for plane in actuator.cut_planes]
+    found = [np.eye(3)]
+    for one in found:
+        for mirror in mirrors:
+            made = mirror @ one
+            if len(found) < max(actuator.copies, 2 ** len(mirrors)) and all(
+                np.abs(made - known).max() > 1e-9 for known in found
+            ):
+                found.append(made)
+    return found
+
+
+class TipFace:
+    """The pose of a face of a device as linear means of its displacement; ``of`` is the device whose slice this is, for
+    motions against its symmetry.
+
+    Attributes:
+        centre: Of the undeformed face of the whole device, m.
+        vectors: Entries by all owned dofs whose product with w is the mean of u_i (3) and of u_i (X - c)_j (9), dimensionless.
+    """
+
+    def __init__(self, system: System, role: str, of: Actuator | None = None):
+        self.system, on = system, controls.DistributedLoad(system)
+        device, d = of or system.body.actuator, system.body.actuator.dimension
+        self._odd = of is not None
+        area = on.integral(on.constant(1.0), role)
+        hoop, measure = system.body.hoop, on.measure(role)
+        places = [on.places[j] for j in range(d)]
+        images = group(device)
+        means = np.array([on.integral(x, role) for x in places]) / area
+        squares = np.array([[on.integral(x * y, role) for y in places] for x in places]) / area
+        # An axisymmetric section stands for all its turns: means over the circle.
+        self._turned = d == 2
+        self._images = images
+        self.centre_in_sizes = self._whole(self._in_space(means))
+        XX = self._whole(self._in_space(squares)) - np.outer(self.centre_in_sizes, self.centre_in_sizes)
+        self._at_rest = XX
+        weights = [on.constant(1 / area) * x for x in (1.0, *places)]
+        parts = [[weight * on.test[i] * hoop * measure for weight in weights] for i in range(d)]
+        forms = [*(row[0] for row in parts), *(form for row in parts for form in row[1:])]
+        raw = np.array([system.assemble([system.form(form)], held=True).copy() for form in forms])
+        self.vectors = self._combined(raw, d)
+        self.loads = np.array([system.by_unknowns(row).copy() for row in self.vectors])
+        self.centre = self.centre_in_sizes * device.size
+
+    def _in_space(self, of_mesh: Array) -> Array:
+        """Return a vector or matrix of the mesh in space: that of a section is averaged over the circle."""
+        if not self._turned:
+            return of_mesh
+        if of_mesh.ndim == 1:
+            return np.array([0.0, 0.0, of_mesh[1]])
+        return np.diag([of_mesh[0, 0] / 2, of_mesh[0, 0] / 2, of_mesh[1, 1]])
+
+    def _whole(self, of_slice: Array, odd: bool = False) -> Array:
+        """Return the mean of a vector or matrix over the images that make the whole device; of a motion against the symmetry
+        with the sign of each image."""
+        signs = [np.linalg.det(Q) if odd else 1.0 for Q in self._images]
+        if of_slice.ndim == 1:
+            return np.mean([sign * Q @ of_slice for sign, Q in zip(signs, self._images, strict=True)], axis=0)
+        return np.mean([sign * Q @ of_slice @ Q.T for sign, Q in zip(signs, self._images, strict=True)], axis=0)
+
+    def _combined(self, raw: Array, d: int) -> Array:
+        """Return the twelve vectors of the whole device from those of the mesh's components."""
+        basis, n = np.eye(len(raw)), raw.shape[1]
+        means = np.array([self._whole(self._in_space(e[:d]), self._odd) for e in basis])
+        products = np.array([self._whole(self._in_space(e[d:].reshape(d, d)), self._odd) for e in basis])
+        products -= means[:, :, None] * self.centre_in_sizes
+        return (np.hstack([means, products.reshape(len(raw), 9)]).T @ raw).reshape(12, n)
+
+    def pose(self, state: State) -> tuple[Array, Array, Array]:
+        """Return position (m), rotation matrix, and the map from the twelve means to position (m) and turn, shape (6, 12)."""
+        device = self.system.body.actuator
+        found = self.vectors @ state.w[: self.system.n]
+        A = self._at_rest + found[3:].reshape(3, 3)
+        R, turn = fitted_rotation(A)
+        rates = np.zeros((6, 12))
+        rates[:3, :3] = np.eye(3) * device.size
+        for k in range(9):
+            dA = np.zeros(9)
+            dA[k] = 1.0
+            rates[3:, 3 + k] = turn @ axial(R.T @ dA.reshape(3, 3))
+        return self.centre + found[:3] * device.size, R, rates
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Loads against the symmetry of half a device.
+#
+# At a symmetric state the tangent does not couple motions with and against the symmetry. Those against it are found on the same
+# half: on the cut plane they have no displacement within the plane, and are free across it.
+
+
+def odd_body(body: Body) -> Body | None:
+    """Return half a device whose cut plane may warp, but not move within itself; None if it is not half a device."""
+    device = body.actuator
+    if len(device.cut_planes) != 1 or device.dimension != 3:
+        return None
+    (plane,) = device.cut_planes
+    within = [e for e in np.eye(3) if abs(e @ plane.normal) < SAME]
+    if len(within) != 2 or any(hold.role == plane.name for hold in body.holds):
+        return None
+
+    class Warping(Body):
+        """A body whose cavity is closed by its mirror image."""
+
+        def volume_integrand(self, w: Expr) -> Expr:
+            return super().volume_integrand(w)
+
+    kind = type(type(device).__name__, (type(device),), {"cut_planes": ()})
+    uncut: Actuator = object.__new__(kind)
+    for name, value in vars(device).items():
+        object.__setattr__(uncut, name, value)
+    holds = (*body.holds, *(Hold(plane.name, (float(e[0]), float(e[1]), float(e[2]))) for e in within))
+    own = {field.name: getattr(body, field.name) for field in dataclasses.fields(body)}
+    return Warping(**{**own, "actuator": uncut, "holds": holds})
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The table: the solved states of a path, and linear responses at each.
+
+
+class Responses:
+    """Linear responses of a prepared device, of the pose of a face, at its states."""
+
+    def __init__(self, simulation: Simulation, role: str):
+        self.solver, self.fields, self.case = simulation.solver, simulation.fields, simulation.case
+        self.system, self.tip = self.solver.system, TipFace(self.solver.system, role)
+        self._sides = [(self.solver, self.tip), *self._against(role)]
+        self._sensitivity = None
+        if isinstance(self.case.band, materials.MaterialErrors):
+            self._sensitivity = Sensitivity(self.solver)
+
+    def _against(self, role: str) -> list[tuple[Solver, TipFace]]:
+        """Return what solves for motions against the symmetry of half a device; nothing for others."""
+        body, parts = odd_body(self.system.body), materials.without_walls(self.case.components)
+        if body is None or not all(isinstance(part, regions.RegionPart | Walls) for part in parts):
+            return []
+        system = System(body, self.case.material, self.case.formulation, parts)
+        system.direction = self.system.direction
+        return [(Solver(system, self.case.solver), TipFace(system, role, self.system.body.actuator))]
+
+    def release(self) -> None:
+        """Release what the simulation does not."""
+        for solver, _ in self._sides[1:]:
+            solver.release()
+
+    def base(self) -> Array:
+        """Return the centre of the device's first support, m."""
+        device = self.system.body.actuator
+        role = next((hold.role for hold in device.holds if hold.role in self.system.body.entities), "")
+        if not role:
+            return np.zeros(3)
+        try:
+            return TipFace(self.system, role).centre
+        except ComponentError:
+            return np.zeros(3)
+
+    def mass(self) -> float:
+        """Return what the whole device weighs with the masses on it, kg."""
+        system, parts, on = self.system, self.case.components, controls.DistributedLoad(self.system)
+        amounts = zip(system.matter, loads.densities(system, parts), strict=True)
+        return sum(density * on.volume(matter) for matter, density in amounts) + sum(part.weighs for part in parts)
+
+    def at(self, state: State, row: table.Row) -> TipState:
+        """Return a state of the table, from a guess of it."""
+        solver, system = self.solver, self.system
+        control = controls.pressure_control(state.P)
+        state = solver.solve(control, state.w, state.P)
+        solver.factorise(state)
+        along = solver.tangent(state, control, TOLERANCE)
+        device = system.body.actuator
+        position, R, rates = self.tip.pose(state)
+        stress, n = system.stress_unit, system.n
+        compliance = self._compliance(state, rates, touches(row))
+        pushes = [push.copy() for push in system.pressure_loads()[: len(device.ratios)]]
+        jacobian = [self.tip.vectors @ solver.linear_response(push, 0.0, TOLERANCE).w[:n] for push in pushes]
+        return TipState(
+            state.P * stress, row["added_volume"], position, R,
+            along.V * system.volume_unit / stress, rates @ (self.tip.vectors @ along.w[:n]) / stress,
+            rates @ np.transpose(jacobian) / stress, compliance, self._spread(state, rates), row["max_stretch"],
+        )  # fmt: skip
+
+    def _compliance(self, state: State, rates: Array, touching: bool) -> Array:
+        """Return the compliance at a state at which the tangent of the slice is factorised.
+
+        Where surfaces press on each other, only that of the slice is known.
+        """
+        device = self.system.body.actuator
+        # Forces on the slice are those on the whole device over its copies; in shear moduli times the size squared or cubed.
+        unit = 1.0 / (self.system.stress_unit * device.size**3 * device.copies)
+        found = np.full((6, 6), np.nan)
+        for solver, tip in self._sides[:1] if touching else self._sides[::-1]:
+            loads = rates @ tip.loads
+            size = np.linalg.norm(loads, axis=1)
+            acting = [k for k in range(6) if size[k] > SAME * max(size[3 * (k // 3) : 3 * (k // 3) + 3])]
+            if solver is not self.solver:
+                solver.factorise(state)
+                solver.tangent(state, controls.pressure_control(state.P), TOLERANCE)
+            moved = np.transpose(
+                [tip.vectors @ solver.linear_response(loads[k], 0.0, TOLERANCE).w[: len(loads[k])] for k in acting]
+            )
+            found[np.ix_(acting, acting)] = (rates @ moved)[acting] * unit
+            for k in acting:
+                others = [j for j in range(6) if j not in acting and np.isfinite(found[j, j])]
+                found[k, others] = found[others, k] = 0.0
+        return found
+
+    def _spread(self, state: State, rates: Array) -> Array:
+        """Return the half widths of the 95 % intervals of position, rotation and volume at a fixed pressure."""
+        errors, known, system = self.case.band, self._sensitivity, self.system
+        if known is None or not isinstance(errors, materials.MaterialErrors):
+            return np.full(7, np.nan)
+        moves = []
+        for root in errors.roots.T:
+            force, dmu = np.zeros(system.n), 0.0
+            for name, change in zip(errors.names, root, strict=True):
+                own, slope = known.material_force(name)
+                force, dmu = force + change * own, dmu + change * slope
+            found = self.solver.linear_response(-force, -state.P * dmu / system.stress_unit, TOLERANCE)
+            pose = rates @ (self.tip.vectors @ found.w[: system.n])
+            moves.append(np.append(pose, found.V * system.volume_unit))
+        return DEVIATIONS * np.linalg.norm(moves, axis=0)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class TipState:
+    """A state of the table, SI units, device coordinates.
+
+    Attributes:
+        pressure: Pa.
+        volume: Added volume, m3.
+        position: Of the tip's centre, m.
+        rotation: Of the tip, a matrix.
+        volume_rate: By the pressure, m3/Pa.
+        rate: Of position and rotation by the pressure: m/Pa and rad/Pa, shape (6,).
+        jacobian: The same by the pressure of each cavity, shape (6, cavities).
+        compliance: Of position and rotation by force and moment on the tip at constant pressure, shape (6, 6); nan for loads
+            against the symmetry of the slice.
+        spread: Half widths of the 95 % intervals of position, rotation and volume, shape (7,); nan without errors of the
+            material.
+        stretch: Largest stretch.
+    """
+
+    pressure: float
+    volume: float
+    position: Array
+    rotation: Array
+    volume_rate: float
+    rate: Array
+    jacobian: Array
+    compliance: Array
+    spread: Array
+    stretch: float
+
+
+def usable(rows: table.PathTable) -> tuple[list[int], str]:
+    """Return the steps of the first rising piece of a path, and why it ends, if not by the last requested value."""
+    chosen, top = list[int](), -math.inf
+    way = -1.0 if rows[-1]["pressure"] < 0.0 else 1.0
+    for step, row in enumerate(rows):
+        if row["bifurcation"]:
+            return chosen, "bifurcation"
+        if row.get("jump"):
+            return chosen, "jump"
+        if row["limit"]:
+            return chosen, "limit point"
+        pressure = way * row["pressure"]
+        if pressure < top:
+            return chosen, "limit point"
+        if pressure > top:
+            chosen.append(step)
+            top = pressure
+    return chosen, ""
+
+
+def tip_of(case: Case, face: str, roles: Sequence[str]) -> str:
+    """Return the face that is the tip; `CaseError` if the device has none, or it is not named."""
+    device = case.actuator
+    chosen = face or device.pushed or ("tip" if "tip" in roles else "")
+    if not chosen:
+        raise CaseError(
+            f"{type(device).__name__} has no tip; name the face (face=..., --face): {', '.join(sorted(roles))}"
+        )
+    if chosen not in roles:
+        raise CaseError(f"the device has no face {chosen!r}; {errors.known_are(chosen, sorted(roles))}")
+    return chosen
+
+
+def table_of(source: States, face: str = "") -> ReducedModel:
+    """Return the reduced model of a run's first rising piece, of the given tip face or the device's own.
+
+    Raises:
+        CaseError: A run of a program or in time, or no such face.
+        RunError: Too few states, or one cannot be solved again.
+    """
+    case, rows = source.case, source.rows
+    if case.program or case.driven is not None or case.supply is not None:
+        raise CaseError("a reduced model needs a path over one pressure; run the case with pressures or added volumes")
+    steps, end = usable(rows)
+    if len(steps) < FEWEST:
+        raise RunError(
+            f"the run has {len(steps)} states with rising pressure; a reduced model needs {FEWEST}, so request more pressures"
+        )
+    comm = mpi.start()
+    if comm.size > 1:
+        raise RunError("a reduced model is made on one process only; start it without mpirun")
+    simulation = Simulation(case, comm)
+    try:
+        simulation.prepare_on(source.mesh)
+        with notes.sentences():
+            simulation.model.hanging()
+            role = tip_of(case, face, [*simulation.body.entities])
+            responses = Responses(simulation, role)
+            states = []
+            for step in steps:
+                restart = source.restart(step)
+                state = recording.stored_state(source, simulation.fields, comm, step, restart["P"], restart["V"])
+                states.append(responses.at(state, rows[step]))
+            base, mass = responses.base(), responses.mass()
+            responses.release()
+    except newton.NoConvergence as failure:
+        raise RunError(f"a stored state could not be solved again ({failure}); run the case again") from failure
+    finally:
+        simulation.release()
+    model = ReducedModel(case, role, tuple(states), base, end, mass)
+    touching = (rows[step]["pressure"] for step in steps if touches(rows[step]))
+    model.contact = next(touching, None)
+    return model
+
+
+def touches(row: table.Row) -> bool:
+    """Return whether surfaces press on each other, or overlap, in a state."""
+    forces = [name for name in row if re.search(r"contact", name) and row.unit(name) == "N"]
+    return bool(row.get("walls_touch")) or any(abs(row[name]) > 0.0 for name in forces)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The model: the table as smooth functions of the pressure.
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class TipPose:
+    """What a reduced model gives for a pressure; SI units.
+
+    Attributes:
+        pressure: Pa.
+        position: Of the tip, m.
+        rotation: Matrix of the tip's rotation from rest.
+        volume: Added volume, m3.
+        compliance: See `TipState`.
+        rate: Of position and rotation (in space) by the pressure, shape (6,).
+        volume_rate: m3/Pa.
+    """
+
+    pressure: float
+    position: Array
+    rotation: Array
+    volume: float
+    compliance: Array
+    rate: Array
+    volume_rate: float
+
+    @property
+    def quaternion(self) -> Array:
+        """Of the rotation: w, x, y, z, with w at least 0."""
+        return np.asarray(Rotation.from_matrix(self.rotation).as_quat(canonical=True, scalar_first=True))

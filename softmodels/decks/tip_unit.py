@@ -12,43 +12,6 @@ from xml.etree import ElementTree
 
 from pythonfmu import Fmi2Causality, Fmi2Slave, Real
 
-UNITS = {
-    "Pa": {"kg": "1", "m": "-1", "s": "-2"},
-    "N": {"kg": "1", "m": "1", "s": "-2"},
-    "N.m": {"kg": "1", "m": "2", "s": "-2"},
-    "m": {"m": "1"},
-    "m3": {"m": "3"},
-    "1": {},
-}
-"""The units of the variables, by their exponents of base units."""
-INPUTS = {
-    "pressure_Pa": ("Pa", "gauge pressure in the cavity; of several, the run's ratios of it"),
-    **{f"force_{axis}_N": ("N", f"force on the tip along {axis}") for axis in "xyz"},
-    **{f"moment_{axis}_Nm": ("N.m", f"moment on the tip about {axis}") for axis in "xyz"},
-}
-OUTPUTS = {
-    **{f"tip_{axis}_m": ("m", f"position of the tip's centre, {axis}") for axis in "xyz"},
-    **{f"tip_q{axis}_1": ("1", f"rotation of the tip from rest, {axis} of the unit quaternion") for axis in "wxyz"},
-    "added_volume_m3": ("m3", "volume of the cavity beyond that at rest"),
-}
-
-
-def product(a: list[float], b: list[float]) -> list[float]:
-    """Return the product of two quaternions, w first."""
-    return [
-        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
-        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
-        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
-    ]
-
-
-def quaternion(turn: list[float]) -> list[float]:
-    """Return the quaternion of a rotation vector."""
-    angle = math.sqrt(sum(x * x for x in turn))
-    share = math.sin(angle / 2) / angle if angle > 1e-9 else 0.5
-    return [math.cos(angle / 2), *(share * x for x in turn)]
-
 
 class Tip(Fmi2Slave):
     """The tip in equilibrium with the pressure in the cavity, and with force and moment on it to first order; SI units."""
@@ -116,3 +79,41 @@ class Tip(Fmi2Slave):
         """Compute the outputs of the inputs, which hold to the end of the step."""
         self.update()
         return True
+
+
+UNITS = {
+    "Pa": {"kg": "1", "m": "-1", "s": "-2"},
+    "N": {"kg": "1", "m": "1", "s": "-2"},
+    "N.m": {"kg": "1", "m": "2", "s": "-2"},
+    "m": {"m": "1"},
+    "m3": {"m": "3"},
+    "1": {},
+}
+"""The units of the variables, by their exponents of base units."""
+INPUTS = {
+    "pressure_Pa": ("Pa", "gauge pressure in the cavity; of several, the run's ratios of it"),
+    **{f"force_{axis}_N": ("N", f"force on the tip along {axis}") for axis in "xyz"},
+    **{f"moment_{axis}_Nm": ("N.m", f"moment on the tip about {axis}") for axis in "xyz"},
+}
+OUTPUTS = {
+    **{f"tip_{axis}_m": ("m", f"position of the tip's centre, {axis}") for axis in "xyz"},
+    **{f"tip_q{axis}_1": ("1", f"rotation of the tip from rest, {axis} of the unit quaternion") for axis in "wxyz"},
+    "added_volume_m3": ("m3", "volume of the cavity beyond that at rest"),
+}
+
+
+def product(a: list[float], b: list[float]) -> list[float]:
+    """Return the product of two quaternions, w first."""
+    return [
+        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+    ]
+
+
+def quaternion(turn: list[float]) -> list[float]:
+    """Return the quaternion of a rotation vector."""
+    angle = math.sqrt(sum(x * x for x in turn))
+    share = math.sin(angle / 2) / angle if angle > 1e-9 else 0.5
+    return [math.cos(angle / 2), *(share * x for x in turn)]

@@ -69,23 +69,6 @@ from softmodels.mechanics.system import State, System
 from softmodels.path.stability import Stability
 from softmodels.runs.outcomes import RunError
 
-# ----------------------------------------------------------------------------------------------------------------------
-# A mesh of a device under design with its states and quantities: follows designs and evaluates them.
-
-
-POOREST = 0.3
-"""Mesh quality below which the device is remeshed."""
-SHORTEST = 1 / 4
-"""Minimum step between designs, below which the states are solved along the whole path."""
-
-
-class PoorMesh(RuntimeError):
-    """The mesh was moved too far to be solved on."""
-
-
-class UnstableState(DesignFailure):
-    """An unstable state."""
-
 
 class MeshedDesign:
     """A mesh of a device, its equations and states, and the quantities prepared on it. ``case`` is what mesh and equations
@@ -520,6 +503,24 @@ def _finer(device: Actuator, times: float) -> Actuator:
     sizes = {field.name for field in dataclasses.fields(device)}
     changes = {"cell_size": getattr(device, "cell_size", 0.0) / times, "around": getattr(device, "around", 0.0) * times}
     return dataclasses.replace(device, **{name: value for name, value in changes.items() if name in sizes})
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A mesh of a device under design with its states and quantities: follows designs and evaluates them.
+
+
+POOREST = 0.3
+"""Mesh quality below which the device is remeshed."""
+SHORTEST = 1 / 4
+"""Minimum step between designs, below which the states are solved along the whole path."""
+
+
+class PoorMesh(RuntimeError):
+    """The mesh was moved too far to be solved on."""
+
+
+class UnstableState(DesignFailure):
+    """An unstable state."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------

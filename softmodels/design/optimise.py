@@ -39,9 +39,6 @@ from softmodels.mechanics import mpi
 from softmodels.runs import outcomes
 from softmodels.runs.outcomes import RunError
 
-TRIED = 8
-"""Maximum number of points tried for a further start until one has a state."""
-
 
 @checked
 @one_at_a_time
@@ -103,6 +100,10 @@ def optimise(
     finally:
         if kept is not None:
             kept.leave()
+
+
+TRIED = 8
+"""Maximum number of points tried for a further start until one has a state."""
 
 
 def _how(
@@ -237,6 +238,74 @@ def _starts(under_way: model.Evaluating) -> Iterator[Array]:
 # such steps gain little, second derivatives matter and the search continues with SLSQP.
 
 
+class _Steps:
+    """Callbacks of SLSQP, which requests gradients only at accepted points."""
+
+    def __init__(self, evaluate: Evaluate, start: Array, price: float, reach: float, objective: bool):
+        self._evaluate, self.price, self.weight = evaluate, price, float(objective)
+        found = evaluate(start)
+        assert found is not None
+        self.count = len(found.c)
+        self.elastic = float(found.c.max(initial=0.0))
+        self.at, self.reach, self.failed = start, reach, list[Array]()
+        self.best, self._merit = start, self._worth(found)
+        self.slope(np.append(start, self.elastic))
+
+    def _worth(self, found: Scaled) -> float:
+        return self.weight * found.f + self.price * float(found.c.max(initial=0.0))
+
+    def _found(self, z: Array) -> Scaled | None:
+        x = np.clip(z[:-1], 0.0, 1.0)
+        step = float(np.abs(x - self.at).max())
+        if step > self.reach * (1 + 1e-9) or self._behind_a_failure(x):
+            return None
+        found = self._evaluate(x)
+        if found is None:
+            self.failed.append(x)
+            self.reach = step / 2
+        elif found.fresh:
+            raise _OtherMeshError(x)
+        if found is not None and self._worth(found) < self._merit:
+            self.best, self._merit = x, self._worth(found)
+        return found
+
+    def _behind_a_failure(self, x: Array) -> bool:
+        """Return whether a point is roughly in the direction of a failed one, and at least as far away."""
+        d = x - self.at
+        length = float(np.linalg.norm(d))
+        for known in self.failed:
+            f = known - self.at
+            far = float(np.linalg.norm(f))
+            if length >= 0.9 * far and float(d @ f) >= SAME_DIRECTION * length * far:
+                return True
+        return False
+
+    def value(self, z: Array) -> float:
+        found = self._found(z)
+        return self._base_value if found is None else self.weight * found.f + self.price * float(z[-1])
+
+    def slope(self, z: Array) -> Array:
+        before, self.at = self.at, np.clip(z[:-1], 0.0, 1.0)
+        if not np.array_equal(before, self.at):
+            self.reach = min(2 * self.reach, FARTHEST_REACH)
+        found = self._evaluate(self.at)
+        if found is None:  # SLSQP stopped because the last step failed
+            return np.zeros(len(z))
+        self._base_value = self.weight * found.f + self.price * float(z[-1])
+        self._base_limits = z[-1] - found.c
+        return np.append(self.weight * found.df, self.price)
+
+    def limits(self, z: Array) -> Array:
+        found = self._found(z)
+        return self._base_limits if found is None else np.asarray(z[-1] - found.c)
+
+    def limit_slopes(self, z: Array) -> Array:
+        found = self._evaluate(np.clip(z[:-1], 0.0, 1.0))
+        if found is None:
+            return np.zeros((self.count, len(z)))
+        return np.column_stack([-found.dc, np.ones(self.count)])
+
+
 FIRST_REACH = 0.1
 """Maximum change of a parameter in the first step, relative to its range."""
 FARTHEST_REACH = 0.4
@@ -346,74 +415,6 @@ def _pass(evaluate: Evaluate, start: Array, price: float, reach: float, objectiv
         else:
             break
     return steps.best
-
-
-class _Steps:
-    """Callbacks of SLSQP, which requests gradients only at accepted points."""
-
-    def __init__(self, evaluate: Evaluate, start: Array, price: float, reach: float, objective: bool):
-        self._evaluate, self.price, self.weight = evaluate, price, float(objective)
-        found = evaluate(start)
-        assert found is not None
-        self.count = len(found.c)
-        self.elastic = float(found.c.max(initial=0.0))
-        self.at, self.reach, self.failed = start, reach, list[Array]()
-        self.best, self._merit = start, self._worth(found)
-        self.slope(np.append(start, self.elastic))
-
-    def _worth(self, found: Scaled) -> float:
-        return self.weight * found.f + self.price * float(found.c.max(initial=0.0))
-
-    def _found(self, z: Array) -> Scaled | None:
-        x = np.clip(z[:-1], 0.0, 1.0)
-        step = float(np.abs(x - self.at).max())
-        if step > self.reach * (1 + 1e-9) or self._behind_a_failure(x):
-            return None
-        found = self._evaluate(x)
-        if found is None:
-            self.failed.append(x)
-            self.reach = step / 2
-        elif found.fresh:
-            raise _OtherMeshError(x)
-        if found is not None and self._worth(found) < self._merit:
-            self.best, self._merit = x, self._worth(found)
-        return found
-
-    def _behind_a_failure(self, x: Array) -> bool:
-        """Return whether a point is roughly in the direction of a failed one, and at least as far away."""
-        d = x - self.at
-        length = float(np.linalg.norm(d))
-        for known in self.failed:
-            f = known - self.at
-            far = float(np.linalg.norm(f))
-            if length >= 0.9 * far and float(d @ f) >= SAME_DIRECTION * length * far:
-                return True
-        return False
-
-    def value(self, z: Array) -> float:
-        found = self._found(z)
-        return self._base_value if found is None else self.weight * found.f + self.price * float(z[-1])
-
-    def slope(self, z: Array) -> Array:
-        before, self.at = self.at, np.clip(z[:-1], 0.0, 1.0)
-        if not np.array_equal(before, self.at):
-            self.reach = min(2 * self.reach, FARTHEST_REACH)
-        found = self._evaluate(self.at)
-        if found is None:  # SLSQP stopped because the last step failed
-            return np.zeros(len(z))
-        self._base_value = self.weight * found.f + self.price * float(z[-1])
-        self._base_limits = z[-1] - found.c
-        return np.append(self.weight * found.df, self.price)
-
-    def limits(self, z: Array) -> Array:
-        found = self._found(z)
-        return self._base_limits if found is None else np.asarray(z[-1] - found.c)
-
-    def limit_slopes(self, z: Array) -> Array:
-        found = self._evaluate(np.clip(z[:-1], 0.0, 1.0))
-        if found is None:
-            return np.zeros((self.count, len(z)))
-        return np.column_stack([-found.dc, np.ones(self.count)])
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -25,79 +25,312 @@ from softmodels.design.quantities import PROBE, QUANTITIES, DesignQuantity, Infl
 from softmodels.design.trials import DesignError, Trial, text
 from softmodels.mechanics import controls
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Objectives and limits of a design, from tables or as values.
-
-
-CLEARANCES = "clearances"
-"""Name of the quantity with a value per wall."""
-
-
-MARGIN = "limit_margin"
-"""Name of the quantity relative to the highest pressure of the problem."""
-
-
-@dataclasses.dataclass(frozen=True)
-class ObjectiveTerm:
-    """A quantity with its weight in the objective."""
-
-    quantity: DesignQuantity
-    weight: float
+OBJECTIVES = {"maximise": -1.0, "minimise": 1.0, "follow": 1.0}
+"""Kinds of objectives, with the sign for minimisation."""
+TABLES = ("name", "case", "parameters", *OBJECTIVES, "keep", "tolerances", "material_errors")
+ROOM = 1.15
+"""Factor above the required limit pressure up to which a limit point is searched; beyond it, it does not matter."""
 
 
 @checked
-@dataclasses.dataclass(frozen=True)
-class Keep:
-    """A limit on a design.
+@dataclasses.dataclass(frozen=True, eq=False)
+class DesignProblem:
+    """A design problem. Numbers are in SI units, texts carry a unit.
 
     Attributes:
-        quantity: What is limited.
-        at_least, at_most: SI units; None for no limit.
+        case: The device at the start with its material, or a case file; its last pressure is the highest one available.
+        parameters: Free parameters with their bounds: ``{"membrane": ("1 mm", "3 mm")}``. A list's name stands for all of its
+            entries.
+        maximise, minimise, follow: One of these: a quantity of `softmodels.design.quantities`, or a table that names one, such
+            as ``{"quantity": "rise", "of": "tip", "at": "177 cm"}``. Several pressures make a mean, with optional ``weights``.
+        keep: What must hold: `Keep`, or tables with a quantity and ``at_least``, ``at_most`` or both.
+        tolerances: Standard deviations of fabrication by parameter; with them limits hold with 95 %.
+        material_errors: A fitted material (``fitted.toml`` of `softmodels fit`), whose errors count likewise.
+        name: Of the results; the case's if empty.
+        folder: From which files are counted; None for the current one.
+
+    Raises:
+        DesignError: From the constructor, in one sentence.
     """
 
-    quantity: DesignQuantity
-    at_least: float | None = None
-    at_most: float | None = None
+    case: Case
+    parameters: Mapping[str, object]
+    maximise: DesignQuantity | Mapping[str, object] | None = None
+    minimise: DesignQuantity | Mapping[str, object] | None = None
+    follow: DesignQuantity | Mapping[str, object] | None = None
+    keep: Sequence[Keep | Mapping[str, object]] = ()
+    tolerances: Mapping[str, object] | None = None
+    material_errors: object = None
+    name: str = ""
+    folder: Path | None = dataclasses.field(default=None, repr=False)
+    bare: bool = dataclasses.field(default=True, repr=False)
+    fixed: Mapping[str, int] = dataclasses.field(default_factory=dict, repr=False)
+    """Of a variant the whole numbers that were chosen."""
+    written: Mapping[str, object] = dataclasses.field(default_factory=dict, repr=False)
+    """The case's tables from its file; empty for a case from Python."""
+    free: tuple[Free, ...] = dataclasses.field(init=False, default=())
+    counts: Mapping[str, tuple[int, int]] = dataclasses.field(init=False, default_factory=dict)
+    """Whole numbers of the device that may change, with their bounds."""
+    terms: tuple[ObjectiveTerm, ...] = dataclasses.field(init=False, default=())
+    objective: str = dataclasses.field(init=False, default="")
+    limits: tuple[Keep, ...] = dataclasses.field(init=False, default=())
+    spreads: Mapping[str, float] = dataclasses.field(init=False, default_factory=dict)
+    errors: materials.MaterialErrors | None = dataclasses.field(init=False, default=None)
+    notes: tuple[str, ...] = dataclasses.field(init=False, default=())
 
-    def keys(self, values: Mapping[str, float]) -> list[str]:
-        """Return the keys of its values: one, or one for each wall."""
-        if self.quantity.key in values:
-            return [self.quantity.key]
-        return [key for key in values if key.startswith(self.quantity.key.removesuffix("s") + ":")]
+    def __post_init__(self) -> None:
+        try:
+            self._settle()
+        except entries.INPUT_ERRORS as error:
+            raise DesignError(str(error)) from None
+
+    def _settle(self) -> None:
+        if not isinstance(self.name, str):
+            raise DesignError(f"name is {units.brief(self.name)}; it must be a valid file name")
+        if self.folder is not None:
+            object.__setattr__(self, "folder", names.place("folder", self.folder, "a folder"))
+        case = self.case
+        if not isinstance(case, Case):
+            file = _place(case, self.folder)
+            case = Case.from_file(file)
+            object.__setattr__(self, "written", tables.read_toml(file))
+        _check_load(case)
+        reader = Reader(case, QUANTITIES, self.bare, self.folder)
+        table = dict(_flat(_table(self.parameters, "parameters")))
+        counts = {name: _count(case, name, table.pop(name)) for name in list(table) if _counted(case.actuator, name)}
+        object.__setattr__(self, "counts", counts)
+        free = free_parameters(case, table, self.bare) if table or not (counts or self.fixed) else ()
+        objective, terms = self._objective(reader)
+        errors = _errors(self.material_errors, case, self.folder)
+        deviations = {} if self.tolerances is None else self.tolerances
+        limits = [keep for k, entry in enumerate(_list(self.keep), 1) for keep in _keeps(reader, entry, f"keep {k}")]
+        settled: dict[str, object] = {
+            "case": case, "free": free, "objective": objective, "terms": terms,
+            "limits": tuple(limits),
+            "spreads": tolerances_of(case, _table(deviations, "tolerances"), self.bare),
+            "errors": errors, "name": self.name or case.name,
+            "notes": tuple(filter(None, [crossed_corners(case, free)])),
+        }  # fmt: skip
+        for name, value in settled.items():
+            object.__setattr__(self, name, value)
+        dataclasses.replace(case, name=self.name)  # a valid file name
+        for keep in self.limits:
+            _check_walls(case, keep)
+        _check_path(case, self.quantities)
+        if not self.working and any(one.name == MARGIN for one in self.quantities):
+            raise DesignError(
+                f"{MARGIN} is relative to the highest pressure of the problem, but no quantity has a pressure"
+            )
+
+    def _objective(self, reader: Reader) -> tuple[str, tuple[ObjectiveTerm, ...]]:
+        given = [name for name in OBJECTIVES if getattr(self, name) is not None]
+        if not given:
+            raise DesignError(f"the problem has no objective; give one of {', '.join(OBJECTIVES)}")
+        if len(given) > 1:
+            raise DesignError(
+                f"{' and '.join(given)} are two objectives; give only one, and a limit (keep) for the other"
+            )
+        entry = getattr(self, given[0])
+        found = reader.quantities(entry, given[0], ("weights",))
+        if isinstance(entry, Mapping) and entry.get("quantity") == CLEARANCES:
+            raise DesignError(
+                f"{given[0]}: {CLEARANCES} has many values and cannot be an objective; use it as a limit (keep)"
+            )
+        weights = entry.get("weights") if isinstance(entry, Mapping) else None
+        weights = [1.0] * len(found) if weights is None else [trials.read("a weight", w, "1") for w in _list(weights)]
+        if len(weights) != len(found) or min(weights) < 0.0 or sum(weights) <= 0.0:
+            raise DesignError(
+                f"{given[0]}: {len(weights)} weights for {len(found)} pressures; give one positive weight for each, or none"
+            )
+        return given[0], tuple(ObjectiveTerm(one, w / sum(weights)) for one, w in zip(found, weights, strict=True))
+
+    def variants(self) -> Iterator[tuple[str, DesignProblem]]:
+        """Yield the problem for each choice of the whole numbers, with its words, as in ``chambers 4``."""
+        rest = {
+            name: bounds for name, bounds in _flat(_table(self.parameters, "parameters")) if name not in self.counts
+        }
+        for choice in itertools.product(*(range(low, high + 1) for low, high in self.counts.values())):
+            values = dict(zip(self.counts, choice, strict=True))
+            words = ", ".join(f"{name} {value}" for name, value in values.items())
+            try:
+                case = dataclasses.replace(self.case, actuator=dataclasses.replace(self.case.actuator, **values))
+                yield words, dataclasses.replace(self, case=case, parameters=rest, fixed=values)
+            except entries.INPUT_ERRORS as error:
+                raise DesignError(f"{words}: {error}") from None
+
+    @property
+    def sign(self) -> float:
+        """-1 if larger is better."""
+        return OBJECTIVES[self.objective]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Parameters of the gradients: the free ones, then those with only a tolerance."""
+        free = [one.name for one in self.free]
+        return (*free, *(name for name in self.spreads if name not in free))
+
+    @property
+    def highest(self) -> float | None:
+        """Pressure in Pa up to which a limit point is searched, well above the required one; None for the default."""
+        kept = dict.fromkeys((MARGIN, "bifurcation_margin"), self.working)
+        kept |= dict.fromkeys(("limit_pressure", "bifurcation_pressure"), 1.0)
+        if any(term.quantity.name in kept for term in self.terms):
+            return None
+        most = [
+            (keep.at_most or keep.at_least or 0.0) * kept[keep.quantity.name]
+            for keep in self.limits
+            if keep.quantity.name in kept
+        ]
+        return ROOM * max(*most, self.working, key=abs) if most else None
+
+    @property
+    def working(self) -> float:
+        """The pressure of the problem farthest from 0 in Pa; 0 for none."""
+        return max((highest_pressure(one) or 0.0 for one in self.quantities), default=0.0, key=abs)
+
+    @property
+    def quantities(self) -> list[DesignQuantity]:
+        """All quantities, each once."""
+        found = [*(term.quantity for term in self.terms), *(keep.quantity for keep in self.limits)]
+        return list({one.key: one for one in found}.values())
+
+    @classmethod
+    def from_toml(cls, text: str, folder: Path | None = None) -> DesignProblem:
+        """Read a problem file; files in it are counted from ``folder``.
+
+        Raises:
+            DesignError: Not TOML, unknown entries, or an invalid problem.
+        """
+        try:
+            return cls._from_tables(tables.parse_toml(text), folder)
+        except tables.TomlError as error:
+            raise DesignError(f"the problem {error}") from None
+
+    @classmethod
+    def from_file(cls, path: Path | str) -> DesignProblem:
+        """Read a problem file; the messages name it."""
+        path = Path(path)
+        try:
+            return cls._from_tables(tables.read_toml(path), path.parent)
+        except tables.TomlError as error:
+            raise DesignError(f"problem file {path} {error}") from None
+        except DesignError as error:
+            raise DesignError(f"{path}: {error}") from None
+
+    @classmethod
+    def _from_tables(cls, tables: dict[str, object], folder: Path | None) -> DesignProblem:
+        for key in tables:
+            if key not in TABLES:
+                raise DesignError(f"the problem has an unknown entry {key!r}; {errors.known_are(key, TABLES)}")
+        if "case" not in tables:
+            raise DesignError('the problem has no case; give a case file, case = "slab.toml", or a [case] table')
+        values = {key: value for key, value in tables.items() if key != "case"}
+        case = tables["case"]
+        try:
+            written = case if isinstance(case, dict) else {}
+            if isinstance(case, dict):
+                case = Case._from_tables(dict(case), folder)
+            return cls(**{"parameters": {}, **values}, case=case, folder=folder, bare=False, written=written)  # type: ignore[arg-type]
+        except entries.INPUT_ERRORS as error:
+            raise DesignError(str(error)) from None
 
 
-def shown(asked: DesignQuantity) -> str:
-    """Return the display unit of a quantity."""
-    return str(getattr(asked, "shown_unit", "") or trials.shown_unit(asked.unit))
+LIMITS = ("at_least", "at_most")
 
 
-def in_words(asked: DesignQuantity, value: float, digits: int = 4) -> str:
-    """Return a value of a quantity as text."""
-    return text(value, shown(asked), asked.unit, digits)
+def _place(case: object, folder: Path | None) -> Path:
+    if not isinstance(case, str | Path):
+        raise DesignError(f"case is {units.brief(case)}; it must be a case, a case file or a [case] table")
+    return (folder or Path()) / case
 
 
-def pressure_of(asked: DesignQuantity) -> float | None:
-    """Return the pressure in Pa of a quantity; None if it has none."""
-    at = asked.at
-    if at is None:
+def _table(value: object, what: str) -> Mapping[str, object]:
+    if not isinstance(value, Mapping):
+        raise DesignError(f"{what} is {units.brief(value)}; it must be a table, starting with a line [{what}]")
+    return value
+
+
+def _list(value: object) -> Sequence[object]:
+    if isinstance(value, list | tuple):
+        return value
+    if isinstance(value, Keep):
+        return [value]
+    raise DesignError(f"{units.brief(value)} is not a list; each limit starts with a line [[keep]]")
+
+
+def _errors(given: object, case: Case, folder: Path | None) -> materials.MaterialErrors | None:
+    """Return the errors of the case's material: as given, or from a fitted material's file."""
+    if given is None:
         return None
-    load = trials.JudgedLoad.of(at)
-    return load.value if load.kind == trials.PRESSURE else None
+    if isinstance(given, Mapping) and set(given) == {"file"}:
+        given = given["file"]
+    if isinstance(given, str | Path):
+        given = materials.MaterialErrors.from_file((folder or Path()) / given)
+    if not isinstance(given, materials.MaterialErrors):
+        raise DesignError(
+            f'material_errors is {units.brief(given)}; give a fitted material, file = "results/fit/fitted.toml"'
+        )
+    given.check(case.material)
+    return given
 
 
-def highest_pressure(asked: DesignQuantity) -> float | None:
-    """Return the pressure in Pa farthest from 0 of a quantity or its components; None if it has none."""
-    found = [pressure_of(asked), *(pressure_of(part) for part in getattr(asked, "parts", ()))]
-    return max((pressure for pressure in found if pressure is not None), default=None, key=abs)
+def _check_load(case: Case) -> None:
+    """Reject loads unsuitable for designs."""
+    if not (pressures := case.load.of(trials.PRESSURE)):
+        raise DesignError(f"the case asks for {case.load.requested.words}; designs need pressures (pressure_cm)")
+    if min(pressures) < 0.0 < max(pressures):
+        raise DesignError("the case asks for pressures above and below ambient; designs need one side of it")
+    if case.load_unload:
+        raise DesignError("the case unloads (load_unload), but designs are evaluated during loading only; leave it out")
+    for part in case.components:
+        if why := part.undesigned(case.actuator):
+            raise DesignError(f"the case has a {part.where}, {why}; leave it out")
 
 
-def label(asked: DesignQuantity, cm: float) -> str:
-    """Return the label of a quantity, with its pressure as written by the user, or in cm of the column if it was
-    a number."""
-    pressure = pressure_of(asked)
-    if pressure is None or asked.at is None:
-        return asked.key
-    return f"{asked.title} at {trials.JudgedLoad.of(asked.at).text or f'{pressure / cm:.5g} cm'}"
+def _check_path(case: Case, quantities: Sequence[DesignQuantity]) -> None:
+    """Reject what is not available where states depend on their path, which is followed in fixed steps of the pressure."""
+    rubbing = next((part.where for part in case.components if part.remembers), "")
+    if not rubbing:
+        return
+    loads = [part.where for part in case.components if isinstance(part, controls.LoadPart)]
+    if loads:
+        raise DesignError(f"{rubbing} has friction, and designs with friction take no loads; leave out {loads[0]}")
+    for asked in (part for one in quantities for part in getattr(one, "parts", (one,))):
+        if isinstance(asked, OfLimit | StoredEnergy | InflationWork):
+            raise DesignError(
+                f"{asked.name} is not available with friction ({rubbing}); leave it out, or set friction = 0"
+            )
+        if asked.load is not None and asked.load.kind == trials.VOLUME:
+            raise DesignError(f"{asked.title} is at a volume, but with friction ({rubbing}) designs need pressures")
+
+
+def _keeps(reader: Reader, entry: object, where: str) -> list[Keep]:
+    if isinstance(entry, Keep):
+        table: Mapping[str, object] = {side: getattr(entry, side) for side in LIMITS}
+        asked = reader.quantities(entry.quantity, where)
+    else:
+        table = _table(entry, where)
+        asked = reader.quantities(table, where, LIMITS)
+    found = [Keep(one, *(reader.limit(table, side, one, where) for side in LIMITS)) for one in asked]
+    for keep in found:
+        check_limits(keep, where)
+    return found
+
+
+def _check_walls(case: Case, keep: Keep) -> None:
+    """Reject a minimum wall that the given device does not satisfy."""
+    if keep.quantity.name != CLEARANCES or keep.at_least is None:
+        return
+    for wall, value in case.actuator.clearances.items():
+        if value < keep.at_least:
+            raise DesignError(
+                f"the workshop's smallest wall is {in_words(keep.quantity, keep.at_least)}, but at the start {wall} is "
+                f"{in_words(keep.quantity, value)}; start from a device that can be made"
+            )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Objectives and limits of a design, from tables or as values.
 
 
 class Reader:
@@ -210,6 +443,76 @@ class Reader:
         if entry.get(side) is None:
             return None
         return trials.read(f"{where}: {side} of {asked.name}", entry[side], asked.unit, self.bare)
+
+
+CLEARANCES = "clearances"
+"""Name of the quantity with a value per wall."""
+
+MARGIN = "limit_margin"
+"""Name of the quantity relative to the highest pressure of the problem."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ObjectiveTerm:
+    """A quantity with its weight in the objective."""
+
+    quantity: DesignQuantity
+    weight: float
+
+
+@checked
+@dataclasses.dataclass(frozen=True)
+class Keep:
+    """A limit on a design.
+
+    Attributes:
+        quantity: What is limited.
+        at_least, at_most: SI units; None for no limit.
+    """
+
+    quantity: DesignQuantity
+    at_least: float | None = None
+    at_most: float | None = None
+
+    def keys(self, values: Mapping[str, float]) -> list[str]:
+        """Return the keys of its values: one, or one for each wall."""
+        if self.quantity.key in values:
+            return [self.quantity.key]
+        return [key for key in values if key.startswith(self.quantity.key.removesuffix("s") + ":")]
+
+
+def shown(asked: DesignQuantity) -> str:
+    """Return the display unit of a quantity."""
+    return str(getattr(asked, "shown_unit", "") or trials.shown_unit(asked.unit))
+
+
+def in_words(asked: DesignQuantity, value: float, digits: int = 4) -> str:
+    """Return a value of a quantity as text."""
+    return text(value, shown(asked), asked.unit, digits)
+
+
+def pressure_of(asked: DesignQuantity) -> float | None:
+    """Return the pressure in Pa of a quantity; None if it has none."""
+    at = asked.at
+    if at is None:
+        return None
+    load = trials.JudgedLoad.of(at)
+    return load.value if load.kind == trials.PRESSURE else None
+
+
+def highest_pressure(asked: DesignQuantity) -> float | None:
+    """Return the pressure in Pa farthest from 0 of a quantity or its components; None if it has none."""
+    found = [pressure_of(asked), *(pressure_of(part) for part in getattr(asked, "parts", ()))]
+    return max((pressure for pressure in found if pressure is not None), default=None, key=abs)
+
+
+def label(asked: DesignQuantity, cm: float) -> str:
+    """Return the label of a quantity, with its pressure as written by the user, or in cm of the column if it was
+    a number."""
+    pressure = pressure_of(asked)
+    if pressure is None or asked.at is None:
+        return asked.key
+    return f"{asked.title} at {trials.JudgedLoad.of(asked.at).text or f'{pressure / cm:.5g} cm'}"
 
 
 def _tuples(value: object) -> object:
@@ -492,308 +795,6 @@ class ToleranceSpread:
             slope = np.array([trial.material_gradients[key].get(name, 0.0) for name in errors.names])
             variance += float(slope @ errors.matrix @ slope)
         return float(np.sqrt(max(variance, 0.0)))
-
-
-OBJECTIVES = {"maximise": -1.0, "minimise": 1.0, "follow": 1.0}
-"""Kinds of objectives, with the sign for minimisation."""
-TABLES = ("name", "case", "parameters", *OBJECTIVES, "keep", "tolerances", "material_errors")
-LIMITS = ("at_least", "at_most")
-ROOM = 1.15
-"""Factor above the required limit pressure up to which a limit point is searched; beyond it, it does not matter."""
-
-
-@checked
-@dataclasses.dataclass(frozen=True, eq=False)
-class DesignProblem:
-    """A design problem. Numbers are in SI units, texts carry a unit.
-
-    Attributes:
-        case: The device at the start with its material, or a case file; its last pressure is the highest one available.
-        parameters: Free parameters with their bounds: ``{"membrane": ("1 mm", "3 mm")}``. A list's name stands for all of its
-            entries.
-        maximise, minimise, follow: One of these: a quantity of `softmodels.design.quantities`, or a table that names one, such
-            as ``{"quantity": "rise", "of": "tip", "at": "177 cm"}``. Several pressures make a mean, with optional ``weights``.
-        keep: What must hold: `Keep`, or tables with a quantity and ``at_least``, ``at_most`` or both.
-        tolerances: Standard deviations of fabrication by parameter; with them limits hold with 95 %.
-        material_errors: A fitted material (``fitted.toml`` of `softmodels fit`), whose errors count likewise.
-        name: Of the results; the case's if empty.
-        folder: From which files are counted; None for the current one.
-
-    Raises:
-        DesignError: From the constructor, in one sentence.
-    """
-
-    case: Case
-    parameters: Mapping[str, object]
-    maximise: DesignQuantity | Mapping[str, object] | None = None
-    minimise: DesignQuantity | Mapping[str, object] | None = None
-    follow: DesignQuantity | Mapping[str, object] | None = None
-    keep: Sequence[Keep | Mapping[str, object]] = ()
-    tolerances: Mapping[str, object] | None = None
-    material_errors: object = None
-    name: str = ""
-    folder: Path | None = dataclasses.field(default=None, repr=False)
-    bare: bool = dataclasses.field(default=True, repr=False)
-    fixed: Mapping[str, int] = dataclasses.field(default_factory=dict, repr=False)
-    """Of a variant the whole numbers that were chosen."""
-    written: Mapping[str, object] = dataclasses.field(default_factory=dict, repr=False)
-    """The case's tables from its file; empty for a case from Python."""
-    free: tuple[Free, ...] = dataclasses.field(init=False, default=())
-    counts: Mapping[str, tuple[int, int]] = dataclasses.field(init=False, default_factory=dict)
-    """Whole numbers of the device that may change, with their bounds."""
-    terms: tuple[ObjectiveTerm, ...] = dataclasses.field(init=False, default=())
-    objective: str = dataclasses.field(init=False, default="")
-    limits: tuple[Keep, ...] = dataclasses.field(init=False, default=())
-    spreads: Mapping[str, float] = dataclasses.field(init=False, default_factory=dict)
-    errors: materials.MaterialErrors | None = dataclasses.field(init=False, default=None)
-    notes: tuple[str, ...] = dataclasses.field(init=False, default=())
-
-    def __post_init__(self) -> None:
-        try:
-            self._settle()
-        except entries.INPUT_ERRORS as error:
-            raise DesignError(str(error)) from None
-
-    def _settle(self) -> None:
-        if not isinstance(self.name, str):
-            raise DesignError(f"name is {units.brief(self.name)}; it must be a valid file name")
-        if self.folder is not None:
-            object.__setattr__(self, "folder", names.place("folder", self.folder, "a folder"))
-        case = self.case
-        if not isinstance(case, Case):
-            file = _place(case, self.folder)
-            case = Case.from_file(file)
-            object.__setattr__(self, "written", tables.read_toml(file))
-        _check_load(case)
-        reader = Reader(case, QUANTITIES, self.bare, self.folder)
-        table = dict(_flat(_table(self.parameters, "parameters")))
-        counts = {name: _count(case, name, table.pop(name)) for name in list(table) if _counted(case.actuator, name)}
-        object.__setattr__(self, "counts", counts)
-        free = free_parameters(case, table, self.bare) if table or not (counts or self.fixed) else ()
-        objective, terms = self._objective(reader)
-        errors = _errors(self.material_errors, case, self.folder)
-        deviations = {} if self.tolerances is None else self.tolerances
-        limits = [keep for k, entry in enumerate(_list(self.keep), 1) for keep in _keeps(reader, entry, f"keep {k}")]
-        settled: dict[str, object] = {
-            "case": case, "free": free, "objective": objective, "terms": terms,
-            "limits": tuple(limits),
-            "spreads": tolerances_of(case, _table(deviations, "tolerances"), self.bare),
-            "errors": errors, "name": self.name or case.name,
-            "notes": tuple(filter(None, [crossed_corners(case, free)])),
-        }  # fmt: skip
-        for name, value in settled.items():
-            object.__setattr__(self, name, value)
-        dataclasses.replace(case, name=self.name)  # a valid file name
-        for keep in self.limits:
-            _check_walls(case, keep)
-        _check_path(case, self.quantities)
-        if not self.working and any(one.name == MARGIN for one in self.quantities):
-            raise DesignError(
-                f"{MARGIN} is relative to the highest pressure of the problem, but no quantity has a pressure"
-            )
-
-    def _objective(self, reader: Reader) -> tuple[str, tuple[ObjectiveTerm, ...]]:
-        given = [name for name in OBJECTIVES if getattr(self, name) is not None]
-        if not given:
-            raise DesignError(f"the problem has no objective; give one of {', '.join(OBJECTIVES)}")
-        if len(given) > 1:
-            raise DesignError(
-                f"{' and '.join(given)} are two objectives; give only one, and a limit (keep) for the other"
-            )
-        entry = getattr(self, given[0])
-        found = reader.quantities(entry, given[0], ("weights",))
-        if isinstance(entry, Mapping) and entry.get("quantity") == CLEARANCES:
-            raise DesignError(
-                f"{given[0]}: {CLEARANCES} has many values and cannot be an objective; use it as a limit (keep)"
-            )
-        weights = entry.get("weights") if isinstance(entry, Mapping) else None
-        weights = [1.0] * len(found) if weights is None else [trials.read("a weight", w, "1") for w in _list(weights)]
-        if len(weights) != len(found) or min(weights) < 0.0 or sum(weights) <= 0.0:
-            raise DesignError(
-                f"{given[0]}: {len(weights)} weights for {len(found)} pressures; give one positive weight for each, or none"
-            )
-        return given[0], tuple(ObjectiveTerm(one, w / sum(weights)) for one, w in zip(found, weights, strict=True))
-
-    def variants(self) -> Iterator[tuple[str, DesignProblem]]:
-        """Yield the problem for each choice of the whole numbers, with its words, as in ``chambers 4``."""
-        rest = {
-            name: bounds for name, bounds in _flat(_table(self.parameters, "parameters")) if name not in self.counts
-        }
-        for choice in itertools.product(*(range(low, high + 1) for low, high in self.counts.values())):
-            values = dict(zip(self.counts, choice, strict=True))
-            words = ", ".join(f"{name} {value}" for name, value in values.items())
-            try:
-                case = dataclasses.replace(self.case, actuator=dataclasses.replace(self.case.actuator, **values))
-                yield words, dataclasses.replace(self, case=case, parameters=rest, fixed=values)
-            except entries.INPUT_ERRORS as error:
-                raise DesignError(f"{words}: {error}") from None
-
-    @property
-    def sign(self) -> float:
-        """-1 if larger is better."""
-        return OBJECTIVES[self.objective]
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Parameters of the gradients: the free ones, then those with only a tolerance."""
-        free = [one.name for one in self.free]
-        return (*free, *(name for name in self.spreads if name not in free))
-
-    @property
-    def highest(self) -> float | None:
-        """Pressure in Pa up to which a limit point is searched, well above the required one; None for the default."""
-        kept = dict.fromkeys((MARGIN, "bifurcation_margin"), self.working)
-        kept |= dict.fromkeys(("limit_pressure", "bifurcation_pressure"), 1.0)
-        if any(term.quantity.name in kept for term in self.terms):
-            return None
-        most = [
-            (keep.at_most or keep.at_least or 0.0) * kept[keep.quantity.name]
-            for keep in self.limits
-            if keep.quantity.name in kept
-        ]
-        return ROOM * max(*most, self.working, key=abs) if most else None
-
-    @property
-    def working(self) -> float:
-        """The pressure of the problem farthest from 0 in Pa; 0 for none."""
-        return max((highest_pressure(one) or 0.0 for one in self.quantities), default=0.0, key=abs)
-
-    @property
-    def quantities(self) -> list[DesignQuantity]:
-        """All quantities, each once."""
-        found = [*(term.quantity for term in self.terms), *(keep.quantity for keep in self.limits)]
-        return list({one.key: one for one in found}.values())
-
-    @classmethod
-    def from_toml(cls, text: str, folder: Path | None = None) -> DesignProblem:
-        """Read a problem file; files in it are counted from ``folder``.
-
-        Raises:
-            DesignError: Not TOML, unknown entries, or an invalid problem.
-        """
-        try:
-            return cls._from_tables(tables.parse_toml(text), folder)
-        except tables.TomlError as error:
-            raise DesignError(f"the problem {error}") from None
-
-    @classmethod
-    def from_file(cls, path: Path | str) -> DesignProblem:
-        """Read a problem file; the messages name it."""
-        path = Path(path)
-        try:
-            return cls._from_tables(tables.read_toml(path), path.parent)
-        except tables.TomlError as error:
-            raise DesignError(f"problem file {path} {error}") from None
-        except DesignError as error:
-            raise DesignError(f"{path}: {error}") from None
-
-    @classmethod
-    def _from_tables(cls, tables: dict[str, object], folder: Path | None) -> DesignProblem:
-        for key in tables:
-            if key not in TABLES:
-                raise DesignError(f"the problem has an unknown entry {key!r}; {errors.known_are(key, TABLES)}")
-        if "case" not in tables:
-            raise DesignError('the problem has no case; give a case file, case = "slab.toml", or a [case] table')
-        values = {key: value for key, value in tables.items() if key != "case"}
-        case = tables["case"]
-        try:
-            written = case if isinstance(case, dict) else {}
-            if isinstance(case, dict):
-                case = Case._from_tables(dict(case), folder)
-            return cls(**{"parameters": {}, **values}, case=case, folder=folder, bare=False, written=written)  # type: ignore[arg-type]
-        except entries.INPUT_ERRORS as error:
-            raise DesignError(str(error)) from None
-
-
-def _place(case: object, folder: Path | None) -> Path:
-    if not isinstance(case, str | Path):
-        raise DesignError(f"case is {units.brief(case)}; it must be a case, a case file or a [case] table")
-    return (folder or Path()) / case
-
-
-def _table(value: object, what: str) -> Mapping[str, object]:
-    if not isinstance(value, Mapping):
-        raise DesignError(f"{what} is {units.brief(value)}; it must be a table, starting with a line [{what}]")
-    return value
-
-
-def _list(value: object) -> Sequence[object]:
-    if isinstance(value, list | tuple):
-        return value
-    if isinstance(value, Keep):
-        return [value]
-    raise DesignError(f"{units.brief(value)} is not a list; each limit starts with a line [[keep]]")
-
-
-def _errors(given: object, case: Case, folder: Path | None) -> materials.MaterialErrors | None:
-    """Return the errors of the case's material: as given, or from a fitted material's file."""
-    if given is None:
-        return None
-    if isinstance(given, Mapping) and set(given) == {"file"}:
-        given = given["file"]
-    if isinstance(given, str | Path):
-        given = materials.MaterialErrors.from_file((folder or Path()) / given)
-    if not isinstance(given, materials.MaterialErrors):
-        raise DesignError(
-            f'material_errors is {units.brief(given)}; give a fitted material, file = "results/fit/fitted.toml"'
-        )
-    given.check(case.material)
-    return given
-
-
-def _check_load(case: Case) -> None:
-    """Reject loads unsuitable for designs."""
-    if not (pressures := case.load.of(trials.PRESSURE)):
-        raise DesignError(f"the case asks for {case.load.requested.words}; designs need pressures (pressure_cm)")
-    if min(pressures) < 0.0 < max(pressures):
-        raise DesignError("the case asks for pressures above and below ambient; designs need one side of it")
-    if case.load_unload:
-        raise DesignError("the case unloads (load_unload), but designs are evaluated during loading only; leave it out")
-    for part in case.components:
-        if why := part.undesigned(case.actuator):
-            raise DesignError(f"the case has a {part.where}, {why}; leave it out")
-
-
-def _check_path(case: Case, quantities: Sequence[DesignQuantity]) -> None:
-    """Reject what is not available where states depend on their path, which is followed in fixed steps of the pressure."""
-    rubbing = next((part.where for part in case.components if part.remembers), "")
-    if not rubbing:
-        return
-    loads = [part.where for part in case.components if isinstance(part, controls.LoadPart)]
-    if loads:
-        raise DesignError(f"{rubbing} has friction, and designs with friction take no loads; leave out {loads[0]}")
-    for asked in (part for one in quantities for part in getattr(one, "parts", (one,))):
-        if isinstance(asked, OfLimit | StoredEnergy | InflationWork):
-            raise DesignError(
-                f"{asked.name} is not available with friction ({rubbing}); leave it out, or set friction = 0"
-            )
-        if asked.load is not None and asked.load.kind == trials.VOLUME:
-            raise DesignError(f"{asked.title} is at a volume, but with friction ({rubbing}) designs need pressures")
-
-
-def _keeps(reader: Reader, entry: object, where: str) -> list[Keep]:
-    if isinstance(entry, Keep):
-        table: Mapping[str, object] = {side: getattr(entry, side) for side in LIMITS}
-        asked = reader.quantities(entry.quantity, where)
-    else:
-        table = _table(entry, where)
-        asked = reader.quantities(table, where, LIMITS)
-    found = [Keep(one, *(reader.limit(table, side, one, where) for side in LIMITS)) for one in asked]
-    for keep in found:
-        check_limits(keep, where)
-    return found
-
-
-def _check_walls(case: Case, keep: Keep) -> None:
-    """Reject a minimum wall that the given device does not satisfy."""
-    if keep.quantity.name != CLEARANCES or keep.at_least is None:
-        return
-    for wall, value in case.actuator.clearances.items():
-        if value < keep.at_least:
-            raise DesignError(
-                f"the workshop's smallest wall is {in_words(keep.quantity, keep.at_least)}, but at the start {wall} is "
-                f"{in_words(keep.quantity, value)}; start from a device that can be made"
-            )
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -35,6 +35,218 @@ from softmodels.design.problem import (
 )
 from softmodels.design.trials import Trial
 
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class DesignResult(cards.Shown):
+    """The outcome of an optimisation: the best end of all starts and what holds it back, all trials, where each start ended,
+    how much finer the fresh mesh was, the folder if there is one, and with each choice of whole numbers a sentence."""
+
+    problem: DesignProblem
+    end: StartEnd
+    trials: tuple[Trial, ...]
+    ends: tuple[StartEnd, ...]
+    holding: Holding
+    finer: float = 1.0
+    stopped: bool = False
+    folder: Path | None = None
+    variants: tuple[str, ...] = ()
+
+    @property
+    def best(self) -> Trial:
+        """The best design: within all limits, or else with the smallest violation."""
+        assert self.end.best is not None
+        return self.end.best
+
+    @property
+    def form(self) -> Formulation:
+        """The problem in scaled numbers."""
+        return self.end.form
+
+    @property
+    def confirmed(self) -> Mapping[str, float]:
+        """Values of the best design on a fresh mesh; empty if there are none."""
+        return self.end.confirmed
+
+    @property
+    def trouble(self) -> str:
+        """Why the design could not be confirmed; empty for none."""
+        return self.end.trouble
+
+    @property
+    def first(self) -> Trial:
+        """The given device."""
+        return self.trials[0]
+
+    @property
+    def feasible(self) -> bool:
+        """Whether the best design satisfies all limits."""
+        return self.end.feasible
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Free parameters of the best design, SI units."""
+        return {one.name: value for one, value in zip(self.problem.free, self.best.theta, strict=False)}
+
+    @property
+    def device(self) -> Actuator:
+        """The best device."""
+        return self.case.actuator
+
+    @property
+    def given(self) -> Case:
+        """The case of the device as given."""
+        return dataclasses.replace(self.problem.case, name=self.problem.name)
+
+    @property
+    def case(self) -> Case:
+        """The case of the best device."""
+        return case_of(self.problem, self.best)
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """Reported values of the best design: on the fresh mesh, or on the search's if there is none."""
+        return self.end.values
+
+    # -- in words -----------------------------------------------------------------------------------------------------
+
+    def _line(self) -> str:
+        return f"of {self.problem.name}: {self.headline}"
+
+    def _figures(self) -> cards.Table:
+        return [
+            (one["name"], f"{one['before']:.4g} to {one['after']:.4g} {one['unit']}".strip())
+            for one in parameters_told(self)
+        ]
+
+    def _remarks(self) -> list[str]:
+        return [*self.missed, *self.reasons, *filter(None, [self.trouble])]
+
+    @property
+    def headline(self) -> str:
+        """The result in a sentence."""
+        cm, failed = self.problem.case.cm, sum(trial.failed for trial in self.trials)
+        words = "; ".join(
+            f"{label(term.quantity, cm)} {in_words(term.quantity, self.first.values[term.quantity.key])} at the start, "
+            f"{in_words(term.quantity, self.values[term.quantity.key])} in the design"
+            for term in self.problem.terms
+        )
+        count = f"{len(self.trials)} designs evaluated" + (f", {failed} of them without a state" if failed else "")
+        limits = "all limits satisfied" if self.feasible else "not all limits can be satisfied"
+        chosen = "".join(f"{name} {value}: " for name, value in self.problem.fixed.items())
+        return f"{'stopped by the user; so far: ' if self.stopped else ''}{chosen}{words}; {limits}; {count}"
+
+    @property
+    def missed(self) -> list[str]:
+        """The limits violated by the best design, with their values."""
+        violations = self.form.passed(self.values, self.form.allowances(self.best))
+        return [
+            f"{row.words} is {in_words(row.keep.quantity, self.values[row.key])}, but must "
+            f"be {'at most' if row.sign > 0 else 'at least'} {in_words(row.keep.quantity, row.limit)}"
+            + (": walls overlap, so the other values are invalid" if _overlaps(row, self.values) else "")
+            for row, violation in zip(self.form.rows, violations, strict=True)
+            if violation > FRESH_LIMIT
+        ]
+
+    @property
+    def reasons(self) -> list[str]:
+        """The active limits of the design, in sentences."""
+        holders = self.holding.holders
+        if not self.feasible and self.form.feasible(self.best):
+            passed = (
+                f"limits satisfied in the search are violated by up to {self.end.passed:.2%} on "
+                f"the fresh mesh, within the mesh error; use smaller cells, or set stricter limits"
+            )
+            return [passed, *(one.sentence for one in holders)]
+        if self.feasible:
+            if not holders and self.holding.balanced:
+                return ["no limit is active: this is a local optimum"]
+            return [one.sentence for one in holders]
+        if self.end.why:
+            return [
+                f"no design so far satisfies all limits (the search ended {self.end.why}); continue with more evaluations"
+            ]
+        held = [one.words for one in holders]
+        what = (
+            f"{' and '.join(held)} are incompatible"
+            if len(held) > 1
+            else f"{' '.join(held) or 'its limits'} cannot be satisfied"
+        )
+        told = [f"the problem is infeasible, and this is the closest design: {what}"]
+        failed = sum(trial.failed for trial in self.trials)
+        if failed and not self.holding.balanced:
+            told.append(
+                f"{failed} neighbouring designs have no state at the requested pressures, which also limits the result"
+            )
+        return told + [one.sentence for one in holders if one.sentence and one.sentence != one.words]
+
+    @property
+    def agreement(self) -> str:
+        """Whether the starts agree; empty for a single one."""
+        judged = [one for one in self.ends if one.best is not None]
+        if len(self.ends) < 2:
+            return ""
+        if len(judged) < 2:
+            return f"only one of {len(self.ends)} starts succeeded"
+        same = sum(self._same(one) for one in judged)
+        if same == len(judged):
+            return f"the {len(judged)} starts agree"
+        values = ", ".join(
+            in_words(self.problem.terms[0].quantity, one.objective) + ("" if one.feasible else " (limits violated)")
+            for one in judged
+        )
+        return f"{same} of {len(judged)} starts agree with the best; they ended at {values}"
+
+    def _same(self, other: StartEnd) -> bool:
+        assert other.best is not None
+        if other.feasible != self.feasible:
+            return False
+        if abs(other.objective - self.end.objective) <= SAME_VALUE * abs(self.end.objective):
+            return True
+        steps = np.abs(self.form.x(np.array(other.best.theta)) - self.form.x(np.array(self.best.theta)))
+        return bool(steps.max() <= SAME_PLACE)
+
+    @property
+    def confirmation(self) -> list[str]:
+        """The values on the search's mesh compared with those on the fresh one."""
+        told = []
+        for asked in self.problem.quantities:
+            for key in [
+                key for key in self.confirmed if key == asked.key or key.startswith(f"{asked.key.removesuffix('s')}:")
+            ]:
+                if key not in self.best.values:
+                    continue
+                found, fresh = self.best.values[key], self.confirmed[key]
+                share = abs(fresh - found) / max(abs(fresh), 1e-300)
+                if share < 1e-9:  # depends only on the geometry
+                    continue
+                words = label(asked, self.problem.case.cm) if key == asked.key else key
+                told.append(
+                    f"{words}: {in_words(asked, fresh, 5)} on the fresh mesh, {in_words(asked, found, 5)} in the search "
+                    f"({share:.2%} apart{', more than ' + format(FRESH, '.0%') if share > FRESH else ''})"
+                )
+        return told
+
+    @property
+    def recovered(self) -> Told | None:
+        """The parameters determined by a target; None without a target or errors."""
+        return recovered(self.form, self.best)
+
+    @property
+    def margins(self) -> list[str]:
+        """The allowances of each limit for tolerances and the material's errors, in sentences."""
+        if not self.form.spread.any:
+            return []
+        allowances = self.form.allowances(self.best)
+        told = []
+        for row, taken in zip(self.form.rows, allowances, strict=True):
+            asked, value = row.keep.quantity, self.values[row.key]
+            told.append(
+                f"{row.text}: {in_words(asked, value)} +- {in_words(asked, taken / SURE, 2)} (one standard deviation), so with "
+                f"95 % {'below' if row.sign > 0 else 'above'} {in_words(asked, value + row.sign * taken)}"
+            )
+        return told
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Identifiability of parameters from a target: standard errors, intervals, and weakly determined combinations.
 #
@@ -405,217 +617,6 @@ class StartEnd:
 def _overlaps(row: ConstraintRow, values: Mapping[str, float]) -> bool:
     """Return whether a limit's value means that walls overlap."""
     return isinstance(row.keep.quantity, extremes.LeastGap) and values[row.key] < 0.0
-
-
-@dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class DesignResult(cards.Shown):
-    """The outcome of an optimisation: the best end of all starts and what holds it back, all trials, where each start ended,
-    how much finer the fresh mesh was, the folder if there is one, and with each choice of whole numbers a sentence."""
-
-    problem: DesignProblem
-    end: StartEnd
-    trials: tuple[Trial, ...]
-    ends: tuple[StartEnd, ...]
-    holding: Holding
-    finer: float = 1.0
-    stopped: bool = False
-    folder: Path | None = None
-    variants: tuple[str, ...] = ()
-
-    @property
-    def best(self) -> Trial:
-        """The best design: within all limits, or else with the smallest violation."""
-        assert self.end.best is not None
-        return self.end.best
-
-    @property
-    def form(self) -> Formulation:
-        """The problem in scaled numbers."""
-        return self.end.form
-
-    @property
-    def confirmed(self) -> Mapping[str, float]:
-        """Values of the best design on a fresh mesh; empty if there are none."""
-        return self.end.confirmed
-
-    @property
-    def trouble(self) -> str:
-        """Why the design could not be confirmed; empty for none."""
-        return self.end.trouble
-
-    @property
-    def first(self) -> Trial:
-        """The given device."""
-        return self.trials[0]
-
-    @property
-    def feasible(self) -> bool:
-        """Whether the best design satisfies all limits."""
-        return self.end.feasible
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """Free parameters of the best design, SI units."""
-        return {one.name: value for one, value in zip(self.problem.free, self.best.theta, strict=False)}
-
-    @property
-    def device(self) -> Actuator:
-        """The best device."""
-        return self.case.actuator
-
-    @property
-    def given(self) -> Case:
-        """The case of the device as given."""
-        return dataclasses.replace(self.problem.case, name=self.problem.name)
-
-    @property
-    def case(self) -> Case:
-        """The case of the best device."""
-        return case_of(self.problem, self.best)
-
-    @property
-    def values(self) -> Mapping[str, float]:
-        """Reported values of the best design: on the fresh mesh, or on the search's if there is none."""
-        return self.end.values
-
-    # -- in words -----------------------------------------------------------------------------------------------------
-
-    def _line(self) -> str:
-        return f"of {self.problem.name}: {self.headline}"
-
-    def _figures(self) -> cards.Table:
-        return [
-            (one["name"], f"{one['before']:.4g} to {one['after']:.4g} {one['unit']}".strip())
-            for one in parameters_told(self)
-        ]
-
-    def _remarks(self) -> list[str]:
-        return [*self.missed, *self.reasons, *filter(None, [self.trouble])]
-
-    @property
-    def headline(self) -> str:
-        """The result in a sentence."""
-        cm, failed = self.problem.case.cm, sum(trial.failed for trial in self.trials)
-        words = "; ".join(
-            f"{label(term.quantity, cm)} {in_words(term.quantity, self.first.values[term.quantity.key])} at the start, "
-            f"{in_words(term.quantity, self.values[term.quantity.key])} in the design"
-            for term in self.problem.terms
-        )
-        count = f"{len(self.trials)} designs evaluated" + (f", {failed} of them without a state" if failed else "")
-        limits = "all limits satisfied" if self.feasible else "not all limits can be satisfied"
-        chosen = "".join(f"{name} {value}: " for name, value in self.problem.fixed.items())
-        return f"{'stopped by the user; so far: ' if self.stopped else ''}{chosen}{words}; {limits}; {count}"
-
-    @property
-    def missed(self) -> list[str]:
-        """The limits violated by the best design, with their values."""
-        violations = self.form.passed(self.values, self.form.allowances(self.best))
-        return [
-            f"{row.words} is {in_words(row.keep.quantity, self.values[row.key])}, but must "
-            f"be {'at most' if row.sign > 0 else 'at least'} {in_words(row.keep.quantity, row.limit)}"
-            + (": walls overlap, so the other values are invalid" if _overlaps(row, self.values) else "")
-            for row, violation in zip(self.form.rows, violations, strict=True)
-            if violation > FRESH_LIMIT
-        ]
-
-    @property
-    def reasons(self) -> list[str]:
-        """The active limits of the design, in sentences."""
-        holders = self.holding.holders
-        if not self.feasible and self.form.feasible(self.best):
-            passed = (
-                f"limits satisfied in the search are violated by up to {self.end.passed:.2%} on "
-                f"the fresh mesh, within the mesh error; use smaller cells, or set stricter limits"
-            )
-            return [passed, *(one.sentence for one in holders)]
-        if self.feasible:
-            if not holders and self.holding.balanced:
-                return ["no limit is active: this is a local optimum"]
-            return [one.sentence for one in holders]
-        if self.end.why:
-            return [
-                f"no design so far satisfies all limits (the search ended {self.end.why}); continue with more evaluations"
-            ]
-        held = [one.words for one in holders]
-        what = (
-            f"{' and '.join(held)} are incompatible"
-            if len(held) > 1
-            else f"{' '.join(held) or 'its limits'} cannot be satisfied"
-        )
-        told = [f"the problem is infeasible, and this is the closest design: {what}"]
-        failed = sum(trial.failed for trial in self.trials)
-        if failed and not self.holding.balanced:
-            told.append(
-                f"{failed} neighbouring designs have no state at the requested pressures, which also limits the result"
-            )
-        return told + [one.sentence for one in holders if one.sentence and one.sentence != one.words]
-
-    @property
-    def agreement(self) -> str:
-        """Whether the starts agree; empty for a single one."""
-        judged = [one for one in self.ends if one.best is not None]
-        if len(self.ends) < 2:
-            return ""
-        if len(judged) < 2:
-            return f"only one of {len(self.ends)} starts succeeded"
-        same = sum(self._same(one) for one in judged)
-        if same == len(judged):
-            return f"the {len(judged)} starts agree"
-        values = ", ".join(
-            in_words(self.problem.terms[0].quantity, one.objective) + ("" if one.feasible else " (limits violated)")
-            for one in judged
-        )
-        return f"{same} of {len(judged)} starts agree with the best; they ended at {values}"
-
-    def _same(self, other: StartEnd) -> bool:
-        assert other.best is not None
-        if other.feasible != self.feasible:
-            return False
-        if abs(other.objective - self.end.objective) <= SAME_VALUE * abs(self.end.objective):
-            return True
-        steps = np.abs(self.form.x(np.array(other.best.theta)) - self.form.x(np.array(self.best.theta)))
-        return bool(steps.max() <= SAME_PLACE)
-
-    @property
-    def confirmation(self) -> list[str]:
-        """The values on the search's mesh compared with those on the fresh one."""
-        told = []
-        for asked in self.problem.quantities:
-            for key in [
-                key for key in self.confirmed if key == asked.key or key.startswith(f"{asked.key.removesuffix('s')}:")
-            ]:
-                if key not in self.best.values:
-                    continue
-                found, fresh = self.best.values[key], self.confirmed[key]
-                share = abs(fresh - found) / max(abs(fresh), 1e-300)
-                if share < 1e-9:  # depends only on the geometry
-                    continue
-                words = label(asked, self.problem.case.cm) if key == asked.key else key
-                told.append(
-                    f"{words}: {in_words(asked, fresh, 5)} on the fresh mesh, {in_words(asked, found, 5)} in the search "
-                    f"({share:.2%} apart{', more than ' + format(FRESH, '.0%') if share > FRESH else ''})"
-                )
-        return told
-
-    @property
-    def recovered(self) -> Told | None:
-        """The parameters determined by a target; None without a target or errors."""
-        return recovered(self.form, self.best)
-
-    @property
-    def margins(self) -> list[str]:
-        """The allowances of each limit for tolerances and the material's errors, in sentences."""
-        if not self.form.spread.any:
-            return []
-        allowances = self.form.allowances(self.best)
-        told = []
-        for row, taken in zip(self.form.rows, allowances, strict=True):
-            asked, value = row.keep.quantity, self.values[row.key]
-            told.append(
-                f"{row.text}: {in_words(asked, value)} +- {in_words(asked, taken / SURE, 2)} (one standard deviation), so with "
-                f"95 % {'below' if row.sign > 0 else 'above'} {in_words(asked, value + row.sign * taken)}"
-            )
-        return told
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -26,208 +26,6 @@ if TYPE_CHECKING:
     from softmodels.mechanics.system import State
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Locate points in a mesh of curved cells, and interpolate there.
-
-
-Numbers = npt.NDArray[np.int64]
-
-EDGES = {2: ((0, 1), (1, 2), (0, 2)), 3: ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))}
-"""Corners of each mid-edge node, in VTK's order, by dimension."""
-NEAREST = 24
-"""Number of nearest cells in which a point is searched."""
-ITERATIONS = 6
-"""Iterations of Newton's method for the position in a curved cell."""
-OUTSIDE = 0.1
-"""Maximum distance of a point outside its cell, in barycentric coordinates, because meshes of a curved wall differ."""
-
-
-class Places:
-    """Points, shape (m, d), in the cells (node numbers in VTK's order, shape (c, 6 or 10)) of a mesh of order two: the cell
-    of each, shape (m,), and its barycentric coordinates there, shape (m, d + 1)."""
-
-    def __init__(self, nodes: Array, cells: Numbers, points: Array):
-        self.cells, d = cells, nodes.shape[1]
-        self.edges = EDGES[d]
-        corners = nodes[cells[:, : d + 1]]
-        count = min(NEAREST, len(cells))
-        _, near = scipy.spatial.cKDTree(corners.mean(axis=1)).query(points, count)
-        near = near.reshape(len(points), count)
-        frames = np.linalg.inv(np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2))
-        inner = np.einsum("mkij,mkj->mki", frames[near], points[:, None] - corners[near, 0])
-        shares = np.concatenate([1.0 - inner.sum(axis=2, keepdims=True), inner], axis=2)
-        # Straight cells select the candidates for the curved cells' Newton steps.
-        best = np.argsort(-shares.min(axis=2), axis=1)[:, :3]
-        self.cell, self.share = near[:, 0], np.full((len(points), d + 1), -np.inf)
-        for k in range(best.shape[1]):
-            chosen = np.take_along_axis(near, best[:, k : k + 1], 1)[:, 0]
-            straight = np.take_along_axis(shares, best[:, k, None, None], 1)[:, 0]
-            share = self._curved(nodes[cells[chosen]], points, straight)
-            better = share.min(axis=1) > self.share.min(axis=1)
-            self.cell, self.share = np.where(better, chosen, self.cell), np.where(better[:, None], share, self.share)
-        inside = np.maximum(self.share, -OUTSIDE)
-        self.share = inside / inside.sum(axis=1, keepdims=True)
-
-    def _curved(self, nodes: Array, points: Array, share: Array) -> Array:
-        """Return the barycentric coordinates in curved cells, from those in straight ones; the straight ones if Newton's
-        method diverges."""
-        found = np.clip(share, -0.5, 1.5)
-        found = found / found.sum(axis=1, keepdims=True)
-        start = found
-        for _ in range(ITERATIONS):
-            gap = points - np.einsum("mn,mni->mi", self._shapes(found), nodes)
-            slopes = np.einsum("mnk,mni->mik", self._slopes(found), nodes)  # by each coordinate as if independent
-            jacobian = slopes[:, :, 1:] - slopes[:, :, :1]
-            regular = np.abs(np.linalg.det(jacobian)) > 1e-12 * np.abs(jacobian).max(axis=(1, 2)) ** jacobian.shape[1]
-            jacobian[~regular] = np.eye(jacobian.shape[1])
-            step = np.clip(np.linalg.solve(jacobian, gap[..., None])[..., 0], -0.5, 0.5)
-            found = found + np.concatenate([-step.sum(axis=1, keepdims=True), step], axis=1)
-        astray = ~(np.abs(found - start).max(axis=1) < 1.0)
-        return np.where(astray[:, None], start, found)
-
-    def _shapes(self, share: Array) -> Array:
-        """Return the nodes' shape functions, shape (m, nodes)."""
-        edges = np.array(self.edges)
-        return np.concatenate(
-            [share * (2.0 * share - 1.0), 4.0 * share[:, edges[:, 0]] * share[:, edges[:, 1]]], axis=1
-        )
-
-    def _slopes(self, share: Array) -> Array:
-        """Return their slopes by the barycentric coordinates, shape (m, nodes, d + 1)."""
-        corners = share.shape[1]
-        found = np.zeros((len(share), corners + len(self.edges), corners))
-        for k in range(corners):
-            found[:, k, k] = 4.0 * share[:, k] - 1.0
-        for number, (one, other) in zip(itertools.count(corners), self.edges, strict=False):
-            found[:, number, one], found[:, number, other] = 4.0 * share[:, other], 4.0 * share[:, one]
-        return found
-
-    def interpolated(self, values: Array, linear: bool = False) -> Array:
-        """Return the values at the points, shape (m, k), of those at the nodes, shape (n, k); ``linear`` takes the corners'
-        alone."""
-        weights = self.share if linear else self._shapes(self.share)
-        return np.einsum("mn,mnk->mk", weights, values[self.cells[self.cell][:, : weights.shape[1]]])
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Transfer states between meshes of a device: interpolated on rank 0, as guesses for Newton's method.
-
-
-class Transfer:
-    """Interpolates unknowns between an old and a new mesh of the same device, with the dimensionless volume ``rest`` of the
-    undeformed cavity on the new one."""
-
-    def __init__(self, old: quantities.DesignedBody, new: quantities.DesignedBody):
-        self.old, self.new = old.system, new.system
-        self.rest = new.volume_at_rest()
-        self._scale = self.old.length_unit / self.new.length_unit  # displacements are scaled by it, pressures are not
-        self._from, self._to = state_values.Grid(self.old), state_values.Grid(self.new)
-        self._known, self._wanted = (
-            state_values.displacement_maps(*pair) for pair in ((self.old, self._from), (self.new, self._to))
-        )
-        self._w = fem.Function(self.new.space)
-        self._places: list[Places] = []  # on rank 0
-        mpi.on_root(self.new.comm, self._locate)
-
-    def _locate(self) -> None:
-        dimension = self._from.dimension
-        kept = [0, 2] if dimension == 2 else [0, 1, 2]
-        self._places.append(Places(self._from.points[:, kept], self._from.cells, self._to.points[:, kept]))
-
-    def dofs(self, w: Array) -> Array:
-        """Return the unknowns on the new mesh, with ghosts, of those on the old one; behind both come multipliers
-        (`State.w`)."""
-        x = self._w.x
-        x.array[:] = 0.0
-        columns, own = self._known[0][: self._from.owned], self._wanted[0][: self._to.owned]
-        x.array[own] = self._scale * self._carried(w[columns], linear=False)
-        known, wanted = self._known[1], self._wanted[1]
-        if known is not None and wanted is not None:
-            known, wanted = known[: self._from.owned], wanted[: self._to.owned]
-            at_vertices = self._carried(np.where(known >= 0, w[known], 0.0), linear=True)
-            x.array[wanted[wanted >= 0]] = at_vertices[wanted >= 0]
-        x.scatter_forward()
-        return np.concatenate([x.array, w[self.old.dofs :]])
-
-    def _carried(self, values: Array, linear: bool) -> Array:
-        """Return the values of owned nodes of the new mesh of those of the old one, shapes (owned, k)."""
-        everywhere = self._from.collect(values)
-        found = None if everywhere is None else self._places[0].interpolated(everywhere, linear)
-        return self._to.distribute(found)
-
-    def volume(self, V: float, rest: float) -> float:
-        """Return a dimensionless volume on the new mesh, of one on the old mesh whose volume at rest is ``rest``."""
-        return self.rest + (V - rest) * self._scale**3
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# States of one design as guesses for the next one, or for another mesh.
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Known:
-    """States of one design by load, as guesses for the next: values, never modified. Its limit point is no guess, because a
-    bulge may grow elsewhere on the next design."""
-
-    rest: float
-    states: dict[trials.JudgedLoad, State]
-    limit: stability.Point | None
-    bifurcation: Bifurcation | None
-
-    def ahead(self, before: Known, share: float) -> Known:
-        """Extrapolate linearly from an earlier design's states through these, by a share of
-        their distance."""
-
-        def state(here: State, there: State) -> State:
-            w = here.w + share * (here.w - there.w)
-            P, V = here.P + share * (here.P - there.P), here.V + share * (here.V - there.V)
-            return dataclasses.replace(here, w=w, P=P, V=V)
-
-        states = {load: state(here, before.states[load]) for load, here in self.states.items()}
-        return Known(self.rest + share * (self.rest - before.rest), states, None, self.bifurcation)
-
-    def transferred(self, transfer: Transfer) -> Known:
-        """Return the same on another mesh of the same device."""
-
-        def state(known: State) -> State:
-            return dataclasses.replace(known, w=transfer.dofs(known.w), V=transfer.volume(known.V, self.rest))
-
-        fork = self.bifurcation
-        if fork is not None:
-            modes = tuple(transfer.dofs(mode) for mode in fork.modes)
-            V = transfer.volume(fork.V, self.rest)
-            fork = dataclasses.replace(fork, V=V, states=tuple(map(state, fork.states)), modes=modes)
-        return Known(transfer.rest, {load: state(known) for load, known in self.states.items()}, None, fork)
-
-
-LARGEST_JUMP = 3.0
-"""Growth of the added volume from one design to the next above which the state may be one behind a limit point: a shorter step
-is taken, and at last the whole path."""
-NOTHING = 1e-3
-"""Added volume relative to the cavity's below which its growth says nothing."""
-
-
-def _in_order(loads: Iterable[trials.JudgedLoad], kind: str) -> list[trials.JudgedLoad]:
-    """Return the loads of a kind in the order in which a path meets them."""
-    return sorted((load for load in loads if load.kind == kind), key=lambda load: abs(load.value))
-
-
-STEPS = 12
-"""Steps of the pressure up to the highest load where states depend on the path. They are the same for every design, so that
-values are smooth; where Newton's method fails there are twice as many from then on."""
-MOST_STEPS = 96
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Followed:
-    """What a state that depends on its path needs beside itself: what friction remembered where its step began, and of each
-    parameter the state's rate and how that changes."""
-
-    remembered: tuple[object, ...]
-    rates: dict[str, sensitivity.Rate]
-    histories: dict[str, list[Array]]
-
-
 class WorkingStates:
     """States of a device at given loads, and if wanted its limit point and first bifurcation up to a ``highest`` pressure in
     Pa, of the device that the mesh shows. ``newton`` counts iterations since it was last set to zero; states are ``carried``
@@ -431,6 +229,208 @@ class WorkingStates:
             state = self.solver.solve(controls.volume_control(rest + value / system.volume_unit), guess.w, guess.P)
         self.newton += state.iterations
         return state
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Locate points in a mesh of curved cells, and interpolate there.
+
+
+Numbers = npt.NDArray[np.int64]
+
+EDGES = {2: ((0, 1), (1, 2), (0, 2)), 3: ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))}
+"""Corners of each mid-edge node, in VTK's order, by dimension."""
+NEAREST = 24
+"""Number of nearest cells in which a point is searched."""
+ITERATIONS = 6
+"""Iterations of Newton's method for the position in a curved cell."""
+OUTSIDE = 0.1
+"""Maximum distance of a point outside its cell, in barycentric coordinates, because meshes of a curved wall differ."""
+
+
+class Places:
+    """Points, shape (m, d), in the cells (node numbers in VTK's order, shape (c, 6 or 10)) of a mesh of order two: the cell
+    of each, shape (m,), and its barycentric coordinates there, shape (m, d + 1)."""
+
+    def __init__(self, nodes: Array, cells: Numbers, points: Array):
+        self.cells, d = cells, nodes.shape[1]
+        self.edges = EDGES[d]
+        corners = nodes[cells[:, : d + 1]]
+        count = min(NEAREST, len(cells))
+        _, near = scipy.spatial.cKDTree(corners.mean(axis=1)).query(points, count)
+        near = near.reshape(len(points), count)
+        frames = np.linalg.inv(np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2))
+        inner = np.einsum("mkij,mkj->mki", frames[near], points[:, None] - corners[near, 0])
+        shares = np.concatenate([1.0 - inner.sum(axis=2, keepdims=True), inner], axis=2)
+        # Straight cells select the candidates for the curved cells' Newton steps.
+        best = np.argsort(-shares.min(axis=2), axis=1)[:, :3]
+        self.cell, self.share = near[:, 0], np.full((len(points), d + 1), -np.inf)
+        for k in range(best.shape[1]):
+            chosen = np.take_along_axis(near, best[:, k : k + 1], 1)[:, 0]
+            straight = np.take_along_axis(shares, best[:, k, None, None], 1)[:, 0]
+            share = self._curved(nodes[cells[chosen]], points, straight)
+            better = share.min(axis=1) > self.share.min(axis=1)
+            self.cell, self.share = np.where(better, chosen, self.cell), np.where(better[:, None], share, self.share)
+        inside = np.maximum(self.share, -OUTSIDE)
+        self.share = inside / inside.sum(axis=1, keepdims=True)
+
+    def _curved(self, nodes: Array, points: Array, share: Array) -> Array:
+        """Return the barycentric coordinates in curved cells, from those in straight ones; the straight ones if Newton's
+        method diverges."""
+        found = np.clip(share, -0.5, 1.5)
+        found = found / found.sum(axis=1, keepdims=True)
+        start = found
+        for _ in range(ITERATIONS):
+            gap = points - np.einsum("mn,mni->mi", self._shapes(found), nodes)
+            slopes = np.einsum("mnk,mni->mik", self._slopes(found), nodes)  # by each coordinate as if independent
+            jacobian = slopes[:, :, 1:] - slopes[:, :, :1]
+            regular = np.abs(np.linalg.det(jacobian)) > 1e-12 * np.abs(jacobian).max(axis=(1, 2)) ** jacobian.shape[1]
+            jacobian[~regular] = np.eye(jacobian.shape[1])
+            step = np.clip(np.linalg.solve(jacobian, gap[..., None])[..., 0], -0.5, 0.5)
+            found = found + np.concatenate([-step.sum(axis=1, keepdims=True), step], axis=1)
+        astray = ~(np.abs(found - start).max(axis=1) < 1.0)
+        return np.where(astray[:, None], start, found)
+
+    def _shapes(self, share: Array) -> Array:
+        """Return the nodes' shape functions, shape (m, nodes)."""
+        edges = np.array(self.edges)
+        return np.concatenate(
+            [share * (2.0 * share - 1.0), 4.0 * share[:, edges[:, 0]] * share[:, edges[:, 1]]], axis=1
+        )
+
+    def _slopes(self, share: Array) -> Array:
+        """Return their slopes by the barycentric coordinates, shape (m, nodes, d + 1)."""
+        corners = share.shape[1]
+        found = np.zeros((len(share), corners + len(self.edges), corners))
+        for k in range(corners):
+            found[:, k, k] = 4.0 * share[:, k] - 1.0
+        for number, (one, other) in zip(itertools.count(corners), self.edges, strict=False):
+            found[:, number, one], found[:, number, other] = 4.0 * share[:, other], 4.0 * share[:, one]
+        return found
+
+    def interpolated(self, values: Array, linear: bool = False) -> Array:
+        """Return the values at the points, shape (m, k), of those at the nodes, shape (n, k); ``linear`` takes the corners'
+        alone."""
+        weights = self.share if linear else self._shapes(self.share)
+        return np.einsum("mn,mnk->mk", weights, values[self.cells[self.cell][:, : weights.shape[1]]])
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Transfer states between meshes of a device: interpolated on rank 0, as guesses for Newton's method.
+
+
+class Transfer:
+    """Interpolates unknowns between an old and a new mesh of the same device, with the dimensionless volume ``rest`` of the
+    undeformed cavity on the new one."""
+
+    def __init__(self, old: quantities.DesignedBody, new: quantities.DesignedBody):
+        self.old, self.new = old.system, new.system
+        self.rest = new.volume_at_rest()
+        self._scale = self.old.length_unit / self.new.length_unit  # displacements are scaled by it, pressures are not
+        self._from, self._to = state_values.Grid(self.old), state_values.Grid(self.new)
+        self._known, self._wanted = (
+            state_values.displacement_maps(*pair) for pair in ((self.old, self._from), (self.new, self._to))
+        )
+        self._w = fem.Function(self.new.space)
+        self._places: list[Places] = []  # on rank 0
+        mpi.on_root(self.new.comm, self._locate)
+
+    def _locate(self) -> None:
+        dimension = self._from.dimension
+        kept = [0, 2] if dimension == 2 else [0, 1, 2]
+        self._places.append(Places(self._from.points[:, kept], self._from.cells, self._to.points[:, kept]))
+
+    def dofs(self, w: Array) -> Array:
+        """Return the unknowns on the new mesh, with ghosts, of those on the old one; behind both come multipliers
+        (`State.w`)."""
+        x = self._w.x
+        x.array[:] = 0.0
+        columns, own = self._known[0][: self._from.owned], self._wanted[0][: self._to.owned]
+        x.array[own] = self._scale * self._carried(w[columns], linear=False)
+        known, wanted = self._known[1], self._wanted[1]
+        if known is not None and wanted is not None:
+            known, wanted = known[: self._from.owned], wanted[: self._to.owned]
+            at_vertices = self._carried(np.where(known >= 0, w[known], 0.0), linear=True)
+            x.array[wanted[wanted >= 0]] = at_vertices[wanted >= 0]
+        x.scatter_forward()
+        return np.concatenate([x.array, w[self.old.dofs :]])
+
+    def _carried(self, values: Array, linear: bool) -> Array:
+        """Return the values of owned nodes of the new mesh of those of the old one, shapes (owned, k)."""
+        everywhere = self._from.collect(values)
+        found = None if everywhere is None else self._places[0].interpolated(everywhere, linear)
+        return self._to.distribute(found)
+
+    def volume(self, V: float, rest: float) -> float:
+        """Return a dimensionless volume on the new mesh, of one on the old mesh whose volume at rest is ``rest``."""
+        return self.rest + (V - rest) * self._scale**3
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# States of one design as guesses for the next one, or for another mesh.
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Known:
+    """States of one design by load, as guesses for the next: values, never modified. Its limit point is no guess, because a
+    bulge may grow elsewhere on the next design."""
+
+    rest: float
+    states: dict[trials.JudgedLoad, State]
+    limit: stability.Point | None
+    bifurcation: Bifurcation | None
+
+    def ahead(self, before: Known, share: float) -> Known:
+        """Extrapolate linearly from an earlier design's states through these, by a share of
+        their distance."""
+
+        def state(here: State, there: State) -> State:
+            w = here.w + share * (here.w - there.w)
+            P, V = here.P + share * (here.P - there.P), here.V + share * (here.V - there.V)
+            return dataclasses.replace(here, w=w, P=P, V=V)
+
+        states = {load: state(here, before.states[load]) for load, here in self.states.items()}
+        return Known(self.rest + share * (self.rest - before.rest), states, None, self.bifurcation)
+
+    def transferred(self, transfer: Transfer) -> Known:
+        """Return the same on another mesh of the same device."""
+
+        def state(known: State) -> State:
+            return dataclasses.replace(known, w=transfer.dofs(known.w), V=transfer.volume(known.V, self.rest))
+
+        fork = self.bifurcation
+        if fork is not None:
+            modes = tuple(transfer.dofs(mode) for mode in fork.modes)
+            V = transfer.volume(fork.V, self.rest)
+            fork = dataclasses.replace(fork, V=V, states=tuple(map(state, fork.states)), modes=modes)
+        return Known(transfer.rest, {load: state(known) for load, known in self.states.items()}, None, fork)
+
+
+LARGEST_JUMP = 3.0
+"""Growth of the added volume from one design to the next above which the state may be one behind a limit point: a shorter step
+is taken, and at last the whole path."""
+NOTHING = 1e-3
+"""Added volume relative to the cavity's below which its growth says nothing."""
+
+
+def _in_order(loads: Iterable[trials.JudgedLoad], kind: str) -> list[trials.JudgedLoad]:
+    """Return the loads of a kind in the order in which a path meets them."""
+    return sorted((load for load in loads if load.kind == kind), key=lambda load: abs(load.value))
+
+
+STEPS = 12
+"""Steps of the pressure up to the highest load where states depend on the path. They are the same for every design, so that
+values are smooth; where Newton's method fails there are twice as many from then on."""
+MOST_STEPS = 96
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Followed:
+    """What a state that depends on its path needs beside itself: what friction remembered where its step began, and of each
+    parameter the state's rate and how that changes."""
+
+    remembered: tuple[object, ...]
+    rates: dict[str, sensitivity.Rate]
+    histories: dict[str, list[Array]]
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -45,6 +45,97 @@ from softmodels.runs.simulation import PathEnded, Simulation, temporary_folder
 if TYPE_CHECKING:
     import xarray
 
+__all__ = ["Indices", "Input", "Study", "StudyError", "StudyPlan", "Surrogate", "study"]
+
+
+class Study(cards.Shown):
+    """Results of a study.
+
+    Attributes:
+        plan: The study.
+        dataset: All results over the samples, and the requested states, with units.
+    """
+
+    def __init__(self, plan: StudyPlan, dataset: xarray.Dataset):
+        self.plan, self.dataset = plan, dataset
+        self._surrogates: dict[str, Surrogate] = {}
+
+    def _line(self) -> str:
+        return f"{self.plan.name}: {len(self.plan.points)} samples, {len(self.failures)} without a result"
+
+    def _figures(self) -> cards.Table:
+        found = []
+        for name in self.responses:
+            values, unit = self.values(name), table.split(name)[1]
+            low, middle, high = np.nanpercentile(values, (5, 50, 95))
+            found.append((name, f"{low:.4g} {unit} (5 %), {middle:.4g} {unit} (50 %), {high:.4g} {unit} (95 %)"))
+        return found
+
+    def _remarks(self) -> list[str]:
+        return [f"sample {k}: {text}" for k, text in list(self.failures.items())[:5]]
+
+    @property
+    def responses(self) -> tuple[str, ...]:
+        """The columns that are analysed."""
+        inputs = [one.key for one in self.plan.inputs]
+        numbers = [name for name, one in self.dataset.data_vars.items() if one.dtype.kind == "f" and name not in inputs]
+        return self.plan.columns_analysed(list(map(str, numbers)))
+
+    @property
+    def failures(self) -> dict[int, str]:
+        """Why samples have no result, by their numbers."""
+        texts = self.dataset["failure"].values.tolist()
+        return {k: text for k, text in enumerate(texts) if text}
+
+    def values(self, response: str) -> Array:
+        """Return a response of each sample, in the last requested state of a path; nan where there is none."""
+        values = np.asarray(self.dataset[response].values, dtype=float)
+        return values[:, -1] if values.ndim == 2 else values
+
+    def surrogate(self, response: str) -> Surrogate:
+        """Return a smooth function through a response; see `Surrogate`.
+
+        Raises:
+            StudyError: Too few samples have a result.
+            ImportError: scikit-learn is not installed.
+        """
+        if response not in self._surrogates:
+            self._surrogates[response] = surrogate_of(self.plan.inputs, self.plan.points, self.values(response))
+        return self._surrogates[response]
+
+    def indices(self, response: str) -> Indices:
+        """Return the Sobol indices of a response: of the samples if they are drawn for it and complete, else of the surrogate.
+
+        Raises:
+            StudyError: Too few samples have a result.
+            ImportError: scikit-learn is not installed.
+        """
+        values = self.values(response)
+        if self.plan.sampling == "saltelli" and np.isfinite(values).all():
+            return indices_of(self.plan.inputs, values)
+        made = self.surrogate(response)
+        error = made.error / made.spread if made.spread else 0.0
+        return dataclasses.replace(indices_of(self.plan.inputs, made), surrogate_error=error)
+
+    def save(self, file: str | Path) -> Path:
+        """Write the dataset as netCDF, or as a folder NAME.zarr.
+
+        Raises:
+            StudyError: A folder of that name is no Zarr.
+            ImportError: h5netcdf, or zarr, is not installed.
+        """
+        path = names.place("file", file, "a file")
+        if path.suffix == ".zarr":
+            errors.required("zarr", EXTRA)
+            if path.exists() and not (path / ".zgroup").is_file():
+                raise StudyError(f"{path} is there and no Zarr; name another folder")
+            self.dataset.to_zarr(path, mode="w", zarr_format=2)
+            return path
+        errors.required("h5netcdf", EXTRA)
+        files.replace(path, lambda aside: self.dataset.to_netcdf(aside, engine="h5netcdf"))
+        return path
+
+
 EXTRA = "study"
 """The extra of this project that brings the libraries of this file."""
 
@@ -754,94 +845,3 @@ def indices_of(inputs: tuple[Input, ...], response: Callable[[Array], Array] | A
     again = np.array([estimated(rng.integers(0, count, size=(count,))) for _ in range(RESAMPLED)])
     first, total, first_half, total_half = map(tuple, np.vstack([found, DEVIATIONS * again.std(axis=0)]).tolist())
     return Indices(tuple(one.key for one in inputs), first, total, first_half, total_half)
-
-
-class Study(cards.Shown):
-    """Results of a study.
-
-    Attributes:
-        plan: The study.
-        dataset: All results over the samples, and the requested states, with units.
-    """
-
-    def __init__(self, plan: StudyPlan, dataset: xarray.Dataset):
-        self.plan, self.dataset = plan, dataset
-        self._surrogates: dict[str, Surrogate] = {}
-
-    def _line(self) -> str:
-        return f"{self.plan.name}: {len(self.plan.points)} samples, {len(self.failures)} without a result"
-
-    def _figures(self) -> cards.Table:
-        found = []
-        for name in self.responses:
-            values, unit = self.values(name), table.split(name)[1]
-            low, middle, high = np.nanpercentile(values, (5, 50, 95))
-            found.append((name, f"{low:.4g} {unit} (5 %), {middle:.4g} {unit} (50 %), {high:.4g} {unit} (95 %)"))
-        return found
-
-    def _remarks(self) -> list[str]:
-        return [f"sample {k}: {text}" for k, text in list(self.failures.items())[:5]]
-
-    @property
-    def responses(self) -> tuple[str, ...]:
-        """The columns that are analysed."""
-        inputs = [one.key for one in self.plan.inputs]
-        numbers = [name for name, one in self.dataset.data_vars.items() if one.dtype.kind == "f" and name not in inputs]
-        return self.plan.columns_analysed(list(map(str, numbers)))
-
-    @property
-    def failures(self) -> dict[int, str]:
-        """Why samples have no result, by their numbers."""
-        texts = self.dataset["failure"].values.tolist()
-        return {k: text for k, text in enumerate(texts) if text}
-
-    def values(self, response: str) -> Array:
-        """Return a response of each sample, in the last requested state of a path; nan where there is none."""
-        values = np.asarray(self.dataset[response].values, dtype=float)
-        return values[:, -1] if values.ndim == 2 else values
-
-    def surrogate(self, response: str) -> Surrogate:
-        """Return a smooth function through a response; see `Surrogate`.
-
-        Raises:
-            StudyError: Too few samples have a result.
-            ImportError: scikit-learn is not installed.
-        """
-        if response not in self._surrogates:
-            self._surrogates[response] = surrogate_of(self.plan.inputs, self.plan.points, self.values(response))
-        return self._surrogates[response]
-
-    def indices(self, response: str) -> Indices:
-        """Return the Sobol indices of a response: of the samples if they are drawn for it and complete, else of the surrogate.
-
-        Raises:
-            StudyError: Too few samples have a result.
-            ImportError: scikit-learn is not installed.
-        """
-        values = self.values(response)
-        if self.plan.sampling == "saltelli" and np.isfinite(values).all():
-            return indices_of(self.plan.inputs, values)
-        made = self.surrogate(response)
-        error = made.error / made.spread if made.spread else 0.0
-        return dataclasses.replace(indices_of(self.plan.inputs, made), surrogate_error=error)
-
-    def save(self, file: str | Path) -> Path:
-        """Write the dataset as netCDF, or as a folder NAME.zarr.
-
-        Raises:
-            StudyError: A folder of that name is no Zarr.
-            ImportError: h5netcdf, or zarr, is not installed.
-        """
-        path = names.place("file", file, "a file")
-        if path.suffix == ".zarr":
-            errors.required("zarr", EXTRA)
-            if path.exists() and not (path / ".zgroup").is_file():
-                raise StudyError(f"{path} is there and no Zarr; name another folder")
-            self.dataset.to_zarr(path, mode="w", zarr_format=2)
-            return path
-        errors.required("h5netcdf", EXTRA)
-        files.replace(path, lambda aside: self.dataset.to_netcdf(aside, engine="h5netcdf"))
-        return path
-
-
-__all__ = ["Indices", "Input", "Study", "StudyError", "StudyPlan", "Surrogate", "study"]

@@ -17,6 +17,82 @@ from geometries import Actuator
 from softmodels.common import files, names, units
 from softmodels.common.arrays import Array
 
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Trial:
+    """A design with its values, of a start and a mesh; numbers count from 1, and the same design may be evaluated again on
+    another mesh. Values, gradients and squares are as of `Evaluation`, by the problem's `names` in SI units. Values are empty
+    of a failure, which is a sentence, empty for none."""
+
+    number: int
+    start: int
+    theta: tuple[float, ...]
+    mesh: int = 1
+    values: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    gradients: Mapping[str, Sequence[float]] = dataclasses.field(default_factory=dict)
+    material_gradients: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
+    newton: int = 0
+    seconds: float = 0.0
+    quality: float = 1.0
+    remeshed: bool = False
+    squares: Mapping[str, Squares] = dataclasses.field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    failure: str = ""
+
+    @property
+    def failed(self) -> bool:
+        return bool(self.failure)
+
+    def to_json(self) -> str:
+        """Return the trial as JSON, with exact numbers."""
+        squares = {key: found.to_table() for key, found in self.squares.items()}
+        return json.dumps({**dataclasses.asdict(self), "squares": squares}, indent=1)
+
+    @classmethod
+    def from_json(cls, text: str) -> Trial:
+        """Return the trial of `to_json`'s text; ValueError if it is something else."""
+        told = files.parse_json(text)
+        try:
+            squares = {key: Squares.from_table(table) for key, table in told.get("squares", {}).items()}
+            theta, notes = tuple(map(float, told["theta"])), tuple(told["notes"])
+            return cls(**{**told, "theta": theta, "notes": notes, "squares": squares})
+        except (TypeError, KeyError, AttributeError) as error:
+            raise ValueError(str(error)) from None
+
+    @classmethod
+    def of(cls, place: tuple[int, int, tuple[float, ...], int], evaluated: Evaluation, seconds: float) -> Trial:
+        """Return the trial of an `Evaluation`; ``place`` has the number, start, values and mesh."""
+        return cls(
+            *place,
+            {key: float(value) for key, value in evaluated.values.items()},
+            {key: [float(slope) for slope in slopes] for key, slopes in (evaluated.gradients or {}).items()},
+            {key: {name: float(slope) for name, slope in slopes.items()}
+             for key, slopes in evaluated.material_gradients.items()},
+            int(evaluated.newton), seconds, float(evaluated.quality), bool(evaluated.remeshed),
+            dict(evaluated.squares), tuple(evaluated.notes),
+        )  # fmt: skip
+
+
+class Trials:
+    """All trials of a run, in memory; see `softmodels.design.model` for those on disk."""
+
+    def __init__(self) -> None:
+        self.all: list[Trial] = []
+        self._known: dict[tuple[int, bytes], Trial] = {}
+
+    def add(self, trial: Trial) -> None:
+        self.all.append(trial)
+        self._known[trial.mesh, _bits(trial.theta)] = trial
+
+    def find(self, theta: Sequence[float] | Array, mesh: int = 1) -> Trial | None:
+        """Return the trial of these values to the last bit on a mesh; None if there was none."""
+        return self._known.get((mesh, _bits(theta)))
+
+
+def _bits(theta: Sequence[float] | Array) -> bytes:
+    return (np.asarray(theta, dtype=float) + 0.0).tobytes()  # + 0.0: -0.0 is 0.0
+
+
 PRESSURE, VOLUME = "pressure", "volume"
 
 
@@ -189,78 +265,3 @@ class Evaluation:
     remeshed: bool = False
     notes: tuple[str, ...] = ()
     squares: dict[str, Squares] = dataclasses.field(default_factory=dict)
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Trial:
-    """A design with its values, of a start and a mesh; numbers count from 1, and the same design may be evaluated again on
-    another mesh. Values, gradients and squares are as of `Evaluation`, by the problem's `names` in SI units. Values are empty
-    of a failure, which is a sentence, empty for none."""
-
-    number: int
-    start: int
-    theta: tuple[float, ...]
-    mesh: int = 1
-    values: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    gradients: Mapping[str, Sequence[float]] = dataclasses.field(default_factory=dict)
-    material_gradients: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
-    newton: int = 0
-    seconds: float = 0.0
-    quality: float = 1.0
-    remeshed: bool = False
-    squares: Mapping[str, Squares] = dataclasses.field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    failure: str = ""
-
-    @property
-    def failed(self) -> bool:
-        return bool(self.failure)
-
-    def to_json(self) -> str:
-        """Return the trial as JSON, with exact numbers."""
-        squares = {key: found.to_table() for key, found in self.squares.items()}
-        return json.dumps({**dataclasses.asdict(self), "squares": squares}, indent=1)
-
-    @classmethod
-    def from_json(cls, text: str) -> Trial:
-        """Return the trial of `to_json`'s text; ValueError if it is something else."""
-        told = files.parse_json(text)
-        try:
-            squares = {key: Squares.from_table(table) for key, table in told.get("squares", {}).items()}
-            theta, notes = tuple(map(float, told["theta"])), tuple(told["notes"])
-            return cls(**{**told, "theta": theta, "notes": notes, "squares": squares})
-        except (TypeError, KeyError, AttributeError) as error:
-            raise ValueError(str(error)) from None
-
-    @classmethod
-    def of(cls, place: tuple[int, int, tuple[float, ...], int], evaluated: Evaluation, seconds: float) -> Trial:
-        """Return the trial of an `Evaluation`; ``place`` has the number, start, values and mesh."""
-        return cls(
-            *place,
-            {key: float(value) for key, value in evaluated.values.items()},
-            {key: [float(slope) for slope in slopes] for key, slopes in (evaluated.gradients or {}).items()},
-            {key: {name: float(slope) for name, slope in slopes.items()}
-             for key, slopes in evaluated.material_gradients.items()},
-            int(evaluated.newton), seconds, float(evaluated.quality), bool(evaluated.remeshed),
-            dict(evaluated.squares), tuple(evaluated.notes),
-        )  # fmt: skip
-
-
-class Trials:
-    """All trials of a run, in memory; see `softmodels.design.model` for those on disk."""
-
-    def __init__(self) -> None:
-        self.all: list[Trial] = []
-        self._known: dict[tuple[int, bytes], Trial] = {}
-
-    def add(self, trial: Trial) -> None:
-        self.all.append(trial)
-        self._known[trial.mesh, _bits(trial.theta)] = trial
-
-    def find(self, theta: Sequence[float] | Array, mesh: int = 1) -> Trial | None:
-        """Return the trial of these values to the last bit on a mesh; None if there was none."""
-        return self._known.get((mesh, _bits(theta)))
-
-
-def _bits(theta: Sequence[float] | Array) -> bytes:
-    return (np.asarray(theta, dtype=float) + 0.0).tobytes()  # + 0.0: -0.0 is 0.0

@@ -31,7 +31,19 @@ if TYPE_CHECKING:
     from softmodels.fitting.outlines.residuals import MatchedPhotograph
 
 
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """Fits of the same data, best first, with the one to take and a sentence why: the best, or the simplest of those that
+    the data do not distinguish from it; of equally simple ones the first in the order of
+    `softmodels.fitting.problem.all_laws`."""
+
+    ranked: tuple[Ranked, ...]
+    preferred: least_squares.LeastSquaresFit
+    sentence: str
+
+
 errors.call("material all", 'material="all"')
+
 
 UNDECIDED = 2.0
 """Laws whose criteria differ by less than this are equivalent (Burnham & Anderson 2002, section 2.6)."""
@@ -56,17 +68,6 @@ class Ranked:
     bic: float
     ratio: float = 1.0
     near: bool = True
-
-
-@dataclasses.dataclass(frozen=True)
-class Comparison:
-    """Fits of the same data, best first, with the one to take and a sentence why: the best, or the simplest of those that
-    the data do not distinguish from it; of equally simple ones the first in the order of
-    `softmodels.fitting.problem.all_laws`."""
-
-    ranked: tuple[Ranked, ...]
-    preferred: least_squares.LeastSquaresFit
-    sentence: str
 
 
 def compare(

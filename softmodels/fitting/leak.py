@@ -26,68 +26,6 @@ from softmodels.fitting import least_squares, problem
 from softmodels.fitting.problem import FitError
 from softmodels.path.supply import GASES, Reservoir
 
-SIZE, START = "size", "pressure"
-"""Names of the parameters: size of the leak in the unit of its kind, and pressure in Pa at the first reading."""
-ORIFICE, LAMINAR = "orifice", "laminar"
-KINDS: dict[str, tuple[str, dict[str, float]]] = {
-    ORIFICE: ("m^3/(s*Pa)", {"leak_conductance": 1.0, "leak_length": 0.0}),
-    LAMINAR: ("m^4", {"leak_conductance": 0.0, "leak_bore": 1.0}),
-}
-"""Unit of the size of each kind of leak, and the fields of `Reservoir` for the size 1: a sonic conductance, or the fourth power
-of the bore of a tube of the supply's ``leak_length``."""
-USUAL_LENGTH = 0.01
-"""Length in m of a laminar leak where the supply has none."""
-SMALLEST_BORE = 1e-5
-"""In m, of a case."""
-DECISIVE = 6.0
-"""Difference of two kinds' AICc above which the readings tell them apart: the wrong one is ahead by that much at most once in
-exp(6 / 2) = 20 times."""
-GRID = 4001
-"""Number of pressures at which the integral G is known."""
-LARGEST_CAVITY = 1.0
-"""In m3."""
-REACH = (0.2, 1.2)
-"""They go from this share of the lowest reading to this multiple of the highest."""
-
-
-class LeakResiduals:
-    """Residuals of the gauge pressures of a leaking device in Pa, with standard errors, at rising times in s, shape (n,); see
-    `softmodels.fitting.problem.Residuals`.
-
-    The supply has tubes, fittings, gas and a leak of the size 1; the cavity is pairs of a pressure in Pa and its volume in m3,
-    rising, or one for a constant volume.
-    """
-
-    label, unit, parameters = "pressures", "Pa", (SIZE, START)
-
-    def __init__(self, times: Array, pressures: Array, errors: Array, supply: Reservoir, cavity: Array):
-        self.times, self.pressures, self.errors = times - times[0], pressures, errors
-        P = np.geomspace(REACH[0] * pressures.min(), REACH[1] * pressures.max(), GRID)
-        V, slope = np.full(GRID, cavity[0, 1]), np.zeros(GRID)
-        if len(cavity) > 1:
-            course = PchipInterpolator(*cavity.T)
-            V, slope = course(P), course.derivative()(P)
-        power = 1.0 / GASES[supply.gas]
-        held = (1.0 + P / supply.ambient) ** power * (slope + power / (supply.ambient + P) * (V + supply.dead))  # X'(P)
-        flows = np.array([supply.lost(pressure)[0] for pressure in P.tolist()]) / supply.ambient
-        self._log, self._slope = np.log(P), CubicSpline(np.log(P), held / flows * P)  # dG over d log P
-        self._integral = self._slope.antiderivative()(self._log)
-
-    def fallen(self, pressure: float) -> float:
-        """Return G at a pressure in Pa."""
-        return float(np.interp(np.log(pressure), self._log, self._integral))
-
-    def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
-        """See `softmodels.fitting.problem.Residuals`; pressures far below the readings stay at the lowest known one."""
-        start = values[START]
-        logs = np.interp(self.fallen(start) - values[SIZE] * self.times, self._integral, self._log)
-        P, labels = np.exp(logs), [self.label] * len(logs)
-        if not derivatives:
-            return (P - self.pressures) / self.errors, None, labels
-        slopes = self._slope(logs) / P
-        J = np.column_stack([-self.times / slopes, self._slope(np.log(start)) / start / slopes])
-        return (P - self.pressures) / self.errors, J / self.errors[:, None], labels
-
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Leak(cards.Shown):
@@ -149,6 +87,69 @@ class Leak(cards.Shown):
 
     def _remarks(self) -> tuple[str, ...]:
         return (self.sentence, *self.fit.troubles)
+
+
+SIZE, START = "size", "pressure"
+"""Names of the parameters: size of the leak in the unit of its kind, and pressure in Pa at the first reading."""
+ORIFICE, LAMINAR = "orifice", "laminar"
+KINDS: dict[str, tuple[str, dict[str, float]]] = {
+    ORIFICE: ("m^3/(s*Pa)", {"leak_conductance": 1.0, "leak_length": 0.0}),
+    LAMINAR: ("m^4", {"leak_conductance": 0.0, "leak_bore": 1.0}),
+}
+"""Unit of the size of each kind of leak, and the fields of `Reservoir` for the size 1: a sonic conductance, or the fourth power
+of the bore of a tube of the supply's ``leak_length``."""
+USUAL_LENGTH = 0.01
+"""Length in m of a laminar leak where the supply has none."""
+SMALLEST_BORE = 1e-5
+"""In m, of a case."""
+DECISIVE = 6.0
+"""Difference of two kinds' AICc above which the readings tell them apart: the wrong one is ahead by that much at most once in
+exp(6 / 2) = 20 times."""
+GRID = 4001
+"""Number of pressures at which the integral G is known."""
+LARGEST_CAVITY = 1.0
+"""In m3."""
+REACH = (0.2, 1.2)
+"""They go from this share of the lowest reading to this multiple of the highest."""
+
+
+class LeakResiduals:
+    """Residuals of the gauge pressures of a leaking device in Pa, with standard errors, at rising times in s, shape (n,); see
+    `softmodels.fitting.problem.Residuals`.
+
+    The supply has tubes, fittings, gas and a leak of the size 1; the cavity is pairs of a pressure in Pa and its volume in m3,
+    rising, or one for a constant volume.
+    """
+
+    label, unit, parameters = "pressures", "Pa", (SIZE, START)
+
+    def __init__(self, times: Array, pressures: Array, errors: Array, supply: Reservoir, cavity: Array):
+        self.times, self.pressures, self.errors = times - times[0], pressures, errors
+        P = np.geomspace(REACH[0] * pressures.min(), REACH[1] * pressures.max(), GRID)
+        V, slope = np.full(GRID, cavity[0, 1]), np.zeros(GRID)
+        if len(cavity) > 1:
+            course = PchipInterpolator(*cavity.T)
+            V, slope = course(P), course.derivative()(P)
+        power = 1.0 / GASES[supply.gas]
+        held = (1.0 + P / supply.ambient) ** power * (slope + power / (supply.ambient + P) * (V + supply.dead))  # X'(P)
+        flows = np.array([supply.lost(pressure)[0] for pressure in P.tolist()]) / supply.ambient
+        self._log, self._slope = np.log(P), CubicSpline(np.log(P), held / flows * P)  # dG over d log P
+        self._integral = self._slope.antiderivative()(self._log)
+
+    def fallen(self, pressure: float) -> float:
+        """Return G at a pressure in Pa."""
+        return float(np.interp(np.log(pressure), self._log, self._integral))
+
+    def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
+        """See `softmodels.fitting.problem.Residuals`; pressures far below the readings stay at the lowest known one."""
+        start = values[START]
+        logs = np.interp(self.fallen(start) - values[SIZE] * self.times, self._integral, self._log)
+        P, labels = np.exp(logs), [self.label] * len(logs)
+        if not derivatives:
+            return (P - self.pressures) / self.errors, None, labels
+        slopes = self._slope(logs) / P
+        J = np.column_stack([-self.times / slopes, self._slope(np.log(start)) / start / slopes])
+        return (P - self.pressures) / self.errors, J / self.errors[:, None], labels
 
 
 @checked

@@ -33,25 +33,6 @@ from softmodels.fitting.problem import (
 )
 from softmodels.materials.laws import MaterialError
 
-LEVEL = 0.95
-BLIND = 1e-8
-"""Relative singular value of the scaled Jacobian below which a direction is undetermined."""
-LEAST_FREEDOM = 0.2
-"""Minimum freedom of a residual, 1 - leverage."""
-MANY = 3.0
-"""Root mean square residual in errors of the measurement above which the model does not follow the data."""
-EXACT = 1e-6
-"""Residuals below this fraction of the model count as rounding."""
-
-
-@dataclasses.dataclass(frozen=True)
-class StartResult:
-    """Result of one start: parameters, deviance (infinite if it failed), and an error, if any."""
-
-    values: Mapping[str, float]
-    deviance: float
-    trouble: str
-
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class LeastSquaresFit:
@@ -311,6 +292,26 @@ class LeastSquaresFit:
         if self.errors == "stated":
             return self.deviance
         return self.count * math.log(max(self.deviance, 1e-300) / self.count)
+
+
+LEVEL = 0.95
+BLIND = 1e-8
+"""Relative singular value of the scaled Jacobian below which a direction is undetermined."""
+LEAST_FREEDOM = 0.2
+"""Minimum freedom of a residual, 1 - leverage."""
+MANY = 3.0
+"""Root mean square residual in errors of the measurement above which the model does not follow the data."""
+EXACT = 1e-6
+"""Residuals below this fraction of the model count as rounding."""
+
+
+@dataclasses.dataclass(frozen=True)
+class StartResult:
+    """Result of one start: parameters, deviance (infinite if it failed), and an error, if any."""
+
+    values: Mapping[str, float]
+    deviance: float
+    trouble: str
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -233,7 +233,8 @@ class Extra:
     parameters: Sequence[Parameter] = ()
 
 
-NOTHING_ELSE = Extra()
+# ----------------------------------------------------------------------------------------------------------------------
+# Sources and parameters as one vector function of the free parameters' coordinates.
 
 
 class Problem:
@@ -306,6 +307,9 @@ class Problem:
         )  # fmt: skip
 
 
+NOTHING_ELSE = Extra()
+
+
 def loss_of(loss: str, z: Array, priors: int) -> Array:
     """Return rho(z), rho'(z), rho''(z) of squared residuals z, shape (3, n); the last ``priors`` of them without the loss."""
     plain = np.array([z, np.ones_like(z), np.zeros_like(z)])
@@ -324,7 +328,10 @@ def loss_of(loss: str, z: Array, priors: int) -> Array:
 for _option, _argument in (("fix", "FitOptions.changes of"), ("untrusted", "FitOptions(untrusted=True)"),
                           ("memory", "FitOptions(memory=True)")):  # fmt: skip
     errors.call(_option, _argument)
+
+
 errors.call("gauge-error", "FitOptions.gauge_error")
+
 
 BENCH = ("pressure_offset", "pressure_scale", "leak", "scale", "zero", "centre")
 """Parameters of the bench."""

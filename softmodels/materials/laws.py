@@ -24,6 +24,9 @@ from softmodels.common.lazy import ufl
 from softmodels.common.names import checked
 from softmodels.materials.memory import Expression, Memory
 
+__all__ = ["LAWS", "Gent", "Material", "MaterialError", "MooneyRivlin", "NeoHookean", "Ogden", "Yeoh"]
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Measures of strain under one set of names, for UFL fields and for numpy numbers.
 #
@@ -198,10 +201,8 @@ class Dual:
 Values = Mapping[str, Any]
 """Numbers by the names of a law's fields; tuples of numbers for fields with one per term."""
 
-
 Parameters = Any
 """A law's parameters by name: a material (numbers), or UFL constants, so that new values do not recompile."""
-
 
 SOFTEST = 500.0
 """Minimum shear modulus in Pa of a silicone: of the softest gels, with a margin."""
@@ -236,10 +237,6 @@ def parameter(
     )
 
 
-RUBBER = 0.5
-"""Poisson's ratio where none is given: rubber's bulk modulus is some 1e5 times its shear modulus."""
-
-
 def poissons_ratio() -> float:
     """Return the field ``poisson``, the last one of every law."""
     return parameter("", "Poisson's ratio at small strain, -1 to 0.5", RUBBER, bounds=(-1.0, 0.5))
@@ -259,6 +256,14 @@ def _check_range(law: str, stretches: tuple[float, float] | None) -> None:
         low, high = math.nan, math.nan
     if not 0.0 < low < high < math.inf:
         raise MaterialError(f"{law}: fitted_stretch = {stretches} is not a range of stretch; write it like [1.02, 3.0]")
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Interface of a law.
+
+
+RUBBER = 0.5
+"""Poisson's ratio where none is given: rubber's bulk modulus is some 1e5 times its shear modulus."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -550,8 +555,6 @@ def _plain_name(name: str) -> str:
 # a law; the volumetric part is common, and becomes p (J - 1) - p^2 / (2 bulk) in the mixed form, so that
 # ``poisson = 0.5`` (an infinite bulk) is an ordinary value there.
 
-
-__all__ = ["LAWS", "Gent", "Material", "MaterialError", "MooneyRivlin", "NeoHookean", "Ogden", "Yeoh"]
 
 MODULUS_BOUNDS = (1.0, 1e9)
 """Bounds of a fit on a shear modulus in Pa."""

@@ -34,66 +34,6 @@ import numpy as np
 from softmodels.common import errors, schema, units
 from softmodels.common.lazy import scipy, ufl
 
-Expression = Any
-"""Values of an energy's arguments: UFL expressions (untyped), numpy arrays or numbers, real or complex, or `Dual`."""
-Six = Sequence[Expression]
-
-PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-"""Rows and columns of the six entries."""
-COUNTS = (1, 1, 1, 2, 2, 2)
-"""How often each of them stands in the tensor."""
-IDENTITY = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
-SECONDS = schema.Quantity("s")
-MOST_BRANCHES = 20
-"""Each adds to the kernels, which take a minute to compile with this number."""
-LARGEST_SHARE = 1e3
-"""Above it a branch's share of the shear modulus is taken for a modulus in Pa."""
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The data of a law.
-
-
-@dataclasses.dataclass(frozen=True)
-class Branch:
-    """A Maxwell branch, of spring G.
-
-    With I1e = Cbar : Cv^-1, J2 half the square of the branch's deviatoric stress, and I1v the trace of Cv, the spring's
-    stress is that of a neo-Hookean one times g = sum w (I1e/3)^(a - 1), and the viscosity over G times ``time`` is
-
-        least + (1 - least + growth ((I1v/3)^growth_exponent - 1)) / (1 + (J2/(onset G)^2)^exponent)
-
-    ``share`` is its spring's shear modulus over the law's at small strain, which stays that of equilibrium; ``time`` the
-    relaxation time in s, of small stress if it depends on it; ``onset`` infinite if viscosity never falls; ``spring`` pairs
-    of w and a, with weights w that add up to 1, none for neo-Hookean.
-    """
-
-    share: float
-    time: float
-    onset: float = math.inf
-    exponent: float = 0.5
-    least: float = 0.0
-    growth: float = 0.0
-    growth_exponent: float = 1.0
-    spring: tuple[tuple[float, float], ...] = ()
-
-    @property
-    def linear(self) -> bool:
-        """Whether its relaxation time is constant and its spring neo-Hookean."""
-        return math.isinf(self.onset) and not self.growth and not self.spring
-
-
-@dataclasses.dataclass(frozen=True)
-class Softening:
-    """Mullins softening: below the largest energy Wm so far, stresses are 1 - erf((Wm - W)/(m + beta Wm))/r of the law's,
-    with r above 1, the energy scale m in Pa and its growth beta with Wm 0 or more. ``recovery`` is the time in s in which Wm
-    falls towards the energy of the moment; infinite for none."""
-
-    r: float
-    m: float
-    beta: float
-    recovery: float = math.inf
-
 
 @dataclasses.dataclass(frozen=True)
 class Memory:
@@ -240,6 +180,67 @@ def _softening(given: object) -> Softening:
     if not recovery > 0.0:
         raise errors.FieldError(f"recovery time is {recovery:g} s; it must be above 0")
     return Softening(r, m, beta, recovery)
+
+
+Expression = Any
+"""Values of an energy's arguments: UFL expressions (untyped), numpy arrays or numbers, real or complex, or `Dual`."""
+Six = Sequence[Expression]
+
+PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+"""Rows and columns of the six entries."""
+COUNTS = (1, 1, 1, 2, 2, 2)
+"""How often each of them stands in the tensor."""
+IDENTITY = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+SECONDS = schema.Quantity("s")
+MOST_BRANCHES = 20
+"""Each adds to the kernels, which take a minute to compile with this number."""
+LARGEST_SHARE = 1e3
+"""Above it a branch's share of the shear modulus is taken for a modulus in Pa."""
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The data of a law.
+
+
+@dataclasses.dataclass(frozen=True)
+class Branch:
+    """A Maxwell branch, of spring G.
+
+    With I1e = Cbar : Cv^-1, J2 half the square of the branch's deviatoric stress, and I1v the trace of Cv, the spring's
+    stress is that of a neo-Hookean one times g = sum w (I1e/3)^(a - 1), and the viscosity over G times ``time`` is
+
+        least + (1 - least + growth ((I1v/3)^growth_exponent - 1)) / (1 + (J2/(onset G)^2)^exponent)
+
+    ``share`` is its spring's shear modulus over the law's at small strain, which stays that of equilibrium; ``time`` the
+    relaxation time in s, of small stress if it depends on it; ``onset`` infinite if viscosity never falls; ``spring`` pairs
+    of w and a, with weights w that add up to 1, none for neo-Hookean.
+    """
+
+    share: float
+    time: float
+    onset: float = math.inf
+    exponent: float = 0.5
+    least: float = 0.0
+    growth: float = 0.0
+    growth_exponent: float = 1.0
+    spring: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def linear(self) -> bool:
+        """Whether its relaxation time is constant and its spring neo-Hookean."""
+        return math.isinf(self.onset) and not self.growth and not self.spring
+
+
+@dataclasses.dataclass(frozen=True)
+class Softening:
+    """Mullins softening: below the largest energy Wm so far, stresses are 1 - erf((Wm - W)/(m + beta Wm))/r of the law's,
+    with r above 1, the energy scale m in Pa and its growth beta with Wm 0 or more. ``recovery`` is the time in s in which Wm
+    falls towards the energy of the moment; infinite for none."""
+
+    r: float
+    m: float
+    beta: float
+    recovery: float = math.inf
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -19,6 +19,36 @@ from softmodels.common.names import checked
 from softmodels.materials import laws, specimens
 from softmodels.materials.laws import Material, MaterialError, Ogden, Yeoh
 
+
+@dataclasses.dataclass(frozen=True)
+class Silicone:
+    """A material with its origin.
+
+    Attributes:
+        material: The law.
+        stretches: Range of uniaxial stretch that the law was fitted over; None if that was not published.
+        origin: Whose measurement it is.
+        elongation_at_break: Engineering strain at the last point of the same specimen's pull to failure; None if the
+            measurement ended before. One specimen's, by the crosshead: makers' sheets give half of it to as much
+            (`MAKERS_ELONGATION`).
+    """
+
+    material: Material
+    stretches: tuple[float, float] | None
+    origin: Origin
+    elongation_at_break: float | None = None
+
+    @property
+    def source(self) -> str:
+        """The publication."""
+        return self.origin.text
+
+    @property
+    def pulled(self) -> bool:
+        """Whether the source covers tension."""
+        return self.stretches is None or self.stretches[1] > 1.0
+
+
 PSI = 6894.757293168
 """Pa."""
 WORKING_STRETCH = 1.5
@@ -103,35 +133,6 @@ PNEUNETS = Origin(
     "not stated",
     "Yeoh law as published; range and measurement not stated",
 )
-
-
-@dataclasses.dataclass(frozen=True)
-class Silicone:
-    """A material with its origin.
-
-    Attributes:
-        material: The law.
-        stretches: Range of uniaxial stretch that the law was fitted over; None if that was not published.
-        origin: Whose measurement it is.
-        elongation_at_break: Engineering strain at the last point of the same specimen's pull to failure; None if the
-            measurement ended before. One specimen's, by the crosshead: makers' sheets give half of it to as much
-            (`MAKERS_ELONGATION`).
-    """
-
-    material: Material
-    stretches: tuple[float, float] | None
-    origin: Origin
-    elongation_at_break: float | None = None
-
-    @property
-    def source(self) -> str:
-        """The publication."""
-        return self.origin.text
-
-    @property
-    def pulled(self) -> bool:
-        """Whether the source covers tension."""
-        return self.stretches is None or self.stretches[1] > 1.0
 
 
 def _marechal(c1: float, c2: float, elongation: float, top: float = 3.0, c3: float = 0.0) -> Silicone:
@@ -221,7 +222,6 @@ SILICONES: dict[str, Silicone] = {
 OTHER_NAMES = {f"{product}/{middle(many).origin.key}": product for product, many in PRODUCTS.items()}
 """Full names of the sources listed in `SILICONES` by the product's name."""
 OTHER_NAMES["ecoflex-00-30-liao"] = OTHER_NAMES.get("ecoflex-00-30/liao-2021", "ecoflex-00-30/liao-2021")
-
 
 _SPELLINGS = {names.spelling(name): OTHER_NAMES.get(name, name) for name in (*SILICONES, *OTHER_NAMES)}
 LONGEST_NAME = 100
@@ -500,7 +500,6 @@ CASTING: dict[str, Casting | None] = {
     ),
 }
 """By product; None for values to take from the data sheet of the batch."""
-
 
 SILICONE_DENSITY = 1070.0
 """Default density in kg/m3 without a data sheet; those above have 1030 to 1130."""

@@ -22,251 +22,6 @@ from softmodels.mechanics import compiling, component, mpi
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.component import ComponentError
 
-# ----------------------------------------------------------------------------------------------------------------------
-# PETSc matrices of compiled bilinear forms.
-#
-# They use the compiled functions behind ``dolfinx.fem.petsc``. That module prepares PETSc's functions
-# for Numba on import with a C parser, which takes 2 % of a short command's time.
-
-
-def held_dofs(bcs: Sequence[fem.DirichletBC]) -> npt.NDArray[np.int32]:
-    """Return the owned dofs that conditions hold, local numbers."""
-    own = [dofs[:owned] for dofs, owned in (bc.dof_indices() for bc in bcs)]
-    return np.concatenate([np.empty(0, dtype=np.int32), *own])
-
-
-def create_matrix(form: fem.Form) -> PETSc.Mat:
-    """Return an empty matrix with a form's pattern."""
-    return cpp.fem.petsc.create_matrix(form._cpp_object, None)  # type: ignore[no-any-return]
-
-
-def assemble_into(
-    matrix: PETSc.Mat, form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal: float = 1.0
-) -> None:
-    """Assemble a form of one space into a matrix of its pattern, without finalising it; rows and columns of conditions' dofs
-    stay empty but for their ``diagonal``."""
-    held = [bc._cpp_object for bc in bcs]
-    constants, coefficients = fem.pack_constants(form), fem.pack_coefficients(form)
-    cpp.fem.petsc.assemble_matrix(matrix, form._cpp_object, constants, coefficients, held)
-    matrix.assemble(matrix.AssemblyType.FLUSH)
-    cpp.fem.petsc.insert_diagonal(matrix, form.function_spaces[0], held, diagonal)
-
-
-def assembled_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal: float = 1.0) -> PETSc.Mat:
-    """Return a form's matrix; see `assemble_into`."""
-    matrix = create_matrix(form)
-    assemble_into(matrix, form, bcs, diagonal)
-    matrix.assemble()
-    return matrix
-
-
-def sparse_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal: float = 1.0) -> PETSc.Mat:
-    """Return a form's matrix without stored zeros, which would take several times the memory; see `assemble_into`."""
-    dofmap, comm = form.function_spaces[0].dofmap, form.mesh.comm
-    numbers, block = dofmap.index_map, dofmap.index_map_bs
-    size = (numbers.size_local * block, PETSc.DETERMINE)
-    made = PETSc.Mat().createAIJ((size, size), bsize=block, comm=comm)
-    places = numbers.local_to_global(np.arange(numbers.size_local + numbers.num_ghosts, dtype=np.int32))
-    local = PETSc.LGMap().create(places.astype(np.int32), block, comm)  # type: ignore[arg-type]
-    made.setLGMap(local, local)
-    made.setOption(PETSc.Mat.Option.IGNORE_ZERO_ENTRIES, True)  # type: ignore[arg-type]
-    assemble_into(made, form, bcs, diagonal)
-    made.assemble()
-    local.destroy()
-    return made
-
-
-def assembled_vector(b: la.Vector, forms: Sequence[fem.Form]) -> Array:
-    """Assemble the sum of linear forms into a vector; return its local entries, which are complete on their owners."""
-    b.array[:] = 0.0
-    for form in forms:
-        fem.assemble_vector(b.array, form)
-    b.scatter_reverse(la.InsertMode.add)
-    return b.array
-
-
-def length(x: PETSc.Vec) -> float:
-    """Return the Euclidean length of a vector."""
-    return float(x.dot(x)) ** 0.5
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Facets of named faces with their nodes, complete on every rank, because faces are small and contact may occur anywhere.
-
-
-Numbers = npt.NDArray[np.int64]
-
-
-def check_mesh_faces(body: Body, roles: Sequence[str], where: str) -> None:
-    """Raise `ComponentError` for a face missing in the mesh."""
-    facets = body.mesh.topology.dim - 1
-    for role in roles:
-        if body.entities.get(role, (-1,))[0] != facets:
-            known = ", ".join(name for name, (dimension, _) in body.entities.items() if dimension == facets)
-            raise ComponentError(
-                f"{where}: the mesh of {type(body.actuator).__name__} has no face {role!r}; it has {known}"
-            )
-
-
-class FaceNodes:
-    """Quadratic facets of faces and where their nodes' displacements are; the same on every rank.
-
-    Args:
-        body: The mesh.
-        space: That of the unknowns w.
-        roles: The faces.
-
-    Attributes:
-        places: Of the nodes at rest, shape (n, d), in sizes of the device.
-        facets: Nodes of each facet, shape (f, 3 or 6): corners, then middles, of triangles each opposite to its corner.
-        faces: Number of the role that each facet belongs to, shape (f,).
-        inside: Middle of the cell behind each facet, shape (f, d).
-        dofs: Global numbers of the skew components of each node's displacement, shape (n, d).
-    """
-
-    def __init__(self, body: Body, space: fem.FunctionSpace, roles: Sequence[str]):
-        self.comm, self.skew = body.mesh.comm, body.skew_inverse
-        self._mesh = mesh = body.mesh
-        topology, d = mesh.topology, mesh.topology.dim
-        nodes = fem.functionspace(mesh, ("P", 2))
-        vectors = space if space.dofmap.index_map_bs == d else space.sub(0)  # mixed dofs are not blocked
-        components = [vectors.sub(c).dofmap for c in range(d)]
-        of_facet = _nodes_of_facets(basix.topology(mesh.basix_cell()), d)
-        topology.create_connectivity(d - 1, d)
-        topology.create_connectivity(d, d - 1)
-        to_cell, to_facet = topology.connectivity(d - 1, d), topology.connectivity(d, d - 1)
-        at = nodes.tabulate_dof_coordinates()[:, :d]
-        block = space.dofmap.index_map_bs
-        owned = topology.index_map(d).size_local
-        found: list[tuple[Numbers, Array, Numbers, int, Array]] = []
-        own: list[tuple[int, Numbers]] = []
-        for number, role in enumerate(roles):
-            for facet in body.entities[role][1]:
-                cell = to_cell.links(facet)[0]
-                if cell >= owned:
-                    continue
-                chosen = of_facet[int(np.flatnonzero(to_facet.links(cell) == facet)[0])]
-                here = nodes.dofmap.cell_dofs(cell)
-                local = np.column_stack([dofmap.cell_dofs(cell)[chosen] for dofmap in components])
-                numbers = space.dofmap.index_map.local_to_global((local // block).ravel().astype(np.int32))
-                dofs = numbers.reshape(local.shape) * block + local % block
-                ids = nodes.dofmap.index_map.local_to_global(here[chosen].astype(np.int32))
-                own.append((cell, chosen))
-                found.append((ids, at[here[chosen]], dofs, number, at[here[: d + 1]].mean(axis=0)))
-        k = 3 if d == 2 else 6
-        ids, places, dofs, faces, inside = (
-            mpi.everywhere(self.comm, np.array([entry[i] for entry in found], dtype=kind).reshape(-1, *shape))
-            for i, (kind, shape) in enumerate(
-                [(np.int64, (k,)), (np.float64, (k, d)), (np.int64, (k, d)), (np.int64, ()), (np.float64, (d,))]
-            )
-        )
-        self._own, self._before = own, sum(self.comm.allgather(len(own))[: self.comm.rank])
-        _, first, facets = np.unique(ids, return_index=True, return_inverse=True)
-        self.facets: Numbers = facets.reshape(ids.shape)
-        self._first: Numbers = np.asarray(first, dtype=np.int64)
-        self.places: Array = np.asarray(places.reshape(-1, d)[first], dtype=float)
-        self.dofs: Numbers = np.asarray(dofs.reshape(-1, d)[first], dtype=np.int64)
-        self.faces: Numbers = np.asarray(faces, dtype=np.int64)
-        self.inside: Array = np.asarray(inside, dtype=float)
-        self.total_dofs = space.dofmap.index_map.size_global * block
-        start, end = (int(bound) * block for bound in space.dofmap.index_map.local_range)
-        self.owned = start, end
-
-    def only(self, facets: npt.NDArray[np.bool_]) -> FaceNodes:
-        """Return a copy with only some of the facets, a mask of shape (f,)."""
-        chosen = copy.copy(self)
-        used, numbers = np.unique(self.facets[facets], return_inverse=True)
-        chosen.facets = numbers.reshape(-1, self.facets.shape[1])
-        chosen.places, chosen.dofs, chosen._first = self.places[used], self.dofs[used], self._first[used]
-        chosen.faces, chosen.inside = self.faces[facets], self.inside[facets]
-        for name in ("mine", "local", "_interpolation"):
-            chosen.__dict__.pop(name, None)
-        return chosen
-
-    @functools.cached_property
-    def _interpolation(self) -> scipy.sparse.csr_array:
-        """The nodes' places by those of the mesh's own local nodes, shape (n, nodes); each row on one rank."""
-        cell, geometry, k = self._mesh.basix_cell(), self._mesh.geometry, self.facets.shape[1]
-        points = basix.ufl.element("P", cell, 2).basix_element.points
-        shapes = basix.ufl.element("P", cell, geometry.cmaps[0].degree).tabulate(0, points)[0]
-        rows = np.flatnonzero((self._first >= k * self._before) & (self._first < k * (self._before + len(self._own))))
-        entry, column = np.divmod(self._first[rows] - k * self._before, k)
-        cells = np.array([self._own[i][0] for i in entry], dtype=np.int64)
-        local = np.array([self._own[i][1][j] for i, j in zip(entry, column, strict=True)], dtype=np.int64)
-        columns, weights = np.asarray(geometry.dofmaps[0])[cells], shapes[local]
-        at = (np.repeat(rows, weights.shape[1]), columns.ravel())
-        return scipy.sparse.csr_array((weights.ravel(), at), shape=(len(self.places), len(geometry.x)))
-
-    def follow_mesh(self) -> None:
-        """Take the nodes' undeformed places from a mesh that has moved."""
-        self.places = self.motion(self._mesh.geometry.x[:, : self.places.shape[1]])
-
-    def motion(self, nodes: Array) -> Array:
-        """Return a motion of the nodes, shape (n, d), of one of the mesh's own local nodes, shape (nodes, d)."""
-        return mpi.summed(self.comm, np.asarray(self._interpolation @ nodes))
-
-    def by_mesh(self, rates: Array) -> Array:
-        """Return derivatives by the nodes' places, shape (n, d), as this rank's share of those by the mesh's local nodes."""
-        return np.asarray(self._interpolation.T @ rates)
-
-    @functools.cached_property
-    def mine(self) -> npt.NDArray[np.bool_]:
-        """Whether this rank owns the dofs, shape (n, d)."""
-        return (self.dofs >= self.owned[0]) & (self.dofs < self.owned[1])
-
-    @functools.cached_property
-    def local(self) -> Numbers:
-        """Indices of the dofs that this rank owns among its own."""
-        return np.asarray(self.dofs[self.mine] - self.owned[0])
-
-    def values(self, w: Array) -> Array:
-        """Return the entries of all nodes, shape (n, d), of a vector whose first ones are this rank's owned entries."""
-        values = np.zeros(self.dofs.shape)
-        values[self.mine] = w[self.local]
-        return mpi.summed(self.comm, values)
-
-    def moved(self, w: Array) -> Array:
-        """Return the deformed places of the nodes, shape (n, d), of unknowns that begin with this rank's owned ones."""
-        return np.asarray(self.places + self.values(w) @ self.skew.T)
-
-
-def _nodes_of_facets(topology: Sequence[Sequence[Sequence[int]]], d: int) -> list[Numbers]:
-    """Return the nodes of each facet of a cell, numbered in the cell, as `FaceNodes.facets` orders them."""
-    middles = {frozenset(edge): d + 1 + i for i, edge in enumerate(topology[1])}
-    found = []
-    for corners in topology[d - 1]:
-        if d == 2:
-            found.append(np.array([*corners, middles[frozenset(corners)]]))
-        else:
-            a, b, c = corners
-            found.append(np.array([a, b, c, *(middles[frozenset(edge)] for edge in ((b, c), (c, a), (a, b)))]))
-    return found
-
-
-CONTACT_SLACK = 3
-"""Extra Newton iterations that do not shorten the steps, because every step changes the contact points."""
-SOON = 0.2
-"""Gap below which nodes are coupled in the matrix pattern before they touch, relative to a contact's near distance."""
-
-
-def mark_symmetric(K: PETSc.Mat) -> None:
-    """Mark a matrix as symmetric for any values."""
-    K.setOption(K.Option.SYMMETRIC, True)  # type: ignore[arg-type]
-    K.setOption(K.Option.SYMMETRY_ETERNAL, True)  # type: ignore[arg-type]
-
-
-class Pressing(Protocol):
-    """Contact of faces in a deformed shape, dimensionless, of the slice: energy, its derivatives by node positions, and which
-    nodes are or soon may be coupled (``soon`` in radii of the kernel for walls)."""
-
-    @property
-    def energy(self) -> float: ...
-    @property
-    def forces(self) -> Array: ...
-    @property
-    def stiffness(self) -> scipy.sparse.csr_array: ...
-    def coupled(self, soon: float) -> scipy.sparse.csr_array: ...
-
 
 class AssembledTerm[P: Pressing](component.EnergyTerm):
     """Energy as a function of the node positions of some faces. Every rank computes all of it, because faces are small. The
@@ -547,6 +302,252 @@ class AssembledTerms:
     def add_to(self, K: PETSc.Mat, w: Array) -> None:
         for term in self._terms:
             term.add_to(K, w)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# PETSc matrices of compiled bilinear forms.
+#
+# They use the compiled functions behind ``dolfinx.fem.petsc``. That module prepares PETSc's functions
+# for Numba on import with a C parser, which takes 2 % of a short command's time.
+
+
+def held_dofs(bcs: Sequence[fem.DirichletBC]) -> npt.NDArray[np.int32]:
+    """Return the owned dofs that conditions hold, local numbers."""
+    own = [dofs[:owned] for dofs, owned in (bc.dof_indices() for bc in bcs)]
+    return np.concatenate([np.empty(0, dtype=np.int32), *own])
+
+
+def create_matrix(form: fem.Form) -> PETSc.Mat:
+    """Return an empty matrix with a form's pattern."""
+    return cpp.fem.petsc.create_matrix(form._cpp_object, None)  # type: ignore[no-any-return]
+
+
+def assemble_into(
+    matrix: PETSc.Mat, form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal: float = 1.0
+) -> None:
+    """Assemble a form of one space into a matrix of its pattern, without finalising it; rows and columns of conditions' dofs
+    stay empty but for their ``diagonal``."""
+    held = [bc._cpp_object for bc in bcs]
+    constants, coefficients = fem.pack_constants(form), fem.pack_coefficients(form)
+    cpp.fem.petsc.assemble_matrix(matrix, form._cpp_object, constants, coefficients, held)
+    matrix.assemble(matrix.AssemblyType.FLUSH)
+    cpp.fem.petsc.insert_diagonal(matrix, form.function_spaces[0], held, diagonal)
+
+
+def assembled_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal: float = 1.0) -> PETSc.Mat:
+    """Return a form's matrix; see `assemble_into`."""
+    matrix = create_matrix(form)
+    assemble_into(matrix, form, bcs, diagonal)
+    matrix.assemble()
+    return matrix
+
+
+def sparse_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal: float = 1.0) -> PETSc.Mat:
+    """Return a form's matrix without stored zeros, which would take several times the memory; see `assemble_into`."""
+    dofmap, comm = form.function_spaces[0].dofmap, form.mesh.comm
+    numbers, block = dofmap.index_map, dofmap.index_map_bs
+    size = (numbers.size_local * block, PETSc.DETERMINE)
+    made = PETSc.Mat().createAIJ((size, size), bsize=block, comm=comm)
+    places = numbers.local_to_global(np.arange(numbers.size_local + numbers.num_ghosts, dtype=np.int32))
+    local = PETSc.LGMap().create(places.astype(np.int32), block, comm)  # type: ignore[arg-type]
+    made.setLGMap(local, local)
+    made.setOption(PETSc.Mat.Option.IGNORE_ZERO_ENTRIES, True)  # type: ignore[arg-type]
+    assemble_into(made, form, bcs, diagonal)
+    made.assemble()
+    local.destroy()
+    return made
+
+
+def assembled_vector(b: la.Vector, forms: Sequence[fem.Form]) -> Array:
+    """Assemble the sum of linear forms into a vector; return its local entries, which are complete on their owners."""
+    b.array[:] = 0.0
+    for form in forms:
+        fem.assemble_vector(b.array, form)
+    b.scatter_reverse(la.InsertMode.add)
+    return b.array
+
+
+def length(x: PETSc.Vec) -> float:
+    """Return the Euclidean length of a vector."""
+    return float(x.dot(x)) ** 0.5
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Facets of named faces with their nodes, complete on every rank, because faces are small and contact may occur anywhere.
+
+
+Numbers = npt.NDArray[np.int64]
+
+
+def check_mesh_faces(body: Body, roles: Sequence[str], where: str) -> None:
+    """Raise `ComponentError` for a face missing in the mesh."""
+    facets = body.mesh.topology.dim - 1
+    for role in roles:
+        if body.entities.get(role, (-1,))[0] != facets:
+            known = ", ".join(name for name, (dimension, _) in body.entities.items() if dimension == facets)
+            raise ComponentError(
+                f"{where}: the mesh of {type(body.actuator).__name__} has no face {role!r}; it has {known}"
+            )
+
+
+class FaceNodes:
+    """Quadratic facets of faces and where their nodes' displacements are; the same on every rank.
+
+    Args:
+        body: The mesh.
+        space: That of the unknowns w.
+        roles: The faces.
+
+    Attributes:
+        places: Of the nodes at rest, shape (n, d), in sizes of the device.
+        facets: Nodes of each facet, shape (f, 3 or 6): corners, then middles, of triangles each opposite to its corner.
+        faces: Number of the role that each facet belongs to, shape (f,).
+        inside: Middle of the cell behind each facet, shape (f, d).
+        dofs: Global numbers of the skew components of each node's displacement, shape (n, d).
+    """
+
+    def __init__(self, body: Body, space: fem.FunctionSpace, roles: Sequence[str]):
+        self.comm, self.skew = body.mesh.comm, body.skew_inverse
+        self._mesh = mesh = body.mesh
+        topology, d = mesh.topology, mesh.topology.dim
+        nodes = fem.functionspace(mesh, ("P", 2))
+        vectors = space if space.dofmap.index_map_bs == d else space.sub(0)  # mixed dofs are not blocked
+        components = [vectors.sub(c).dofmap for c in range(d)]
+        of_facet = _nodes_of_facets(basix.topology(mesh.basix_cell()), d)
+        topology.create_connectivity(d - 1, d)
+        topology.create_connectivity(d, d - 1)
+        to_cell, to_facet = topology.connectivity(d - 1, d), topology.connectivity(d, d - 1)
+        at = nodes.tabulate_dof_coordinates()[:, :d]
+        block = space.dofmap.index_map_bs
+        owned = topology.index_map(d).size_local
+        found: list[tuple[Numbers, Array, Numbers, int, Array]] = []
+        own: list[tuple[int, Numbers]] = []
+        for number, role in enumerate(roles):
+            for facet in body.entities[role][1]:
+                cell = to_cell.links(facet)[0]
+                if cell >= owned:
+                    continue
+                chosen = of_facet[int(np.flatnonzero(to_facet.links(cell) == facet)[0])]
+                here = nodes.dofmap.cell_dofs(cell)
+                local = np.column_stack([dofmap.cell_dofs(cell)[chosen] for dofmap in components])
+                numbers = space.dofmap.index_map.local_to_global((local // block).ravel().astype(np.int32))
+                dofs = numbers.reshape(local.shape) * block + local % block
+                ids = nodes.dofmap.index_map.local_to_global(here[chosen].astype(np.int32))
+                own.append((cell, chosen))
+                found.append((ids, at[here[chosen]], dofs, number, at[here[: d + 1]].mean(axis=0)))
+        k = 3 if d == 2 else 6
+        ids, places, dofs, faces, inside = (
+            mpi.everywhere(self.comm, np.array([entry[i] for entry in found], dtype=kind).reshape(-1, *shape))
+            for i, (kind, shape) in enumerate(
+                [(np.int64, (k,)), (np.float64, (k, d)), (np.int64, (k, d)), (np.int64, ()), (np.float64, (d,))]
+            )
+        )
+        self._own, self._before = own, sum(self.comm.allgather(len(own))[: self.comm.rank])
+        _, first, facets = np.unique(ids, return_index=True, return_inverse=True)
+        self.facets: Numbers = facets.reshape(ids.shape)
+        self._first: Numbers = np.asarray(first, dtype=np.int64)
+        self.places: Array = np.asarray(places.reshape(-1, d)[first], dtype=float)
+        self.dofs: Numbers = np.asarray(dofs.reshape(-1, d)[first], dtype=np.int64)
+        self.faces: Numbers = np.asarray(faces, dtype=np.int64)
+        self.inside: Array = np.asarray(inside, dtype=float)
+        self.total_dofs = space.dofmap.index_map.size_global * block
+        start, end = (int(bound) * block for bound in space.dofmap.index_map.local_range)
+        self.owned = start, end
+
+    def only(self, facets: npt.NDArray[np.bool_]) -> FaceNodes:
+        """Return a copy with only some of the facets, a mask of shape (f,)."""
+        chosen = copy.copy(self)
+        used, numbers = np.unique(self.facets[facets], return_inverse=True)
+        chosen.facets = numbers.reshape(-1, self.facets.shape[1])
+        chosen.places, chosen.dofs, chosen._first = self.places[used], self.dofs[used], self._first[used]
+        chosen.faces, chosen.inside = self.faces[facets], self.inside[facets]
+        for name in ("mine", "local", "_interpolation"):
+            chosen.__dict__.pop(name, None)
+        return chosen
+
+    @functools.cached_property
+    def _interpolation(self) -> scipy.sparse.csr_array:
+        """The nodes' places by those of the mesh's own local nodes, shape (n, nodes); each row on one rank."""
+        cell, geometry, k = self._mesh.basix_cell(), self._mesh.geometry, self.facets.shape[1]
+        points = basix.ufl.element("P", cell, 2).basix_element.points
+        shapes = basix.ufl.element("P", cell, geometry.cmaps[0].degree).tabulate(0, points)[0]
+        rows = np.flatnonzero((self._first >= k * self._before) & (self._first < k * (self._before + len(self._own))))
+        entry, column = np.divmod(self._first[rows] - k * self._before, k)
+        cells = np.array([self._own[i][0] for i in entry], dtype=np.int64)
+        local = np.array([self._own[i][1][j] for i, j in zip(entry, column, strict=True)], dtype=np.int64)
+        columns, weights = np.asarray(geometry.dofmaps[0])[cells], shapes[local]
+        at = (np.repeat(rows, weights.shape[1]), columns.ravel())
+        return scipy.sparse.csr_array((weights.ravel(), at), shape=(len(self.places), len(geometry.x)))
+
+    def follow_mesh(self) -> None:
+        """Take the nodes' undeformed places from a mesh that has moved."""
+        self.places = self.motion(self._mesh.geometry.x[:, : self.places.shape[1]])
+
+    def motion(self, nodes: Array) -> Array:
+        """Return a motion of the nodes, shape (n, d), of one of the mesh's own local nodes, shape (nodes, d)."""
+        return mpi.summed(self.comm, np.asarray(self._interpolation @ nodes))
+
+    def by_mesh(self, rates: Array) -> Array:
+        """Return derivatives by the nodes' places, shape (n, d), as this rank's share of those by the mesh's local nodes."""
+        return np.asarray(self._interpolation.T @ rates)
+
+    @functools.cached_property
+    def mine(self) -> npt.NDArray[np.bool_]:
+        """Whether this rank owns the dofs, shape (n, d)."""
+        return (self.dofs >= self.owned[0]) & (self.dofs < self.owned[1])
+
+    @functools.cached_property
+    def local(self) -> Numbers:
+        """Indices of the dofs that this rank owns among its own."""
+        return np.asarray(self.dofs[self.mine] - self.owned[0])
+
+    def values(self, w: Array) -> Array:
+        """Return the entries of all nodes, shape (n, d), of a vector whose first ones are this rank's owned entries."""
+        values = np.zeros(self.dofs.shape)
+        values[self.mine] = w[self.local]
+        return mpi.summed(self.comm, values)
+
+    def moved(self, w: Array) -> Array:
+        """Return the deformed places of the nodes, shape (n, d), of unknowns that begin with this rank's owned ones."""
+        return np.asarray(self.places + self.values(w) @ self.skew.T)
+
+
+def _nodes_of_facets(topology: Sequence[Sequence[Sequence[int]]], d: int) -> list[Numbers]:
+    """Return the nodes of each facet of a cell, numbered in the cell, as `FaceNodes.facets` orders them."""
+    middles = {frozenset(edge): d + 1 + i for i, edge in enumerate(topology[1])}
+    found = []
+    for corners in topology[d - 1]:
+        if d == 2:
+            found.append(np.array([*corners, middles[frozenset(corners)]]))
+        else:
+            a, b, c = corners
+            found.append(np.array([a, b, c, *(middles[frozenset(edge)] for edge in ((b, c), (c, a), (a, b)))]))
+    return found
+
+
+CONTACT_SLACK = 3
+"""Extra Newton iterations that do not shorten the steps, because every step changes the contact points."""
+SOON = 0.2
+"""Gap below which nodes are coupled in the matrix pattern before they touch, relative to a contact's near distance."""
+
+
+def mark_symmetric(K: PETSc.Mat) -> None:
+    """Mark a matrix as symmetric for any values."""
+    K.setOption(K.Option.SYMMETRIC, True)  # type: ignore[arg-type]
+    K.setOption(K.Option.SYMMETRY_ETERNAL, True)  # type: ignore[arg-type]
+
+
+class Pressing(Protocol):
+    """Contact of faces in a deformed shape, dimensionless, of the slice: energy, its derivatives by node positions, and which
+    nodes are or soon may be coupled (``soon`` in radii of the kernel for walls)."""
+
+    @property
+    def energy(self) -> float: ...
+    @property
+    def forces(self) -> Array: ...
+    @property
+    def stiffness(self) -> scipy.sparse.csr_array: ...
+    def coupled(self, soon: float) -> scipy.sparse.csr_array: ...
 
 
 # ----------------------------------------------------------------------------------------------------------------------

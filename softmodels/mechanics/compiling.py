@@ -30,71 +30,42 @@ from softmodels.common import errors
 from softmodels.common.lazy import MPI, ufl
 from softmodels.mechanics import mpi
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Flags of the C compiler for the kernels.
-#
-# Products with the tangent, its assembly and the forces are two fifths of a solid's path. On a slab of 88,570 unknowns the
-# instructions of this processor and sums in any order take a product from 42 to 29 ms and an assembly from 620 to 445 ms.
 
-
-PLAIN = ["-O2", "-g0"]
-"""As for Python's modules, but without debug information, which takes longer than all else."""
-ARITHMETIC = ["-fno-math-errno", "-fno-trapping-math", "-fno-signed-zeros", "-fassociative-math"]
-"""Allow reordering of sums, but keep NaN and infinity, which Newton's method checks for."""
-PROCESSOR = Path("/proc/cpuinfo")
-"""Linux' description of the processors, of which the first is read."""
-FEATURES = (b"flags", b"Features")
-"""The line with its instruction set, on x86 and on ARM."""
-READ = 1 << 14
-
-
-def compiler_flags(processor: Path = PROCESSOR) -> list[str]:
-    """Return the flags for GCC or Clang.
-
-    Modules for one processor may not run on another, and a home folder may be shared by several machines. DOLFINx names a
-    module after what the compiler was asked for, so that a word that differs with the instructions keeps them apart.
-
-    Args:
-        processor: A file like Linux' ``/proc/cpuinfo``; where there is none, the code is for any processor of the kind.
-    """
-    instructions = _instructions(processor)
-    if not instructions or platform.machine() not in ("x86_64", "aarch64"):
-        return [*PLAIN, *ARITHMETIC]
-    return [*PLAIN, *ARITHMETIC, "-march=native", f"-DPROCESSOR=0x{zlib.crc32(instructions):08x}"]
-
-
-def _instructions(processor: Path) -> bytes:
-    """Return the line of a processor's instruction set; empty if unknown."""
+@contextlib.contextmanager
+def compiling() -> Iterator[None]:
+    """Turn errors of the compiler and its cache into a `CompilingError`."""
+    use_cache()
     try:
-        with processor.open("rb") as file:
-            start = file.read(READ)
-    except OSError:
-        return b""
-    return next((line for line in start.splitlines() if line.startswith(FEATURES)), b"")
-
-
-JIT = {"cffi_extra_compile_args": compiler_flags()}
-"""Compiler flags in DOLFINx's options."""
-LABEL = 1_000_000
-"""Number of the first label of a UFL variable that is compiled, above all that UFL gives out: they count up, and are part of a
-kernel's name in the cache."""
-
-LONGEST = 180.0
-"""Seconds after which the compilation of a module counts as abandoned: a solid slice takes half a minute on a slow machine."""
-
-LONG = (
-    "another run is compiling the same kernels, or was killed while doing so; run again "
-    f"after {LONGEST / 60:g} minutes, when its leftovers are removed"
-)
-"""Message if DOLFINx has waited in vain for another run."""
+        yield
+    except CompilingError:
+        _check_stop()
+        raise
+    except TimeoutError as error:
+        raise CompilingError(LONG) from error
+    except OSError as error:
+        folder = cache()
+        raise CompilingError(
+            f"the kernel cache {folder} cannot be used ({error.strerror or error}); free disk space and "
+            f"check its permissions, or set another place by the environment variable XDG_CACHE_HOME"
+        ) from error
+    except Exception as error:
+        # cffi's error on one rank; on several, DOLFINx passes on its text.
+        if type(error).__name__ != "VerificationError" and "JIT" not in str(error):
+            raise
+        _check_stop()
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise CompilingError(
+            f"the kernels cannot be compiled ({reason}); a C compiler is needed (the extra 'compiler' brings one), "
+            "and softmodels doctor lists what is missing"
+        ) from error
+    finally:
+        for name in [*_running]:  # after an error
+            with contextlib.suppress(Exception):
+                _finish(name)
 
 
 class CompilingError(errors.Spoken, RuntimeError):
     """The kernels could not be compiled; the message is for the user."""
-
-
-_listening: list[tuple[Callable[[str], None], Callable[[], None]]] = []
-"""What reports a wait for another run, and what is asked whether to stop."""
 
 
 @contextlib.contextmanager
@@ -152,6 +123,67 @@ def cache() -> Path:
     from dolfinx import jit
 
     return Path(jit.get_options()["cache_dir"])
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Flags of the C compiler for the kernels.
+#
+# Products with the tangent, its assembly and the forces are two fifths of a solid's path. On a slab of 88,570 unknowns the
+# instructions of this processor and sums in any order take a product from 42 to 29 ms and an assembly from 620 to 445 ms.
+
+
+PLAIN = ["-O2", "-g0"]
+"""As for Python's modules, but without debug information, which takes longer than all else."""
+ARITHMETIC = ["-fno-math-errno", "-fno-trapping-math", "-fno-signed-zeros", "-fassociative-math"]
+"""Allow reordering of sums, but keep NaN and infinity, which Newton's method checks for."""
+PROCESSOR = Path("/proc/cpuinfo")
+"""Linux' description of the processors, of which the first is read."""
+FEATURES = (b"flags", b"Features")
+"""The line with its instruction set, on x86 and on ARM."""
+READ = 1 << 14
+
+
+def compiler_flags(processor: Path = PROCESSOR) -> list[str]:
+    """Return the flags for GCC or Clang.
+
+    Modules for one processor may not run on another, and a home folder may be shared by several machines. DOLFINx names a
+    module after what the compiler was asked for, so that a word that differs with the instructions keeps them apart.
+
+    Args:
+        processor: A file like Linux' ``/proc/cpuinfo``; where there is none, the code is for any processor of the kind.
+    """
+    instructions = _instructions(processor)
+    if not instructions or platform.machine() not in ("x86_64", "aarch64"):
+        return [*PLAIN, *ARITHMETIC]
+    return [*PLAIN, *ARITHMETIC, "-march=native", f"-DPROCESSOR=0x{zlib.crc32(instructions):08x}"]
+
+
+def _instructions(processor: Path) -> bytes:
+    """Return the line of a processor's instruction set; empty if unknown."""
+    try:
+        with processor.open("rb") as file:
+            start = file.read(READ)
+    except OSError:
+        return b""
+    return next((line for line in start.splitlines() if line.startswith(FEATURES)), b"")
+
+
+JIT = {"cffi_extra_compile_args": compiler_flags()}
+"""Compiler flags in DOLFINx's options."""
+LABEL = 1_000_000
+"""Number of the first label of a UFL variable that is compiled, above all that UFL gives out: they count up, and are part of a
+kernel's name in the cache."""
+
+LONGEST = 180.0
+"""Seconds after which the compilation of a module counts as abandoned: a solid slice takes half a minute on a slow machine."""
+
+LONG = (
+    "another run is compiling the same kernels, or was killed while doing so; run again "
+    f"after {LONGEST / 60:g} minutes, when its leftovers are removed"
+)
+"""Message if DOLFINx has waited in vain for another run."""
+_listening: list[tuple[Callable[[str], None], Callable[[], None]]] = []
+"""What reports a wait for another run, and what is asked whether to stop."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -293,39 +325,6 @@ def use_cache() -> None:
     jit.get_cached_module = kept
     if sys.platform != "win32":
         jit._compile_objects, jit._load_objects = _generate, when_ready  # type: ignore[assignment]
-
-
-@contextlib.contextmanager
-def compiling() -> Iterator[None]:
-    """Turn errors of the compiler and its cache into a `CompilingError`."""
-    use_cache()
-    try:
-        yield
-    except CompilingError:
-        _check_stop()
-        raise
-    except TimeoutError as error:
-        raise CompilingError(LONG) from error
-    except OSError as error:
-        folder = cache()
-        raise CompilingError(
-            f"the kernel cache {folder} cannot be used ({error.strerror or error}); free disk space and "
-            f"check its permissions, or set another place by the environment variable XDG_CACHE_HOME"
-        ) from error
-    except Exception as error:
-        # cffi's error on one rank; on several, DOLFINx passes on its text.
-        if type(error).__name__ != "VerificationError" and "JIT" not in str(error):
-            raise
-        _check_stop()
-        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
-        raise CompilingError(
-            f"the kernels cannot be compiled ({reason}); a C compiler is needed (the extra 'compiler' brings one), "
-            "and softmodels doctor lists what is missing"
-        ) from error
-    finally:
-        for name in [*_running]:  # after an error
-            with contextlib.suppress(Exception):
-                _finish(name)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

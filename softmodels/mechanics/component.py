@@ -42,36 +42,6 @@ from softmodels.materials.laws import Material
 from softmodels.mechanics import body
 from softmodels.mechanics.body import Body
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Physical causes of the end of a path, other than limit points.
-
-
-@dataclasses.dataclass(frozen=True)
-class PathFailure:
-    """A cause (a clause on what happens there), with its advice, a sentence without its full stop. Where it ``snaps``, stable
-    states may lie beyond to which no step leads; where it is ``of_mesh``, no limit of the device is known."""
-
-    clause: str
-    advice: str
-    snaps: bool = False
-    of_mesh: bool = False
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Predicted stress of a term in Newton's matrix; see `softmodels.mechanics.potential.Potential.predict_stress`.
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class MixedPointStress:
-    """Data for the predicted stress of a term in Newton's matrix: the unknowns of another state, the skew components of their
-    displacement, the move from there to the current state, and the matrix' two directions."""
-
-    known: fem.Function
-    displacement: Expr
-    move: fem.Function
-    test: Expr
-    trial: Expr
-
 
 @dataclasses.dataclass(frozen=True)
 class Component(abc.ABC):
@@ -412,6 +382,37 @@ def column_texts(*columns: tuple[str, str, str]) -> dict[str, tuple[str, str]]:
 def gravity_of(components: Sequence[Component]) -> Array:
     """Acceleration of gravity in m/s2, shape (3,), in device coordinates; zero where no component is one."""
     return next((part.acceleration for part in components if part.acceleration is not None), np.zeros(3))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Physical causes of the end of a path, other than limit points.
+
+
+@dataclasses.dataclass(frozen=True)
+class PathFailure:
+    """A cause (a clause on what happens there), with its advice, a sentence without its full stop. Where it ``snaps``, stable
+    states may lie beyond to which no step leads; where it is ``of_mesh``, no limit of the device is known."""
+
+    clause: str
+    advice: str
+    snaps: bool = False
+    of_mesh: bool = False
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Predicted stress of a term in Newton's matrix; see `softmodels.mechanics.potential.Potential.predict_stress`.
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class MixedPointStress:
+    """Data for the predicted stress of a term in Newton's matrix: the unknowns of another state, the skew components of their
+    displacement, the move from there to the current state, and the matrix' two directions."""
+
+    known: fem.Function
+    displacement: Expr
+    move: fem.Function
+    test: Expr
+    trial: Expr
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -29,6 +29,170 @@ from softmodels.common.lazy import PETSc, basix, fem, la, ufl
 from softmodels.mechanics import assembly, compiling, newton
 from softmodels.mechanics.system import System
 
+NONE = np.empty(0, dtype=np.int32)
+TIGHT = 1e-4
+"""Tolerance below which a solve shows the age of a cycle."""
+FIXED, PER_ENTRY, PER_UNKNOWN = 15e6, 15, 80
+"""Memory of a rank: bytes whatever the model, bytes per entry of K (blocks in single precision, those to p, the linear level),
+and vectors (of the levels, of GMRES, and of the tracked modes). Measured along the paths of wedges of 17,300, 37,120,
+70,113 and 181,940 unknowns, mass matrix included: 54, 107, 188 and 486 MB taken, 57, 107, 189 and 476 MB predicted."""
+PER_SHARED_ENTRY = 19
+"""The same per entry on several ranks, whose matrices PETSc keeps in two parts. Paths past a limit point, 70,113 and 181,940
+unknowns on two ranks: 0.23 and 0.56 GB taken on both, 0.23 and 0.56 GB predicted."""
+
+
+class Multigrid(newton.Preconditioner):
+    """The block triangular map above, without owned dofs that are ``fixed`` beside those that are held."""
+
+    exact = False
+    most_of_a_solve = 150
+    most_in_all = 12
+    most_newton = 9
+    restart, most_iterations = 80, 200
+    instead = (
+        ": multigrid may fail if one material is much stiffer than another or cells are very flat; use --solver direct"
+    )
+
+    def __init__(self, system: System, fixed: npt.NDArray[np.int32] = NONE):
+        self.system, self.K, self._fixed = system, system.K, fixed
+        self._entries = self._fresh = 0.0
+        self._make_fields()
+        self._make_weights()
+        self._levels: tuple[QuadraticLevel, LinearLevel] | None = None
+        self._coupling: PETSc.Mat | None = None
+
+    @staticmethod
+    def memory(system: System) -> float:
+        """Return the memory of a cycle on this rank in bytes, from the entries of the assembled K."""
+        K = system.K
+        entries, unknowns = newton.entries_here(K), K.getLocalSize()[0]
+        return FIXED + (PER_ENTRY if K.comm.size == 1 else PER_SHARED_ENTRY) * entries + 8 * PER_UNKNOWN * unknowns
+
+    def _make_fields(self) -> None:
+        """The rows of displacements, node by node, and those of p."""
+        system, d = self.system, self.system.body.mesh.geometry.dim
+        start, end = self.K.getOwnershipRange()
+        if system.mixed:
+            nodes, parents = system.space.sub(0).collapse()
+            count = nodes.dofmap.index_map.size_local
+            self._u = np.ravel(parents)[: count * d].astype(np.int32)
+        else:
+            nodes, count = system.space, system.space.dofmap.index_map.size_local
+            self._u = np.arange(count * d, dtype=np.int32)
+        self._p = np.setdiff1d(np.arange(end - start, dtype=np.int32), self._u).astype(np.int32)
+        self._nodes, self._places = nodes, nodes.tabulate_dof_coordinates()[:count]
+        self._held = np.concatenate([assembly.held_dofs(system.bcs), self._fixed])
+        self._rows = [
+            PETSc.IS().createGeneral(rows + start, comm=self.K.comm)  # type: ignore[arg-type]
+            for rows in (self._u, self._p)
+        ]
+
+    def _make_weights(self) -> None:
+        system = self.system
+        if not system.mixed:
+            return
+        q = ufl.split(ufl.TestFunction(system.space))[1]
+        self._weights = [fem.Constant(system.body.mesh, 1.0) for _ in system.potential.regions]
+        regions = zip(self._weights, system.potential.regions, strict=True)
+        self._lumped = [system.form(weight * q * system.body.hoop * region.dx) for weight, region in regions]
+
+    def set_up(self) -> None:
+        entries = newton.entries_in_all(self.K)
+        if self._levels is not None and entries != self._entries:  # contact has added couplings
+            self._drop()
+        if self._levels is None:
+            self._entries = entries
+            self._make_levels()
+        else:
+            for level in self._levels:
+                level.take()
+            if self._coupling is not None:
+                self.K.createSubMatrix(self._rows[0], self._rows[1], self._coupling)
+        self._schur = self._schur_diagonal()
+        self._fresh = 0.0
+
+    def _make_levels(self) -> None:
+        d = self.system.body.mesh.geometry.dim
+        held = np.zeros(self.K.getLocalSize()[0], dtype=np.bool_)
+        held[self._held] = True
+        quadratic = QuadraticLevel(self.K, self._u, d, np.isin(self._u, self._fixed))
+        quadratic.take()
+        shape = (len(self._places), d)
+        self._levels = (quadratic, LinearLevel(quadratic, self._nodes, held[self._u].reshape(shape), self._motions()))
+        if self.system.mixed:
+            self._coupling = self.K.createSubMatrix(self._rows[0], self._rows[1])
+            self._pressures, self._b = self._coupling.createVecRight(), self._coupling.createVecLeft()
+
+    def _motions(self) -> Array:
+        """Return the rigid motions as skew components, zero where they are held, shape (motions, owned nodes, d)."""
+        body = self.system.body
+        d = body.mesh.geometry.dim
+        x = self._places[:, :d]
+        found = [np.tile(axis, (len(x), 1)) for axis in np.eye(d)]
+        for i, j in itertools.combinations(range(d), 2):
+            turn = np.zeros_like(x)
+            turn[:, i], turn[:, j] = -x[:, j], x[:, i]
+            found.append(turn)
+        free = np.ones(self.K.getLocalSize()[0])
+        free[self._held] = 0.0
+        return np.array([motion @ body.skew.T * free[self._u].reshape(-1, d) for motion in found])
+
+    def _schur_diagonal(self) -> Array:
+        """Return S of the module's docstring at owned p."""
+        system = self.system
+        if not system.mixed:
+            return np.empty(0)
+        for weight, region in zip(self._weights, system.potential.regions, strict=True):
+            weight.value = system.stress_unit / region.material.shear_modulus_0 + float(region.bulk.value)
+        # A linear function's square has this share of its integral, in the mean of a simplex' corners.
+        share = 2 / (system.body.mesh.topology.dim + 2)
+        return share * system.assemble(self._lumped, held=True)[self._p]
+
+    def apply(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        assert self._levels is not None
+        given, found = b.array_r, x.array_w
+        force = given[self._u]
+        if self._coupling is not None:
+            pressures = -given[self._p] / self._schur
+            self._pressures.array_w[:] = pressures
+            self._coupling.mult(self._pressures, self._b)
+            force -= self._b.array_r
+            found[self._p] = pressures
+        quadratic, linear = self._levels
+        quadratic.smooth(force, begin=True)
+        linear.correct(quadratic.residual(force))
+        quadratic.smooth(force, begin=False)
+        found[self._u] = quadratic.x[: len(force)]
+        # Coarser levels move held dofs slightly, which no residual detects: states would drift off their supports.
+        found[self._held] = given[self._held]
+
+    def wear(self, iterations: int, tolerance: float) -> int:
+        """Return the iterations beyond those of the first solve after a set-up, of tight solves: loose ones are not
+        informative."""
+        if tolerance > TIGHT:
+            return 0
+        rate = iterations / -math.log10(tolerance)
+        if not self._fresh:
+            self._fresh = rate
+        return max(0, round((rate - self._fresh) * -math.log10(tolerance)))
+
+    def negative_pivots(self) -> int:
+        raise NotImplementedError("a multigrid cycle does not provide K's inertia")
+
+    def _drop(self) -> None:
+        for level in self._levels or ():
+            level.release()
+        if self._coupling is not None:
+            for thing in (self._coupling, self._pressures, self._b):
+                thing.destroy()
+        self._levels = self._coupling = None
+
+    def release(self) -> None:
+        self._drop()
+        for rows in self._rows:
+            rows.destroy()
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # The local rows of a PETSc matrix for C code, without copying.
 
@@ -361,170 +525,6 @@ class LinearLevel:
         for thing in (self._cycle, self._b, self._x, self._matrix, self._shared):
             if thing is not None:
                 thing.destroy()
-
-
-NONE = np.empty(0, dtype=np.int32)
-TIGHT = 1e-4
-"""Tolerance below which a solve shows the age of a cycle."""
-FIXED, PER_ENTRY, PER_UNKNOWN = 15e6, 15, 80
-"""Memory of a rank: bytes whatever the model, bytes per entry of K (blocks in single precision, those to p, the linear level),
-and vectors (of the levels, of GMRES, and of the tracked modes). Measured along the paths of wedges of 17,300, 37,120,
-70,113 and 181,940 unknowns, mass matrix included: 54, 107, 188 and 486 MB taken, 57, 107, 189 and 476 MB predicted."""
-PER_SHARED_ENTRY = 19
-"""The same per entry on several ranks, whose matrices PETSc keeps in two parts. Paths past a limit point, 70,113 and 181,940
-unknowns on two ranks: 0.23 and 0.56 GB taken on both, 0.23 and 0.56 GB predicted."""
-
-
-class Multigrid(newton.Preconditioner):
-    """The block triangular map above, without owned dofs that are ``fixed`` beside those that are held."""
-
-    exact = False
-    most_of_a_solve = 150
-    most_in_all = 12
-    most_newton = 9
-    restart, most_iterations = 80, 200
-    instead = (
-        ": multigrid may fail if one material is much stiffer than another or cells are very flat; use --solver direct"
-    )
-
-    def __init__(self, system: System, fixed: npt.NDArray[np.int32] = NONE):
-        self.system, self.K, self._fixed = system, system.K, fixed
-        self._entries = self._fresh = 0.0
-        self._make_fields()
-        self._make_weights()
-        self._levels: tuple[QuadraticLevel, LinearLevel] | None = None
-        self._coupling: PETSc.Mat | None = None
-
-    @staticmethod
-    def memory(system: System) -> float:
-        """Return the memory of a cycle on this rank in bytes, from the entries of the assembled K."""
-        K = system.K
-        entries, unknowns = newton.entries_here(K), K.getLocalSize()[0]
-        return FIXED + (PER_ENTRY if K.comm.size == 1 else PER_SHARED_ENTRY) * entries + 8 * PER_UNKNOWN * unknowns
-
-    def _make_fields(self) -> None:
-        """The rows of displacements, node by node, and those of p."""
-        system, d = self.system, self.system.body.mesh.geometry.dim
-        start, end = self.K.getOwnershipRange()
-        if system.mixed:
-            nodes, parents = system.space.sub(0).collapse()
-            count = nodes.dofmap.index_map.size_local
-            self._u = np.ravel(parents)[: count * d].astype(np.int32)
-        else:
-            nodes, count = system.space, system.space.dofmap.index_map.size_local
-            self._u = np.arange(count * d, dtype=np.int32)
-        self._p = np.setdiff1d(np.arange(end - start, dtype=np.int32), self._u).astype(np.int32)
-        self._nodes, self._places = nodes, nodes.tabulate_dof_coordinates()[:count]
-        self._held = np.concatenate([assembly.held_dofs(system.bcs), self._fixed])
-        self._rows = [
-            PETSc.IS().createGeneral(rows + start, comm=self.K.comm)  # type: ignore[arg-type]
-            for rows in (self._u, self._p)
-        ]
-
-    def _make_weights(self) -> None:
-        system = self.system
-        if not system.mixed:
-            return
-        q = ufl.split(ufl.TestFunction(system.space))[1]
-        self._weights = [fem.Constant(system.body.mesh, 1.0) for _ in system.potential.regions]
-        regions = zip(self._weights, system.potential.regions, strict=True)
-        self._lumped = [system.form(weight * q * system.body.hoop * region.dx) for weight, region in regions]
-
-    def set_up(self) -> None:
-        entries = newton.entries_in_all(self.K)
-        if self._levels is not None and entries != self._entries:  # contact has added couplings
-            self._drop()
-        if self._levels is None:
-            self._entries = entries
-            self._make_levels()
-        else:
-            for level in self._levels:
-                level.take()
-            if self._coupling is not None:
-                self.K.createSubMatrix(self._rows[0], self._rows[1], self._coupling)
-        self._schur = self._schur_diagonal()
-        self._fresh = 0.0
-
-    def _make_levels(self) -> None:
-        d = self.system.body.mesh.geometry.dim
-        held = np.zeros(self.K.getLocalSize()[0], dtype=np.bool_)
-        held[self._held] = True
-        quadratic = QuadraticLevel(self.K, self._u, d, np.isin(self._u, self._fixed))
-        quadratic.take()
-        shape = (len(self._places), d)
-        self._levels = (quadratic, LinearLevel(quadratic, self._nodes, held[self._u].reshape(shape), self._motions()))
-        if self.system.mixed:
-            self._coupling = self.K.createSubMatrix(self._rows[0], self._rows[1])
-            self._pressures, self._b = self._coupling.createVecRight(), self._coupling.createVecLeft()
-
-    def _motions(self) -> Array:
-        """Return the rigid motions as skew components, zero where they are held, shape (motions, owned nodes, d)."""
-        body = self.system.body
-        d = body.mesh.geometry.dim
-        x = self._places[:, :d]
-        found = [np.tile(axis, (len(x), 1)) for axis in np.eye(d)]
-        for i, j in itertools.combinations(range(d), 2):
-            turn = np.zeros_like(x)
-            turn[:, i], turn[:, j] = -x[:, j], x[:, i]
-            found.append(turn)
-        free = np.ones(self.K.getLocalSize()[0])
-        free[self._held] = 0.0
-        return np.array([motion @ body.skew.T * free[self._u].reshape(-1, d) for motion in found])
-
-    def _schur_diagonal(self) -> Array:
-        """Return S of the module's docstring at owned p."""
-        system = self.system
-        if not system.mixed:
-            return np.empty(0)
-        for weight, region in zip(self._weights, system.potential.regions, strict=True):
-            weight.value = system.stress_unit / region.material.shear_modulus_0 + float(region.bulk.value)
-        # A linear function's square has this share of its integral, in the mean of a simplex' corners.
-        share = 2 / (system.body.mesh.topology.dim + 2)
-        return share * system.assemble(self._lumped, held=True)[self._p]
-
-    def apply(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
-        assert self._levels is not None
-        given, found = b.array_r, x.array_w
-        force = given[self._u]
-        if self._coupling is not None:
-            pressures = -given[self._p] / self._schur
-            self._pressures.array_w[:] = pressures
-            self._coupling.mult(self._pressures, self._b)
-            force -= self._b.array_r
-            found[self._p] = pressures
-        quadratic, linear = self._levels
-        quadratic.smooth(force, begin=True)
-        linear.correct(quadratic.residual(force))
-        quadratic.smooth(force, begin=False)
-        found[self._u] = quadratic.x[: len(force)]
-        # Coarser levels move held dofs slightly, which no residual detects: states would drift off their supports.
-        found[self._held] = given[self._held]
-
-    def wear(self, iterations: int, tolerance: float) -> int:
-        """Return the iterations beyond those of the first solve after a set-up, of tight solves: loose ones are not
-        informative."""
-        if tolerance > TIGHT:
-            return 0
-        rate = iterations / -math.log10(tolerance)
-        if not self._fresh:
-            self._fresh = rate
-        return max(0, round((rate - self._fresh) * -math.log10(tolerance)))
-
-    def negative_pivots(self) -> int:
-        raise NotImplementedError("a multigrid cycle does not provide K's inertia")
-
-    def _drop(self) -> None:
-        for level in self._levels or ():
-            level.release()
-        if self._coupling is not None:
-            for thing in (self._coupling, self._pressures, self._b):
-                thing.destroy()
-        self._levels = self._coupling = None
-
-    def release(self) -> None:
-        self._drop()
-        for rows in self._rows:
-            rows.destroy()
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -24,29 +24,6 @@ from softmodels.materials.memory import Memory
 from softmodels.mechanics import assembly, compiling, component, mpi, regions
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body
 
-SIX = len(memory.IDENTITY)
-AT_ONCE = 4096
-"""Number of cells whose expressions are evaluated at once: of all together what they need would take gigabytes."""
-
-
-FLOW = ("onset", "exponent", "least", "growth", "growth_exponent")
-
-
-def _constants(mesh: meshes.Mesh, branch: memory.Branch) -> types.SimpleNamespace:
-    """Return what `memory.fluidity` takes of a branch, as constants."""
-    spring = [tuple(fem.Constant(mesh, value) for value in term) for term in branch.spring]
-    return types.SimpleNamespace(
-        **{name: fem.Constant(mesh, float(getattr(branch, name))) for name in FLOW}, spring=spring
-    )
-
-
-def _numbers(flow: types.SimpleNamespace, branch: memory.Branch) -> list[tuple[fem.Constant, npt.NDArray[np.inexact]]]:
-    """Return these constants with their values of a branch."""
-    found = [(getattr(flow, name), np.asarray(getattr(branch, name))) for name in FLOW]
-    for constants, term in zip(flow.spring, branch.spring, strict=True):
-        found += zip(constants, map(np.asarray, term), strict=True)
-    return found
-
 
 class History:
     """History of one region: of the displacement's skew components in UFL, where the step ends and begins, and ``fixed``,
@@ -314,6 +291,29 @@ class History:
     def restore(self, kept: tuple[Array, float]) -> None:
         self.values.x.array[:], self._creep = kept
         self.prepare()
+
+
+SIX = len(memory.IDENTITY)
+AT_ONCE = 4096
+"""Number of cells whose expressions are evaluated at once: of all together what they need would take gigabytes."""
+
+FLOW = ("onset", "exponent", "least", "growth", "growth_exponent")
+
+
+def _constants(mesh: meshes.Mesh, branch: memory.Branch) -> types.SimpleNamespace:
+    """Return what `memory.fluidity` takes of a branch, as constants."""
+    spring = [tuple(fem.Constant(mesh, value) for value in term) for term in branch.spring]
+    return types.SimpleNamespace(
+        **{name: fem.Constant(mesh, float(getattr(branch, name))) for name in FLOW}, spring=spring
+    )
+
+
+def _numbers(flow: types.SimpleNamespace, branch: memory.Branch) -> list[tuple[fem.Constant, npt.NDArray[np.inexact]]]:
+    """Return these constants with their values of a branch."""
+    found = [(getattr(flow, name), np.asarray(getattr(branch, name))) for name in FLOW]
+    for constants, term in zip(flow.spring, branch.spring, strict=True):
+        found += zip(constants, map(np.asarray, term), strict=True)
+    return found
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -37,10 +37,8 @@ _started: list[bool] = []
 LEAST_SHARED = 1 << 20
 """Bytes needed at start-up, with a margin."""
 
-
 FEW_LOOKS, MANY_LOOKS = 64, 16384
 """Number of polls of a waiting rank before it yields, with shared and with separate cores."""
-
 
 ONE_MACHINE = {
     # UCX, which the wheel's MPICH sends by: shared memory only. It watches all changes of memory for network cards; to begin

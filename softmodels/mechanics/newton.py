@@ -18,6 +18,201 @@ from softmodels.mechanics import assembly, controls, mpi
 from softmodels.mechanics.controls import Control
 from softmodels.mechanics.system import State, System, rounding_of_stress
 
+
+class Newton:
+    """Newton's method for a system on a control's curve; the system's functions hold the iterate. ``snes`` is PETSc's solver,
+    with the options that the user has given it, ``x`` its vector of unknowns, ``f`` its residual."""
+
+    def __init__(self, system: System, bordered: Bordered, kept: LaggedPreconditioner):
+        self.system, self.bordered, self.kept = system, bordered, kept
+        self._first = self._before = math.inf
+        self._of_stress, self._of_motion, self._round = 0.0, 0.0, rounding_of_stress(system)
+        self._iterate = np.empty(0)
+        self._most = bordered.inverse.most_newton
+        self._smallest: float | None = None  # volume ratio of the iterate, where it was a trial
+        self._since: Array | None = None
+        self._anchor: Array | None = None
+        self._force: PETSc.Vec | None = None  # whose path from the anchor on is given
+        self.control: controls.Curve = Control(0.0, 1.0, 0.0)
+        self.x, self.f, self._y = bordered.vector(), bordered.vector(), system.K.createVecRight()
+        snes = self.snes = PETSc.SNES().create(system.comm)
+        snes.setType("newtonls")
+        snes.setFunction(weakly(self._residual), self.f)
+        snes.setJacobian(weakly(self._jacobian), bordered.mat)
+        # When friction reverses, full steps oscillate between sliding one way and the other.
+        snes.getLineSearch().setType("bt" if system.assembled.remembers else "basic")
+        snes.setTolerances(stol=0.0)  # a short step is not an equilibrium state
+        snes.setLineSearchPreCheck(weakly(self._guard))
+        snes.setConvergenceTest(weakly(self._converged))
+        snes.setMaxLinearSolveFailures(3)
+
+    def release(self) -> None:
+        """Destroy the PETSc objects; see `Solver.release`."""
+        for thing in (self.snes, self.x, self.f, self._y):
+            thing.destroy()
+
+    def solve(
+        self, control: controls.Curve, w: Array, P: float, since: Array | None = None, most: int | None = None
+    ) -> Array:
+        """Solve on a control's curve from a guess; see `Solver.solve`. Returns P and the multipliers."""
+        self.control, self._since = control, since
+        self._smallest = None
+        self._most = most or self.bordered.inverse.most_newton
+        self.bordered.join(self.x, self.system.unknowns.begin(w), [P, *w[self.system.dofs :]])
+        self.system.assembled.whole = True
+        try:
+            self.snes.solve(None, self.x)
+        finally:
+            self.system.assembled.whole = False
+        PETSc.garbage_cleanup(self.system.comm)  # collect dropped vectors: all ranks have to agree on them
+        reason: Any = self.snes.getConvergedReason()  # an int, despite its stub
+        if reason <= 0:
+            self.kept.spoil()
+            why = _REASONS.get(reason, f"PETSc's reason {reason}")
+            raise NoConvergence(why.format(most=self._most, instead=self.bordered.inverse.instead))
+        return self._take_iterate(self.x)
+
+    def solve_along(self, force: PETSc.Vec, anchor: Array, amount: float, w: Array, P: float) -> Array:
+        """Return the same where ``force . (w - anchor)`` is given; see `Solver.solve_along`."""
+        self.bordered.row, self._force, self._anchor = force.copy(), force, anchor
+        try:
+            return self.solve(Control(1.0, 0.0, amount), w, P)
+        finally:
+            self.bordered.row = self._force = self._anchor = None
+
+    # -- PETSc calls these ----------------------------------------------------------------------------------------------
+
+    def _take_iterate(self, x: PETSc.Vec) -> Array:
+        body, scalars = self.bordered.split(x)
+        self.system.set_iterate(body, scalars)
+        return scalars
+
+    def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
+        system, control = self.system, self.control
+        coupling = system.coupling
+        P = float(self._take_iterate(x)[0])
+        loads = self.kept.set_columns()
+        inner = system.internal_forces()
+        volumes = system.driven() if control.needs_volume or len(coupling.constraints) else np.zeros(len(loads))
+        measured = float(coupling.shares @ volumes) if self._anchor is None else self._along()
+        gap = control.weight * (control.value(measured, P) - control.target)
+        self.bordered.control = control.line(measured, P)  # Newton's matrix at this iterate has the control's tangent
+        gaps = [gap, *(coupling.constraints @ volumes - coupling.constrained_volumes)]
+        self.bordered.join(f, inner - system.pressures @ loads, gaps)
+        norms = np.sqrt([mpi.total(system.comm, float(load @ load)) for load in loads])
+        self._load_size = float(np.abs(system.pressures) @ norms)
+        if motion := system.potential.motion:
+            self._load_size += motion.force
+            self._of_motion = motion.rounding
+        self._of_stress = float(norms[: len(norms) - len(system.dead.forms)].max(initial=0.0))
+
+    def _along(self) -> float:
+        """Return how far the current state has gone from the anchor along its force."""
+        assert self._anchor is not None
+        n, row = self.system.n, self.bordered.row
+        assert row is not None and self._force is not None
+        self._y.array_w[:] = self.system.w.x.array[:n] - self._anchor[:n]
+        self._force.copy(row)
+        self.system.unknowns.pull(row.array_w)
+        return float(self._force.dot(self._y))
+
+    def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
+        self._take_iterate(x)
+        self._foresee_stress()
+        if self.bordered.factorisations == 0 or self.kept.worn:
+            self.kept.make(None)
+        else:
+            self.bordered.refresh()
+        J.assemble()
+
+    def _foresee_stress(self) -> None:
+        """Set the stress of sheets and fibres in Newton's matrix: the iterate's, or with `solve`'s ``since`` a predicted
+        one."""
+        if not self.system.potential.predicted_stiffness:
+            return
+        here = self.system.w.x.array.copy()
+        if self._since is None:
+            self.system.potential.predict_stress(here)
+        elif self.snes.getIterationNumber():
+            self.system.potential.predict_stress(self._iterate)
+        else:
+            self.system.potential.predict_stress(self._since, ahead=False)
+        self._iterate = here
+
+    def _guard(self, x: PETSc.Vec, y: PETSc.Vec) -> bool:
+        """Shorten Newton's step y (the next iterate is x - y) until no cell is inverted and nothing passes through a wall."""
+        self.kept.count(self.snes.getKSP())
+        self._take_iterate(x)
+        system = self.system
+        known = None if system.assembled.remembers else self._smallest  # a line search may have taken a shorter step
+        least = 0.1 * (system.smallest_J() if known is None else known)
+        before = system.w.x.array.copy()
+        trial, factor = x.duplicate(), 1.0
+        for _ in range(8):
+            x.copy(trial)
+            trial.axpy(-factor, y)
+            self._take_iterate(trial)
+            self._smallest = system.smallest_J()
+            if self._smallest > least and system.potential.admits(before, system.w.x.array):
+                break
+            factor /= 2
+        else:
+            self._smallest = None  # the accepted step is shorter than the last trial
+        y.scale(factor)
+        return factor < 1.0
+
+    def _converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int:
+        reasons: Any = PETSc.SNES.ConvergedReason
+        _, _, residual = norms
+        if not math.isfinite(residual):
+            return reasons.DIVERGED_FNORM_NAN
+        if iteration == 0:
+            self._first = residual
+        unit_load: Any = self.bordered.q.norm()
+        tolerance = TOLERANCE * max(self._load_size, FLOOR * unit_load)
+        # Forces in a thin wall cancel to 1e-9 of themselves; Newton cannot reduce their rounding error,
+        # nor that of a stiff region, which may exceed a small weight.
+        rounding = max(
+            ROUNDING * max(tolerance, TOLERANCE * FLOOR * self._of_stress),
+            SAFE * (self._round * self._of_stress + self._of_motion),
+        )
+        tolerance *= 1.0 if self.bordered.inverse.exact else CLOSER
+        settled = iteration >= 2 and residual > 0.5 * self._before and residual <= rounding
+        if residual <= tolerance or settled:
+            return reasons.CONVERGED_FNORM_ABS
+        if iteration >= self._most:
+            return reasons.DIVERGED_MAX_IT
+        loosest = self._loosest()
+        if iteration >= 3 and residual > 1e3 * LOOSEST / loosest * self._first:
+            return reasons.DIVERGED_DTOL
+        # Eisenstat & Walker 1996 (doi 10.1137/0917003), choice 2: solve only as accurately as Newton's next step needs.
+        forcing = loosest if iteration == 0 else min(loosest, (residual / self._before) ** 2)
+        last = min(ENOUGH * tolerance / residual, LAST if self._since is None else loosest)
+        snes.getKSP().setTolerances(rtol=max(min(forcing, loosest), last))
+        self._before = residual
+        return reasons.ITERATING
+
+    def _loosest(self) -> float:
+        """Return the tolerance of the first linear solves; a tight one if a stress is predicted: the forces of what is stiff
+        make up the residual, and a loose solve would reduce them only."""
+        if self._since is None:
+            return LOOSEST
+        return max(TIGHTEST, LOOSEST / max(1.0, self.system.potential.predicted_stiffness))
+
+
+_REASONS = {
+    -3: "the linear solver failed{instead}",
+    -4: "the residual is not a number",
+    -5: "no convergence in {most} iterations",
+    -6: "the line search found no decrease of the residual",
+    -9: "the residual diverged (a thousandfold increase)",
+}
+
+
+class NoConvergence(RuntimeError):
+    """Newton's method did not converge; the message gives PETSc's reason."""
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Approximate inverse of the tangent K: a factorisation, or a multigrid cycle.
 
@@ -410,200 +605,6 @@ CLOSER = 0.1  # of Newton's tolerance with multigrid: a factorisation is far mor
 TIGHTEST = 1e-7  # of the same with a stiff sheet: GMRES reaches it with any recent factorisation
 
 
-class NoConvergence(RuntimeError):
-    """Newton's method did not converge; the message gives PETSc's reason."""
-
-
-class Newton:
-    """Newton's method for a system on a control's curve; the system's functions hold the iterate. ``snes`` is PETSc's solver,
-    with the options that the user has given it, ``x`` its vector of unknowns, ``f`` its residual."""
-
-    def __init__(self, system: System, bordered: Bordered, kept: LaggedPreconditioner):
-        self.system, self.bordered, self.kept = system, bordered, kept
-        self._first = self._before = math.inf
-        self._of_stress, self._of_motion, self._round = 0.0, 0.0, rounding_of_stress(system)
-        self._iterate = np.empty(0)
-        self._most = bordered.inverse.most_newton
-        self._smallest: float | None = None  # volume ratio of the iterate, where it was a trial
-        self._since: Array | None = None
-        self._anchor: Array | None = None
-        self._force: PETSc.Vec | None = None  # whose path from the anchor on is given
-        self.control: controls.Curve = Control(0.0, 1.0, 0.0)
-        self.x, self.f, self._y = bordered.vector(), bordered.vector(), system.K.createVecRight()
-        snes = self.snes = PETSc.SNES().create(system.comm)
-        snes.setType("newtonls")
-        snes.setFunction(weakly(self._residual), self.f)
-        snes.setJacobian(weakly(self._jacobian), bordered.mat)
-        # When friction reverses, full steps oscillate between sliding one way and the other.
-        snes.getLineSearch().setType("bt" if system.assembled.remembers else "basic")
-        snes.setTolerances(stol=0.0)  # a short step is not an equilibrium state
-        snes.setLineSearchPreCheck(weakly(self._guard))
-        snes.setConvergenceTest(weakly(self._converged))
-        snes.setMaxLinearSolveFailures(3)
-
-    def release(self) -> None:
-        """Destroy the PETSc objects; see `Solver.release`."""
-        for thing in (self.snes, self.x, self.f, self._y):
-            thing.destroy()
-
-    def solve(
-        self, control: controls.Curve, w: Array, P: float, since: Array | None = None, most: int | None = None
-    ) -> Array:
-        """Solve on a control's curve from a guess; see `Solver.solve`. Returns P and the multipliers."""
-        self.control, self._since = control, since
-        self._smallest = None
-        self._most = most or self.bordered.inverse.most_newton
-        self.bordered.join(self.x, self.system.unknowns.begin(w), [P, *w[self.system.dofs :]])
-        self.system.assembled.whole = True
-        try:
-            self.snes.solve(None, self.x)
-        finally:
-            self.system.assembled.whole = False
-        PETSc.garbage_cleanup(self.system.comm)  # collect dropped vectors: all ranks have to agree on them
-        reason: Any = self.snes.getConvergedReason()  # an int, despite its stub
-        if reason <= 0:
-            self.kept.spoil()
-            why = _REASONS.get(reason, f"PETSc's reason {reason}")
-            raise NoConvergence(why.format(most=self._most, instead=self.bordered.inverse.instead))
-        return self._take_iterate(self.x)
-
-    def solve_along(self, force: PETSc.Vec, anchor: Array, amount: float, w: Array, P: float) -> Array:
-        """Return the same where ``force . (w - anchor)`` is given; see `Solver.solve_along`."""
-        self.bordered.row, self._force, self._anchor = force.copy(), force, anchor
-        try:
-            return self.solve(Control(1.0, 0.0, amount), w, P)
-        finally:
-            self.bordered.row = self._force = self._anchor = None
-
-    # -- PETSc calls these ----------------------------------------------------------------------------------------------
-
-    def _take_iterate(self, x: PETSc.Vec) -> Array:
-        body, scalars = self.bordered.split(x)
-        self.system.set_iterate(body, scalars)
-        return scalars
-
-    def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
-        system, control = self.system, self.control
-        coupling = system.coupling
-        P = float(self._take_iterate(x)[0])
-        loads = self.kept.set_columns()
-        inner = system.internal_forces()
-        volumes = system.driven() if control.needs_volume or len(coupling.constraints) else np.zeros(len(loads))
-        measured = float(coupling.shares @ volumes) if self._anchor is None else self._along()
-        gap = control.weight * (control.value(measured, P) - control.target)
-        self.bordered.control = control.line(measured, P)  # Newton's matrix at this iterate has the control's tangent
-        gaps = [gap, *(coupling.constraints @ volumes - coupling.constrained_volumes)]
-        self.bordered.join(f, inner - system.pressures @ loads, gaps)
-        norms = np.sqrt([mpi.total(system.comm, float(load @ load)) for load in loads])
-        self._load_size = float(np.abs(system.pressures) @ norms)
-        if motion := system.potential.motion:
-            self._load_size += motion.force
-            self._of_motion = motion.rounding
-        self._of_stress = float(norms[: len(norms) - len(system.dead.forms)].max(initial=0.0))
-
-    def _along(self) -> float:
-        """Return how far the current state has gone from the anchor along its force."""
-        assert self._anchor is not None
-        n, row = self.system.n, self.bordered.row
-        assert row is not None and self._force is not None
-        self._y.array_w[:] = self.system.w.x.array[:n] - self._anchor[:n]
-        self._force.copy(row)
-        self.system.unknowns.pull(row.array_w)
-        return float(self._force.dot(self._y))
-
-    def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
-        self._take_iterate(x)
-        self._foresee_stress()
-        if self.bordered.factorisations == 0 or self.kept.worn:
-            self.kept.make(None)
-        else:
-            self.bordered.refresh()
-        J.assemble()
-
-    def _foresee_stress(self) -> None:
-        """Set the stress of sheets and fibres in Newton's matrix: the iterate's, or with `solve`'s ``since`` a predicted
-        one."""
-        if not self.system.potential.predicted_stiffness:
-            return
-        here = self.system.w.x.array.copy()
-        if self._since is None:
-            self.system.potential.predict_stress(here)
-        elif self.snes.getIterationNumber():
-            self.system.potential.predict_stress(self._iterate)
-        else:
-            self.system.potential.predict_stress(self._since, ahead=False)
-        self._iterate = here
-
-    def _guard(self, x: PETSc.Vec, y: PETSc.Vec) -> bool:
-        """Shorten Newton's step y (the next iterate is x - y) until no cell is inverted and nothing passes through a wall."""
-        self.kept.count(self.snes.getKSP())
-        self._take_iterate(x)
-        system = self.system
-        known = None if system.assembled.remembers else self._smallest  # a line search may have taken a shorter step
-        least = 0.1 * (system.smallest_J() if known is None else known)
-        before = system.w.x.array.copy()
-        trial, factor = x.duplicate(), 1.0
-        for _ in range(8):
-            x.copy(trial)
-            trial.axpy(-factor, y)
-            self._take_iterate(trial)
-            self._smallest = system.smallest_J()
-            if self._smallest > least and system.potential.admits(before, system.w.x.array):
-                break
-            factor /= 2
-        else:
-            self._smallest = None  # the accepted step is shorter than the last trial
-        y.scale(factor)
-        return factor < 1.0
-
-    def _converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int:
-        reasons: Any = PETSc.SNES.ConvergedReason
-        _, _, residual = norms
-        if not math.isfinite(residual):
-            return reasons.DIVERGED_FNORM_NAN
-        if iteration == 0:
-            self._first = residual
-        unit_load: Any = self.bordered.q.norm()
-        tolerance = TOLERANCE * max(self._load_size, FLOOR * unit_load)
-        # Forces in a thin wall cancel to 1e-9 of themselves; Newton cannot reduce their rounding error,
-        # nor that of a stiff region, which may exceed a small weight.
-        rounding = max(
-            ROUNDING * max(tolerance, TOLERANCE * FLOOR * self._of_stress),
-            SAFE * (self._round * self._of_stress + self._of_motion),
-        )
-        tolerance *= 1.0 if self.bordered.inverse.exact else CLOSER
-        settled = iteration >= 2 and residual > 0.5 * self._before and residual <= rounding
-        if residual <= tolerance or settled:
-            return reasons.CONVERGED_FNORM_ABS
-        if iteration >= self._most:
-            return reasons.DIVERGED_MAX_IT
-        loosest = self._loosest()
-        if iteration >= 3 and residual > 1e3 * LOOSEST / loosest * self._first:
-            return reasons.DIVERGED_DTOL
-        # Eisenstat & Walker 1996 (doi 10.1137/0917003), choice 2: solve only as accurately as Newton's next step needs.
-        forcing = loosest if iteration == 0 else min(loosest, (residual / self._before) ** 2)
-        last = min(ENOUGH * tolerance / residual, LAST if self._since is None else loosest)
-        snes.getKSP().setTolerances(rtol=max(min(forcing, loosest), last))
-        self._before = residual
-        return reasons.ITERATING
-
-    def _loosest(self) -> float:
-        """Return the tolerance of the first linear solves; a tight one if a stress is predicted: the forces of what is stiff
-        make up the residual, and a loose solve would reduce them only."""
-        if self._since is None:
-            return LOOSEST
-        return max(TIGHTEST, LOOSEST / max(1.0, self.system.potential.predicted_stiffness))
-
-
-_REASONS = {
-    -3: "the linear solver failed{instead}",
-    -4: "the residual is not a number",
-    -5: "no convergence in {most} iterations",
-    -6: "the line search found no decrease of the residual",
-    -9: "the residual diverged (a thousandfold increase)",
-}
-
-
 # ----------------------------------------------------------------------------------------------------------------------
 # Factorise K by MUMPS, in single precision where that is accurate enough.
 #
@@ -617,7 +618,6 @@ _REASONS = {
 OUT_OF_MEMORY = (-5, -7, -8, -9, -11, -12, -13, -14, -15, -17, -18, -19, -20)
 """MUMPS' INFOG(1) if it could not allocate, or if its workspace was too small (its guide, section 8)."""
 
-
 MEGA = 1e6
 TRIPLET = 16
 """Bytes of an entry and its index."""
@@ -625,18 +625,10 @@ SENT = 3
 """Copies of K while MUMPS distributes entries over ranks: PETSc's, and the send and receive buffers."""
 DOUBLE = 1.95
 """Memory of double precision relative to single precision: 1.91 on wedges and slabs of 17,502 to 88,570 unknowns."""
-SMALL = 6000
-"""Number of unknowns up to which the factors fit into the processor's cache and single precision gains nothing."""
-MOST_SPREAD = 300.0
-"""Maximum stiffness ratio of regions for single precision: with stiffer ones the unknowns p hide its error, and signs of
-eigenvalues were wrong with sheets of 50 MPa and 1 GPa in a finger."""
 SOFTEST = 3
 """Steps of inverse iteration towards the softest motions."""
 TRUSTED = 3e-2
 """Maximum relative error in them for single precision. From 1 on the sign of an eigenvalue is wrong."""
-PREFIX = "body_"
-PRECISION = "pc_precision"
-"""PETSc's option, ignored if MUMPS has no single precision."""
 
 
 class Factorisation(Preconditioner):
@@ -724,6 +716,16 @@ class Factorisation(Preconditioner):
 
     def release(self) -> None:
         self._direct.destroy()
+
+
+SMALL = 6000
+"""Number of unknowns up to which the factors fit into the processor's cache and single precision gains nothing."""
+MOST_SPREAD = 300.0
+"""Maximum stiffness ratio of regions for single precision: with stiffer ones the unknowns p hide its error, and signs of
+eigenvalues were wrong with sheets of 50 MPa and 1 GPa in a finger."""
+PREFIX = "body_"
+PRECISION = "pc_precision"
+"""PETSc's option, ignored if MUMPS has no single precision."""
 
 
 def entries_here(K: PETSc.Mat) -> float:

@@ -338,17 +338,15 @@ class Potential:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
+# Second derivatives of energy densities by the unknowns and gradients at a point, in UFL.
+
+
+# ----------------------------------------------------------------------------------------------------------------------
 # Products of a change of the unknowns with the second derivative of a potential, in the state that its functions hold.
 #
 # Kept: CPU time of whole runs with products by compiled forms, and by MatMult of a tangent assembled at each iterate, over
 # that with stored second derivatives (AMD EPYC family 26, AVX-512, one rank): default wedge of the disk 1.12 and 1.63, default
 # half of the seminar slab 1.14 and 1.50; iterative solver at 37,120 and 181,940 unknowns by forms 1.4 and 1.41.
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Second derivatives of energy densities by the unknowns and gradients at a point, in UFL.
-
-
 class NoModuliError(ValueError):
     """The C code does not support the second derivative of this energy."""
 

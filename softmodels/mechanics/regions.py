@@ -28,6 +28,85 @@ from softmodels.mechanics import assembly, component
 from softmodels.mechanics.body import Body, cell_measure, in_section
 from softmodels.mechanics.component import Component, ComponentError
 
+
+class Regions:
+    """The materials of a body and where they are. ``numbers`` has the number of each local cell's region, 0 for the main one;
+    None where that is the whole body.
+
+    Raises:
+        ComponentError: A region that the mesh does not have, regions with cells in common, or that leave nothing to the main
+            material.
+    """
+
+    def __init__(self, body: Body, material: Material, components: Sequence[Component]):
+        self._body, self._material = body, material
+        self._parts = [part for part in components if isinstance(part, RegionPart)]
+        named = {part.name for part in self._parts}
+        # It has its own p and no strain, whatever its material: see `still_pressures`.
+        rigid = [
+            part for part in components if isinstance(part, RigidPart) and part.region and part.region not in named
+        ]
+        self._parts += [RigidRegion(material, name=part.region) for part in rigid]
+        self.numbers: npt.NDArray[np.int32] | None = None
+        if not self._parts:
+            return
+        cells = [part.cells(body) for part in self._parts]
+        self._check_apart(cells)
+        self.numbers = assembly.numbered(body.mesh, cells)
+        counts = body.mesh.comm.allreduce(np.bincount(self.numbers[: self._owned()], minlength=1 + len(self._parts)))
+        if not counts[0]:
+            raise ComponentError(
+                f"{self._parts[0].where}: the regions cover the whole device; leave one of them to the main material"
+            )
+
+    def _check_apart(self, cells: Sequence[npt.NDArray[np.int32]]) -> None:
+        """Reject regions that share cells: which material those have would depend on the order of the tables."""
+        own = [found[found < self._owned()] for found in cells]
+        for (one, part), (two, other) in itertools.combinations(enumerate(self._parts), 2):
+            sizes = [len(np.intersect1d(own[one], own[two])), len(own[one]), len(own[two])]
+            common, first, second = self._body.mesh.comm.allreduce(np.array(sizes)).tolist()
+            if common:
+                raise other.error(
+                    f"{common} of its {second} cells are also among the {first} of {part.where}, and a cell has one material: "
+                    "change the conditions (within), or the regions of the mesh, so that they exclude each other"
+                )
+
+    def _owned(self) -> int:
+        topology = self._body.mesh.topology
+        return int(topology.index_map(topology.dim).size_local)
+
+    def main(self, parameters: types.SimpleNamespace, bulk: fem.Constant) -> MaterialRegion:
+        """Return the region of the main material, by the constants of its law and of its bulk modulus."""
+        if self.numbers is None:
+            cells, dx = np.arange(self._owned(), dtype=np.int32), self._body.measures()[0]
+        else:
+            cells, dx = self._cells(0)
+        return MaterialRegion("", self._material, cells, dx, parameters, bulk)
+
+    def others(self) -> Iterator[MaterialRegion]:
+        """Yield the other regions; their constants are made here."""
+        for number, part in enumerate(self._parts, 1):
+            parameters = constants(self._body.mesh, part.material)
+            yield MaterialRegion(
+                part.name, part.material, *self._cells(number), parameters, fem.Constant(self._body.mesh, 0.0)
+            )
+
+    def _cells(self, number: int) -> tuple[npt.NDArray[np.int32], ufl.Measure]:
+        assert self.numbers is not None
+        cells = np.flatnonzero(self.numbers == number).astype(np.int32)
+        return cells[cells < self._owned()], cell_measure(self._body, cells)
+
+
+def constants(mesh: meshes.Mesh, material: Material) -> types.SimpleNamespace:
+    """Return UFL constants under the material's parameter names."""
+    return types.SimpleNamespace(
+        **{
+            field.name: fem.Constant(mesh, np.asarray(getattr(material, field.name), dtype=float))
+            for field in laws.parameter_fields(material)
+        }
+    )
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # How rigid parts move: rotations, a part's few unknowns and the dofs that follow them, and the forces on it.
 
@@ -410,84 +489,6 @@ class MaterialRegion:
             value = np.asarray(getattr(material, field.name), dtype=float)
             getattr(self.parameters, field.name).value = value / mu if field.metadata["unit"] == "Pa" else value
         self.bulk.value = mu / material.bulk if mixed else material.bulk / mu
-
-
-class Regions:
-    """The materials of a body and where they are. ``numbers`` has the number of each local cell's region, 0 for the main one;
-    None where that is the whole body.
-
-    Raises:
-        ComponentError: A region that the mesh does not have, regions with cells in common, or that leave nothing to the main
-            material.
-    """
-
-    def __init__(self, body: Body, material: Material, components: Sequence[Component]):
-        self._body, self._material = body, material
-        self._parts = [part for part in components if isinstance(part, RegionPart)]
-        named = {part.name for part in self._parts}
-        # It has its own p and no strain, whatever its material: see `still_pressures`.
-        rigid = [
-            part for part in components if isinstance(part, RigidPart) and part.region and part.region not in named
-        ]
-        self._parts += [RigidRegion(material, name=part.region) for part in rigid]
-        self.numbers: npt.NDArray[np.int32] | None = None
-        if not self._parts:
-            return
-        cells = [part.cells(body) for part in self._parts]
-        self._check_apart(cells)
-        self.numbers = assembly.numbered(body.mesh, cells)
-        counts = body.mesh.comm.allreduce(np.bincount(self.numbers[: self._owned()], minlength=1 + len(self._parts)))
-        if not counts[0]:
-            raise ComponentError(
-                f"{self._parts[0].where}: the regions cover the whole device; leave one of them to the main material"
-            )
-
-    def _check_apart(self, cells: Sequence[npt.NDArray[np.int32]]) -> None:
-        """Reject regions that share cells: which material those have would depend on the order of the tables."""
-        own = [found[found < self._owned()] for found in cells]
-        for (one, part), (two, other) in itertools.combinations(enumerate(self._parts), 2):
-            sizes = [len(np.intersect1d(own[one], own[two])), len(own[one]), len(own[two])]
-            common, first, second = self._body.mesh.comm.allreduce(np.array(sizes)).tolist()
-            if common:
-                raise other.error(
-                    f"{common} of its {second} cells are also among the {first} of {part.where}, and a cell has one material: "
-                    "change the conditions (within), or the regions of the mesh, so that they exclude each other"
-                )
-
-    def _owned(self) -> int:
-        topology = self._body.mesh.topology
-        return int(topology.index_map(topology.dim).size_local)
-
-    def main(self, parameters: types.SimpleNamespace, bulk: fem.Constant) -> MaterialRegion:
-        """Return the region of the main material, by the constants of its law and of its bulk modulus."""
-        if self.numbers is None:
-            cells, dx = np.arange(self._owned(), dtype=np.int32), self._body.measures()[0]
-        else:
-            cells, dx = self._cells(0)
-        return MaterialRegion("", self._material, cells, dx, parameters, bulk)
-
-    def others(self) -> Iterator[MaterialRegion]:
-        """Yield the other regions; their constants are made here."""
-        for number, part in enumerate(self._parts, 1):
-            parameters = constants(self._body.mesh, part.material)
-            yield MaterialRegion(
-                part.name, part.material, *self._cells(number), parameters, fem.Constant(self._body.mesh, 0.0)
-            )
-
-    def _cells(self, number: int) -> tuple[npt.NDArray[np.int32], ufl.Measure]:
-        assert self.numbers is not None
-        cells = np.flatnonzero(self.numbers == number).astype(np.int32)
-        return cells[cells < self._owned()], cell_measure(self._body, cells)
-
-
-def constants(mesh: meshes.Mesh, material: Material) -> types.SimpleNamespace:
-    """Return UFL constants under the material's parameter names."""
-    return types.SimpleNamespace(
-        **{
-            field.name: fem.Constant(mesh, np.asarray(getattr(material, field.name), dtype=float))
-            for field in laws.parameter_fields(material)
-        }
-    )
 
 
 # ----------------------------------------------------------------------------------------------------------------------

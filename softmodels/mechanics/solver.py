@@ -30,97 +30,6 @@ from softmodels.mechanics.system import State, System, spread
 if TYPE_CHECKING:
     from softmodels.mechanics.iterative import Multigrid
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Selection of the linear solver: a factorisation, or iterations with multigrid.
-#
-# A factorisation takes memory that grows faster than the model (as n^(4/3) in three dimensions), iterations what grows as it
-# does. Both are known before they are allocated: the first from MUMPS' analysis, the second from the matrix' entries.
-
-
-METHODS = ("auto", "direct", "iterative")
-errors.choices(METHODS)
-AMPLE = 1e3
-"""Bytes times the unknowns to the power 4/3 that are always enough for a factorisation: three times what a cube's takes in
-double precision (307, 297 and 295 at 15,468, 49,072 and 93,469 unknowns), and ten times a slab's. If that much is free, the
-exact need is not computed, which takes an assembly and an analysis."""
-MASS_ENTRY = 6
-"""Bytes of the mass matrix of the modes per entry of K: it has two fifths of these."""
-
-
-@dataclasses.dataclass(frozen=True)
-class SolverMethod:
-    """The selected method, ``"direct"`` or ``"iterative"``.
-
-    Attributes:
-        memory: Estimate of what it takes beside the model itself, bytes on all ranks; 0 if it was not looked at.
-        why: Why it is not the other one, a clause; empty where that was not asked.
-    """
-
-    name: str
-    memory: float = 0.0
-    why: str = ""
-
-    @property
-    def told(self) -> str:
-        """A message on the selection; empty if nothing was decided."""
-        if not self.memory:
-            return ""
-        how = "iterations with multigrid" if self.name == "iterative" else "a factorisation"
-        return f"linear equations: {how}, about {self.memory / mpi.GIGA:.2g} GB" + (
-            f" ({self.why})" if self.why else ""
-        )
-
-    def inverse(self, system: System) -> Preconditioner:
-        """Return the preconditioner of a system's tangent."""
-        return cycle_of(system)(system) if self.name == "iterative" else Factorisation(system.K, spread(system.matter))
-
-
-def cycle_of(system: System) -> type[Multigrid]:
-    """Return the kind of cycle that a system takes."""
-    from softmodels.mechanics.iterative import Multigrid, RigidCycle  # most models are factorised
-
-    return RigidCycle if system.unknowns.moving else Multigrid
-
-
-def select_solver(system: System, method: str) -> SolverMethod:
-    """Return the method to use for the requested one of `METHODS`; the system is assembled at rest and analysed where memory
-    could be short.
-
-    Raises:
-        TooLargeError: The machine's memory holds neither, or not the one asked for.
-        ValueError: No such method.
-    """
-    if method not in METHODS:
-        raise ValueError(f"solver {method!r} is not one of {', '.join(METHODS)}")
-    unknowns, room = system.K.getSize()[0], mpi.available(system.comm)
-    if AMPLE * unknowns ** (4 / 3) < room * system.comm.size:
-        return SolverMethod("direct" if method == "auto" else method)
-    from softmodels.mechanics.iterative import PER_UNKNOWN
-
-    system.rest()
-    system.assemble_tangent()
-    remembered = sum(history.step_bytes for history in system.potential.histories)
-    both = MASS_ENTRY * entries_here(system.K) + remembered
-    iterative = mpi.needed(system.comm, both + cycle_of(system).memory(system))
-    fits = iterative[0] <= room
-    if fits and method == "iterative":  # the analysis of a factorisation takes time and memory of its own
-        return SolverMethod("iterative", iterative[1])
-    usual, most = Factorisation.memory(system.K, spread(system.matter))
-    beside = both + 8 * PER_UNKNOWN * system.n  # GMRES and modes have as many vectors
-    direct = mpi.needed(system.comm, beside + most)
-    if direct[0] <= room and method != "iterative":
-        return SolverMethod("direct", mpi.needed(system.comm, beside + usual)[1])
-    if fits and method == "auto":
-        told = f"about {direct[1] / mpi.GIGA:.2g} GB of {room * system.comm.size / mpi.GIGA:.2g} GB free"
-        return SolverMethod("iterative", iterative[1], f"a factorisation would take {told}")
-    least = iterative if method == "iterative" else direct
-    advice = ", or --solver iterative" if fits else ""
-    raise mpi.TooLargeError(
-        f"the model has {unknowns} unknowns, and its solution needs about {least[1] / mpi.GIGA:.2g} GB "
-        f"of memory, where {room * system.comm.size / mpi.GIGA:.2g} GB are free; use a larger --cell-size, a smaller slice of "
-        f"the device{advice}"
-    )
-
 
 MOST_SETTLINGS = 30
 """Solves of one state, until what each of them takes as given is that state's; see `Potential.settle`."""
@@ -341,3 +250,99 @@ class Solver:
         self.newton.release()
         self.bordered.release()
         self._y.destroy()
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Selection of the linear solver: a factorisation, or iterations with multigrid.
+#
+# A factorisation takes memory that grows faster than the model (as n^(4/3) in three dimensions), iterations what grows as it
+# does. Both are known before they are allocated: the first from MUMPS' analysis, the second from the matrix' entries.
+
+
+METHODS = ("auto", "direct", "iterative")
+
+
+errors.choices(METHODS)
+
+
+AMPLE = 1e3
+"""Bytes times the unknowns to the power 4/3 that are always enough for a factorisation: three times what a cube's takes in
+double precision (307, 297 and 295 at 15,468, 49,072 and 93,469 unknowns), and ten times a slab's. If that much is free, the
+exact need is not computed, which takes an assembly and an analysis."""
+MASS_ENTRY = 6
+"""Bytes of the mass matrix of the modes per entry of K: it has two fifths of these."""
+
+
+@dataclasses.dataclass(frozen=True)
+class SolverMethod:
+    """The selected method, ``"direct"`` or ``"iterative"``.
+
+    Attributes:
+        memory: Estimate of what it takes beside the model itself, bytes on all ranks; 0 if it was not looked at.
+        why: Why it is not the other one, a clause; empty where that was not asked.
+    """
+
+    name: str
+    memory: float = 0.0
+    why: str = ""
+
+    @property
+    def told(self) -> str:
+        """A message on the selection; empty if nothing was decided."""
+        if not self.memory:
+            return ""
+        how = "iterations with multigrid" if self.name == "iterative" else "a factorisation"
+        return f"linear equations: {how}, about {self.memory / mpi.GIGA:.2g} GB" + (
+            f" ({self.why})" if self.why else ""
+        )
+
+    def inverse(self, system: System) -> Preconditioner:
+        """Return the preconditioner of a system's tangent."""
+        return cycle_of(system)(system) if self.name == "iterative" else Factorisation(system.K, spread(system.matter))
+
+
+def cycle_of(system: System) -> type[Multigrid]:
+    """Return the kind of cycle that a system takes."""
+    from softmodels.mechanics.iterative import Multigrid, RigidCycle  # most models are factorised
+
+    return RigidCycle if system.unknowns.moving else Multigrid
+
+
+def select_solver(system: System, method: str) -> SolverMethod:
+    """Return the method to use for the requested one of `METHODS`; the system is assembled at rest and analysed where memory
+    could be short.
+
+    Raises:
+        TooLargeError: The machine's memory holds neither, or not the one asked for.
+        ValueError: No such method.
+    """
+    if method not in METHODS:
+        raise ValueError(f"solver {method!r} is not one of {', '.join(METHODS)}")
+    unknowns, room = system.K.getSize()[0], mpi.available(system.comm)
+    if AMPLE * unknowns ** (4 / 3) < room * system.comm.size:
+        return SolverMethod("direct" if method == "auto" else method)
+    from softmodels.mechanics.iterative import PER_UNKNOWN
+
+    system.rest()
+    system.assemble_tangent()
+    remembered = sum(history.step_bytes for history in system.potential.histories)
+    both = MASS_ENTRY * entries_here(system.K) + remembered
+    iterative = mpi.needed(system.comm, both + cycle_of(system).memory(system))
+    fits = iterative[0] <= room
+    if fits and method == "iterative":  # the analysis of a factorisation takes time and memory of its own
+        return SolverMethod("iterative", iterative[1])
+    usual, most = Factorisation.memory(system.K, spread(system.matter))
+    beside = both + 8 * PER_UNKNOWN * system.n  # GMRES and modes have as many vectors
+    direct = mpi.needed(system.comm, beside + most)
+    if direct[0] <= room and method != "iterative":
+        return SolverMethod("direct", mpi.needed(system.comm, beside + usual)[1])
+    if fits and method == "auto":
+        told = f"about {direct[1] / mpi.GIGA:.2g} GB of {room * system.comm.size / mpi.GIGA:.2g} GB free"
+        return SolverMethod("iterative", iterative[1], f"a factorisation would take {told}")
+    least = iterative if method == "iterative" else direct
+    advice = ", or --solver iterative" if fits else ""
+    raise mpi.TooLargeError(
+        f"the model has {unknowns} unknowns, and its solution needs about {least[1] / mpi.GIGA:.2g} GB "
+        f"of memory, where {room * system.comm.size / mpi.GIGA:.2g} GB are free; use a larger --cell-size, a smaller slice of "
+        f"the device{advice}"
+    )

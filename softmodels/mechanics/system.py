@@ -25,344 +25,6 @@ from softmodels.mechanics.compiling import begin
 from softmodels.mechanics.component import Component, ComponentError
 from softmodels.mechanics.potential import Potential, TangentOperator, known_cells
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The reduced unknowns of Newton's method: w = T(q).
-#
-# All other code uses the full dofs w. Without rigid parts q is the owned part of w, at no cost. With
-# them q has the same length and layout: a part's few unknowns (`RigidMotion`) occupy the slots of some of the dofs that
-# follow it, and the others' rows are the identity, as at held dofs. The residual is T^T r, the tangent T^T K T and, if a part
-# can rotate, r times T's second derivative.
-
-
-Ints = npt.NDArray[np.int32]
-
-
-class Unknowns:
-    """The owned dofs themselves, n of them.
-
-    Attributes:
-        idle: Owned entries of q that stand for nothing.
-        turns: Whether T is other than linear.
-        moving: The motions of rigid parts by their names.
-        slots: For each of them the rank that has its unknowns, and the entries of q that they are there (none elsewhere).
-    """
-
-    idle: Ints = np.empty(0, dtype=np.int32)
-    turns = False
-    moving: Mapping[str, regions.RigidMotion] = {}
-    slots: Sequence[tuple[int, npt.NDArray[np.int64]]] = ()
-
-    def __init__(self, n: int):
-        self.n = n
-
-    def begin(self, w: Array) -> Array:
-        """Set the state of local dofs w as the base of rotations; return its q, shape (n,)."""
-        return w[: self.n]
-
-    def take(self, w: Array) -> None:
-        """Set the state of local dofs w."""
-
-    def place(self, q: Array, w: Array) -> None:
-        """Set the state q, and put its dofs into w."""
-        w[: self.n] = q
-
-    def push(self, q: Array, w: Array) -> None:
-        """Put into w the change of the dofs for a change q of the unknowns."""
-        w[: self.n] = q
-
-    def nearest(self, w: Array) -> Array:
-        """Return the change of the unknowns whose change of the dofs is closest to w, shape (n,)."""
-        return w[: self.n]
-
-    def pull(self, b: Array) -> None:
-        """Convert owned entries conjugate to w into those conjugate to q."""
-
-    def matrix(self, whole: PETSc.Mat, fill: Callable[[], None]) -> PETSc.Mat:
-        """Return a matrix with the pattern of the reduced one; ``fill`` assembles the ``whole`` K."""
-        return whole
-
-    def reduce(self, whole: PETSc.Mat, forces: Callable[[], Array]) -> None:
-        """Put T^T K T and the second derivatives' part into what `matrix` made; ``forces`` gives the residual conjugate to w,
-        owned entries."""
-
-    def projected(self, whole: PETSc.Mat, into: PETSc.Mat | None = None) -> PETSc.Mat:
-        """Return T^T M T of another matrix; an earlier result is updated if a part has rotated."""
-        return whole
-
-    def stiffen(self, q: Array, y: Array, forces: Callable[[], Array]) -> None:
-        """Add the second derivatives' part of the tangent times q to y; see `reduce`."""
-
-
-class RigidUnknowns(Unknowns):
-    """Unknowns of a body with rigid parts, whose motions share no dof; parts do not move local dofs that are ``held``.
-
-    Raises:
-        ValueError: The mesh has too few dofs on a part for its unknowns.
-    """
-
-    def __init__(self, comm: MPI.Comm, n: int, motions: Mapping[str, regions.RigidMotion], held: Ints):
-        super().__init__(n)
-        self.comm, self.moving, self.motions = comm, motions, tuple(motions.values())
-        self.turns = any(motion.turns for motion in self.motions)
-        self.slots = [_slots(comm, motion, held, name) for name, motion in motions.items()]
-        followers = np.concatenate([motion.dofs[motion.owned].ravel() for motion in self.motions])
-        mine = [slots for rank, slots in self.slots if rank == comm.rank]
-        self.idle = np.setdiff1d(followers, np.concatenate([*mine, np.empty(0, int)])).astype(np.int32)
-        self._curvatures: list[Array] | None = None
-
-    def begin(self, w: Array) -> Array:
-        self.take(w)
-        q = w[: self.n].copy()
-        q[self.idle] = 0.0
-        for motion, (rank, slots) in zip(self.motions, self.slots, strict=True):
-            if rank == self.comm.rank:
-                q[slots] = motion.values
-        return q
-
-    def take(self, w: Array) -> None:
-        self._curvatures = None
-        for motion in self.motions:
-            motion.take(w)
-
-    def _values(self, q: Array) -> list[Array]:
-        own = [q[slots] if rank == self.comm.rank else None for rank, slots in self.slots]
-        if self.comm.size == 1:
-            return [values for values in own if values is not None]
-        return [self.comm.bcast(values, root=rank) for values, (rank, _) in zip(own, self.slots, strict=True)]
-
-    def place(self, q: Array, w: Array) -> None:
-        self._curvatures = None
-        w[: self.n] = q
-        for motion, values in zip(self.motions, self._values(q), strict=True):
-            motion.set(values)
-            w[motion.dofs] = motion.displacements()
-
-    def push(self, q: Array, w: Array) -> None:
-        w[: self.n] = q
-        for motion, values in zip(self.motions, self._values(q), strict=True):
-            w[motion.dofs] = motion.rates() @ values
-
-    def nearest(self, w: Array) -> Array:
-        q = w[: self.n].copy()
-        q[self.idle] = 0.0
-        for motion, (rank, slots) in zip(self.motions, self.slots, strict=True):
-            values = motion.nearest_rate(w)
-            if rank == self.comm.rank:
-                q[slots] = values
-        return q
-
-    def pull(self, b: Array) -> None:
-        for motion, (rank, slots) in zip(self.motions, self.slots, strict=True):
-            work = motion.work(b)
-            b[motion.dofs[motion.owned]] = 0.0
-            if rank == self.comm.rank:
-                b[slots] = work
-
-    # -- matrices -----------------------------------------------------------------------------------------------------
-
-    def matrix(self, whole: PETSc.Mat, fill: Callable[[], None]) -> PETSc.Mat:
-        fill()  # an empty matrix would lose its pattern
-        self._T = PETSc.Mat().createAIJ(whole.getSizes(), csr=self._rows(whole), comm=whole.comm)
-        self._product: PETSc.Mat = whole.ptap(self._T)
-        self._entries = whole.getInfo()["nz_used"]
-        self._ones = whole.createVecLeft()
-        self._ones.array_w[self.idle] = 1.0
-        diagonal = PETSc.Mat().createDiagonal(self._ones).convert("aij")
-        self._reduced: PETSc.Mat = self._product.copy()
-        self._reduced.axpy(1.0, diagonal, PETSc.Mat.Structure.DIFFERENT)  # type: ignore[arg-type]
-        diagonal.destroy()
-        assembly.mark_symmetric(self._reduced)
-        return self._reduced
-
-    def _rows(self, whole: PETSc.Mat) -> tuple[Ints, Ints, Array]:
-        """Return T in compressed rows: the identity, and each part's rates."""
-        start = whole.getOwnershipRange()[0]
-        counts = np.ones(self.n, dtype=np.int32)
-        for motion in self.motions:
-            counts[motion.dofs[motion.owned]] = motion.freedom.count
-        pointers = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
-        columns = np.repeat(np.arange(start, start + self.n, dtype=np.int32), counts)
-        values = np.ones(pointers[-1])
-        for motion, (rank, slots) in zip(self.motions, self.slots, strict=True):
-            at = self.comm.bcast(start + slots if rank == self.comm.rank else None, root=rank)
-            entries = pointers[motion.dofs[motion.owned]][..., None] + np.arange(motion.freedom.count)
-            columns[entries] = at
-            values[entries] = motion.rates()[motion.owned]
-        return pointers, columns, values
-
-    def reduce(self, whole: PETSc.Mat, forces: Callable[[], Array]) -> None:
-        self._take_rates(whole)
-        same = whole.getInfo()["nz_used"] == self._entries  # contact adds couplings over time
-        self._product = whole.ptap(self._T, self._product if same else None)
-        self._entries = whole.getInfo()["nz_used"]
-        self._reduced.zeroEntries()
-        structure = PETSc.Mat.Structure.SUBSET if same else PETSc.Mat.Structure.DIFFERENT
-        self._reduced.axpy(1.0, self._product, structure)  # type: ignore[arg-type]
-        assembly.mark_symmetric(self._reduced)
-        self._reduced.setDiagonal(self._ones, PETSc.InsertMode.ADD)
-        start = whole.getOwnershipRange()[0]
-        for second, (rank, slots) in zip(self._second(forces), self.slots, strict=False):
-            if rank == self.comm.rank:
-                at = (start + slots).astype(np.int32)
-                self._reduced.setValues(at, at, second, PETSc.InsertMode.ADD)  # type: ignore[arg-type]
-        self._reduced.assemble()
-
-    def projected(self, whole: PETSc.Mat, into: PETSc.Mat | None = None) -> PETSc.Mat:
-        if into is not None and not self.turns:
-            return into
-        self._take_rates(whole)
-        return whole.ptap(self._T, into)
-
-    def _take_rates(self, whole: PETSc.Mat) -> None:
-        if self.turns:
-            self._T.setValuesCSR(*self._rows(whole))  # type: ignore[arg-type]
-            self._T.assemble()
-
-    def _second(self, forces: Callable[[], Array]) -> list[Array]:
-        """Return each part's second-derivative terms of the tangent; empty if none can rotate."""
-        if not self.turns:
-            return []
-        if self._curvatures is None:
-            b = forces()
-            self._curvatures = [motion.curvature(b) for motion in self.motions]
-        return self._curvatures
-
-    def stiffen(self, q: Array, y: Array, forces: Callable[[], Array]) -> None:
-        for second, (rank, slots) in zip(self._second(forces), self.slots, strict=False):
-            if rank == self.comm.rank:
-                y[slots] += second @ q[slots]
-
-
-def _slots(comm: MPI.Comm, motion: regions.RigidMotion, held: Ints, name: str) -> tuple[int, npt.NDArray[np.int64]]:
-    """Return the rank that has a part's unknowns, and the owned dofs in whose slots they are there (empty elsewhere)."""
-    free = np.setdiff1d(motion.dofs[motion.owned].ravel(), held)
-    counts = comm.allgather(len(free))
-    rank = int(np.argmax(counts))
-    if counts[rank] < motion.freedom.count:
-        raise ValueError(f"the mesh has too few nodes on the rigid part {name}; use smaller cells (--cell-size)")
-    mine = free[: motion.freedom.count] if rank == comm.rank else free[:0]
-    return rank, mine.astype(np.int64)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Nodes of rigid parts on a mesh, and the unknowns of Newton's method with them.
-
-
-def _nodes_of(space: fem.FunctionSpace) -> tuple[fem.FunctionSpace, Ints, Array]:
-    """Return the displacement's own space, local dofs of w's components at its nodes, shape (nodes, d), and the nodes'
-    undeformed places in sizes of the device, shape (nodes, d)."""
-    d = space.mesh.geometry.dim
-    mixed = space.dofmap.index_map_bs == 1  # only a pure displacement is numbered in blocks
-    vectors, parents = space.sub(0).collapse() if mixed else (space, None)
-    places = vectors.tabulate_dof_coordinates()[:, :d]
-    every = np.arange(len(places) * d) if parents is None else np.asarray(parents)
-    return vectors, every.astype(np.int32).reshape(-1, d), places
-
-
-def _on_part(vectors: fem.FunctionSpace, body: Body, part: regions.RigidPart) -> Ints:
-    """Return the local nodes on a part's face, or of its region; `ComponentError` if the mesh has no such face."""
-    if part.region:
-        return np.asarray(fem.locate_dofs_topological(vectors, body.mesh.topology.dim, body.regions[part.region]))
-    if part.face not in body.entities:
-        raise part.error(f"the mesh has no face {part.face!r}; it has {', '.join(body.entities)}")
-    dimension, found = body.entities[part.face]
-    body.mesh.topology.create_connectivity(dimension, body.mesh.topology.dim)
-    return np.asarray(fem.locate_dofs_topological(vectors, dimension, found))
-
-
-def unknowns_of(
-    body: Body, space: fem.FunctionSpace, held: Sequence[fem.DirichletBC], components: Sequence[Component]
-) -> Unknowns:
-    """Return the unknowns on a mesh: its owned dofs, fewer with rigid parts.
-
-    Raises:
-        ComponentError: A rigid part on no face of the mesh, two that meet, or one that meets what holds the device.
-    """
-    n = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-    rigid = [part for part in components if isinstance(part, regions.RigidPart)]
-    if not rigid:
-        return Unknowns(n)
-    comm, (vectors, all_dofs, all_places) = body.mesh.comm, _nodes_of(space)
-    none = np.empty(0, dtype=np.int32)
-    still = np.concatenate([none, *(bc.dof_indices()[0] for bc in held)])
-    motions: dict[str, regions.RigidMotion] = {}
-    taken = none
-    for part in rigid:
-        found = _on_part(vectors, body, part)
-        dofs, places = all_dofs[found], all_places[found]
-        freedom = part.freedom(body.actuator, _centre(body, part))
-        motion = motions[part.label] = regions.RigidMotion(comm, freedom, body.skew, dofs, places, dofs[:, 0] < n)
-        if mpi.any_rank(comm, bool(np.isin(dofs, taken).any())):
-            raise ComponentError(f"{part.where} touches another rigid part; merge them")
-        if mpi.any_rank(comm, bool((np.isin(dofs, still)[..., None] & (np.abs(motion.rates()) > regions.STILL)).any())):
-            raise ComponentError(
-                f"{part.where} touches the device's support along an edge, so it cannot move; guide it along a free "
-                "direction of the support, or use kind = 'held'"
-            )
-        taken = np.concatenate([taken, dofs.ravel()])
-    try:
-        return RigidUnknowns(comm, n, motions, still)
-    except ValueError as few:
-        raise ComponentError(str(few)) from None
-
-
-def _centre(body: Body, part: regions.RigidPart) -> Array:
-    """Return the centre of a part's whole undeformed face or region, in sizes of the device, mirror images included."""
-    d = body.actuator.dimension
-    if d == 2:
-        return np.zeros(d)
-    area = body.sheet_face(part.face)[0] if part.face else cell_measure(body, body.regions[part.region])
-    X = ufl.SpatialCoordinate(body.mesh)
-    one = fem.Constant(body.mesh, 1.0)
-    size, *moments = (mpi.total(body.mesh.comm, fem.assemble_scalar(fem.form(f * area))) for f in (one, *X))
-    centre = np.array(moments) / size
-    normals = np.array([plane.normal for plane in body.actuator.cut_planes]).reshape(-1, d)
-    return np.asarray(centre - np.linalg.pinv(normals) @ normals @ centre)
-
-
-def still_pressures(body: Body, space: fem.FunctionSpace, components: Sequence[Component]) -> list[fem.DirichletBC]:
-    """Return conditions that fix p where nothing strains: in rigid regions, which have their own p (see `mechanics.assembly`),
-    and in regions that are held, except where cells beside them have a part in it."""
-    names = [part.region for part in components if isinstance(part, regions.RigidPart) and part.region]
-    names += [
-        hold.role
-        for hold in body.holds
-        if hold.direction is None and body.group(hold.role)[0] == body.mesh.topology.dim
-    ]
-    if not names or space.dofmap.index_map_bs != 1:
-        return []
-    rows = np.array(space.sub(1).dofmap.list)
-    still = np.zeros(len(rows), dtype=bool)
-    still[np.concatenate([body.regions[name] for name in names])] = True
-    inside, strained = (assembly.known_to_all(space, np.unique(rows[cells])) for cells in (still, ~still))
-    return [fem.dirichletbc(np.array(0.0), np.setdiff1d(inside, strained), space.sub(1))]
-
-
-FORMULATIONS = ("mixed", "displacement")
-VOLUME_TOLERANCE = 0.1
-"""Tolerance of the meshed cavity's volume against the exact one: straight edges, or three curved ones around a channel,
-give a few percent error; six a part in a thousand."""
-VOLUME_WARNING = 0.01
-"""Relative error of the meshed cavity's volume above which the user is warned."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class State:
-    """An equilibrium state, dimensionless.
-
-    Attributes:
-        w: Local dof values with ghosts, shape (n,): skew displacement components and, if mixed, p; behind them, where
-            volumes are held, those cavities' pressures.
-        P: Cavity pressure.
-        V: Volume of the cavity, of the slice in 3-D; with several cavities what P works on.
-        iterations: Newton iterations that led here.
-    """
-
-    w: Array
-    P: float
-    V: float
-    iterations: int = 0
-
 
 class System:
     """The discrete equations of a body.
@@ -720,6 +382,345 @@ class System:
     def integral(self, form: fem.Form) -> float:
         """Return the value of a compiled form without arguments, over all ranks."""
         return mpi.total(self.comm, fem.assemble_scalar(form))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class State:
+    """An equilibrium state, dimensionless.
+
+    Attributes:
+        w: Local dof values with ghosts, shape (n,): skew displacement components and, if mixed, p; behind them, where
+            volumes are held, those cavities' pressures.
+        P: Cavity pressure.
+        V: Volume of the cavity, of the slice in 3-D; with several cavities what P works on.
+        iterations: Newton iterations that led here.
+    """
+
+    w: Array
+    P: float
+    V: float
+    iterations: int = 0
+
+
+def still_pressures(body: Body, space: fem.FunctionSpace, components: Sequence[Component]) -> list[fem.DirichletBC]:
+    """Return conditions that fix p where nothing strains: in rigid regions, which have their own p (see `mechanics.assembly`),
+    and in regions that are held, except where cells beside them have a part in it."""
+    names = [part.region for part in components if isinstance(part, regions.RigidPart) and part.region]
+    names += [
+        hold.role
+        for hold in body.holds
+        if hold.direction is None and body.group(hold.role)[0] == body.mesh.topology.dim
+    ]
+    if not names or space.dofmap.index_map_bs != 1:
+        return []
+    rows = np.array(space.sub(1).dofmap.list)
+    still = np.zeros(len(rows), dtype=bool)
+    still[np.concatenate([body.regions[name] for name in names])] = True
+    inside, strained = (assembly.known_to_all(space, np.unique(rows[cells])) for cells in (still, ~still))
+    return [fem.dirichletbc(np.array(0.0), np.setdiff1d(inside, strained), space.sub(1))]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The reduced unknowns of Newton's method: w = T(q).
+#
+# All other code uses the full dofs w. Without rigid parts q is the owned part of w, at no cost. With
+# them q has the same length and layout: a part's few unknowns (`RigidMotion`) occupy the slots of some of the dofs that
+# follow it, and the others' rows are the identity, as at held dofs. The residual is T^T r, the tangent T^T K T and, if a part
+# can rotate, r times T's second derivative.
+
+
+Ints = npt.NDArray[np.int32]
+
+
+class Unknowns:
+    """The owned dofs themselves, n of them.
+
+    Attributes:
+        idle: Owned entries of q that stand for nothing.
+        turns: Whether T is other than linear.
+        moving: The motions of rigid parts by their names.
+        slots: For each of them the rank that has its unknowns, and the entries of q that they are there (none elsewhere).
+    """
+
+    idle: Ints = np.empty(0, dtype=np.int32)
+    turns = False
+    moving: Mapping[str, regions.RigidMotion] = {}
+    slots: Sequence[tuple[int, npt.NDArray[np.int64]]] = ()
+
+    def __init__(self, n: int):
+        self.n = n
+
+    def begin(self, w: Array) -> Array:
+        """Set the state of local dofs w as the base of rotations; return its q, shape (n,)."""
+        return w[: self.n]
+
+    def take(self, w: Array) -> None:
+        """Set the state of local dofs w."""
+
+    def place(self, q: Array, w: Array) -> None:
+        """Set the state q, and put its dofs into w."""
+        w[: self.n] = q
+
+    def push(self, q: Array, w: Array) -> None:
+        """Put into w the change of the dofs for a change q of the unknowns."""
+        w[: self.n] = q
+
+    def nearest(self, w: Array) -> Array:
+        """Return the change of the unknowns whose change of the dofs is closest to w, shape (n,)."""
+        return w[: self.n]
+
+    def pull(self, b: Array) -> None:
+        """Convert owned entries conjugate to w into those conjugate to q."""
+
+    def matrix(self, whole: PETSc.Mat, fill: Callable[[], None]) -> PETSc.Mat:
+        """Return a matrix with the pattern of the reduced one; ``fill`` assembles the ``whole`` K."""
+        return whole
+
+    def reduce(self, whole: PETSc.Mat, forces: Callable[[], Array]) -> None:
+        """Put T^T K T and the second derivatives' part into what `matrix` made; ``forces`` gives the residual conjugate to w,
+        owned entries."""
+
+    def projected(self, whole: PETSc.Mat, into: PETSc.Mat | None = None) -> PETSc.Mat:
+        """Return T^T M T of another matrix; an earlier result is updated if a part has rotated."""
+        return whole
+
+    def stiffen(self, q: Array, y: Array, forces: Callable[[], Array]) -> None:
+        """Add the second derivatives' part of the tangent times q to y; see `reduce`."""
+
+
+class RigidUnknowns(Unknowns):
+    """Unknowns of a body with rigid parts, whose motions share no dof; parts do not move local dofs that are ``held``.
+
+    Raises:
+        ValueError: The mesh has too few dofs on a part for its unknowns.
+    """
+
+    def __init__(self, comm: MPI.Comm, n: int, motions: Mapping[str, regions.RigidMotion], held: Ints):
+        super().__init__(n)
+        self.comm, self.moving, self.motions = comm, motions, tuple(motions.values())
+        self.turns = any(motion.turns for motion in self.motions)
+        self.slots = [_slots(comm, motion, held, name) for name, motion in motions.items()]
+        followers = np.concatenate([motion.dofs[motion.owned].ravel() for motion in self.motions])
+        mine = [slots for rank, slots in self.slots if rank == comm.rank]
+        self.idle = np.setdiff1d(followers, np.concatenate([*mine, np.empty(0, int)])).astype(np.int32)
+        self._curvatures: list[Array] | None = None
+
+    def begin(self, w: Array) -> Array:
+        self.take(w)
+        q = w[: self.n].copy()
+        q[self.idle] = 0.0
+        for motion, (rank, slots) in zip(self.motions, self.slots, strict=True):
+            if rank == self.comm.rank:
+                q[slots] = motion.values
+        return q
+
+    def take(self, w: Array) -> None:
+        self._curvatures = None
+        for motion in self.motions:
+            motion.take(w)
+
+    def _values(self, q: Array) -> list[Array]:
+        own = [q[slots] if rank == self.comm.rank else None for rank, slots in self.slots]
+        if self.comm.size == 1:
+            return [values for values in own if values is not None]
+        return [self.comm.bcast(values, root=rank) for values, (rank, _) in zip(own, self.slots, strict=True)]
+
+    def place(self, q: Array, w: Array) -> None:
+        self._curvatures = None
+        w[: self.n] = q
+        for motion, values in zip(self.motions, self._values(q), strict=True):
+            motion.set(values)
+            w[motion.dofs] = motion.displacements()
+
+    def push(self, q: Array, w: Array) -> None:
+        w[: self.n] = q
+        for motion, values in zip(self.motions, self._values(q), strict=True):
+            w[motion.dofs] = motion.rates() @ values
+
+    def nearest(self, w: Array) -> Array:
+        q = w[: self.n].copy()
+        q[self.idle] = 0.0
+        for motion, (rank, slots) in zip(self.motions, self.slots, strict=True):
+            values = motion.nearest_rate(w)
+            if rank == self.comm.rank:
+                q[slots] = values
+        return q
+
+    def pull(self, b: Array) -> None:
+        for motion, (rank, slots) in zip(self.motions, self.slots, strict=True):
+            work = motion.work(b)
+            b[motion.dofs[motion.owned]] = 0.0
+            if rank == self.comm.rank:
+                b[slots] = work
+
+    # -- matrices -----------------------------------------------------------------------------------------------------
+
+    def matrix(self, whole: PETSc.Mat, fill: Callable[[], None]) -> PETSc.Mat:
+        fill()  # an empty matrix would lose its pattern
+        self._T = PETSc.Mat().createAIJ(whole.getSizes(), csr=self._rows(whole), comm=whole.comm)
+        self._product: PETSc.Mat = whole.ptap(self._T)
+        self._entries = whole.getInfo()["nz_used"]
+        self._ones = whole.createVecLeft()
+        self._ones.array_w[self.idle] = 1.0
+        diagonal = PETSc.Mat().createDiagonal(self._ones).convert("aij")
+        self._reduced: PETSc.Mat = self._product.copy()
+        self._reduced.axpy(1.0, diagonal, PETSc.Mat.Structure.DIFFERENT)  # type: ignore[arg-type]
+        diagonal.destroy()
+        assembly.mark_symmetric(self._reduced)
+        return self._reduced
+
+    def _rows(self, whole: PETSc.Mat) -> tuple[Ints, Ints, Array]:
+        """Return T in compressed rows: the identity, and each part's rates."""
+        start = whole.getOwnershipRange()[0]
+        counts = np.ones(self.n, dtype=np.int32)
+        for motion in self.motions:
+            counts[motion.dofs[motion.owned]] = motion.freedom.count
+        pointers = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+        columns = np.repeat(np.arange(start, start + self.n, dtype=np.int32), counts)
+        values = np.ones(pointers[-1])
+        for motion, (rank, slots) in zip(self.motions, self.slots, strict=True):
+            at = self.comm.bcast(start + slots if rank == self.comm.rank else None, root=rank)
+            entries = pointers[motion.dofs[motion.owned]][..., None] + np.arange(motion.freedom.count)
+            columns[entries] = at
+            values[entries] = motion.rates()[motion.owned]
+        return pointers, columns, values
+
+    def reduce(self, whole: PETSc.Mat, forces: Callable[[], Array]) -> None:
+        self._take_rates(whole)
+        same = whole.getInfo()["nz_used"] == self._entries  # contact adds couplings over time
+        self._product = whole.ptap(self._T, self._product if same else None)
+        self._entries = whole.getInfo()["nz_used"]
+        self._reduced.zeroEntries()
+        structure = PETSc.Mat.Structure.SUBSET if same else PETSc.Mat.Structure.DIFFERENT
+        self._reduced.axpy(1.0, self._product, structure)  # type: ignore[arg-type]
+        assembly.mark_symmetric(self._reduced)
+        self._reduced.setDiagonal(self._ones, PETSc.InsertMode.ADD)
+        start = whole.getOwnershipRange()[0]
+        for second, (rank, slots) in zip(self._second(forces), self.slots, strict=False):
+            if rank == self.comm.rank:
+                at = (start + slots).astype(np.int32)
+                self._reduced.setValues(at, at, second, PETSc.InsertMode.ADD)  # type: ignore[arg-type]
+        self._reduced.assemble()
+
+    def projected(self, whole: PETSc.Mat, into: PETSc.Mat | None = None) -> PETSc.Mat:
+        if into is not None and not self.turns:
+            return into
+        self._take_rates(whole)
+        return whole.ptap(self._T, into)
+
+    def _take_rates(self, whole: PETSc.Mat) -> None:
+        if self.turns:
+            self._T.setValuesCSR(*self._rows(whole))  # type: ignore[arg-type]
+            self._T.assemble()
+
+    def _second(self, forces: Callable[[], Array]) -> list[Array]:
+        """Return each part's second-derivative terms of the tangent; empty if none can rotate."""
+        if not self.turns:
+            return []
+        if self._curvatures is None:
+            b = forces()
+            self._curvatures = [motion.curvature(b) for motion in self.motions]
+        return self._curvatures
+
+    def stiffen(self, q: Array, y: Array, forces: Callable[[], Array]) -> None:
+        for second, (rank, slots) in zip(self._second(forces), self.slots, strict=False):
+            if rank == self.comm.rank:
+                y[slots] += second @ q[slots]
+
+
+def _slots(comm: MPI.Comm, motion: regions.RigidMotion, held: Ints, name: str) -> tuple[int, npt.NDArray[np.int64]]:
+    """Return the rank that has a part's unknowns, and the owned dofs in whose slots they are there (empty elsewhere)."""
+    free = np.setdiff1d(motion.dofs[motion.owned].ravel(), held)
+    counts = comm.allgather(len(free))
+    rank = int(np.argmax(counts))
+    if counts[rank] < motion.freedom.count:
+        raise ValueError(f"the mesh has too few nodes on the rigid part {name}; use smaller cells (--cell-size)")
+    mine = free[: motion.freedom.count] if rank == comm.rank else free[:0]
+    return rank, mine.astype(np.int64)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Nodes of rigid parts on a mesh, and the unknowns of Newton's method with them.
+
+
+def _nodes_of(space: fem.FunctionSpace) -> tuple[fem.FunctionSpace, Ints, Array]:
+    """Return the displacement's own space, local dofs of w's components at its nodes, shape (nodes, d), and the nodes'
+    undeformed places in sizes of the device, shape (nodes, d)."""
+    d = space.mesh.geometry.dim
+    mixed = space.dofmap.index_map_bs == 1  # only a pure displacement is numbered in blocks
+    vectors, parents = space.sub(0).collapse() if mixed else (space, None)
+    places = vectors.tabulate_dof_coordinates()[:, :d]
+    every = np.arange(len(places) * d) if parents is None else np.asarray(parents)
+    return vectors, every.astype(np.int32).reshape(-1, d), places
+
+
+def _on_part(vectors: fem.FunctionSpace, body: Body, part: regions.RigidPart) -> Ints:
+    """Return the local nodes on a part's face, or of its region; `ComponentError` if the mesh has no such face."""
+    if part.region:
+        return np.asarray(fem.locate_dofs_topological(vectors, body.mesh.topology.dim, body.regions[part.region]))
+    if part.face not in body.entities:
+        raise part.error(f"the mesh has no face {part.face!r}; it has {', '.join(body.entities)}")
+    dimension, found = body.entities[part.face]
+    body.mesh.topology.create_connectivity(dimension, body.mesh.topology.dim)
+    return np.asarray(fem.locate_dofs_topological(vectors, dimension, found))
+
+
+def unknowns_of(
+    body: Body, space: fem.FunctionSpace, held: Sequence[fem.DirichletBC], components: Sequence[Component]
+) -> Unknowns:
+    """Return the unknowns on a mesh: its owned dofs, fewer with rigid parts.
+
+    Raises:
+        ComponentError: A rigid part on no face of the mesh, two that meet, or one that meets what holds the device.
+    """
+    n = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+    rigid = [part for part in components if isinstance(part, regions.RigidPart)]
+    if not rigid:
+        return Unknowns(n)
+    comm, (vectors, all_dofs, all_places) = body.mesh.comm, _nodes_of(space)
+    none = np.empty(0, dtype=np.int32)
+    still = np.concatenate([none, *(bc.dof_indices()[0] for bc in held)])
+    motions: dict[str, regions.RigidMotion] = {}
+    taken = none
+    for part in rigid:
+        found = _on_part(vectors, body, part)
+        dofs, places = all_dofs[found], all_places[found]
+        freedom = part.freedom(body.actuator, _centre(body, part))
+        motion = motions[part.label] = regions.RigidMotion(comm, freedom, body.skew, dofs, places, dofs[:, 0] < n)
+        if mpi.any_rank(comm, bool(np.isin(dofs, taken).any())):
+            raise ComponentError(f"{part.where} touches another rigid part; merge them")
+        if mpi.any_rank(comm, bool((np.isin(dofs, still)[..., None] & (np.abs(motion.rates()) > regions.STILL)).any())):
+            raise ComponentError(
+                f"{part.where} touches the device's support along an edge, so it cannot move; guide it along a free "
+                "direction of the support, or use kind = 'held'"
+            )
+        taken = np.concatenate([taken, dofs.ravel()])
+    try:
+        return RigidUnknowns(comm, n, motions, still)
+    except ValueError as few:
+        raise ComponentError(str(few)) from None
+
+
+def _centre(body: Body, part: regions.RigidPart) -> Array:
+    """Return the centre of a part's whole undeformed face or region, in sizes of the device, mirror images included."""
+    d = body.actuator.dimension
+    if d == 2:
+        return np.zeros(d)
+    area = body.sheet_face(part.face)[0] if part.face else cell_measure(body, body.regions[part.region])
+    X = ufl.SpatialCoordinate(body.mesh)
+    one = fem.Constant(body.mesh, 1.0)
+    size, *moments = (mpi.total(body.mesh.comm, fem.assemble_scalar(fem.form(f * area))) for f in (one, *X))
+    centre = np.array(moments) / size
+    normals = np.array([plane.normal for plane in body.actuator.cut_planes]).reshape(-1, d)
+    return np.asarray(centre - np.linalg.pinv(normals) @ normals @ centre)
+
+
+FORMULATIONS = ("mixed", "displacement")
+VOLUME_TOLERANCE = 0.1
+"""Tolerance of the meshed cavity's volume against the exact one: straight edges, or three curved ones around a channel,
+give a few percent error; six a part in a thousand."""
+VOLUME_WARNING = 0.01
+"""Relative error of the meshed cavity's volume above which the user is warned."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------

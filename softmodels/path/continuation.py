@@ -35,6 +35,397 @@ from softmodels.path.stability import (
     Stability,
 )
 
+CONTROLS = ("auto", "pressure", "volume", "arc-length")
+QUICK, SLOW = 3, 6  # Newton iterations up to which steps grow, above which they shrink
+STEP_GROWTH = 1.7
+SOFTENING = 4.0  # growth of dV/dP (or dV/dS) over its minimum at which `auto` switches to volume control
+OPENING_STEP = 0.05  # relative to the first step tried: a seal that opens in a longer one is approached in shorter ones
+SHORTEST_STEP = 1e-3  # relative to the first step: shorter steps do not fix the cause of failure
+LARGEST_GROWTH = 60.0  # cavity volumes at which a path under volume or arc-length control ends
+
+
+@dataclasses.dataclass
+class Continuation:
+    """Continuation of a load path: requested quantity, control, and step length.
+
+    Args:
+        solver: The device.
+        requested: What the requested values are of.
+        control: What is followed, one of `CONTROLS`; "auto" follows what is requested, and the volume where it softens.
+        largest_step: Longest step in units of the requested quantity, for a curve with enough points to draw.
+        largest_growth: Cavity volumes at which a path to a pressure is given up.
+        start: Where the path begins; the undeformed state if None.
+        report: Takes sentences on what is going on.
+        lets_go: Whether a device that is lost is let go, to go on from where it comes to rest; see `come_to_rest`.
+        recall: Lets parts remember what they do where a path goes on.
+
+    Attributes:
+        trail: Its last points, once it has begun; with it ``plane``, its scales, and ``corrector``, which finds its states.
+        snaps: How often the device has been let go.
+    """
+
+    solver: Solver
+    requested: PathQuantity = dataclasses.field(default_factory=Pressure)
+    control: str = "auto"
+    largest_step: float = math.inf
+    largest_growth: float = LARGEST_GROWTH
+    start: State | None = None
+    report: Callable[[str], None] = lambda text: None
+    lets_go: bool = False
+    recall: Callable[[], None] = lambda: None
+
+    def __post_init__(self) -> None:
+        if self.control not in CONTROLS:
+            raise ValueError(f"control {self.control!r} is not one of {', '.join(CONTROLS)}")
+        self.snaps, self._ahead, self._let_go_at = 0, AHEAD, math.inf
+
+    def begin(self) -> Point:
+        """Return the path's first point; sets the scales of the plane in which arc lengths are measured."""
+        solver = self.solver
+        rest = solver.system.rest()
+        V_scale = float(np.abs(solver.system.coupling.shares) @ solver.system.scales())
+        start = rest if self.start is None else self.start
+        solver.system.potential.keep(start.w, anew=self.start is None)
+        self.trail = PathHistory(solver)  # before factorising, because making the mass matrix takes memory
+        moves = solver.system.potential.motion is not None
+        if moves:
+            tangent = at_once(start)
+        else:
+            solver.factorise(start)
+            tangent = solver.tangent(start, Control(1 / V_scale, 1.0, 0.0), tight(solver))
+        self.V0, self.plane = start.V, ArcLengthMetric.of(V_scale, tangent.compliance)
+        self.requested = self.requested.counted(self.V0, rest.V)
+        known = (Pressure(), AddedVolume(rest.V), ArcLength(self.plane), self.requested)
+        self._known: dict[str, ContinuationParameter] = {one.name: one for one in known}
+        self.trail.line = self.requested.name if self.control == "auto" else self.control
+        self.corrector = Corrector(solver, self.trail, self.plane)
+        if not self.requested.starts_forward(start, tangent):  # the path starts at an unstable state
+            tangent = -tangent
+        self.trail.stability.start()
+        signature = Signature() if moves else self.trail.stability.signature(exact=True)
+        step, stiffest = self.first_step, self.plane.felt(tangent.compliance)
+        first = Point(start, tangent, False, False, step, self.trail.line, stiffest, signature)
+        return self.keep(first)
+
+    def resume(self, points: Sequence[Point]) -> None:
+        """Go on from points of an earlier trace, in order: bifurcations, and behind others the last one or two that were
+        solved for. Of their tangents the changes of P and V count, the rest is found again; so is the last state, from what
+        was stored of it."""
+        self.begin()
+        self.recall()
+        landed = max((k for k, point in enumerate(points) if point.jump), default=0)
+        points = points[landed:]  # what lies before a jump predicts nothing behind it
+        solver, trail, stability = self.solver, self.trail, self.trail.stability
+        trail.modes += [Mode(stability.mass, point.mode) for point in points if point.mode is not None]
+        trail.points = [point for point in points if point.mode is None][-2:]
+        trail.line = trail.last.line
+        lines = [self.plane.stiffened(one.stiffest).square_to(one.tangent, one.state) for one in trail.points]
+        found = solver.solve(lines[-1], trail.last.state.w, trail.last.state.P)
+        trail.points[-1] = dataclasses.replace(trail.last, state=dataclasses.replace(trail.last.state, w=found.w))
+        solver.factorise(trail.last.state)
+        stability.lowest()
+        eigenvalues = (abs(point.signature.lowest) for point in points)
+        stability.largest = max([stability.largest, *(value for value in eigenvalues if math.isfinite(value))])
+        tangents = [solver.tangent(one.state, line) for one, line in zip(trail.points, lines, strict=True)]
+        trail.points = [
+            dataclasses.replace(one, tangent=found) for one, found in zip(trail.points, tangents, strict=True)
+        ]
+
+    def keep(self, point: Point) -> Point:
+        return self.trail.keep(point)
+
+    @property
+    def last(self) -> Point:
+        return self.trail.last
+
+    @property
+    def followed(self) -> ContinuationParameter:
+        return self._known[self.trail.line]
+
+    @property
+    def direct(self) -> bool:
+        """Whether the requested quantity is the control itself, so that the path stops exactly at its values."""
+        return self.followed is self.requested
+
+    @property
+    def first_step(self) -> float:
+        """Length of the first step in the control."""
+        return self.followed.first_step(self.plane, self.V0)
+
+    def value(self, state: State) -> float:
+        """Return the requested quantity at a state."""
+        return self.requested.value(state.V, state.P)
+
+    def between(self, before: Point, after: Point, value: float) -> Point:
+        """Return the point with a requested value that lies between two points."""
+        return self.corrector.between(self.requested, before, after, value)
+
+    def stops(
+        self, step: float, goals: Sequence[float] = (), level: float = math.nan
+    ) -> tuple[list[Point], PathEnd | None]:
+        """Take a step towards the first of the requested values ``goals``, shortened until all that lies on it is located.
+
+        Args:
+            step: Its length.
+            goals: Requested values ahead, rising; none if the path is followed as far as it leads.
+            level: Value at which the device lands from a limit point that the path has passed, nan if from none.
+
+        Returns:
+            Points on the step, in order: limit points, bifurcations, requested values, where the device lands, and the step's
+            end unless a last requested value lies before it; and what ends the path there, if a seal opens.
+
+        Raises:
+            PathEnd: Not even the shortest step succeeded.
+        """
+        before = self.last
+        while True:
+            after, end = self.advance(step, goals[0] if goals else math.inf), None
+            if leak := self.opened(before, after):
+                after, end = leak
+            try:
+                found = [*events(self.corrector, self.requested, before, after, self.report), after]
+                return self._with_values(before, found, goals, level), end
+            except newton.NoConvergence as failure:
+                what = f"what lies on a step of at most {step:.3g}"
+                self.report(f"{what} was not located ({failure}); halving the step")
+                step = min(step, self._longest()) / 2
+                if step < SHORTEST_STEP * self.first_step:
+                    why = "a limit point or a requested value on the way was not located"
+                    raise lost(self.corrector, self.requested, why, failure) from failure
+
+    def _with_values(self, here: Point, stops: list[Point], goals: Sequence[float], level: float) -> list[Point]:
+        """Return the points of a step with those where the device lands and has requested values, up to the last value; the
+        rest is as for `stops`."""
+        found, left = list[Point](), list(goals)
+        for stop in stops:
+            if self.value(here.state) < level <= self.value(stop.state):
+                # A real device snaps through from the limit point of the requested quantity to here.
+                here, level = dataclasses.replace(self.between(here, stop, level), requested=False, jump=True), math.nan
+                found.append(here)
+            # Under its own control the path stops at a value; under another it has to locate those that it passed.
+            while left and not self.direct and self.value(here.state) < left[0] <= self.value(stop.state):
+                here = self.between(here, stop, left.pop(0))
+                found.append(here)
+                if not left:
+                    return found
+            here, level = stop, self.value(stop.state) if stop.turn else level
+            found.append(here)
+        return found
+
+    def _open_terms(self, state: State) -> list[component.EnergyTerm]:
+        """Return the terms whose seal is open at a state with a pressure."""
+        system = self.solver.system
+        if not system.body.seal:
+            return []
+        system.load(state)
+        return [term for term in system.potential.terms.values() if system.pressures[0] and term.margin(system) <= 0.0]
+
+    def opened(self, before: Point, after: Point) -> tuple[Point, PathEnd] | None:
+        """Return where a seal opens between two neighbouring points, and the end of the path there; None if it does not."""
+        system = self.solver.system
+        for term in self._open_terms(after.state):
+
+            def margin(point: Point, term: component.EnergyTerm = term) -> float:
+                system.load(point.state)
+                return term.margin(system)
+
+            state = self.corrector.root(before, after, margin, 1e-9) if margin(before) > 0.0 else before.state
+            system.load(state)
+            end = PathEnd("a seal opens", cause=term.opened(system))
+            return dataclasses.replace(self.corrector.point(state), requested=False), end
+        return None
+
+    def at(self, state: State) -> Point:
+        """Return the point of a state that no other leads to; the tangent there is factorised."""
+        self.solver.factorise(state)
+        tangent = self.solver.tangent(state, Control(1 / self.plane.V_scale, 1.0, 0.0))
+        if not self.requested.starts_forward(state, tangent):
+            tangent = -tangent
+        stiffest = min(self.last.stiffest, self.plane.felt(tangent.compliance))
+        signature = self.trail.stability.signature(exact=True)
+        return Point(state, tangent, False, False, self.first_step, self.trail.line, stiffest, signature)
+
+    def ahead(self, value: float) -> float:
+        """Return how far beyond a requested value, at which it is lost, a device is let go: ten times as far as the last time
+        where it has come less far since then, else a tenth."""
+        unit = self.requested.first_step(self.plane, self.V0)
+        slow = abs(value - self._let_go_at) < 10.0 * self._ahead * unit
+        self._let_go_at, self._ahead = value, 10.0 * self._ahead if slow else max(self._ahead / 10.0, AHEAD)
+        return self._ahead * unit
+
+    def let_go(self, goal: float, end: PathEnd) -> Point:
+        """Let the device go at its last point, where the path was lost for a reason; return where it comes to rest.
+
+        Raises:
+            PathEnd: It does not; the reason stays, but where it collapses or crumples.
+        """
+        last = self.last
+        value = self.value(last.state)
+        value = min(value + self.ahead(value), goal)
+        state = come_to_rest(self, self.requested.curve(value), last.state, end.cause.clause if end.cause else str(end))
+        if state is None:
+            raise end
+        self.trail.line = self.requested.name if self.control == "auto" else self.control
+        landed = self.at(self.requested.exactly(state, value))
+        return dataclasses.replace(landed, requested=value == goal, jump=True)
+
+    def advance(self, step: float, goal: float) -> Point:
+        """Take a step towards the requested value ``goal``, shortened until it converges; `PathEnd` if not even the shortest
+        one did."""
+        direct = self.direct
+        begun = step = min(step, self._longest())
+        left = goal - self.value(self.last.state)
+        while True:
+            hit = direct and left <= step * (1 + 1e-9)
+            # Equal parts of the remainder avoid a tiny step before a requested value.
+            share = left if hit else left / math.ceil(left / step - 1e-9) if direct and left < 3 * step else step
+            try:
+                point = self._stepped(share, goal if hit else None, step)
+                closest = max(OPENING_STEP * begun, 2 * SHORTEST_STEP * self.first_step)
+                if share > closest and self._open_terms(point.state):
+                    raise newton.NoConvergence(
+                        "a seal opens"
+                    )  # perhaps only because its place was that of the last state
+                return point
+            except newton.NoConvergence as failure:
+                self.report(f"no convergence with step {share:.3g} ({failure}); halving the step")
+                step = share / 2
+                shortest = SHORTEST_STEP * self.first_step
+                if self.may_follow_volume and direct and step < max(0.02 * self.last.step, shortest):
+                    self.follow(AddedVolume.name)  # which passes a limit point: that distinguishes it from a failure
+                    step, direct = self.last.step, False
+                elif step < shortest:
+                    why = "no step converged, down to a thousandth of the first one"
+                    raise lost(self.corrector, self.requested, why, failure) from failure
+
+    def _stepped(self, share: float, goal: float | None, step: float) -> Point:
+        """Return the point a ``share`` ahead, or at the value ``goal`` if given; `NoConvergence` if this branch has none."""
+        last = self.last
+        line = self.followed.ahead(last.state, last.tangent, share) if goal is None else self.requested.curve(goal)
+        state = self.corrector.solve(line, self.trail.points)
+        self.corrector.check_branch(state, line)
+        state = state if goal is None else self.requested.exactly(state, goal)
+        count = state.iterations - self.solver.system.assembled.slack
+        change = STEP_GROWTH if count <= QUICK else 1.0 if count < SLOW else 0.6
+        following = max(step, share) * change if change > 1 else share * change
+        point = self.corrector.point(state, requested=goal is not None, step=following)
+        self.corrector.check_work(point)
+        return point
+
+    def _longest(self) -> float:
+        s, t = self.last.state, self.last.tangent
+        per, along = self.requested.rate(s, t), self.followed.rate(s, t)
+        return self.largest_step * abs(along / per) if per else math.inf
+
+    def choose(self, past_limit: bool) -> None:
+        """Under ``auto``, control the requested quantity while the device is stiff, and the volume where it softens."""
+        if self.control != "auto" or self.by_volume or (past_limit and self.requested.ends_at_pressure_limit):
+            return
+        s, t = self.last.state, self.last.tangent
+        a, b = self.requested.slopes(s.V, s.P)
+        stiffest = (a + b / self.last.stiffest) * t.V
+        softened = a * t.V + b * t.P  # the same here; both are the derivative of the quantity by the volume
+        if self.direct and not stiffest < SOFTENING * softened:
+            self.follow(AddedVolume.name)
+        elif self.trail.line == AddedVolume.name and stiffest < SOFTENING / 2 * softened:
+            self.follow(self.requested.name)
+
+    def follow(self, line: str) -> None:
+        """Switch the control, by its name, with a step of about the same length."""
+        if line == self.trail.line:
+            return
+        self.report(f"control switched to {line}")
+        s, t, now, new = self.last.state, self.last.tangent, self.followed, self._known[line]
+        step = abs(self.last.step * new.rate(s, t) / now.rate(s, t))
+        self.trail.line, step = line, min(step, new.largest_step(s, self.plane))
+        self.trail.points[-1] = dataclasses.replace(self.last, step=step, line=line)
+
+    @property
+    def by_volume(self) -> bool:
+        """Whether volumes are requested, which exist beyond every limit point of the pressure."""
+        return isinstance(self.requested, AddedVolume)
+
+    @property
+    def may_follow_volume(self) -> bool:
+        """Whether volume control may be used if no step in the requested quantity converges."""
+        return self.control in ("auto", Pressure.name) and not self.by_volume
+
+    @property
+    def ends_at_limit(self) -> bool:
+        """Whether a limit point of the pressure ends the path: no state exists at a higher pressure, but at a larger volume."""
+        return self.may_follow_volume and self.requested.ends_at_pressure_limit
+
+
+PAST_LIMIT = 0.1  # how far `auto` continues past a limit point, relative to the volume added up to it
+
+
+def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = ()) -> Iterator[Point]:
+    """Follow a device through the requested values, in rising order, and yield every point of the path.
+
+    Args:
+        path: What to follow, and how.
+        goals: Requested values (dimensionless), rising, none below 0.
+        start: The last points of an interrupted trace, to go on from; goals at or below them are taken as done.
+
+    Yields:
+        Points along the path; those requested are marked, and so are limit points.
+
+    Raises:
+        PathEnd: A requested value is not on this path.
+    """
+    left = list(goals)
+    if start:
+        path.resume(start)
+        done = path.value(path.last.state)
+        left = [goal for goal in left if goal > done * (1 + 1e-12)]
+    else:
+        first = path.begin()
+        requested = bool(left) and left[0] == 0.0
+        yield dataclasses.replace(first, requested=requested)
+        by_volume = any(isinstance(one, AddedVolume) for one in (path.requested, path.followed))
+        if by_volume and first.stiffest <= path.plane.felt(0.0):
+            raise PathEnd("the supports prevent any change", cause=LOCKED)
+        left = left[1:] if requested else left
+    passed = PassedLimits.among(start, path.requested)
+    while left:
+        _check_end(path, passed)
+        path.choose(passed.limit is not None)
+        before = path.last
+        step = before.step
+        if passed.limit is not None and path.ends_at_limit:
+            step = min(step, PAST_LIMIT / 2 * (passed.limit.state.V - path.V0))
+        try:
+            stops, leak = path.stops(step, left, passed.level)
+        except PathEnd as lost_there:
+            end = passed.ended(lost_there, path.requested)
+            if not (path.lets_go and end.snaps):
+                raise end from lost_there
+            stops, leak = [path.let_go(left[0], end)], None
+        for stop in stops:
+            if stop.mode is not None:
+                # Interpolated, and K is singular: not used to predict the next state.
+                path.trail.modes.append(Mode(path.trail.stability.mass, stop.mode))
+                yield stop
+                continue
+            here = path.keep(dataclasses.replace(stop, step=stops[-1].step))
+            passed.add(here, path.value(here.state), rising=before.tangent.P > 0)
+            yield here
+        left = left[sum(stop.requested for stop in stops) :]
+        if leak and left:
+            raise leak
+
+
+def _check_end(path: Continuation, passed: PassedLimits) -> None:
+    """Raise `PathEnd` if the path is far enough past its limit point, or has grown too large."""
+    added = path.last.state.V - path.V0
+    limit = passed.limit
+    if limit is not None and path.ends_at_limit and added > (1 + PAST_LIMIT) * (limit.state.V - path.V0):
+        raise PathEnd("the pressure has a limit point", limit)
+    if not path.by_volume and added > path.largest_growth * path.plane.V_scale:
+        why = f"the cavity has grown {path.largest_growth:g}-fold without reaching the requested value"
+        raise passed.ended(PathEnd(why), path.requested)
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Predictor of the continuation: the next state and the tangent there, from the last points and their tangents.
 
@@ -932,328 +1323,6 @@ def _far(known: list[Known], scale: float) -> list[Known]:
     return far if len({value > 0 for value, _ in far}) == 2 else every
 
 
-CONTROLS = ("auto", "pressure", "volume", "arc-length")
-QUICK, SLOW = 3, 6  # Newton iterations up to which steps grow, above which they shrink
-STEP_GROWTH = 1.7
-SOFTENING = 4.0  # growth of dV/dP (or dV/dS) over its minimum at which `auto` switches to volume control
-PAST_LIMIT = 0.1  # how far `auto` continues past a limit point, relative to the volume added up to it
-OPENING_STEP = 0.05  # relative to the first step tried: a seal that opens in a longer one is approached in shorter ones
-SHORTEST_STEP = 1e-3  # relative to the first step: shorter steps do not fix the cause of failure
-LARGEST_GROWTH = 60.0  # cavity volumes at which a path under volume or arc-length control ends
-
-
-@dataclasses.dataclass
-class Continuation:
-    """Continuation of a load path: requested quantity, control, and step length.
-
-    Args:
-        solver: The device.
-        requested: What the requested values are of.
-        control: What is followed, one of `CONTROLS`; "auto" follows what is requested, and the volume where it softens.
-        largest_step: Longest step in units of the requested quantity, for a curve with enough points to draw.
-        largest_growth: Cavity volumes at which a path to a pressure is given up.
-        start: Where the path begins; the undeformed state if None.
-        report: Takes sentences on what is going on.
-        lets_go: Whether a device that is lost is let go, to go on from where it comes to rest; see `come_to_rest`.
-        recall: Lets parts remember what they do where a path goes on.
-
-    Attributes:
-        trail: Its last points, once it has begun; with it ``plane``, its scales, and ``corrector``, which finds its states.
-        snaps: How often the device has been let go.
-    """
-
-    solver: Solver
-    requested: PathQuantity = dataclasses.field(default_factory=Pressure)
-    control: str = "auto"
-    largest_step: float = math.inf
-    largest_growth: float = LARGEST_GROWTH
-    start: State | None = None
-    report: Callable[[str], None] = lambda text: None
-    lets_go: bool = False
-    recall: Callable[[], None] = lambda: None
-
-    def __post_init__(self) -> None:
-        if self.control not in CONTROLS:
-            raise ValueError(f"control {self.control!r} is not one of {', '.join(CONTROLS)}")
-        self.snaps, self._ahead, self._let_go_at = 0, AHEAD, math.inf
-
-    def begin(self) -> Point:
-        """Return the path's first point; sets the scales of the plane in which arc lengths are measured."""
-        solver = self.solver
-        rest = solver.system.rest()
-        V_scale = float(np.abs(solver.system.coupling.shares) @ solver.system.scales())
-        start = rest if self.start is None else self.start
-        solver.system.potential.keep(start.w, anew=self.start is None)
-        self.trail = PathHistory(solver)  # before factorising, because making the mass matrix takes memory
-        moves = solver.system.potential.motion is not None
-        if moves:
-            tangent = at_once(start)
-        else:
-            solver.factorise(start)
-            tangent = solver.tangent(start, Control(1 / V_scale, 1.0, 0.0), tight(solver))
-        self.V0, self.plane = start.V, ArcLengthMetric.of(V_scale, tangent.compliance)
-        self.requested = self.requested.counted(self.V0, rest.V)
-        known = (Pressure(), AddedVolume(rest.V), ArcLength(self.plane), self.requested)
-        self._known: dict[str, ContinuationParameter] = {one.name: one for one in known}
-        self.trail.line = self.requested.name if self.control == "auto" else self.control
-        self.corrector = Corrector(solver, self.trail, self.plane)
-        if not self.requested.starts_forward(start, tangent):  # the path starts at an unstable state
-            tangent = -tangent
-        self.trail.stability.start()
-        signature = Signature() if moves else self.trail.stability.signature(exact=True)
-        step, stiffest = self.first_step, self.plane.felt(tangent.compliance)
-        first = Point(start, tangent, False, False, step, self.trail.line, stiffest, signature)
-        return self.keep(first)
-
-    def resume(self, points: Sequence[Point]) -> None:
-        """Go on from points of an earlier trace, in order: bifurcations, and behind others the last one or two that were
-        solved for. Of their tangents the changes of P and V count, the rest is found again; so is the last state, from what
-        was stored of it."""
-        self.begin()
-        self.recall()
-        landed = max((k for k, point in enumerate(points) if point.jump), default=0)
-        points = points[landed:]  # what lies before a jump predicts nothing behind it
-        solver, trail, stability = self.solver, self.trail, self.trail.stability
-        trail.modes += [Mode(stability.mass, point.mode) for point in points if point.mode is not None]
-        trail.points = [point for point in points if point.mode is None][-2:]
-        trail.line = trail.last.line
-        lines = [self.plane.stiffened(one.stiffest).square_to(one.tangent, one.state) for one in trail.points]
-        found = solver.solve(lines[-1], trail.last.state.w, trail.last.state.P)
-        trail.points[-1] = dataclasses.replace(trail.last, state=dataclasses.replace(trail.last.state, w=found.w))
-        solver.factorise(trail.last.state)
-        stability.lowest()
-        eigenvalues = (abs(point.signature.lowest) for point in points)
-        stability.largest = max([stability.largest, *(value for value in eigenvalues if math.isfinite(value))])
-        tangents = [solver.tangent(one.state, line) for one, line in zip(trail.points, lines, strict=True)]
-        trail.points = [
-            dataclasses.replace(one, tangent=found) for one, found in zip(trail.points, tangents, strict=True)
-        ]
-
-    def keep(self, point: Point) -> Point:
-        return self.trail.keep(point)
-
-    @property
-    def last(self) -> Point:
-        return self.trail.last
-
-    @property
-    def followed(self) -> ContinuationParameter:
-        return self._known[self.trail.line]
-
-    @property
-    def direct(self) -> bool:
-        """Whether the requested quantity is the control itself, so that the path stops exactly at its values."""
-        return self.followed is self.requested
-
-    @property
-    def first_step(self) -> float:
-        """Length of the first step in the control."""
-        return self.followed.first_step(self.plane, self.V0)
-
-    def value(self, state: State) -> float:
-        """Return the requested quantity at a state."""
-        return self.requested.value(state.V, state.P)
-
-    def between(self, before: Point, after: Point, value: float) -> Point:
-        """Return the point with a requested value that lies between two points."""
-        return self.corrector.between(self.requested, before, after, value)
-
-    def stops(
-        self, step: float, goals: Sequence[float] = (), level: float = math.nan
-    ) -> tuple[list[Point], PathEnd | None]:
-        """Take a step towards the first of the requested values ``goals``, shortened until all that lies on it is located.
-
-        Args:
-            step: Its length.
-            goals: Requested values ahead, rising; none if the path is followed as far as it leads.
-            level: Value at which the device lands from a limit point that the path has passed, nan if from none.
-
-        Returns:
-            Points on the step, in order: limit points, bifurcations, requested values, where the device lands, and the step's
-            end unless a last requested value lies before it; and what ends the path there, if a seal opens.
-
-        Raises:
-            PathEnd: Not even the shortest step succeeded.
-        """
-        before = self.last
-        while True:
-            after, end = self.advance(step, goals[0] if goals else math.inf), None
-            if leak := self.opened(before, after):
-                after, end = leak
-            try:
-                found = [*events(self.corrector, self.requested, before, after, self.report), after]
-                return self._with_values(before, found, goals, level), end
-            except newton.NoConvergence as failure:
-                what = f"what lies on a step of at most {step:.3g}"
-                self.report(f"{what} was not located ({failure}); halving the step")
-                step = min(step, self._longest()) / 2
-                if step < SHORTEST_STEP * self.first_step:
-                    why = "a limit point or a requested value on the way was not located"
-                    raise lost(self.corrector, self.requested, why, failure) from failure
-
-    def _with_values(self, here: Point, stops: list[Point], goals: Sequence[float], level: float) -> list[Point]:
-        """Return the points of a step with those where the device lands and has requested values, up to the last value; the
-        rest is as for `stops`."""
-        found, left = list[Point](), list(goals)
-        for stop in stops:
-            if self.value(here.state) < level <= self.value(stop.state):
-                # A real device snaps through from the limit point of the requested quantity to here.
-                here, level = dataclasses.replace(self.between(here, stop, level), requested=False, jump=True), math.nan
-                found.append(here)
-            # Under its own control the path stops at a value; under another it has to locate those that it passed.
-            while left and not self.direct and self.value(here.state) < left[0] <= self.value(stop.state):
-                here = self.between(here, stop, left.pop(0))
-                found.append(here)
-                if not left:
-                    return found
-            here, level = stop, self.value(stop.state) if stop.turn else level
-            found.append(here)
-        return found
-
-    def _open_terms(self, state: State) -> list[component.EnergyTerm]:
-        """Return the terms whose seal is open at a state with a pressure."""
-        system = self.solver.system
-        if not system.body.seal:
-            return []
-        system.load(state)
-        return [term for term in system.potential.terms.values() if system.pressures[0] and term.margin(system) <= 0.0]
-
-    def opened(self, before: Point, after: Point) -> tuple[Point, PathEnd] | None:
-        """Return where a seal opens between two neighbouring points, and the end of the path there; None if it does not."""
-        system = self.solver.system
-        for term in self._open_terms(after.state):
-
-            def margin(point: Point, term: component.EnergyTerm = term) -> float:
-                system.load(point.state)
-                return term.margin(system)
-
-            state = self.corrector.root(before, after, margin, 1e-9) if margin(before) > 0.0 else before.state
-            system.load(state)
-            end = PathEnd("a seal opens", cause=term.opened(system))
-            return dataclasses.replace(self.corrector.point(state), requested=False), end
-        return None
-
-    def at(self, state: State) -> Point:
-        """Return the point of a state that no other leads to; the tangent there is factorised."""
-        self.solver.factorise(state)
-        tangent = self.solver.tangent(state, Control(1 / self.plane.V_scale, 1.0, 0.0))
-        if not self.requested.starts_forward(state, tangent):
-            tangent = -tangent
-        stiffest = min(self.last.stiffest, self.plane.felt(tangent.compliance))
-        signature = self.trail.stability.signature(exact=True)
-        return Point(state, tangent, False, False, self.first_step, self.trail.line, stiffest, signature)
-
-    def ahead(self, value: float) -> float:
-        """Return how far beyond a requested value, at which it is lost, a device is let go: ten times as far as the last time
-        where it has come less far since then, else a tenth."""
-        unit = self.requested.first_step(self.plane, self.V0)
-        slow = abs(value - self._let_go_at) < 10.0 * self._ahead * unit
-        self._let_go_at, self._ahead = value, 10.0 * self._ahead if slow else max(self._ahead / 10.0, AHEAD)
-        return self._ahead * unit
-
-    def let_go(self, goal: float, end: PathEnd) -> Point:
-        """Let the device go at its last point, where the path was lost for a reason; return where it comes to rest.
-
-        Raises:
-            PathEnd: It does not; the reason stays, but where it collapses or crumples.
-        """
-        last = self.last
-        value = self.value(last.state)
-        value = min(value + self.ahead(value), goal)
-        state = come_to_rest(self, self.requested.curve(value), last.state, end.cause.clause if end.cause else str(end))
-        if state is None:
-            raise end
-        self.trail.line = self.requested.name if self.control == "auto" else self.control
-        landed = self.at(self.requested.exactly(state, value))
-        return dataclasses.replace(landed, requested=value == goal, jump=True)
-
-    def advance(self, step: float, goal: float) -> Point:
-        """Take a step towards the requested value ``goal``, shortened until it converges; `PathEnd` if not even the shortest
-        one did."""
-        direct = self.direct
-        begun = step = min(step, self._longest())
-        left = goal - self.value(self.last.state)
-        while True:
-            hit = direct and left <= step * (1 + 1e-9)
-            # Equal parts of the remainder avoid a tiny step before a requested value.
-            share = left if hit else left / math.ceil(left / step - 1e-9) if direct and left < 3 * step else step
-            try:
-                point = self._stepped(share, goal if hit else None, step)
-                closest = max(OPENING_STEP * begun, 2 * SHORTEST_STEP * self.first_step)
-                if share > closest and self._open_terms(point.state):
-                    raise newton.NoConvergence(
-                        "a seal opens"
-                    )  # perhaps only because its place was that of the last state
-                return point
-            except newton.NoConvergence as failure:
-                self.report(f"no convergence with step {share:.3g} ({failure}); halving the step")
-                step = share / 2
-                shortest = SHORTEST_STEP * self.first_step
-                if self.may_follow_volume and direct and step < max(0.02 * self.last.step, shortest):
-                    self.follow(AddedVolume.name)  # which passes a limit point: that distinguishes it from a failure
-                    step, direct = self.last.step, False
-                elif step < shortest:
-                    why = "no step converged, down to a thousandth of the first one"
-                    raise lost(self.corrector, self.requested, why, failure) from failure
-
-    def _stepped(self, share: float, goal: float | None, step: float) -> Point:
-        """Return the point a ``share`` ahead, or at the value ``goal`` if given; `NoConvergence` if this branch has none."""
-        last = self.last
-        line = self.followed.ahead(last.state, last.tangent, share) if goal is None else self.requested.curve(goal)
-        state = self.corrector.solve(line, self.trail.points)
-        self.corrector.check_branch(state, line)
-        state = state if goal is None else self.requested.exactly(state, goal)
-        count = state.iterations - self.solver.system.assembled.slack
-        change = STEP_GROWTH if count <= QUICK else 1.0 if count < SLOW else 0.6
-        following = max(step, share) * change if change > 1 else share * change
-        point = self.corrector.point(state, requested=goal is not None, step=following)
-        self.corrector.check_work(point)
-        return point
-
-    def _longest(self) -> float:
-        s, t = self.last.state, self.last.tangent
-        per, along = self.requested.rate(s, t), self.followed.rate(s, t)
-        return self.largest_step * abs(along / per) if per else math.inf
-
-    def choose(self, past_limit: bool) -> None:
-        """Under ``auto``, control the requested quantity while the device is stiff, and the volume where it softens."""
-        if self.control != "auto" or self.by_volume or (past_limit and self.requested.ends_at_pressure_limit):
-            return
-        s, t = self.last.state, self.last.tangent
-        a, b = self.requested.slopes(s.V, s.P)
-        stiffest = (a + b / self.last.stiffest) * t.V
-        softened = a * t.V + b * t.P  # the same here; both are the derivative of the quantity by the volume
-        if self.direct and not stiffest < SOFTENING * softened:
-            self.follow(AddedVolume.name)
-        elif self.trail.line == AddedVolume.name and stiffest < SOFTENING / 2 * softened:
-            self.follow(self.requested.name)
-
-    def follow(self, line: str) -> None:
-        """Switch the control, by its name, with a step of about the same length."""
-        if line == self.trail.line:
-            return
-        self.report(f"control switched to {line}")
-        s, t, now, new = self.last.state, self.last.tangent, self.followed, self._known[line]
-        step = abs(self.last.step * new.rate(s, t) / now.rate(s, t))
-        self.trail.line, step = line, min(step, new.largest_step(s, self.plane))
-        self.trail.points[-1] = dataclasses.replace(self.last, step=step, line=line)
-
-    @property
-    def by_volume(self) -> bool:
-        """Whether volumes are requested, which exist beyond every limit point of the pressure."""
-        return isinstance(self.requested, AddedVolume)
-
-    @property
-    def may_follow_volume(self) -> bool:
-        """Whether volume control may be used if no step in the requested quantity converges."""
-        return self.control in ("auto", Pressure.name) and not self.by_volume
-
-    @property
-    def ends_at_limit(self) -> bool:
-        """Whether a limit point of the pressure ends the path: no state exists at a higher pressure, but at a larger volume."""
-        return self.may_follow_volume and self.requested.ends_at_pressure_limit
-
-
 # ----------------------------------------------------------------------------------------------------------------------
 # Let a device go: from a state that is none of equilibrium it creeps against a drag on its mass until it rests.
 #
@@ -1350,73 +1419,6 @@ def creep(path: Continuation, curve: controls.Curve, state: State) -> State:
     finally:
         potential.motion = None
     raise newton.NoConvergence("the device did not come to rest")
-
-
-def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = ()) -> Iterator[Point]:
-    """Follow a device through the requested values, in rising order, and yield every point of the path.
-
-    Args:
-        path: What to follow, and how.
-        goals: Requested values (dimensionless), rising, none below 0.
-        start: The last points of an interrupted trace, to go on from; goals at or below them are taken as done.
-
-    Yields:
-        Points along the path; those requested are marked, and so are limit points.
-
-    Raises:
-        PathEnd: A requested value is not on this path.
-    """
-    left = list(goals)
-    if start:
-        path.resume(start)
-        done = path.value(path.last.state)
-        left = [goal for goal in left if goal > done * (1 + 1e-12)]
-    else:
-        first = path.begin()
-        requested = bool(left) and left[0] == 0.0
-        yield dataclasses.replace(first, requested=requested)
-        by_volume = any(isinstance(one, AddedVolume) for one in (path.requested, path.followed))
-        if by_volume and first.stiffest <= path.plane.felt(0.0):
-            raise PathEnd("the supports prevent any change", cause=LOCKED)
-        left = left[1:] if requested else left
-    passed = PassedLimits.among(start, path.requested)
-    while left:
-        _check_end(path, passed)
-        path.choose(passed.limit is not None)
-        before = path.last
-        step = before.step
-        if passed.limit is not None and path.ends_at_limit:
-            step = min(step, PAST_LIMIT / 2 * (passed.limit.state.V - path.V0))
-        try:
-            stops, leak = path.stops(step, left, passed.level)
-        except PathEnd as lost_there:
-            end = passed.ended(lost_there, path.requested)
-            if not (path.lets_go and end.snaps):
-                raise end from lost_there
-            stops, leak = [path.let_go(left[0], end)], None
-        for stop in stops:
-            if stop.mode is not None:
-                # Interpolated, and K is singular: not used to predict the next state.
-                path.trail.modes.append(Mode(path.trail.stability.mass, stop.mode))
-                yield stop
-                continue
-            here = path.keep(dataclasses.replace(stop, step=stops[-1].step))
-            passed.add(here, path.value(here.state), rising=before.tangent.P > 0)
-            yield here
-        left = left[sum(stop.requested for stop in stops) :]
-        if leak and left:
-            raise leak
-
-
-def _check_end(path: Continuation, passed: PassedLimits) -> None:
-    """Raise `PathEnd` if the path is far enough past its limit point, or has grown too large."""
-    added = path.last.state.V - path.V0
-    limit = passed.limit
-    if limit is not None and path.ends_at_limit and added > (1 + PAST_LIMIT) * (limit.state.V - path.V0):
-        raise PathEnd("the pressure has a limit point", limit)
-    if not path.by_volume and added > path.largest_growth * path.plane.V_scale:
-        why = f"the cavity has grown {path.largest_growth:g}-fold without reaching the requested value"
-        raise passed.ended(PathEnd(why), path.requested)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

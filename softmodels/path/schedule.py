@@ -39,6 +39,146 @@ from softmodels.path.steps import (
 )
 from softmodels.path.supply import Gas, GasStep, Source
 
+
+class Cycle:
+    """The stable parts of a device's curve up to a pressure, in their order, as far as they are known; ``lost`` is what ended
+    the curve."""
+
+    def __init__(self, path: Continuation, most: float):
+        self.path, self.most = path, most
+        self.lost: stability.PathEnd | None = None
+        path.control, path.largest_growth, path.lets_go = stability.ArcLength.name, continuation.FREE_GROWTH, False
+        self.parts = _stable_parts(self._curve(path, most), path)
+        if not self.parts:
+            raise self.lost or stability.PathEnd("there is no stable state")
+
+    def _curve(self, path: Continuation, goal: float) -> list[stability.Point]:
+        points: list[stability.Point] = []
+        try:
+            points.extend(continuation.trace(path, [goal]))
+        except stability.PathEnd as end:
+            self.lost = end
+        return points or list(path.trail.points)
+
+    def along(self, here: int, goals: Sequence[float], way: int) -> Generator[stability.Point, None, int]:
+        """Yield points from the part ``here`` through the goals, up (1) or down (-1); return the last part."""
+        at = self.parts[here].points[0].state.P if way > 0 else math.inf
+        left = list(goals)
+        landed: stability.Point | None = None
+        while True:
+            part = self._part(here, way)
+            end = part.highest if way > 0 else part.lowest
+            if landed is not None:
+                yield landed
+            reached = [goal for goal in left if (goal - end) * way <= 1e-12]
+            last = reached[-1] if len(reached) == len(left) else end
+            between = [
+                p
+                for p in part.points
+                if not p.requested and (p.state.P - at) * way > 1e-9 and (last - p.state.P) * way > 1e-9
+            ]
+            stops = [(p.state.P, p) for p in between] + [(goal, None) for goal in reached]
+            for P, known in sorted(stops, key=lambda stop: stop[0] * way):
+                if known is None or not math.isclose(P, at, rel_tol=1e-9):
+                    yield dataclasses.replace(known, jump=False) if known is not None else _state(part, P)
+            left = left[len(reached) :]
+            if not left:
+                return here
+            edge = part.points[-1 if way > 0 else 0]
+            if landed is None or edge.state is not landed.state:
+                yield dataclasses.replace(edge, requested=False)
+            ahead = 0.0 if edge.limit else self.path.ahead(end)
+            at = end + way * min(ahead, (left[0] - end) * way)
+            here = self._snapped(here, edge, at, way)
+            landed = dataclasses.replace(_state(self.parts[here], at), requested=False, jump=True)
+
+    def _snapped(self, here: int, edge: stability.Point, P: float, way: int) -> int:
+        """Return the part that a device snaps to at a pressure from the end of another, up (1) or down (-1)."""
+        options = range(here + way, len(self.parts) if way > 0 else -1, way) if edge.limit else ()
+        found = next((k for k in options if self._part(k, way).leads_on(P, way, APART * self.path.plane.P_scale)), None)
+        if found is None and (rest := self._let_go(edge, P, way)) is not None:
+            self.parts.insert(found := here + 1 if way > 0 else here, rest)
+        if found is None and edge.limit:
+            why = "the pressure has a limit point, and no stable state at that pressure was found beyond it"
+            raise stability.PathEnd(why, edge)
+        if found is None:
+            why = "the curve of its stable states ends"
+            if way > 0 and self.parts[here].buckles:
+                raise stability.PathEnd(why, cause=BUCKLED)
+            raise self.lost or stability.PathEnd(why)
+        return found
+
+    def _let_go(self, edge: stability.Point, P: float, way: int) -> CyclePart | None:
+        """Return the stable part on which a device comes to rest that is let go at a pressure from the end of another; None if
+        it does not."""
+        path, state, why = self.path, edge.state, "no stable state was met behind the end of a stable part"
+        path.trail.add(edge)  # the last state, if this fails
+        if edge.limit:
+            system, rate = path.solver.system, edge.tangent.w
+            push = way * NUDGE / mpi.largest(system.comm, float(np.abs(rate[: system.n]).max(initial=0.0)))
+            state = dataclasses.replace(state, w=state.w + push * rate)
+        rest = continuation.come_to_rest(path, controls.pressure_control(P), dataclasses.replace(state, P=P), why)
+        if rest is None:
+            return None
+        part = self._followed(rest, way)
+        return dataclasses.replace(part, rest=rest) if way > 0 else part
+
+    def _followed(self, rest: State, way: int) -> CyclePart:
+        """Return the stable part that leads up (1) or down (-1) from where the device is at rest."""
+        path = self.path
+        quantity, goal = (path.requested, self.most) if way > 0 else (Fall(rest.P), rest.P)
+        one = dataclasses.replace(path, requested=quantity, start=rest)
+        points = self._curve(one, goal)
+        one.requested = path.requested
+        if way < 0:
+            points = [dataclasses.replace(point, tangent=-point.tangent, requested=False) for point in points[::-1]]
+        alone = CyclePart((points[0 if way > 0 else -1],), one, buckles=False)  # where the curve is lost at once
+        return next(
+            (part for part in _stable_parts(points, one) if any(point.state is rest for point in part.points)), alone
+        )
+
+    def _part(self, k: int, way: int) -> CyclePart:
+        """Return a part, on the way down with what lies below the place where the device came to rest on it."""
+        part = self.parts[k]
+        if way < 0 and part.rest is not None:
+            below = self._followed(part.rest, way)
+            self.parts[k] = part = dataclasses.replace(part, points=(*below.points, *part.points[1:]), rest=None)
+        return part
+
+
+def _stable_parts(points: Sequence[stability.Point], path: Continuation) -> list[CyclePart]:
+    """Return the curve's stable parts in order; limit points belong to the part they end."""
+    parts: list[CyclePart] = []
+    current: list[stability.Point] = []
+    for point in points:
+        if point.limit:
+            if current:
+                parts.append(CyclePart((*current, point), path, buckles=False))
+                current = []
+            else:
+                current = [point]  # a minimum of the pressure: a stable part may start here
+        elif point.stable_under_pressure and point.tangent.P > 0 and not point.bifurcation:
+            current.append(point)
+        elif current:
+            if len(current) > 1:
+                parts.append(CyclePart(tuple(current), path, buckles=True))
+            current = []
+    if len(current) > 1:
+        parts.append(CyclePart(tuple(current), path, buckles=False))
+    return parts
+
+
+def _state(part: CyclePart, P: float) -> stability.Point:
+    if known := next((point for point in part.points if point.state.P == P and not point.limit), None):
+        return dataclasses.replace(known, requested=True)
+    for before, after in itertools.pairwise(part.points):
+        if before.state.P <= P <= after.state.P:
+            part.path.trail.points = [before, after]  # the curve's last points predict nothing here
+            return part.path.between(before, after, P)
+    nearest = min(part.points, key=lambda point: abs(point.state.P - P))  # rounding puts P beyond the part's end
+    return dataclasses.replace(nearest, requested=True)
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # A device in time: silicone that creeps, under a pressure, a volume or a force that changes at a constant rate or is held; or
 # air that comes through a tube.
@@ -664,11 +804,9 @@ def in_drivers(
 NUDGE = 0.01
 """Largest displacement, in sizes of the device, by which it is pushed off a limit point."""
 
-
 APART = 1e-6
 """Least way on in pressure, in the device's scale, of a part that a device snaps to: one on which it was let go may be the same
 as the one before, and ends at the same limit point."""
-
 
 BUCKLED = component.PathFailure(
     "the device buckles: its stable states end at a bifurcation, and none was found in which it would come to rest",
@@ -738,142 +876,3 @@ def cycle(path: Continuation, goals: Sequence[float]) -> Iterator[stability.Poin
     whole = Cycle(path, goals[-1])
     here = yield from whole.along(0, goals, 1)
     yield from whole.along(here, [*goals[::-1], *([0.0] if goals[0] > 0 else [])], -1)
-
-
-class Cycle:
-    """The stable parts of a device's curve up to a pressure, in their order, as far as they are known; ``lost`` is what ended
-    the curve."""
-
-    def __init__(self, path: Continuation, most: float):
-        self.path, self.most = path, most
-        self.lost: stability.PathEnd | None = None
-        path.control, path.largest_growth, path.lets_go = stability.ArcLength.name, continuation.FREE_GROWTH, False
-        self.parts = _stable_parts(self._curve(path, most), path)
-        if not self.parts:
-            raise self.lost or stability.PathEnd("there is no stable state")
-
-    def _curve(self, path: Continuation, goal: float) -> list[stability.Point]:
-        points: list[stability.Point] = []
-        try:
-            points.extend(continuation.trace(path, [goal]))
-        except stability.PathEnd as end:
-            self.lost = end
-        return points or list(path.trail.points)
-
-    def along(self, here: int, goals: Sequence[float], way: int) -> Generator[stability.Point, None, int]:
-        """Yield points from the part ``here`` through the goals, up (1) or down (-1); return the last part."""
-        at = self.parts[here].points[0].state.P if way > 0 else math.inf
-        left = list(goals)
-        landed: stability.Point | None = None
-        while True:
-            part = self._part(here, way)
-            end = part.highest if way > 0 else part.lowest
-            if landed is not None:
-                yield landed
-            reached = [goal for goal in left if (goal - end) * way <= 1e-12]
-            last = reached[-1] if len(reached) == len(left) else end
-            between = [
-                p
-                for p in part.points
-                if not p.requested and (p.state.P - at) * way > 1e-9 and (last - p.state.P) * way > 1e-9
-            ]
-            stops = [(p.state.P, p) for p in between] + [(goal, None) for goal in reached]
-            for P, known in sorted(stops, key=lambda stop: stop[0] * way):
-                if known is None or not math.isclose(P, at, rel_tol=1e-9):
-                    yield dataclasses.replace(known, jump=False) if known is not None else _state(part, P)
-            left = left[len(reached) :]
-            if not left:
-                return here
-            edge = part.points[-1 if way > 0 else 0]
-            if landed is None or edge.state is not landed.state:
-                yield dataclasses.replace(edge, requested=False)
-            ahead = 0.0 if edge.limit else self.path.ahead(end)
-            at = end + way * min(ahead, (left[0] - end) * way)
-            here = self._snapped(here, edge, at, way)
-            landed = dataclasses.replace(_state(self.parts[here], at), requested=False, jump=True)
-
-    def _snapped(self, here: int, edge: stability.Point, P: float, way: int) -> int:
-        """Return the part that a device snaps to at a pressure from the end of another, up (1) or down (-1)."""
-        options = range(here + way, len(self.parts) if way > 0 else -1, way) if edge.limit else ()
-        found = next((k for k in options if self._part(k, way).leads_on(P, way, APART * self.path.plane.P_scale)), None)
-        if found is None and (rest := self._let_go(edge, P, way)) is not None:
-            self.parts.insert(found := here + 1 if way > 0 else here, rest)
-        if found is None and edge.limit:
-            why = "the pressure has a limit point, and no stable state at that pressure was found beyond it"
-            raise stability.PathEnd(why, edge)
-        if found is None:
-            why = "the curve of its stable states ends"
-            if way > 0 and self.parts[here].buckles:
-                raise stability.PathEnd(why, cause=BUCKLED)
-            raise self.lost or stability.PathEnd(why)
-        return found
-
-    def _let_go(self, edge: stability.Point, P: float, way: int) -> CyclePart | None:
-        """Return the stable part on which a device comes to rest that is let go at a pressure from the end of another; None if
-        it does not."""
-        path, state, why = self.path, edge.state, "no stable state was met behind the end of a stable part"
-        path.trail.add(edge)  # the last state, if this fails
-        if edge.limit:
-            system, rate = path.solver.system, edge.tangent.w
-            push = way * NUDGE / mpi.largest(system.comm, float(np.abs(rate[: system.n]).max(initial=0.0)))
-            state = dataclasses.replace(state, w=state.w + push * rate)
-        rest = continuation.come_to_rest(path, controls.pressure_control(P), dataclasses.replace(state, P=P), why)
-        if rest is None:
-            return None
-        part = self._followed(rest, way)
-        return dataclasses.replace(part, rest=rest) if way > 0 else part
-
-    def _followed(self, rest: State, way: int) -> CyclePart:
-        """Return the stable part that leads up (1) or down (-1) from where the device is at rest."""
-        path = self.path
-        quantity, goal = (path.requested, self.most) if way > 0 else (Fall(rest.P), rest.P)
-        one = dataclasses.replace(path, requested=quantity, start=rest)
-        points = self._curve(one, goal)
-        one.requested = path.requested
-        if way < 0:
-            points = [dataclasses.replace(point, tangent=-point.tangent, requested=False) for point in points[::-1]]
-        alone = CyclePart((points[0 if way > 0 else -1],), one, buckles=False)  # where the curve is lost at once
-        return next(
-            (part for part in _stable_parts(points, one) if any(point.state is rest for point in part.points)), alone
-        )
-
-    def _part(self, k: int, way: int) -> CyclePart:
-        """Return a part, on the way down with what lies below the place where the device came to rest on it."""
-        part = self.parts[k]
-        if way < 0 and part.rest is not None:
-            below = self._followed(part.rest, way)
-            self.parts[k] = part = dataclasses.replace(part, points=(*below.points, *part.points[1:]), rest=None)
-        return part
-
-
-def _stable_parts(points: Sequence[stability.Point], path: Continuation) -> list[CyclePart]:
-    """Return the curve's stable parts in order; limit points belong to the part they end."""
-    parts: list[CyclePart] = []
-    current: list[stability.Point] = []
-    for point in points:
-        if point.limit:
-            if current:
-                parts.append(CyclePart((*current, point), path, buckles=False))
-                current = []
-            else:
-                current = [point]  # a minimum of the pressure: a stable part may start here
-        elif point.stable_under_pressure and point.tangent.P > 0 and not point.bifurcation:
-            current.append(point)
-        elif current:
-            if len(current) > 1:
-                parts.append(CyclePart(tuple(current), path, buckles=True))
-            current = []
-    if len(current) > 1:
-        parts.append(CyclePart(tuple(current), path, buckles=False))
-    return parts
-
-
-def _state(part: CyclePart, P: float) -> stability.Point:
-    if known := next((point for point in part.points if point.state.P == P and not point.limit), None):
-        return dataclasses.replace(known, requested=True)
-    for before, after in itertools.pairwise(part.points):
-        if before.state.P <= P <= after.state.P:
-            part.path.trail.points = [before, after]  # the curve's last points predict nothing here
-            return part.path.between(before, after, P)
-    nearest = min(part.points, key=lambda point: abs(point.state.P - P))  # rounding puts P beyond the part's end
-    return dataclasses.replace(nearest, requested=True)

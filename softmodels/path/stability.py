@@ -33,6 +33,147 @@ from softmodels.mechanics.controls import Control
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 
+
+class Stability:
+    """Signatures of a device's states, with its masses, or of unit density as along a path. One per `Solver`; see `of`."""
+
+    def __init__(self, solver: Solver, inertia: assembly.Inertia | None = None):
+        self.solver = solver
+        eq = solver.system
+        self.mass = assembly.mass_matrix(eq, inertia)
+        self.M = eq.unknowns.projected(self.mass)
+        self.unknowns = eq.K.getSize()[0]
+        self.spectrum = spectrum_of(solver, self.M)
+        self.start()
+
+    @classmethod
+    def of(cls, solver: Solver) -> Stability:
+        """Return the instance of a solver, created at the first call."""
+        found = getattr(solver, "_stability", None)
+        if found is None:
+            found = cls(solver)
+            solver._stability = found  # type: ignore[attr-defined]
+        return found
+
+    def start(self) -> None:
+        """Drop the known modes and start from a shape with a part of every mode, the same on any number of ranks.
+
+        Every search for modes begins with it, so that the result depends only on the state, not on the history.
+        """
+        eq = self.solver.system
+        shape, d = fem.Function(eq.space), eq.body.mesh.geometry.dim
+        seeds = [self.M.createVecRight() for _ in range(d)]
+
+        def rough(x: Array) -> Array:
+            waves = np.array([[1.7, 2.3, 2.9], [3.1, 1.3, 2.1], [2.7, 3.3, 1.9]])
+            return np.sin(waves[:d] @ x + 0.5) + 0.3 * np.sin(3.7 * waves[:d] @ x)
+
+        for turn, seed in enumerate(seeds):
+            (shape.sub(0) if eq.mixed else shape).interpolate(lambda x, turn=turn: np.roll(rough(x), turn, axis=0))
+            for bc in eq.bcs:
+                bc.set(shape.x.array, alpha=0.0)
+            seed.array_w[:] = eq.unknowns.nearest(shape.x.array)
+        self.spectrum.seeds = seeds
+        self.sense = self.M.createVecLeft()  # fixes the sign of a mode
+        self.M.mult(seeds[0], self.sense)
+        self.reference = self.largest = self._guess = 0.0
+        self.modes: Sequence[PETSc.Vec] = []
+
+    # -- along a path -------------------------------------------------------------------------------------------------
+
+    def wants(self, state: State) -> bool:
+        """Return whether the signature at this state needs a factorisation of its own.
+
+        It does where faces are pressed on: a kept K has other places in contact, and corrections by its inverse creep.
+        """
+        system = self.solver.system
+        if self.unknowns <= ALWAYS or not self.modes or system.unknowns.turns or system.assembled.touches(state.w):
+            return True
+        try:
+            self._guess = self.spectrum.corrected(state, self.modes)
+        except newton.NoConvergence:
+            return True
+        return self._guess < NEAR * self.reference
+
+    def signature(self, exact: bool, known: int = 0) -> Signature:
+        """Return the signature of the state passed to `wants`: of K if factorised there, else with the last
+        known number."""
+        if not exact:
+            return Signature(known, self._guess, exact=False)
+        value = self.lowest()
+        return Signature(self.negative_eigenvalues(), value)
+
+    def lowest(self) -> float:
+        """Return the lowest eigenvalue of the factorised K; nan if it did not converge."""
+        self.solver.system.unknowns.projected(self.mass, self.M)
+        try:
+            value, self.modes = self.spectrum.lowest(self.modes)
+        except newton.NoConvergence:
+            self.modes = []
+            return math.nan
+        self.reference = abs(value)
+        self.largest = max(self.largest, self.reference)
+        return value
+
+    def critical_lowest(self, state: State, negative: int) -> float:
+        """Return the lowest eigenvalue where K is singular in one mode more than ``negative`` ones; K may be factorised there.
+
+        Zero where none is negative; else that of K with its singular mode, which leaves the others as they are.
+        """
+        if not negative:
+            return 0.0
+        self.solver.factorise(state)
+        reference, largest = self.reference, self.largest
+        value = self.lowest()
+        self.reference, self.largest = reference, largest
+        return 0.0 if abs(value) < SINGULAR * largest else value
+
+    def negative_eigenvalues(self) -> int:
+        """Return the negative eigenvalues of the factorised K beyond those of a stable one."""
+        return self.spectrum.negative_eigenvalues
+
+    # -- at one state -------------------------------------------------------------------------------------------------
+
+    def eigenpairs(self, state: State, count: int = 4, springs: Springs | None = None) -> list[tuple[float, Array]]:
+        """Return at least so many eigenvalues (dimensionless) nearest zero and their modes (shape as `State.w`, largest entry
+        1 or -1), rising, by shift and invert through K factorised at the state. Springs are added to K; see
+        `Spectrum.pairs`."""
+        self.solver.factorise(state)
+        self.solver.system.unknowns.projected(self.mass, self.M)
+        pairs = [(value, self._mode(vector)) for value, vector in self.spectrum.pairs(count, springs)]
+        return sorted(pairs, key=lambda pair: pair[0])
+
+    def _mode(self, vector: PETSc.Vec) -> Array:
+        function = fem.Function(self.solver.system.space)
+        self.solver.system.unknowns.push(vector.array_r, function.x.array)
+        function.x.scatter_forward()
+        # The largest entry alone would make the sign of an antisymmetric mode depend on rounding.
+        largest = max(vector.max()[1], -vector.min()[1])
+        scaled = function.x.array / math.copysign(largest, vector.dot(self.sense))
+        return np.concatenate([scaled, np.zeros(len(self.solver.system.coupling.constraints))])
+
+    def critical(self, state: State, index: int) -> tuple[float, Array]:
+        """Return the eigenvalue that is number ``index`` (from 0) in rising order, and its mode; K is factorised at the
+        state."""
+        pairs = self.eigenpairs(state)
+        negative = self.negative_eigenvalues()
+        rank = negative - sum(value < 0 for value, _ in pairs)  # negative ones farther from zero than those found
+        chosen = min(max(index - rank, 0), len(pairs) - 1)
+        return pairs[chosen]
+
+    def like(self, state: State, shape: Array) -> tuple[float, Array]:
+        """Return the eigenvalue whose mode is closest to that of a neighbouring state (local dofs), and its mode, to track it
+        past crossings with others; K is factorised at the state. `NoConvergence` if no mode is like it."""
+        measure = Mode(self.mass, shape)
+        pairs = [
+            (abs(measure.share(mode)) / measure.size(mode), value, mode) for value, mode in self.eigenpairs(state, 8)
+        ]
+        likeness, value, mode = max(pairs, key=lambda pair: pair[0])
+        if likeness < ALIKE:
+            raise newton.NoConvergence("its mode could not be tracked between two states")
+        return value, mode
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Buckling modes as measures of other shapes.
 
@@ -512,146 +653,6 @@ class Signature:
     negative_eigenvalues: int = 0
     lowest: float = 0.0
     exact: bool = True
-
-
-class Stability:
-    """Signatures of a device's states, with its masses, or of unit density as along a path. One per `Solver`; see `of`."""
-
-    def __init__(self, solver: Solver, inertia: assembly.Inertia | None = None):
-        self.solver = solver
-        eq = solver.system
-        self.mass = assembly.mass_matrix(eq, inertia)
-        self.M = eq.unknowns.projected(self.mass)
-        self.unknowns = eq.K.getSize()[0]
-        self.spectrum = spectrum_of(solver, self.M)
-        self.start()
-
-    @classmethod
-    def of(cls, solver: Solver) -> Stability:
-        """Return the instance of a solver, created at the first call."""
-        found = getattr(solver, "_stability", None)
-        if found is None:
-            found = cls(solver)
-            solver._stability = found  # type: ignore[attr-defined]
-        return found
-
-    def start(self) -> None:
-        """Drop the known modes and start from a shape with a part of every mode, the same on any number of ranks.
-
-        Every search for modes begins with it, so that the result depends only on the state, not on the history.
-        """
-        eq = self.solver.system
-        shape, d = fem.Function(eq.space), eq.body.mesh.geometry.dim
-        seeds = [self.M.createVecRight() for _ in range(d)]
-
-        def rough(x: Array) -> Array:
-            waves = np.array([[1.7, 2.3, 2.9], [3.1, 1.3, 2.1], [2.7, 3.3, 1.9]])
-            return np.sin(waves[:d] @ x + 0.5) + 0.3 * np.sin(3.7 * waves[:d] @ x)
-
-        for turn, seed in enumerate(seeds):
-            (shape.sub(0) if eq.mixed else shape).interpolate(lambda x, turn=turn: np.roll(rough(x), turn, axis=0))
-            for bc in eq.bcs:
-                bc.set(shape.x.array, alpha=0.0)
-            seed.array_w[:] = eq.unknowns.nearest(shape.x.array)
-        self.spectrum.seeds = seeds
-        self.sense = self.M.createVecLeft()  # fixes the sign of a mode
-        self.M.mult(seeds[0], self.sense)
-        self.reference = self.largest = self._guess = 0.0
-        self.modes: Sequence[PETSc.Vec] = []
-
-    # -- along a path -------------------------------------------------------------------------------------------------
-
-    def wants(self, state: State) -> bool:
-        """Return whether the signature at this state needs a factorisation of its own.
-
-        It does where faces are pressed on: a kept K has other places in contact, and corrections by its inverse creep.
-        """
-        system = self.solver.system
-        if self.unknowns <= ALWAYS or not self.modes or system.unknowns.turns or system.assembled.touches(state.w):
-            return True
-        try:
-            self._guess = self.spectrum.corrected(state, self.modes)
-        except newton.NoConvergence:
-            return True
-        return self._guess < NEAR * self.reference
-
-    def signature(self, exact: bool, known: int = 0) -> Signature:
-        """Return the signature of the state passed to `wants`: of K if factorised there, else with the last
-        known number."""
-        if not exact:
-            return Signature(known, self._guess, exact=False)
-        value = self.lowest()
-        return Signature(self.negative_eigenvalues(), value)
-
-    def lowest(self) -> float:
-        """Return the lowest eigenvalue of the factorised K; nan if it did not converge."""
-        self.solver.system.unknowns.projected(self.mass, self.M)
-        try:
-            value, self.modes = self.spectrum.lowest(self.modes)
-        except newton.NoConvergence:
-            self.modes = []
-            return math.nan
-        self.reference = abs(value)
-        self.largest = max(self.largest, self.reference)
-        return value
-
-    def critical_lowest(self, state: State, negative: int) -> float:
-        """Return the lowest eigenvalue where K is singular in one mode more than ``negative`` ones; K may be factorised there.
-
-        Zero where none is negative; else that of K with its singular mode, which leaves the others as they are.
-        """
-        if not negative:
-            return 0.0
-        self.solver.factorise(state)
-        reference, largest = self.reference, self.largest
-        value = self.lowest()
-        self.reference, self.largest = reference, largest
-        return 0.0 if abs(value) < SINGULAR * largest else value
-
-    def negative_eigenvalues(self) -> int:
-        """Return the negative eigenvalues of the factorised K beyond those of a stable one."""
-        return self.spectrum.negative_eigenvalues
-
-    # -- at one state -------------------------------------------------------------------------------------------------
-
-    def eigenpairs(self, state: State, count: int = 4, springs: Springs | None = None) -> list[tuple[float, Array]]:
-        """Return at least so many eigenvalues (dimensionless) nearest zero and their modes (shape as `State.w`, largest entry
-        1 or -1), rising, by shift and invert through K factorised at the state. Springs are added to K; see
-        `Spectrum.pairs`."""
-        self.solver.factorise(state)
-        self.solver.system.unknowns.projected(self.mass, self.M)
-        pairs = [(value, self._mode(vector)) for value, vector in self.spectrum.pairs(count, springs)]
-        return sorted(pairs, key=lambda pair: pair[0])
-
-    def _mode(self, vector: PETSc.Vec) -> Array:
-        function = fem.Function(self.solver.system.space)
-        self.solver.system.unknowns.push(vector.array_r, function.x.array)
-        function.x.scatter_forward()
-        # The largest entry alone would make the sign of an antisymmetric mode depend on rounding.
-        largest = max(vector.max()[1], -vector.min()[1])
-        scaled = function.x.array / math.copysign(largest, vector.dot(self.sense))
-        return np.concatenate([scaled, np.zeros(len(self.solver.system.coupling.constraints))])
-
-    def critical(self, state: State, index: int) -> tuple[float, Array]:
-        """Return the eigenvalue that is number ``index`` (from 0) in rising order, and its mode; K is factorised at the
-        state."""
-        pairs = self.eigenpairs(state)
-        negative = self.negative_eigenvalues()
-        rank = negative - sum(value < 0 for value, _ in pairs)  # negative ones farther from zero than those found
-        chosen = min(max(index - rank, 0), len(pairs) - 1)
-        return pairs[chosen]
-
-    def like(self, state: State, shape: Array) -> tuple[float, Array]:
-        """Return the eigenvalue whose mode is closest to that of a neighbouring state (local dofs), and its mode, to track it
-        past crossings with others; K is factorised at the state. `NoConvergence` if no mode is like it."""
-        measure = Mode(self.mass, shape)
-        pairs = [
-            (abs(measure.share(mode)) / measure.size(mode), value, mode) for value, mode in self.eigenpairs(state, 8)
-        ]
-        likeness, value, mode = max(pairs, key=lambda pair: pair[0])
-        if likeness < ALIKE:
-            raise newton.NoConvergence("its mode could not be tracked between two states")
-        return value, mode
 
 
 # ----------------------------------------------------------------------------------------------------------------------

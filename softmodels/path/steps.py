@@ -19,6 +19,21 @@ from softmodels.common import errors, units
 from softmodels.common.names import checked
 from softmodels.mechanics import controls
 
+
+@checked
+@dataclasses.dataclass(frozen=True)
+class Step:
+    """One load step.
+
+    Attributes:
+        prescribed: What is prescribed; everything else stays as it was.
+        duration: Time in s that it takes; None for equilibrium, after a long time.
+    """
+
+    prescribed: tuple[Prescribed, ...]
+    duration: float | None = None
+
+
 PRESSURE, VOLUME, STROKE = "pressure", "volume", "stroke"
 """Quantities of the cavities (Pa; m3 added), and of a supply driven by strokes (m3)."""
 SOURCE_PRESSURE, FLOW, VALVE = "source_pressure", "flow", "valve"
@@ -99,20 +114,6 @@ class Prescribed:
     def name(self) -> str:
         """What it drives: ``"cavity1"``, ``"force.tip"``, ``"source"`` or ``"valve"``."""
         return self.of or ("source" if self.quantity in (SOURCE_PRESSURE, FLOW) else self.quantity)
-
-
-@checked
-@dataclasses.dataclass(frozen=True)
-class Step:
-    """One load step.
-
-    Attributes:
-        prescribed: What is prescribed; everything else stays as it was.
-        duration: Time in s that it takes; None for equilibrium, after a long time.
-    """
-
-    prescribed: tuple[Prescribed, ...]
-    duration: float | None = None
 
 
 Steps = tuple[Step, ...]

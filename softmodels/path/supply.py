@@ -100,7 +100,6 @@ SUPPLIES: names.Registry[type[AirSupply]] = names.Registry(
 """Every supply by its name."""
 register_supply = SUPPLIES.register
 
-
 GASES = {"isothermal": 1.0, "adiabatic": 1.4, "liquid": math.inf}
 """Exponent of the gas law by name; a liquid is incompressible."""
 AMBIENT = 101.325e3
@@ -218,113 +217,7 @@ class Stroke(stability.Supply):
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Air supply in time: a source of pressure or flow that fills the device through a tube and a valve, and leaks.
-#
-# Tubes, fittings and cavity hold an amount of gas X, counted as its volume at ambient pressure. With the absolute pressure
-# p = (P + ambient) / ambient and the exponent n (1 isothermal, 1.4 adiabatic)
-#
-#     X = p^(1/n) (V + dead),      dX/dt = Q(source(t), P)
-#
-# Within a step in time that is one curve in the (V, P) plane: X(V, P) - theta dt Q(P) = X_0 + (1 - theta) dt Q_0. The weight
-# theta lies between 1/2 (second order) and 1 (implicit Euler, stable for any step) so that a constant volume behind a linear
-# resistance is exact for any dt.
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Resistances: flow in Pa m3/s (pressure times volume, isothermal) between two absolute pressures in Pa, with its derivatives.
-
-
-VISCOSITY = 1.81e-5
-"""Dynamic viscosity of air at 20 °C in Pa s."""
-DENSITY_AT_1_PA = 1.0 / (287.05 * 293.15)
-"""Density of air in kg/m3 per Pa at 20 °C."""
-STANDARD = 100e3
-"""Absolute pressure in Pa to which a sonic conductance refers (ISO 6358)."""
-LAMINAR_FROM = 0.999
-"""Ratio of the pressures above which an orifice counts as laminar: its flow is then linear."""
-TURBULENT_FROM = 2300.0
-"""Reynolds number above which Poiseuille's law for a tube is wrong."""
-Flow = tuple[float, float, float]
-"""Flow, and its derivatives by the pressure upstream and downstream."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Tube:
-    """Laminar flow of a gas through a tube (Poiseuille): proportional to the difference of the squares of the pressures."""
-
-    length: float
-    bore: float
-
-    @property
-    def factor(self) -> float:
-        """Flow over the difference of the squares of the pressures."""
-        return math.pi * self.bore**4 / (256.0 * VISCOSITY * self.length)
-
-    def flow(self, p1: float, p2: float) -> Flow:
-        k = self.factor
-        return k * (p1 - p2) * (p1 + p2), 2.0 * k * p1, -2.0 * k * p2
-
-    def reynolds(self, flow: float) -> float:
-        """Return the Reynolds number of a flow in Pa m3/s."""
-        return 4.0 * abs(flow) * DENSITY_AT_1_PA / (math.pi * self.bore * VISCOSITY)
-
-
-@dataclasses.dataclass(frozen=True)
-class Orifice:
-    """Flow through an orifice or a valve (ISO 6358) of a sonic conductance C in m3/(s Pa): choked below the critical ratio b
-    of the pressures, else an ellipse."""
-
-    conductance: float
-    ratio: float
-
-    def flow(self, p1: float, p2: float) -> Flow:
-        if p2 > p1:
-            back, upstream, downstream = self.flow(p2, p1)
-            return -back, -downstream, -upstream
-        r, k = p2 / p1, self.conductance * STANDARD
-        if r <= self.ratio:
-            return k * p1, k, 0.0
-        at = min(r, LAMINAR_FROM)
-        share = (at - self.ratio) / (1.0 - self.ratio)
-        value = math.sqrt(1.0 - share * share)
-        slope = -share / (value * (1.0 - self.ratio))
-        if r > LAMINAR_FROM:
-            slope = -value / (1.0 - LAMINAR_FROM)
-            value = (1.0 - r) * -slope
-        return k * p1 * value, k * (value - r * slope), k * slope
-
-
-@dataclasses.dataclass(frozen=True)
-class InSeries:
-    """An orifice and behind it a tube."""
-
-    orifice: Orifice
-    tube: Tube
-
-    def flow(self, p1: float, p2: float) -> Flow:
-        if p1 == p2:
-            between = p1
-        else:
-            between = scipy.optimize.brentq(
-                lambda p: self.orifice.flow(p1, p)[0] - self.tube.flow(p, p2)[0], min(p1, p2), max(p1, p2),
-                xtol=1e-10, rtol=1e-15,
-            )  # fmt: skip
-        _, from_1, o = self.orifice.flow(p1, between)
-        flow, t, from_2 = self.tube.flow(between, p2)
-        return flow, from_1 * t / (t - o), -from_2 * o / (t - o)
-
-
-Resistance = Tube | Orifice | InSeries
-
-
-def resistance(tube: tuple[float, float], orifice: tuple[float, float]) -> Resistance | None:
-    """Return a tube (length, bore) and an orifice (conductance, critical ratio) in series; what is 0 is missing."""
-    parts = Tube(*tube) if tube[0] and tube[1] else None, Orifice(*orifice) if orifice[0] else None
-    return InSeries(parts[1], parts[0]) if parts[0] and parts[1] else parts[0] or parts[1]
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The supply.
+# A source of pressure or gas behind valve, tube and leak.
 
 
 @register_supply
@@ -450,6 +343,110 @@ class Source:
         """Return what it does at a share of the time to another."""
         values = ((a, b) for a, b in zip(dataclasses.astuple(self), dataclasses.astuple(other), strict=True))
         return Source(*(None if a is None or b is None else a + share * (b - a) for a, b in values))  # type: ignore[arg-type]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Resistances: flow in Pa m3/s (pressure times volume, isothermal) between two absolute pressures in Pa, with its derivatives.
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Air supply in time: a source of pressure or flow that fills the device through a tube and a valve, and leaks.
+#
+# Tubes, fittings and cavity hold an amount of gas X, counted as its volume at ambient pressure. With the absolute pressure
+# p = (P + ambient) / ambient and the exponent n (1 isothermal, 1.4 adiabatic)
+#
+#     X = p^(1/n) (V + dead),      dX/dt = Q(source(t), P)
+#
+# Within a step in time that is one curve in the (V, P) plane: X(V, P) - theta dt Q(P) = X_0 + (1 - theta) dt Q_0. The weight
+# theta lies between 1/2 (second order) and 1 (implicit Euler, stable for any step) so that a constant volume behind a linear
+# resistance is exact for any dt.
+VISCOSITY = 1.81e-5
+"""Dynamic viscosity of air at 20 °C in Pa s."""
+DENSITY_AT_1_PA = 1.0 / (287.05 * 293.15)
+"""Density of air in kg/m3 per Pa at 20 °C."""
+STANDARD = 100e3
+"""Absolute pressure in Pa to which a sonic conductance refers (ISO 6358)."""
+LAMINAR_FROM = 0.999
+"""Ratio of the pressures above which an orifice counts as laminar: its flow is then linear."""
+TURBULENT_FROM = 2300.0
+"""Reynolds number above which Poiseuille's law for a tube is wrong."""
+Flow = tuple[float, float, float]
+"""Flow, and its derivatives by the pressure upstream and downstream."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Tube:
+    """Laminar flow of a gas through a tube (Poiseuille): proportional to the difference of the squares of the pressures."""
+
+    length: float
+    bore: float
+
+    @property
+    def factor(self) -> float:
+        """Flow over the difference of the squares of the pressures."""
+        return math.pi * self.bore**4 / (256.0 * VISCOSITY * self.length)
+
+    def flow(self, p1: float, p2: float) -> Flow:
+        k = self.factor
+        return k * (p1 - p2) * (p1 + p2), 2.0 * k * p1, -2.0 * k * p2
+
+    def reynolds(self, flow: float) -> float:
+        """Return the Reynolds number of a flow in Pa m3/s."""
+        return 4.0 * abs(flow) * DENSITY_AT_1_PA / (math.pi * self.bore * VISCOSITY)
+
+
+@dataclasses.dataclass(frozen=True)
+class Orifice:
+    """Flow through an orifice or a valve (ISO 6358) of a sonic conductance C in m3/(s Pa): choked below the critical ratio b
+    of the pressures, else an ellipse."""
+
+    conductance: float
+    ratio: float
+
+    def flow(self, p1: float, p2: float) -> Flow:
+        if p2 > p1:
+            back, upstream, downstream = self.flow(p2, p1)
+            return -back, -downstream, -upstream
+        r, k = p2 / p1, self.conductance * STANDARD
+        if r <= self.ratio:
+            return k * p1, k, 0.0
+        at = min(r, LAMINAR_FROM)
+        share = (at - self.ratio) / (1.0 - self.ratio)
+        value = math.sqrt(1.0 - share * share)
+        slope = -share / (value * (1.0 - self.ratio))
+        if r > LAMINAR_FROM:
+            slope = -value / (1.0 - LAMINAR_FROM)
+            value = (1.0 - r) * -slope
+        return k * p1 * value, k * (value - r * slope), k * slope
+
+
+@dataclasses.dataclass(frozen=True)
+class InSeries:
+    """An orifice and behind it a tube."""
+
+    orifice: Orifice
+    tube: Tube
+
+    def flow(self, p1: float, p2: float) -> Flow:
+        if p1 == p2:
+            between = p1
+        else:
+            between = scipy.optimize.brentq(
+                lambda p: self.orifice.flow(p1, p)[0] - self.tube.flow(p, p2)[0], min(p1, p2), max(p1, p2),
+                xtol=1e-10, rtol=1e-15,
+            )  # fmt: skip
+        _, from_1, o = self.orifice.flow(p1, between)
+        flow, t, from_2 = self.tube.flow(between, p2)
+        return flow, from_1 * t / (t - o), -from_2 * o / (t - o)
+
+
+Resistance = Tube | Orifice | InSeries
+
+
+def resistance(tube: tuple[float, float], orifice: tuple[float, float]) -> Resistance | None:
+    """Return a tube (length, bore) and an orifice (conductance, critical ratio) in series; what is 0 is missing."""
+    parts = Tube(*tube) if tube[0] and tube[1] else None, Orifice(*orifice) if orifice[0] else None
+    return InSeries(parts[1], parts[0]) if parts[0] and parts[1] else parts[0] or parts[1]
 
 
 # ----------------------------------------------------------------------------------------------------------------------

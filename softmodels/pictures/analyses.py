@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     from softmodels.design.study import Indices, Input, Study
 
+
 SHOWN = {"m": (1e3, ", mm"), "degree": (1.0, ", degrees"), "": (1.0, "")}
 """Factor and text of each unit on an axis."""
 

@@ -29,103 +29,6 @@ from softmodels.runs import columns, table
 from softmodels.runs.states import StoredStates
 from softmodels.runs.store import ResultsError
 
-COMPARED = ("added_volume", "max_stretch", "peak_stretch", "max_von_mises", "blocked_force", "contact_force")
-"""Variables compared at the highest common load, beside the rise."""
-MOST_LOADS = 6
-"""Common loads at most whose rises are compared."""
-MISSING = "not given"
-FLAT = 0.3
-"""Height of outlines over their width below which both axes have scales of their own."""
-
-
-class ComparisonError(errors.Spoken, ValueError):
-    """What cannot be compared; the message is for the user."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Compared:
-    """One of the results: its name in the comparison, its case, its table, undeformed nodes in device
-    coordinates, m, shape (n, 3), the number of cells, the displacement of a state's nodes in m, shape (n, 3), and where it
-    comes from."""
-
-    name: str
-    case: Case
-    rows: table.PathTable
-    points: Array
-    cells: int
-    displacement: Callable[[int], Array]
-    made: commands.Provenance = dataclasses.field(default_factory=commands.Provenance)
-
-    @classmethod
-    def from_folder(cls, folder: Path) -> Compared:
-        """Return the results of a folder; ResultsError if it holds none that can be read, CaseError if its case file is
-        wrong."""
-        if not (folder / "case.toml").is_file():
-            raise ResultsError(f"{folder} holds no results of a run ({errors.no_case(folder)})")
-        states = StoredStates(folder)
-
-        def displacement(step: int) -> Array:
-            return states.field(step, "displacement")
-
-        name, count = folder.resolve().name, len(states.cells)
-        return cls(name, states.case, states.rows, states.points, count, displacement, states.made)
-
-    @property
-    def gauge(self) -> str:
-        """Variable that stands for the device's motion."""
-        return self.case.actuator.gauge
-
-    @property
-    def loads(self) -> Array:
-        """The loads in the unit in which they are shown, shape (states,)."""
-        return self.rows.shown(curves.over_of(self.case)[0])
-
-    @functools.cached_property
-    def sign(self) -> float:
-        """-1 if the largest load is a negative one, such as a vacuum; else 1."""
-        return -1.0 if -self.loads.min() > self.loads.max() else 1.0
-
-    @functools.cached_property
-    def rising(self) -> tuple[Array, table.PathTable]:
-        """Sizes of the loads, and states, up to the highest one of the first part of the path, where it only rises."""
-        loads = self.sign * self.loads
-        falls = np.flatnonzero(np.diff(loads) <= 0.0)
-        end = int(falls[0]) + 1 if len(falls) else len(loads)
-        return loads[:end], self.rows[:end]
-
-
-@dataclasses.dataclass(frozen=True)
-class Difference:
-    """A field of the case files that differs: its dotted name, and its text in each."""
-
-    field: str
-    values: tuple[str, ...]
-
-
-@dataclasses.dataclass(frozen=True)
-class Figures:
-    """A figure of each of the results, nan where one has none, in a unit that is ``""`` for pure numbers. ``pascal`` is Pa in
-    one of its unit for a pressure in cm of the column; 0 for all else."""
-
-    what: str
-    unit: str
-    values: tuple[float, ...]
-    pascal: float = 0.0
-
-    @property
-    def changes(self) -> tuple[float, ...]:
-        """Differences to the first, as shares of it; nan where there is none."""
-        first = self.values[0]
-        return tuple(value / first - 1.0 if first else math.nan for value in self.values[1:])
-
-    @property
-    def texts(self) -> list[str]:
-        """The values with their unit, and with their differences in brackets."""
-        changes = ["", *(f" ({text})" if (text := _change(change)) else "" for change in self.changes)]
-        return [
-            f"{_value(value)} {self.unit}".strip() + change for value, change in zip(self.values, changes, strict=True)
-        ]
-
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Comparison(cards.Shown):
@@ -235,6 +138,104 @@ class Comparison(cards.Shown):
     def save(self, path: str | Path) -> None:
         """Write the report to an HTML file."""
         files.write_text(Path(path), self.html())
+
+
+COMPARED = ("added_volume", "max_stretch", "peak_stretch", "max_von_mises", "blocked_force", "contact_force")
+"""Variables compared at the highest common load, beside the rise."""
+MOST_LOADS = 6
+"""Common loads at most whose rises are compared."""
+MISSING = "not given"
+FLAT = 0.3
+"""Height of outlines over their width below which both axes have scales of their own."""
+
+
+class ComparisonError(errors.Spoken, ValueError):
+    """What cannot be compared; the message is for the user."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Compared:
+    """One of the results: its name in the comparison, its case, its table, undeformed nodes in device
+    coordinates, m, shape (n, 3), the number of cells, the displacement of a state's nodes in m, shape (n, 3), and where it
+    comes from."""
+
+    name: str
+    case: Case
+    rows: table.PathTable
+    points: Array
+    cells: int
+    displacement: Callable[[int], Array]
+    made: commands.Provenance = dataclasses.field(default_factory=commands.Provenance)
+
+    @classmethod
+    def from_folder(cls, folder: Path) -> Compared:
+        """Return the results of a folder; ResultsError if it holds none that can be read, CaseError if its case file is
+        wrong."""
+        if not (folder / "case.toml").is_file():
+            raise ResultsError(f"{folder} holds no results of a run ({errors.no_case(folder)})")
+        states = StoredStates(folder)
+
+        def displacement(step: int) -> Array:
+            return states.field(step, "displacement")
+
+        name, count = folder.resolve().name, len(states.cells)
+        return cls(name, states.case, states.rows, states.points, count, displacement, states.made)
+
+    @property
+    def gauge(self) -> str:
+        """Variable that stands for the device's motion."""
+        return self.case.actuator.gauge
+
+    @property
+    def loads(self) -> Array:
+        """The loads in the unit in which they are shown, shape (states,)."""
+        return self.rows.shown(curves.over_of(self.case)[0])
+
+    @functools.cached_property
+    def sign(self) -> float:
+        """-1 if the largest load is a negative one, such as a vacuum; else 1."""
+        return -1.0 if -self.loads.min() > self.loads.max() else 1.0
+
+    @functools.cached_property
+    def rising(self) -> tuple[Array, table.PathTable]:
+        """Sizes of the loads, and states, up to the highest one of the first part of the path, where it only rises."""
+        loads = self.sign * self.loads
+        falls = np.flatnonzero(np.diff(loads) <= 0.0)
+        end = int(falls[0]) + 1 if len(falls) else len(loads)
+        return loads[:end], self.rows[:end]
+
+
+@dataclasses.dataclass(frozen=True)
+class Difference:
+    """A field of the case files that differs: its dotted name, and its text in each."""
+
+    field: str
+    values: tuple[str, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Figures:
+    """A figure of each of the results, nan where one has none, in a unit that is ``""`` for pure numbers. ``pascal`` is Pa in
+    one of its unit for a pressure in cm of the column; 0 for all else."""
+
+    what: str
+    unit: str
+    values: tuple[float, ...]
+    pascal: float = 0.0
+
+    @property
+    def changes(self) -> tuple[float, ...]:
+        """Differences to the first, as shares of it; nan where there is none."""
+        first = self.values[0]
+        return tuple(value / first - 1.0 if first else math.nan for value in self.values[1:])
+
+    @property
+    def texts(self) -> list[str]:
+        """The values with their unit, and with their differences in brackets."""
+        changes = ["", *(f" ({text})" if (text := _change(change)) else "" for change in self.changes)]
+        return [
+            f"{_value(value)} {self.unit}".strip() + change for value, change in zip(self.values, changes, strict=True)
+        ]
 
 
 def _cells(one: Figures) -> list[str | pages.Cell]:

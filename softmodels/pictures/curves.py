@@ -33,14 +33,49 @@ if TYPE_CHECKING:
     from softmodels.case.case import Case
 
 
+PRESSURE = "pressure"
+"""Default abscissa of the plots."""
+
+
+def curves(
+    rows: table.PathTable,
+    words: labels.StateLabels,
+    branch: table.PathTable | None = None,
+    over: tuple[str, str] = (PRESSURE, f"pressure in {units.column_unit()}"),
+    sources: columns.SourceTables = MappingProxyType({}),
+) -> list[Figure]:
+    """Plot the gauge's rise, the added volume and the blocked force, if any, over the pressure.
+
+    Of weights and forces also what they move. With a supply also the pressure over its stroke, first. ``words`` is what the run
+    shows, the other arguments are as of `rise`. One figure each, so that a narrow page puts them below each other.
+    """
+    wanted = [
+        (over, (words.gauge, f"rise of the {words.gauge} in mm")),
+        *([(over, ("added_volume", "added volume in ml"))] if words.volume else []),
+    ]
+    wanted += [(over, (name, f"{columns.term(rows[0].column(name)).name} in N")) for name in FORCES if name in rows]
+    wanted += [(over, (name, str(columns.term(rows[0].column(name))))) for name in words.moved]
+    if "stroke" in rows:
+        wanted.insert(0, (("stroke", f"stroke of the {words.driver} in ml"), _pressure(words)))
+    figures = []
+    for (place, below), (variable, label) in wanted:
+        figure, axes = chart(4.2, WIDTH / 2)
+        _sources(axes, sources, rows, variable, place)
+        _path(axes, rows, variable, branch, place)
+        for name, colour, marker, events in _events(rows):
+            axes.plot(events.shown(place), events.shown(variable), marker, color=colour, markersize=8, label=name)
+        axes.set(xlabel=below, ylabel=label)
+        axes.legend(loc="best")
+        figures.append(figure)
+    return figures
+
+
 FORCES = ("contact_force", "blocked_force")
 """Variables plotted separately if the device is in contact."""
 DASHES = ("--", ":", "-.", (0, (10, 3)), (0, (1, 4)))
 """Line styles of the sources."""
 MOST_CYCLES = 6
 """Number of cycles up to which each is in the legend; of more only the first and the last."""
-PRESSURE = "pressure"
-"""Default abscissa of the plots."""
 
 
 def _pressure(words: labels.StateLabels) -> tuple[str, str]:
@@ -130,39 +165,6 @@ class _OtherUnits(Artist):
             axis.set_gid(f"pu-{unit}")
             if unit in pages.UNITS:  # the figure draws its own
                 axis.draw(renderer)
-
-
-def curves(
-    rows: table.PathTable,
-    words: labels.StateLabels,
-    branch: table.PathTable | None = None,
-    over: tuple[str, str] = (PRESSURE, f"pressure in {units.column_unit()}"),
-    sources: columns.SourceTables = MappingProxyType({}),
-) -> list[Figure]:
-    """Plot the gauge's rise, the added volume and the blocked force, if any, over the pressure.
-
-    Of weights and forces also what they move. With a supply also the pressure over its stroke, first. ``words`` is what the run
-    shows, the other arguments are as of `rise`. One figure each, so that a narrow page puts them below each other.
-    """
-    wanted = [
-        (over, (words.gauge, f"rise of the {words.gauge} in mm")),
-        *([(over, ("added_volume", "added volume in ml"))] if words.volume else []),
-    ]
-    wanted += [(over, (name, f"{columns.term(rows[0].column(name)).name} in N")) for name in FORCES if name in rows]
-    wanted += [(over, (name, str(columns.term(rows[0].column(name))))) for name in words.moved]
-    if "stroke" in rows:
-        wanted.insert(0, (("stroke", f"stroke of the {words.driver} in ml"), _pressure(words)))
-    figures = []
-    for (place, below), (variable, label) in wanted:
-        figure, axes = chart(4.2, WIDTH / 2)
-        _sources(axes, sources, rows, variable, place)
-        _path(axes, rows, variable, branch, place)
-        for name, colour, marker, events in _events(rows):
-            axes.plot(events.shown(place), events.shown(variable), marker, color=colour, markersize=8, label=name)
-        axes.set(xlabel=below, ylabel=label)
-        axes.legend(loc="best")
-        figures.append(figure)
-    return figures
 
 
 def along_line(line: Line, title: str) -> Figure:

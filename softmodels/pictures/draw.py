@@ -32,18 +32,6 @@ from softmodels.runs.states import States, StoredStates, axes_of, cut_line
 from softmodels.runs.store import ResultsError
 
 
-def orders() -> Iterator[list[Any]]:
-    """Yield the orders from standard input, each a JSON list on a line; of several pending ones only the last."""
-    left = b""
-    while data := os.read(0, 1 << 16):
-        *whole, left = (left + data).split(b"\n")
-        if whole:
-            yield json.loads(whole[-1])
-
-
-NO_RENDERING = "this machine cannot render: pictures of the solid and the film are skipped"
-
-
 def draw(
     folder: Path,
     name: str,
@@ -77,6 +65,18 @@ def draw(
         return out.written
     finally:
         own.leave()
+
+
+def orders() -> Iterator[list[Any]]:
+    """Yield the orders from standard input, each a JSON list on a line; of several pending ones only the last."""
+    left = b""
+    while data := os.read(0, 1 << 16):
+        *whole, left = (left + data).split(b"\n")
+        if whole:
+            yield json.loads(whole[-1])
+
+
+NO_RENDERING = "this machine cannot render: pictures of the solid and the film are skipped"
 
 
 def _draw(

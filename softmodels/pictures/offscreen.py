@@ -31,78 +31,6 @@ if TYPE_CHECKING:
     from pyvista import Actor, Plotter, PolyData
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The lights of rendered pictures, and how they shade a surface without a field's colours.
-#
-# Colours are not shaded (ambient light 1), so that each pixel can be read off the colour bar.
-#
-# VTK computes specular reflection per light and pixel, nearly half of a picture's time without a graphics
-# card. Nothing here is specular, so skipping it changes no pixel.
-
-
-HEADLIGHT, LAMP = 0.5, 0.35
-"""Intensities of the headlight and of a second light."""
-LAMP_PLACE = (-0.4, 1.0, 0.3)
-"""Direction of the second light: to the right, upwards, towards the viewer."""
-SHADING = """
-  float facing = max(0.0, normalVCVSOutput.z);
-  float lit = max(0.0, dot(normalVCVSOutput, vec3({:.9f}, {:.9f}, {:.9f})));
-  gl_FragData[0] = vec4(ambientColor + diffuseColor * ({:.9f} * facing + {:.9f} * lit), opacity);
-"""
-"""In VTK's own names, for parallel projection."""
-
-
-def add_lights(plotter: Plotter) -> None:
-    """Add the lights to VTK, for surfaces without `shade`."""
-    plotter.add_light(pyvista.Light(light_type="headlight", intensity=HEADLIGHT))
-    plotter.add_light(pyvista.Light(light_type="camera light", position=LAMP_PLACE, intensity=LAMP))
-
-
-def shade(actor: Actor) -> None:
-    """Shade a surface by the lights, without specular reflection."""
-    lamp = np.array(LAMP_PLACE) / np.linalg.norm(LAMP_PLACE)
-    code = SHADING.format(*lamp, HEADLIGHT, LAMP)
-    actor.GetShaderProperty().AddFragmentShaderReplacement("//VTK::Light::Impl", True, code, False)
-
-
-PIXELS = round(WIDTH * DPI)
-"""Width of a picture."""
-
-Image = npt.NDArray[np.uint8]
-
-
-class Style(TypedDict, total=False):
-    """Drawing style: keywords of ``pyvista.Plotter.add_mesh``."""
-
-    color: str
-    scalars: str
-    cmap: Colormap
-    clim: tuple[float, float]
-    opacity: float
-    ambient: float
-    lighting: bool
-    line_width: float
-    culling: Literal["front", "back"]
-    smooth_shading: bool
-
-
-type Layer = tuple[PolyData, Style]
-"""A mesh and its style."""
-type Shoot = Callable[[Sequence[Layer]], Image]
-"""Takes a picture of layers, shape (height, width, 3)."""
-
-PROBE = """
-import sys
-import vtkmodules.vtkRenderingOpenGL2
-from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
-window = vtkRenderWindow()
-window.SetOffScreenRendering(1)
-window.AddRenderer(vtkRenderer())
-window.Render()
-sys.exit(len(sys.argv) > 1 and window.GetClassName() != sys.argv[1])
-"""
-
-
 WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"
 """VTK's variable for the kind of window."""
 
@@ -123,6 +51,25 @@ def can_render() -> bool:
                 return True
     del os.environ[WINDOW]
     return False
+
+
+PIXELS = round(WIDTH * DPI)
+"""Width of a picture."""
+type Layer = tuple[PolyData, Style]
+"""A mesh and its style."""
+type Shoot = Callable[[Sequence[Layer]], Image]
+"""Takes a picture of layers, shape (height, width, 3)."""
+
+PROBE = """
+import sys
+import vtkmodules.vtkRenderingOpenGL2
+from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
+window = vtkRenderWindow()
+window.SetOffScreenRendering(1)
+window.AddRenderer(vtkRenderer())
+window.Render()
+sys.exit(len(sys.argv) > 1 and window.GetClassName() != sys.argv[1])
+"""
 
 
 def _probe(arguments: list[str]) -> bool:
@@ -271,6 +218,58 @@ def studio(camera: ViewCamera) -> Iterator[Shoot]:
         yield shoot
     finally:
         plotter.clear_actors()
+
+
+class Style(TypedDict, total=False):
+    """Drawing style: keywords of ``pyvista.Plotter.add_mesh``."""
+
+    color: str
+    scalars: str
+    cmap: Colormap
+    clim: tuple[float, float]
+    opacity: float
+    ambient: float
+    lighting: bool
+    line_width: float
+    culling: Literal["front", "back"]
+    smooth_shading: bool
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The lights of rendered pictures, and how they shade a surface without a field's colours.
+#
+# Colours are not shaded (ambient light 1), so that each pixel can be read off the colour bar.
+#
+# VTK computes specular reflection per light and pixel, nearly half of a picture's time without a graphics
+# card. Nothing here is specular, so skipping it changes no pixel.
+
+
+HEADLIGHT, LAMP = 0.5, 0.35
+"""Intensities of the headlight and of a second light."""
+LAMP_PLACE = (-0.4, 1.0, 0.3)
+"""Direction of the second light: to the right, upwards, towards the viewer."""
+SHADING = """
+  float facing = max(0.0, normalVCVSOutput.z);
+  float lit = max(0.0, dot(normalVCVSOutput, vec3({:.9f}, {:.9f}, {:.9f})));
+  gl_FragData[0] = vec4(ambientColor + diffuseColor * ({:.9f} * facing + {:.9f} * lit), opacity);
+"""
+"""In VTK's own names, for parallel projection."""
+
+
+def add_lights(plotter: Plotter) -> None:
+    """Add the lights to VTK, for surfaces without `shade`."""
+    plotter.add_light(pyvista.Light(light_type="headlight", intensity=HEADLIGHT))
+    plotter.add_light(pyvista.Light(light_type="camera light", position=LAMP_PLACE, intensity=LAMP))
+
+
+def shade(actor: Actor) -> None:
+    """Shade a surface by the lights, without specular reflection."""
+    lamp = np.array(LAMP_PLACE) / np.linalg.norm(LAMP_PLACE)
+    code = SHADING.format(*lamp, HEADLIGHT, LAMP)
+    actor.GetShaderProperty().AddFragmentShaderReplacement("//VTK::Light::Impl", True, code, False)
+
+
+Image = npt.NDArray[np.uint8]
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -36,6 +36,71 @@ from softmodels.runs import columns, grid, labels, outcomes, table
 from softmodels.runs.notes import ending, left_out, notes_of, stability_text
 from softmodels.runs.states import States
 
+CAPTIONS = {
+    "undeformed.png": "The device at rest",
+    "stress.png": "Von Mises stress on the deformed device: same camera, same colour scale",
+    "film.webp": "Film over the path; shapes are interpolated linearly between computed steps",
+    "cut.png": "Cut open; the cut is made in the undeformed material",
+    "hot-spots.png": "Regions of largest stretch",
+    "slice.png": "The modelled part; thin lines: undeformed",
+    "mode.png": "The buckling mode at the first bifurcation; its amplitude is arbitrary",
+    "profile.png": "Outline from the side",
+    "mesh.png": "The mesh",
+}
+"""Pictures in the order of the report, with their captions."""
+REPORT = "report.html"
+
+
+class Report:
+    """The report of a results folder without its pictures, which may still be in progress."""
+
+    def __init__(self, look: offscreen.Look, folder: Path, name: str):
+        self.folder = folder
+        states, told = look.states, summary(folder)
+        viewer = Markup(files.render("web_view.html", "softmodels.pictures", view=view(look)))
+        asked = states.rows.where("requested") or states.rows[-1:]
+        terms = [(name, columns.term(name, states.actuator, states.case.load.driver)) for name in states.rows.columns]
+        warnings = told.get("notes")
+        if warnings is None:
+            warnings = [*states.mesh_notes, *notes_of(states.case, states.rows, states.sources)]
+        self._head: list[pages.Section] = [
+            ("3-D view", [pages.Program(viewer)]),
+            ("The path", [pages.Charts(_curves(states)), pages.Text(_contact(states))]),
+        ]
+        case = [pages.Table(rows, numbers=False, caption=heading) for heading, rows in case_tables(states)]
+        self._tail: list[pages.Section] = [
+            ("Requested values", [_lines(asked, states)]),
+            ("The case", [*case, pages.Folded("case.toml", [pages.Listing(states.case.to_toml())])]),
+            ("Convergence", [pages.Bullets(convergence(states))]),
+            ("Notes", [pages.Bullets(_notes(states))]),
+            ("All steps", [
+                pages.Folded("Columns", [pages.Terms([(str(meaning), name, meaning.text) for name,
+                meaning in terms if meaning.text])]),
+                pages.Folded("Every state", [_lines(states.rows, states)]),
+            ]),
+        ]  # fmt: skip
+        made = states.made
+        if made.date and not made.command:  # run by a Python program
+            made = dataclasses.replace(made, command=shlex.join(["softmodels", "run", f"{folder}/case.toml"]))
+        self._page = Page(
+            name, ending(states.rows, states.rows[states.main], states.words, told), (), made,
+            facts(states, told), warnings if isinstance(warnings, list) else [], silicones.publications(states.case.material),
+            {"path.csv": files.read_text(folder / "path.csv")} if (folder / "path.csv").exists() else {}, states.case.cm,
+        )  # fmt: skip
+
+    def write(self) -> Path:
+        """Write the report with the pictures that are in the folder; return its file."""
+        shown = [self.folder / name for name in CAPTIONS if (self.folder / name).exists()]
+        pictures = [pages.Picture(files.image_uri(file), CAPTIONS[file.name], _last_frame(file)) for file in shown]
+        page = dataclasses.replace(self._page, sections=[*self._head, ("Pictures", pictures), *self._tail])
+        files.write_text(self.folder / REPORT, page.html())
+        return self.folder / REPORT
+
+
+ROUNDING = 1e-12
+"""Values below this, in the columns' units, are rounding errors."""
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # The case of a report: device, material, load and solver as tables with units.
 
@@ -204,69 +269,6 @@ def packed(look: offscreen.Look, steps: list[int]) -> tuple[dict[str, object], b
 def _bytes(column: npt.NDArray[np.number]) -> bytes:
     """Return the whole numbers modulo 65536, low bytes before high bytes: neighbours differ little, which packs well."""
     return np.asarray(column).astype(np.int64).astype("<u2").view(np.uint8).reshape(-1, 2).T.tobytes()
-
-
-CAPTIONS = {
-    "undeformed.png": "The device at rest",
-    "stress.png": "Von Mises stress on the deformed device: same camera, same colour scale",
-    "film.webp": "Film over the path; shapes are interpolated linearly between computed steps",
-    "cut.png": "Cut open; the cut is made in the undeformed material",
-    "hot-spots.png": "Regions of largest stretch",
-    "slice.png": "The modelled part; thin lines: undeformed",
-    "mode.png": "The buckling mode at the first bifurcation; its amplitude is arbitrary",
-    "profile.png": "Outline from the side",
-    "mesh.png": "The mesh",
-}
-"""Pictures in the order of the report, with their captions."""
-ROUNDING = 1e-12
-"""Values below this, in the columns' units, are rounding errors."""
-REPORT = "report.html"
-
-
-class Report:
-    """The report of a results folder without its pictures, which may still be in progress."""
-
-    def __init__(self, look: offscreen.Look, folder: Path, name: str):
-        self.folder = folder
-        states, told = look.states, summary(folder)
-        viewer = Markup(files.render("web_view.html", "softmodels.pictures", view=view(look)))
-        asked = states.rows.where("requested") or states.rows[-1:]
-        terms = [(name, columns.term(name, states.actuator, states.case.load.driver)) for name in states.rows.columns]
-        warnings = told.get("notes")
-        if warnings is None:
-            warnings = [*states.mesh_notes, *notes_of(states.case, states.rows, states.sources)]
-        self._head: list[pages.Section] = [
-            ("3-D view", [pages.Program(viewer)]),
-            ("The path", [pages.Charts(_curves(states)), pages.Text(_contact(states))]),
-        ]
-        case = [pages.Table(rows, numbers=False, caption=heading) for heading, rows in case_tables(states)]
-        self._tail: list[pages.Section] = [
-            ("Requested values", [_lines(asked, states)]),
-            ("The case", [*case, pages.Folded("case.toml", [pages.Listing(states.case.to_toml())])]),
-            ("Convergence", [pages.Bullets(convergence(states))]),
-            ("Notes", [pages.Bullets(_notes(states))]),
-            ("All steps", [
-                pages.Folded("Columns", [pages.Terms([(str(meaning), name, meaning.text) for name,
-                meaning in terms if meaning.text])]),
-                pages.Folded("Every state", [_lines(states.rows, states)]),
-            ]),
-        ]  # fmt: skip
-        made = states.made
-        if made.date and not made.command:  # run by a Python program
-            made = dataclasses.replace(made, command=shlex.join(["softmodels", "run", f"{folder}/case.toml"]))
-        self._page = Page(
-            name, ending(states.rows, states.rows[states.main], states.words, told), (), made,
-            facts(states, told), warnings if isinstance(warnings, list) else [], silicones.publications(states.case.material),
-            {"path.csv": files.read_text(folder / "path.csv")} if (folder / "path.csv").exists() else {}, states.case.cm,
-        )  # fmt: skip
-
-    def write(self) -> Path:
-        """Write the report with the pictures that are in the folder; return its file."""
-        shown = [self.folder / name for name in CAPTIONS if (self.folder / name).exists()]
-        pictures = [pages.Picture(files.image_uri(file), CAPTIONS[file.name], _last_frame(file)) for file in shown]
-        page = dataclasses.replace(self._page, sections=[*self._head, ("Pictures", pictures), *self._tail])
-        files.write_text(self.folder / REPORT, page.html())
-        return self.folder / REPORT
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
     from softmodels.case.case import Case
 
+
 DPI = 128
 WIDTH = 10.0
 """Width of every page in inches: 1280 pixels, as wide as a report shows them."""
@@ -81,6 +82,84 @@ def wrapped(text: str, width: float, size: float) -> str:
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Colour scale and colour bar of a field, with axes and a scale bar, below a rendered image.
+
+
+class Scale:
+    """The colour scale of a field, one of `coloured`, for all pictures of a run, from its value at rest up to nearly its
+    largest nodal value in SI units, shape (n,) or (states, n).
+
+    Corners make a few nodes stand far out, and a scale up to them would leave the body one colour. The scale therefore ends
+    at the next round value above which, in the state that has most, a two-hundredth of the nodes lies. The bar says so, and
+    whether its colours follow the value or a power of it. The largest value below the bar is that of the states in the
+    picture, from the table, over the integration points of the whole device: nodal values scatter around it.
+    """
+
+    def __init__(
+        self, values: Array, field: str = "von_mises", rows: Sequence[table.Row] = (), colours: str = commands.COLORMAP
+    ):
+        shown, how = fields.coloured()[field]
+        self.what, self.unit, self.factor, self.low = shown.title, how.unit, how.factor, how.rest
+        self._variable = shown.largest.name if shown.largest else ""
+        self.field, self.power = field, how.power
+        self.highest = self._highest(rows, values)[0]
+        end = float(np.percentile(values, CLIPPED, axis=-1).max()) * self.factor
+        self.top = self.low + _round_up(end - self.low) if end > self.low else self.low + 1.0
+        self.colours = matplotlib.colormaps[colours]
+
+    def _highest(self, rows: Sequence[table.Row], values: Array) -> tuple[float, str]:
+        """Return the largest value of some states in the bar's unit, and where it is taken."""
+        told = [row.shown(self._variable) for row in rows if self._variable in row]
+        return (max(told), "at an integration point") if told else (float(values.max()) * self.factor, "at a node")
+
+    def largest(self, rows: Sequence[table.Row], values: Array) -> str:
+        """Return the largest value of the states in a picture, from their rows or their nodal values in SI units, in words."""
+        value, place = self._highest(rows, values)
+        beyond = f"; at most {100 - CLIPPED:g} % of the nodes lie above the scale" if value > self.top else ""
+        return f"largest, {place}: {f'{value:.4g} {self.unit}'.strip()}{beyond}"
+
+    @property
+    def norm(self) -> Normalize:
+        """Map from a value in the bar's unit to its position along the colours, 0 to 1."""
+        linear = self.power == 1.0
+        return Normalize(self.low, self.top, True) if linear else PowerNorm(self.power, self.low, self.top, True)
+
+    def share(self, values: Array) -> Array:
+        """Return the places along the colours, 0 to 1, of values in SI units; any shape."""
+        return np.clip((values * self.factor - self.low) / (self.top - self.low), 0.0, 1.0) ** self.power
+
+    def ticks(self) -> list[float]:
+        """Return the tick values of a nonlinear colour bar: its ends, and 1, 2 and 5 times powers of ten."""
+        high = math.floor(math.log10(self.top))
+        series = [k * 10.0**n for n in range(high, high - 4, -1) for k in (5, 2, 1) if k * 10.0**n < self.top]
+        chosen, before = [self.top], 1.0
+        for value in series:
+            place = float(self.norm(value))
+            if 0.08 < place < before - 0.09:
+                chosen.append(value)
+                before = place
+        return [self.low, *chosen[::-1]]
+
+    @property
+    def kind(self) -> str:
+        """How colours follow the field."""
+        return {1.0: "linear scale", 0.5: "square-root scale"}.get(self.power, f"scale of the power {self.power:g}")
+
+    def bar(self, figure: Figure, largest: str) -> None:
+        """Draw the bar at the foot of a figure, which must be `FOOT` inches high or more, above the `largest` value shown."""
+        figure.add_artist(Pixels(self.foot[1], 0, 0))
+        figure.text(0.5, 0.14 / figure.get_figheight(), largest, ha="center", fontsize=10.5, color=EDGE)
+
+    @functools.cached_property
+    def foot(self) -> tuple[Axes, npt.NDArray[np.uint8]]:
+        """The bar's axes and pixels, drawn once: ticks take half of a page's time."""
+        figure = Figure((WIDTH, FOOT), dpi=DPI)
+        axes = figure.add_axes((0.2, 0.82 / FOOT, 0.6, 0.18 / FOOT))
+        scale = ScalarMappable(self.norm, self.colours)
+        extend = "max" if self.highest > self.top else "neither"
+        ticks = None if self.power == 1.0 else self.ticks()
+        label = f"{self.what}{f' in {self.unit}' if self.unit else ''}, {self.kind}"
+        figure.colorbar(scale, cax=axes, orientation="horizontal", extend=extend, label=label, ticks=ticks)
+        return axes, np.asarray(drawn(figure))
 
 
 LINE_COLOURS = ("#2f6f9f", "#c0392b", "#2e8b57", "#8e5ea2", "#d98b1f", "#5d6d7e", "#16a3a3")
@@ -177,84 +256,6 @@ def rulers(figure: Figure, metres: float, axes: Array) -> None:
         line(end - 6 * up, end + 6 * up, 1.6)
     x, y = (middle + 10 * up) / size
     figure.text(x, y, f"{length:g} mm", ha="center", va="bottom", fontsize=10.5, color=INK)
-
-
-class Scale:
-    """The colour scale of a field, one of `coloured`, for all pictures of a run, from its value at rest up to nearly its
-    largest nodal value in SI units, shape (n,) or (states, n).
-
-    Corners make a few nodes stand far out, and a scale up to them would leave the body one colour. The scale therefore ends
-    at the next round value above which, in the state that has most, a two-hundredth of the nodes lies. The bar says so, and
-    whether its colours follow the value or a power of it. The largest value below the bar is that of the states in the
-    picture, from the table, over the integration points of the whole device: nodal values scatter around it.
-    """
-
-    def __init__(
-        self, values: Array, field: str = "von_mises", rows: Sequence[table.Row] = (), colours: str = commands.COLORMAP
-    ):
-        shown, how = fields.coloured()[field]
-        self.what, self.unit, self.factor, self.low = shown.title, how.unit, how.factor, how.rest
-        self._variable = shown.largest.name if shown.largest else ""
-        self.field, self.power = field, how.power
-        self.highest = self._highest(rows, values)[0]
-        end = float(np.percentile(values, CLIPPED, axis=-1).max()) * self.factor
-        self.top = self.low + _round_up(end - self.low) if end > self.low else self.low + 1.0
-        self.colours = matplotlib.colormaps[colours]
-
-    def _highest(self, rows: Sequence[table.Row], values: Array) -> tuple[float, str]:
-        """Return the largest value of some states in the bar's unit, and where it is taken."""
-        told = [row.shown(self._variable) for row in rows if self._variable in row]
-        return (max(told), "at an integration point") if told else (float(values.max()) * self.factor, "at a node")
-
-    def largest(self, rows: Sequence[table.Row], values: Array) -> str:
-        """Return the largest value of the states in a picture, from their rows or their nodal values in SI units, in words."""
-        value, place = self._highest(rows, values)
-        beyond = f"; at most {100 - CLIPPED:g} % of the nodes lie above the scale" if value > self.top else ""
-        return f"largest, {place}: {f'{value:.4g} {self.unit}'.strip()}{beyond}"
-
-    @property
-    def norm(self) -> Normalize:
-        """Map from a value in the bar's unit to its position along the colours, 0 to 1."""
-        linear = self.power == 1.0
-        return Normalize(self.low, self.top, True) if linear else PowerNorm(self.power, self.low, self.top, True)
-
-    def share(self, values: Array) -> Array:
-        """Return the places along the colours, 0 to 1, of values in SI units; any shape."""
-        return np.clip((values * self.factor - self.low) / (self.top - self.low), 0.0, 1.0) ** self.power
-
-    def ticks(self) -> list[float]:
-        """Return the tick values of a nonlinear colour bar: its ends, and 1, 2 and 5 times powers of ten."""
-        high = math.floor(math.log10(self.top))
-        series = [k * 10.0**n for n in range(high, high - 4, -1) for k in (5, 2, 1) if k * 10.0**n < self.top]
-        chosen, before = [self.top], 1.0
-        for value in series:
-            place = float(self.norm(value))
-            if 0.08 < place < before - 0.09:
-                chosen.append(value)
-                before = place
-        return [self.low, *chosen[::-1]]
-
-    @property
-    def kind(self) -> str:
-        """How colours follow the field."""
-        return {1.0: "linear scale", 0.5: "square-root scale"}.get(self.power, f"scale of the power {self.power:g}")
-
-    def bar(self, figure: Figure, largest: str) -> None:
-        """Draw the bar at the foot of a figure, which must be `FOOT` inches high or more, above the `largest` value shown."""
-        figure.add_artist(Pixels(self.foot[1], 0, 0))
-        figure.text(0.5, 0.14 / figure.get_figheight(), largest, ha="center", fontsize=10.5, color=EDGE)
-
-    @functools.cached_property
-    def foot(self) -> tuple[Axes, npt.NDArray[np.uint8]]:
-        """The bar's axes and pixels, drawn once: ticks take half of a page's time."""
-        figure = Figure((WIDTH, FOOT), dpi=DPI)
-        axes = figure.add_axes((0.2, 0.82 / FOOT, 0.6, 0.18 / FOOT))
-        scale = ScalarMappable(self.norm, self.colours)
-        extend = "max" if self.highest > self.top else "neither"
-        ticks = None if self.power == 1.0 else self.ticks()
-        label = f"{self.what}{f' in {self.unit}' if self.unit else ''}, {self.kind}"
-        figure.colorbar(scale, cax=axes, orientation="horizontal", extend=extend, label=label, ticks=ticks)
-        return axes, np.asarray(drawn(figure))
 
 
 ROUND = (1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0)

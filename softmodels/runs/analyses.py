@@ -45,7 +45,6 @@ VACUUM = 0.999
 LARGEST_STRETCH = 5.0
 """Stretch at which the search ends if it finds no limit: silicones fail at 3 to 10, and laws are mostly fitted to less."""
 
-
 KINDS = {
     "limit": "limit point", "bifurcation": "bifurcation", "none": "no limit up to this stretch",
     "lost": "path lost", "stopped": "stopped by the user",
@@ -232,8 +231,6 @@ def _stretched(path: Continuation, fields: Fields, before: stability.Point, afte
 
 
 # -- fabrication tolerances ---------------------------------------------------------------------------------------------
-
-
 @dataclasses.dataclass(frozen=True)
 class Tolerance:
     """A parameter or deviation of the device and its tolerance: ``middle`` plus or minus ``half``, in the unit ``"m"``,

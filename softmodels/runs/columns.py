@@ -41,6 +41,129 @@ from softmodels.runs.fields import (
 )
 
 # ----------------------------------------------------------------------------------------------------------------------
+# The first-order 95 % band of a path due to the errors of a fitted material.
+#
+# A state moves with the material's parameters by the derivatives of its equilibrium (`mechanics.sensitivity`). The width of a
+# band depends on the quantity that stays fixed:
+#
+# - At the same pressure (or other requested value) rises and volumes have a band: the state slides along the path by
+#   the change of pressure. It grows without bound near a limit point.
+# - At the same added volume the pressure has a band. It stays regular at a limit point, where it is the band of the limit.
+# - At the same rise the pressure has another band: the horizontal distance between the curves of rise over pressure. Pressures
+# measured
+#   at a given height compare with it. A stiffer silicone also needs another volume for the same height.
+
+
+DEVIATIONS = 1.959964
+"""Half width of a 95 % interval in standard deviations."""
+TOLERANCE = 1e-6
+"""Tolerance of the linear solver."""
+SMALL = 1e-3
+"""Finite-difference step for the device's own figures, in standard deviations."""
+
+
+class Band:
+    """Bands of a device's states from its material's errors. What is requested is ``kept``, and rises are reported at the same
+    value of it: ``"pressure"``, ``"volume"``, or the ``"force"`` of dead loads, such as shares of the weight."""
+
+    def __init__(
+        self,
+        fields: Fields,
+        errors: materials.MaterialErrors,
+        pascal_per_cm: float,
+        kept: str = stability.Pressure.name,
+    ):
+        self.fields, self.errors, self.cm, self.kept = fields, errors, pascal_per_cm, kept
+        from softmodels.mechanics.sensitivity import Sensitivity
+
+        self._sensitivity = Sensitivity(fields.solver)
+
+    def cells(self, point: stability.Point) -> dict[str, float | None]:
+        """Half widths of the 95 % intervals at a point of the path, by column of ``path.csv``; None if undefined.
+
+        Called by all ranks.
+        """
+        try:
+            moves = [] if point.bifurcation else [self._move(point, root) for root in self.errors.roots.T]
+        except newton.NoConvergence:
+            moves = []
+        if not moves:
+            return dict.fromkeys(self._columns())
+        found = {name: np.array([move[name] for move in moves]) for name in moves[0]}
+        at_rest = point.state.P == 0.0 and self.fields.rest_volume == abs(point.state.V)
+        widths = {
+            name: 0.0 if at_rest else DEVIATIONS * float(np.linalg.norm(values)) for name, values in found.items()
+        }
+        return {name: width if math.isfinite(width) else None for name, width in widths.items()}
+
+    def _columns(self) -> list[str]:
+        actuator = self.fields.system.body.actuator
+        figures = actuator.device_figures(actuator.probes)
+        rises = [*(_named(f"{probe}_mm") for probe in actuator.probes), *map(_named, figures)]
+        if self.kept == stability.DeadForce.name:
+            return rises
+        return ["pressure_ci95_cm", f"{table.at_rise(actuator.gauge)}_cm", "added_volume_ci95_ml", *rises]
+
+    def _move(self, point: stability.Point, root: Array) -> dict[str, float]:
+        """Return the changes by column if the parameters change by ``root`` (SI units)."""
+        eq, fields, state = self.fields.system, self.fields, point.state
+        eq.load(state)
+        force, dmu = np.zeros(eq.n), 0.0
+        for name, change in zip(self.errors.names, root, strict=True):
+            own, slope = self._sensitivity.material_force(name)
+            force += change * own
+            dmu += change * slope
+        mu, forced = eq.stress_unit, self.kept == stability.DeadForce.name
+        if forced:  # P is a dead load, already fixed in newtons; the cavities' pressures are fixed too
+            cavities = len(eq.volumes())
+            force += dmu / mu * eq.pressures[:cavities] @ eq.pressure_loads()[:cavities]
+        moved = fields.solver.aside(state, controls.volume_control(state.V), -force, TOLERANCE)
+        dP, w, dV = moved.P * mu + (0.0 if forced else state.P * dmu), moved.w, 0.0
+        sideways = math.nan if forced else dP - self._slope(point) * self._gauge_rise(moved.w)
+        if self.kept != stability.AddedVolume.name:
+            slide = -dP / (mu * point.tangent.P) if point.tangent.P else math.inf
+            w = w + slide * point.tangent.w
+            dV = slide * point.tangent.V * eq.volume_unit
+        if forced:
+            return self._rises(state.w, w)
+        gauge = fields.system.body.actuator.gauge
+        pressures = {"pressure_ci95_cm": dP / self.cm, f"{table.at_rise(gauge)}_cm": sideways / self.cm}
+        return {**pressures, "added_volume_ci95_ml": 1e6 * dV, **self._rises(state.w, w)}
+
+    def _slope(self, point: stability.Point) -> float:
+        """Return Return the pressure in Pa by which the pressure rises along the path for each m of the gauge's rise."""
+        rise = self._gauge_rise(point.tangent.w)
+        return point.tangent.P * self.fields.system.stress_unit / rise if rise else math.inf
+
+    def _gauge_rise(self, change: Array) -> float:
+        """Return the gauge's rise in m for a change of the dofs."""
+        actuator = self.fields.system.body.actuator
+        return float(self.fields.probes_moved(change)[actuator.gauge] @ np.asarray(actuator.lift))
+
+    def _rises(self, w: Array, change: Array) -> dict[str, float]:
+        """Return the changes of the probes' rises in mm and of the device's own figures for a change of the dofs."""
+        fields, actuator = self.fields, self.fields.system.body.actuator
+        shifts = fields.probes_moved(change)
+        found = {_named(f"{name}_mm"): 1e3 * float(shift @ np.asarray(actuator.lift)) for name, shift in shifts.items()}
+        if not all(np.isfinite(shift).all() for shift in shifts.values()):
+            return found | {_named(name): math.inf for name in actuator.device_figures(actuator.probes)}
+        now = fields.probes_moved(w)
+        ends = []
+        for sign in (1.0, -1.0):
+            places = {
+                name: np.asarray(actuator.probes[name]) + now[name] + sign * SMALL * shifts[name] for name in shifts
+            }
+            ends.append(actuator.device_figures({name: (p[0], p[1], p[2]) for name, p in places.items()}))
+        return found | {_named(name): (ends[0][name] - ends[1][name]) / (2 * SMALL) for name in ends[0]}
+
+
+def _named(column: str) -> str:
+    """Return the column of another column's band: ``apex_ci95_mm`` of ``apex_mm``."""
+    name = table.split(column)[0]
+    return f"{table.band_of(name)}{column.removeprefix(name)}"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
 # Variables of the table: name, description, and how each is computed from a state.
 
 
@@ -418,131 +541,10 @@ _VARIABLES: tuple[Variable | Variables, ...] = (
            lambda s: s.point.line),
     BAND,
 )  # fmt: skip
+
+
 for _variable in _VARIABLES:
     register_output(_variable)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The first-order 95 % band of a path due to the errors of a fitted material.
-#
-# A state moves with the material's parameters by the derivatives of its equilibrium (`mechanics.sensitivity`). The width of a
-# band depends on the quantity that stays fixed:
-#
-# - At the same pressure (or other requested value) rises and volumes have a band: the state slides along the path by
-#   the change of pressure. It grows without bound near a limit point.
-# - At the same added volume the pressure has a band. It stays regular at a limit point, where it is the band of the limit.
-# - At the same rise the pressure has another band: the horizontal distance between the curves of rise over pressure. Pressures
-# measured
-#   at a given height compare with it. A stiffer silicone also needs another volume for the same height.
-
-
-DEVIATIONS = 1.959964
-"""Half width of a 95 % interval in standard deviations."""
-TOLERANCE = 1e-6
-"""Tolerance of the linear solver."""
-SMALL = 1e-3
-"""Finite-difference step for the device's own figures, in standard deviations."""
-
-
-class Band:
-    """Bands of a device's states from its material's errors. What is requested is ``kept``, and rises are reported at the same
-    value of it: ``"pressure"``, ``"volume"``, or the ``"force"`` of dead loads, such as shares of the weight."""
-
-    def __init__(
-        self,
-        fields: Fields,
-        errors: materials.MaterialErrors,
-        pascal_per_cm: float,
-        kept: str = stability.Pressure.name,
-    ):
-        self.fields, self.errors, self.cm, self.kept = fields, errors, pascal_per_cm, kept
-        from softmodels.mechanics.sensitivity import Sensitivity
-
-        self._sensitivity = Sensitivity(fields.solver)
-
-    def cells(self, point: stability.Point) -> dict[str, float | None]:
-        """Half widths of the 95 % intervals at a point of the path, by column of ``path.csv``; None if undefined.
-
-        Called by all ranks.
-        """
-        try:
-            moves = [] if point.bifurcation else [self._move(point, root) for root in self.errors.roots.T]
-        except newton.NoConvergence:
-            moves = []
-        if not moves:
-            return dict.fromkeys(self._columns())
-        found = {name: np.array([move[name] for move in moves]) for name in moves[0]}
-        at_rest = point.state.P == 0.0 and self.fields.rest_volume == abs(point.state.V)
-        widths = {
-            name: 0.0 if at_rest else DEVIATIONS * float(np.linalg.norm(values)) for name, values in found.items()
-        }
-        return {name: width if math.isfinite(width) else None for name, width in widths.items()}
-
-    def _columns(self) -> list[str]:
-        actuator = self.fields.system.body.actuator
-        figures = actuator.device_figures(actuator.probes)
-        rises = [*(_named(f"{probe}_mm") for probe in actuator.probes), *map(_named, figures)]
-        if self.kept == stability.DeadForce.name:
-            return rises
-        return ["pressure_ci95_cm", f"{table.at_rise(actuator.gauge)}_cm", "added_volume_ci95_ml", *rises]
-
-    def _move(self, point: stability.Point, root: Array) -> dict[str, float]:
-        """Return the changes by column if the parameters change by ``root`` (SI units)."""
-        eq, fields, state = self.fields.system, self.fields, point.state
-        eq.load(state)
-        force, dmu = np.zeros(eq.n), 0.0
-        for name, change in zip(self.errors.names, root, strict=True):
-            own, slope = self._sensitivity.material_force(name)
-            force += change * own
-            dmu += change * slope
-        mu, forced = eq.stress_unit, self.kept == stability.DeadForce.name
-        if forced:  # P is a dead load, already fixed in newtons; the cavities' pressures are fixed too
-            cavities = len(eq.volumes())
-            force += dmu / mu * eq.pressures[:cavities] @ eq.pressure_loads()[:cavities]
-        moved = fields.solver.aside(state, controls.volume_control(state.V), -force, TOLERANCE)
-        dP, w, dV = moved.P * mu + (0.0 if forced else state.P * dmu), moved.w, 0.0
-        sideways = math.nan if forced else dP - self._slope(point) * self._gauge_rise(moved.w)
-        if self.kept != stability.AddedVolume.name:
-            slide = -dP / (mu * point.tangent.P) if point.tangent.P else math.inf
-            w = w + slide * point.tangent.w
-            dV = slide * point.tangent.V * eq.volume_unit
-        if forced:
-            return self._rises(state.w, w)
-        gauge = fields.system.body.actuator.gauge
-        pressures = {"pressure_ci95_cm": dP / self.cm, f"{table.at_rise(gauge)}_cm": sideways / self.cm}
-        return {**pressures, "added_volume_ci95_ml": 1e6 * dV, **self._rises(state.w, w)}
-
-    def _slope(self, point: stability.Point) -> float:
-        """Return Return the pressure in Pa by which the pressure rises along the path for each m of the gauge's rise."""
-        rise = self._gauge_rise(point.tangent.w)
-        return point.tangent.P * self.fields.system.stress_unit / rise if rise else math.inf
-
-    def _gauge_rise(self, change: Array) -> float:
-        """Return the gauge's rise in m for a change of the dofs."""
-        actuator = self.fields.system.body.actuator
-        return float(self.fields.probes_moved(change)[actuator.gauge] @ np.asarray(actuator.lift))
-
-    def _rises(self, w: Array, change: Array) -> dict[str, float]:
-        """Return the changes of the probes' rises in mm and of the device's own figures for a change of the dofs."""
-        fields, actuator = self.fields, self.fields.system.body.actuator
-        shifts = fields.probes_moved(change)
-        found = {_named(f"{name}_mm"): 1e3 * float(shift @ np.asarray(actuator.lift)) for name, shift in shifts.items()}
-        if not all(np.isfinite(shift).all() for shift in shifts.values()):
-            return found | {_named(name): math.inf for name in actuator.device_figures(actuator.probes)}
-        now = fields.probes_moved(w)
-        ends = []
-        for sign in (1.0, -1.0):
-            places = {
-                name: np.asarray(actuator.probes[name]) + now[name] + sign * SMALL * shifts[name] for name in shifts
-            }
-            ends.append(actuator.device_figures({name: (p[0], p[1], p[2]) for name, p in places.items()}))
-        return found | {_named(name): (ends[0][name] - ends[1][name]) / (2 * SMALL) for name in ends[0]}
-
-
-def _named(column: str) -> str:
-    """Return the column of another column's band: ``apex_ci95_mm`` of ``apex_mm``."""
-    name = table.split(column)[0]
-    return f"{table.band_of(name)}{column.removeprefix(name)}"
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -26,6 +26,191 @@ from softmodels.mechanics.system import State, System
 from softmodels.runs import state_values, table
 from softmodels.runs.state_values import StateValues
 
+
+class Fields:
+    """Nodal fields and key figures of an equilibrium's states: the requested ones of `requestable` beside those of every run.
+
+    Attributes:
+        grid: The nodes that results are written on.
+        rest_volume: Of the cavity, dimensionless.
+    """
+
+    def __init__(self, solver: Solver, gauges: entries.Probes = entries.NO_PROBES, requested: Sequence[str] = ()):
+        self.solver, self.system = solver, solver.system
+        system = self.system
+        self.grid = state_values.Grid(system)
+        self.sampling = state_values.Sampling(solver, self.grid)
+        self.rest_volume = system.rest().V
+        self._rest_volumes = system.volumes()
+        places = ufl.SpatialCoordinate(system.body.mesh)
+        self._places = fem.Expression(places, system.points, jit_options=compiling.JIT)
+        self._probes = {name: self._owner(point) for name, point in system.body.actuator.probes.items()}
+        self._gauges, self._followed = gauges, tracked_points(system, self.grid, gauges)
+        self._turning = turning_faces(system, self.grid, gauges)
+        self._wanted = [one for one in outputs(OutputField) if not one.requested or one.name in requested]
+
+    @functools.cached_property
+    def walls(self) -> state_values.FacingWalls:
+        """The device's surface, on rank 0."""
+        planes = [plane.normal for plane in self.system.body.actuator.cut_planes]
+        return state_values.FacingWalls(self.grid.points, self.grid.cells, self.grid.cell_name, planes)
+
+    @property
+    def followed(self) -> list[str]:
+        """A sentence on each named point: where it is tracked."""
+        return [entries.followed_text(name, one.away, one.place) for name, one in self._followed.items()]
+
+    def values(self, state: State) -> StateValues:
+        """Return a state's values; the state is loaded into the equations."""
+        self.system.load(state)
+        return StateValues(self.sampling, state)
+
+    def shape(self, w: Array) -> Array | None:
+        """Return the displacement of dofs such as a mode's over the grid's nodes in device coordinates, (n, 3) in m, on rank
+        0."""
+        return self.grid.collect(self.sampling.displacement(w))
+
+    def nodal(self, state: State) -> dict[str, Array] | None:
+        """Return each wanted `OutputField` over the grid's nodes by name, SI units, shape (n,), (n, 3) or (n, 3, 3), on rank 0;
+        None elsewhere."""
+        values = self.values(state)
+        found = {field.name: self.grid.collect(field.nodal(values)) for field in self._wanted}
+        whole = {name: field for name, field in found.items() if field is not None}
+        return whole if len(whole) == len(found) else None
+
+    def state(self, nodal: Mapping[str, Array] | None, P: float, V: float) -> State:
+        """The state at a dimensionless cavity pressure and volume that `nodal` was made of, at least ``displacement`` and
+        ``p`` on rank 0; where regions meet p is the mean of theirs, and so not quite the state's."""
+        eq, grid, sampling = self.system, self.grid, self.sampling
+        u = grid.distribute(None if nodal is None else nodal["displacement"]) / eq.length_unit
+        p = grid.distribute(None if nodal is None else nodal["p"])[:, None] / eq.stress_unit
+        u = u if grid.dimension == 3 else u[:, [0, 2]]
+        function = fem.Function(eq.space)
+        function.x.array[sampling.skew[: grid.owned]] = u @ eq.body.skew.T
+        if sampling.pressures is not None:
+            at = sampling.pressures[: grid.owned]
+            function.x.array[at[at >= 0]] = np.broadcast_to(p, at.shape)[at >= 0]
+        function.x.scatter_forward()
+        return State(function.x.array.copy(), P, V)
+
+    def figures(self, state: State) -> Figures:
+        """Return the key figures of a state."""
+        eq, values = self.system, self.values(state)
+        actuator, u = eq.body.actuator, values.displacement
+        lift = np.asarray(actuator.lift)
+        moved = self.probes_moved(state.w)
+        named = {name: self._moved(state, one) for name, one in self._followed.items()}
+        places = {name: one.place for name, one in self._followed.items()}
+        sampled = {field: field.sampled(values) for field in outputs(OutputField) if field.sampled is not None}
+        extremes = {field.name: self._extremes(found) for field, found in sampled.items()}
+        added = (eq.volumes() - self._rest_volumes) * eq.volume_unit
+        pressures = eq.pressures_at(state) * eq.stress_unit
+        device = together(
+            actuator.device_figures({name: _place(actuator.probes[name], moved[name]) for name in moved}),
+            self._gauges.figures(places, named, actuator.lift, self._normals(state.w)),
+            *(measure.compute(self.sampling, state) for measure in outputs(ForceMeasure)),
+        )
+        return Figures(
+            pressure=next((p / ratio for p, ratio in zip(pressures, actuator.ratios, strict=True) if ratio), 0.0),
+            added_volume=float(actuator.ratios @ added),
+            cavity_pressures=tuple(pressures.tolist()),
+            cavity_volumes=tuple(added.tolist()),
+            rises={name: float(shift @ lift) for name, shift in moved.items()},
+            device=device,
+            max_displacement=self._extremes(np.linalg.norm(u, axis=1))[1],
+            max_stretch_at=self._place_of(values.stretches[..., -1], extremes["largest_stretch"][1]),
+            extremes=extremes,
+            peaks={
+                field.name: state_values.volume_peak(eq.comm, found, eq.point_volumes(), field.rest)[0]
+                for field, found in sampled.items()
+                if any(one.peak for one in field.extremes)
+            },
+            stored_energy=eq.stored_energy() * eq.stress_unit * eq.volume_unit,
+            dissipated_energy=eq.potential.dissipated * eq.stress_unit * eq.volume_unit,
+            kinetic_energy=eq.potential.kinetic * eq.stress_unit * eq.volume_unit,
+        )
+
+    def _extremes(self, values: Array) -> tuple[float, float]:
+        """Return the least and the largest value over all ranks."""
+        comm = self.system.comm
+        least = -largest(comm, float((-values).max()) if values.size else -math.inf)
+        return least, largest(comm, float(values.max()) if values.size else -math.inf)
+
+    def _owner(self, point: Vector) -> int:
+        """Return the local owned node at a device point, or -1 on the ranks that do not own it."""
+        eq = self.system
+        here = self.grid.space.tabulate_dof_coordinates()[: self.grid.owned] * eq.length_unit
+        distance = np.linalg.norm(eq.body.actuator.device_points(here) - np.asarray(point), axis=1)
+        node = int(np.argmin(distance)) if len(distance) else -1
+        near = float(distance[node]) if node >= 0 else math.inf
+        closest = -largest(eq.comm, -near)
+        return node if near == closest and closest < 1e-6 * eq.length_unit else -1
+
+    def probes_moved(self, w: Array) -> dict[str, Array]:
+        """Return the displacement (3,) in m of each probe in device coordinates, of dofs or of a change of them, on all
+        ranks."""
+        u = self.sampling.displacement(w)
+        return {name: self._at(u, node) for name, node in self._probes.items()}
+
+    def _at(self, u: Array, node: int) -> Array:
+        """Return the displacement (3,) of a node that one rank owns, on all ranks; ``node`` is -1 on the others."""
+        return np.array([mpi.total(self.system.comm, float(u[node, i]) if node >= 0 else 0.0) for i in range(3)])
+
+    def _normals(self, w: Array) -> dict[str, tuple[Array, Array]]:
+        """Return the normals of the faces whose rotation is tracked, undeformed and rotated."""
+        eq, skew = self.system, self.sampling.skew
+        found = {}
+        for name, face in self._turning.items():
+            moved = body.in_space(w[skew[face.nodes]] @ eq.body.skew_inverse.T * eq.length_unit)
+            found[name] = face.normal, face.turned(moved)
+        return found
+
+    def _moved(self, state: State, one: TrackedPoint) -> Array:
+        """Return the displacement (3,) in m of a tracked place, on all ranks."""
+        eq = self.system
+        u = one.weights @ state.w[self.sampling.skew[one.nodes]] @ eq.body.skew_inverse.T * eq.length_unit
+        u = u if self.grid.dimension == 3 else np.array([u[0], 0.0, u[1]])
+        return np.array([mpi.total(eq.comm, float(value)) for value in u])
+
+    def _place_of(self, values: Array, peak: float) -> tuple[float, float, float]:
+        """Return where a value at the integration points, shape (cells, points), reaches its peak over all ranks."""
+        eq = self.system
+        found = np.empty((0, 3))
+        near = values >= peak * (1 - 1e-9)
+        cells = np.flatnonzero(near.any(axis=1))
+        if cells.size:
+            places = self._places.eval(eq.body.mesh, eq.cells[cells])
+            places = places.reshape(*near[cells].shape, -1)[near[cells]]
+            flat = np.column_stack([places, np.zeros((len(places), 3 - places.shape[1]))]) * eq.length_unit
+            found = eq.body.actuator.device_points(flat)
+        # Among equal values, as at rest, the first in order of x, y, z, so that neither rounding nor the rank decides.
+        place = []
+        for axis in range(3):
+            least = -largest(eq.comm, -float(found[:, axis].min()) if len(found) else -math.inf)
+            found = found[found[:, axis] <= least + 1e-9 * eq.length_unit]
+            place.append(least)
+        return place[0], place[1], place[2]
+
+
+def together(*groups: Mapping[str, float]) -> dict[str, float]:
+    """Merge columns of ``path.csv``; `ComponentError` if two bear one name, as a rigid part ``tip`` and a device whose tip has
+    a column."""
+    found: dict[str, float] = {}
+    for group in groups:
+        if twice := sorted(found.keys() & group.keys()):
+            raise ComponentError(
+                f"two figures of this device and its parts share the column {twice[0]} of path.csv; "
+                f"rename the part, point or angle in it"
+            )
+        found |= group
+    return found
+
+
+def _place(start: Vector, shift: Array) -> Vector:
+    x, y, z = np.asarray(start) + shift
+    return float(x), float(y), float(z)
+
+
 AT_POINTS = "over all integration points of the whole device, not only those shown in a picture"
 """Where the largest stretch and stress are taken, for every table, picture and message."""
 
@@ -574,187 +759,3 @@ for _measure in (
     ),
 ):  # fmt: skip
     register_output(_measure)
-
-
-class Fields:
-    """Nodal fields and key figures of an equilibrium's states: the requested ones of `requestable` beside those of every run.
-
-    Attributes:
-        grid: The nodes that results are written on.
-        rest_volume: Of the cavity, dimensionless.
-    """
-
-    def __init__(self, solver: Solver, gauges: entries.Probes = entries.NO_PROBES, requested: Sequence[str] = ()):
-        self.solver, self.system = solver, solver.system
-        system = self.system
-        self.grid = state_values.Grid(system)
-        self.sampling = state_values.Sampling(solver, self.grid)
-        self.rest_volume = system.rest().V
-        self._rest_volumes = system.volumes()
-        places = ufl.SpatialCoordinate(system.body.mesh)
-        self._places = fem.Expression(places, system.points, jit_options=compiling.JIT)
-        self._probes = {name: self._owner(point) for name, point in system.body.actuator.probes.items()}
-        self._gauges, self._followed = gauges, tracked_points(system, self.grid, gauges)
-        self._turning = turning_faces(system, self.grid, gauges)
-        self._wanted = [one for one in outputs(OutputField) if not one.requested or one.name in requested]
-
-    @functools.cached_property
-    def walls(self) -> state_values.FacingWalls:
-        """The device's surface, on rank 0."""
-        planes = [plane.normal for plane in self.system.body.actuator.cut_planes]
-        return state_values.FacingWalls(self.grid.points, self.grid.cells, self.grid.cell_name, planes)
-
-    @property
-    def followed(self) -> list[str]:
-        """A sentence on each named point: where it is tracked."""
-        return [entries.followed_text(name, one.away, one.place) for name, one in self._followed.items()]
-
-    def values(self, state: State) -> StateValues:
-        """Return a state's values; the state is loaded into the equations."""
-        self.system.load(state)
-        return StateValues(self.sampling, state)
-
-    def shape(self, w: Array) -> Array | None:
-        """Return the displacement of dofs such as a mode's over the grid's nodes in device coordinates, (n, 3) in m, on rank
-        0."""
-        return self.grid.collect(self.sampling.displacement(w))
-
-    def nodal(self, state: State) -> dict[str, Array] | None:
-        """Return each wanted `OutputField` over the grid's nodes by name, SI units, shape (n,), (n, 3) or (n, 3, 3), on rank 0;
-        None elsewhere."""
-        values = self.values(state)
-        found = {field.name: self.grid.collect(field.nodal(values)) for field in self._wanted}
-        whole = {name: field for name, field in found.items() if field is not None}
-        return whole if len(whole) == len(found) else None
-
-    def state(self, nodal: Mapping[str, Array] | None, P: float, V: float) -> State:
-        """The state at a dimensionless cavity pressure and volume that `nodal` was made of, at least ``displacement`` and
-        ``p`` on rank 0; where regions meet p is the mean of theirs, and so not quite the state's."""
-        eq, grid, sampling = self.system, self.grid, self.sampling
-        u = grid.distribute(None if nodal is None else nodal["displacement"]) / eq.length_unit
-        p = grid.distribute(None if nodal is None else nodal["p"])[:, None] / eq.stress_unit
-        u = u if grid.dimension == 3 else u[:, [0, 2]]
-        function = fem.Function(eq.space)
-        function.x.array[sampling.skew[: grid.owned]] = u @ eq.body.skew.T
-        if sampling.pressures is not None:
-            at = sampling.pressures[: grid.owned]
-            function.x.array[at[at >= 0]] = np.broadcast_to(p, at.shape)[at >= 0]
-        function.x.scatter_forward()
-        return State(function.x.array.copy(), P, V)
-
-    def figures(self, state: State) -> Figures:
-        """Return the key figures of a state."""
-        eq, values = self.system, self.values(state)
-        actuator, u = eq.body.actuator, values.displacement
-        lift = np.asarray(actuator.lift)
-        moved = self.probes_moved(state.w)
-        named = {name: self._moved(state, one) for name, one in self._followed.items()}
-        places = {name: one.place for name, one in self._followed.items()}
-        sampled = {field: field.sampled(values) for field in outputs(OutputField) if field.sampled is not None}
-        extremes = {field.name: self._extremes(found) for field, found in sampled.items()}
-        added = (eq.volumes() - self._rest_volumes) * eq.volume_unit
-        pressures = eq.pressures_at(state) * eq.stress_unit
-        device = together(
-            actuator.device_figures({name: _place(actuator.probes[name], moved[name]) for name in moved}),
-            self._gauges.figures(places, named, actuator.lift, self._normals(state.w)),
-            *(measure.compute(self.sampling, state) for measure in outputs(ForceMeasure)),
-        )
-        return Figures(
-            pressure=next((p / ratio for p, ratio in zip(pressures, actuator.ratios, strict=True) if ratio), 0.0),
-            added_volume=float(actuator.ratios @ added),
-            cavity_pressures=tuple(pressures.tolist()),
-            cavity_volumes=tuple(added.tolist()),
-            rises={name: float(shift @ lift) for name, shift in moved.items()},
-            device=device,
-            max_displacement=self._extremes(np.linalg.norm(u, axis=1))[1],
-            max_stretch_at=self._place_of(values.stretches[..., -1], extremes["largest_stretch"][1]),
-            extremes=extremes,
-            peaks={
-                field.name: state_values.volume_peak(eq.comm, found, eq.point_volumes(), field.rest)[0]
-                for field, found in sampled.items()
-                if any(one.peak for one in field.extremes)
-            },
-            stored_energy=eq.stored_energy() * eq.stress_unit * eq.volume_unit,
-            dissipated_energy=eq.potential.dissipated * eq.stress_unit * eq.volume_unit,
-            kinetic_energy=eq.potential.kinetic * eq.stress_unit * eq.volume_unit,
-        )
-
-    def _extremes(self, values: Array) -> tuple[float, float]:
-        """Return the least and the largest value over all ranks."""
-        comm = self.system.comm
-        least = -largest(comm, float((-values).max()) if values.size else -math.inf)
-        return least, largest(comm, float(values.max()) if values.size else -math.inf)
-
-    def _owner(self, point: Vector) -> int:
-        """Return the local owned node at a device point, or -1 on the ranks that do not own it."""
-        eq = self.system
-        here = self.grid.space.tabulate_dof_coordinates()[: self.grid.owned] * eq.length_unit
-        distance = np.linalg.norm(eq.body.actuator.device_points(here) - np.asarray(point), axis=1)
-        node = int(np.argmin(distance)) if len(distance) else -1
-        near = float(distance[node]) if node >= 0 else math.inf
-        closest = -largest(eq.comm, -near)
-        return node if near == closest and closest < 1e-6 * eq.length_unit else -1
-
-    def probes_moved(self, w: Array) -> dict[str, Array]:
-        """Return the displacement (3,) in m of each probe in device coordinates, of dofs or of a change of them, on all
-        ranks."""
-        u = self.sampling.displacement(w)
-        return {name: self._at(u, node) for name, node in self._probes.items()}
-
-    def _at(self, u: Array, node: int) -> Array:
-        """Return the displacement (3,) of a node that one rank owns, on all ranks; ``node`` is -1 on the others."""
-        return np.array([mpi.total(self.system.comm, float(u[node, i]) if node >= 0 else 0.0) for i in range(3)])
-
-    def _normals(self, w: Array) -> dict[str, tuple[Array, Array]]:
-        """Return the normals of the faces whose rotation is tracked, undeformed and rotated."""
-        eq, skew = self.system, self.sampling.skew
-        found = {}
-        for name, face in self._turning.items():
-            moved = body.in_space(w[skew[face.nodes]] @ eq.body.skew_inverse.T * eq.length_unit)
-            found[name] = face.normal, face.turned(moved)
-        return found
-
-    def _moved(self, state: State, one: TrackedPoint) -> Array:
-        """Return the displacement (3,) in m of a tracked place, on all ranks."""
-        eq = self.system
-        u = one.weights @ state.w[self.sampling.skew[one.nodes]] @ eq.body.skew_inverse.T * eq.length_unit
-        u = u if self.grid.dimension == 3 else np.array([u[0], 0.0, u[1]])
-        return np.array([mpi.total(eq.comm, float(value)) for value in u])
-
-    def _place_of(self, values: Array, peak: float) -> tuple[float, float, float]:
-        """Return where a value at the integration points, shape (cells, points), reaches its peak over all ranks."""
-        eq = self.system
-        found = np.empty((0, 3))
-        near = values >= peak * (1 - 1e-9)
-        cells = np.flatnonzero(near.any(axis=1))
-        if cells.size:
-            places = self._places.eval(eq.body.mesh, eq.cells[cells])
-            places = places.reshape(*near[cells].shape, -1)[near[cells]]
-            flat = np.column_stack([places, np.zeros((len(places), 3 - places.shape[1]))]) * eq.length_unit
-            found = eq.body.actuator.device_points(flat)
-        # Among equal values, as at rest, the first in order of x, y, z, so that neither rounding nor the rank decides.
-        place = []
-        for axis in range(3):
-            least = -largest(eq.comm, -float(found[:, axis].min()) if len(found) else -math.inf)
-            found = found[found[:, axis] <= least + 1e-9 * eq.length_unit]
-            place.append(least)
-        return place[0], place[1], place[2]
-
-
-def together(*groups: Mapping[str, float]) -> dict[str, float]:
-    """Merge columns of ``path.csv``; `ComponentError` if two bear one name, as a rigid part ``tip`` and a device whose tip has
-    a column."""
-    found: dict[str, float] = {}
-    for group in groups:
-        if twice := sorted(found.keys() & group.keys()):
-            raise ComponentError(
-                f"two figures of this device and its parts share the column {twice[0]} of path.csv; "
-                f"rename the part, point or angle in it"
-            )
-        found |= group
-    return found
-
-
-def _place(start: Vector, shift: Array) -> Vector:
-    x, y, z = np.asarray(start) + shift
-    return float(x), float(y), float(z)

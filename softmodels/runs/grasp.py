@@ -34,14 +34,138 @@ from softmodels.runs import outcomes, simulation
 from softmodels.runs.outcomes import RunError
 from softmodels.runs.simulation import Model
 
+STEPS, SHORTEST = 10, 1 / 64
+"""Steps to a pressure or to the load, and the shortest one in theirs."""
+
+
+class Grasp:
+    """Equal fingers around an object: the case of one with its pressures and the label of a rigid cylinder that it presses on,
+    the direction of the load on that in the plane, and the steps to a pressure or to the load; friction depends on these to
+    first order."""
+
+    def __init__(self, case: Case, label: str, fingers: int, direction: Array, steps: int = STEPS):
+        chosen = check_grasp(case, label, fingers, direction)
+        self.shape = HeldShape(**{field.name: getattr(chosen, field.name) for field in dataclasses.fields(chosen)})
+        parts: tuple[Component, ...] = tuple(self.shape if part is chosen else part for part in case.components)
+        self.model = Model.of(case, simulation.meshed(case.actuator, mpi.start()), components=parts)
+        self.solver, self.system = self.model.solver, self.model.system
+        term = self.system.potential.terms[self.shape.label]
+        assert isinstance(term, HeldTerm)
+        self.case, self.term, self.steps = case, term, steps
+        self.axis = self.shape.direction
+        self.angles = 2 * math.pi * np.arange(fingers) / fingers
+        first = direction - (direction @ self.axis) * self.axis
+        self.along = first / np.linalg.norm(first)
+        self.plane = np.array([self.along, np.cross(self.axis, self.along)])
+        size, stress = self.system.length_unit, self.system.stress_unit
+        self.force_unit, self.moment_unit = stress * size**2, stress * size**3
+        (cut,) = [p.name for p in case.actuator.cut_planes if abs(np.asarray(p.normal) @ self.axis) > 1 - 1e-9][:1]
+        self.section = assembly.FaceNodes(self.model.body, self.system.space, [cut])
+
+    def rest(self) -> Held:
+        """Return the fingers without pressure."""
+        none, n, away = np.zeros(len(self.angles)), len(self.angles), np.zeros((0, 2))
+        states, grips = [self.system.rest()] * n, [self.term.grip] * n
+        return Held(0.0, 0.0, np.zeros(2), 0.0, np.zeros((n, 2)), none, none, none, away, away, states, grips)
+
+    def _put(self, pose: Array, finger: int, grip: Grip) -> None:
+        away = pose[:2] @ self.plane
+        back = turning(self.axis, -self.angles[finger])
+        self.term.place(back @ away, turning(self.axis, pose[2]), grip)
+
+    def at(self, pose: Array, P: float, load: float, before: Held) -> Held:
+        """Return the fingers' equilibria around the object in a pose: two displacements in sizes, a rotation."""
+        states, found = [], []
+        for finger in range(len(self.angles)):
+            self._put(pose, finger, before.grips[finger])
+            states.append(self.solver.solve(controls.pressure_control(P), before.states[finger].w, P))
+            found.append(self.term.pushes(states[-1].w))
+        size, turns = self.system.length_unit, [self.plane @ turning(self.axis, angle) for angle in self.angles]
+        sides = list(zip(turns, found, strict=True))
+        press = [np.linalg.norm(one.pressing, axis=1).sum() for one in found]
+        return Held(
+            P * self.system.stress_unit, load, pose[:2] * size, float(pose[2]),
+            self.force_unit * np.array([turn @ one.force for turn, one in sides]),
+            self.moment_unit * np.array([self.axis @ one.moment for one in found]),
+            self.force_unit * np.array(press), np.array([one.sliding for one in found]),
+            size * np.concatenate([one.arms @ turn.T for turn, one in sides]),
+            self.force_unit * np.concatenate([one.pressing @ turn.T for turn, one in sides]), states, before.grips,
+        )  # fmt: skip
+
+    def _pose(self, held: Held) -> Array:
+        return np.array([*held.moved / self.system.length_unit, held.turned])
+
+    def imbalance(self, held: Held) -> Array:
+        """Return force in N in the plane's two directions, and moment in N times size, on the object."""
+        along, across = held.forces.sum(axis=0)
+        return np.array([along + held.load, across, held.moments.sum() / self.system.length_unit])
+
+    def balanced(self, P: float, load: float, before: Held) -> Held:
+        """Return the equilibrium at a pressure and a load, friction remembering ``before``; `NoConvergence` if there is none
+        near."""
+        held = self.at(self._pose(before), P, load, before)
+        wrong, J = self.imbalance(held), None
+        for _ in range(MOST_UPDATES):
+            if np.abs(wrong).max() <= BALANCED * max(held.press.sum(), abs(load), 1e-6):
+                return self._kept(held)
+            if J is None:
+                columns = []
+                for k in range(3):
+                    nudged = self.at(
+                        self._pose(held) + NUDGE * np.eye(3)[k], P, load, dataclasses.replace(held, grips=before.grips)
+                    )
+                    columns.append((self.imbalance(nudged) - wrong) / NUDGE)
+                J = np.array(columns).T
+            step = -np.linalg.lstsq(J, wrong, rcond=1e-6)[0]
+            if not 0.0 < np.abs(step).max() < 0.2:  # 0 where no finger resists
+                raise newton.NoConvergence("the object leaves the fingers")
+            after = self.at(self._pose(held) + step, P, load, held)
+            found = self.imbalance(after)
+            J = J + np.outer(found - wrong - J @ step, step) / (step @ step)
+            held, wrong = after, found
+        raise newton.NoConvergence("the object's equilibrium was not found")
+
+    def _kept(self, held: Held) -> Held:
+        grips = []
+        for finger, state in enumerate(held.states):
+            self._put(self._pose(held), finger, held.grips[finger])
+            self.term.keep(state.w)
+            grips.append(self.term.grip)
+        return dataclasses.replace(held, grips=grips)
+
+    def follow(self, start: Held, P: float, load: float) -> Iterator[Held]:
+        """Yield the equilibria on the way from one to a pressure (in shear moduli) and a load (in N), as far as it goes."""
+        P0 = start.states[0].P
+        done, step, here = 0.0, 1 / self.steps, start
+        while done < 1.0:
+            share = min(step, 1.0 - done)
+            try:
+                at = done + share
+                here = self.balanced(P0 + at * (P - P0), start.load + at * (load - start.load), here)
+            except newton.NoConvergence:
+                step = share / 2
+                if step < SHORTEST / self.steps:
+                    return
+                continue
+            done, step = done + share, min(2 * share, 1 / self.steps)
+            yield here
+
+    def outlines(self, held: Held) -> list[Array]:
+        """Return the corners of the fingers' facets in the plane, in m from the object's first centre, shape (f, 3, 2) each."""
+        found = []
+        for angle, state in zip(self.angles, held.states, strict=True):
+            places = self.section.moved(state.w) - self.term.centre
+            turned = places @ (self.plane @ turning(self.axis, angle)).T
+            found.append(turned[self.section.facets[:, :3]] * self.system.length_unit)
+        return found
+
+
 MOST_FINGERS = 12
 BALANCED = 1e-7
 """Residual of the object's equilibrium, relative to the sum of the fingers' forces."""
 NUDGE = 1e-5
 """Displacement in sizes, and rotation, by which the fingers' stiffness is measured."""
 MOST_UPDATES = 12
-STEPS, SHORTEST = 10, 1 / 64
-"""Steps to a pressure or to the load, and the shortest one in theirs."""
 
 
 class GraspError(errors.Spoken, ValueError):
@@ -219,128 +343,6 @@ def check_grasp(case: Case, label: str, fingers: int, direction: Array) -> Rigid
     if np.linalg.norm(np.cross(direction, shape.direction)) < 1e-9 * np.linalg.norm(direction):
         raise GraspError("the load must lie in the plane of the fingers, not along the object's axis (--direction)")
     return shape
-
-
-class Grasp:
-    """Equal fingers around an object: the case of one with its pressures and the label of a rigid cylinder that it presses on,
-    the direction of the load on that in the plane, and the steps to a pressure or to the load; friction depends on these to
-    first order."""
-
-    def __init__(self, case: Case, label: str, fingers: int, direction: Array, steps: int = STEPS):
-        chosen = check_grasp(case, label, fingers, direction)
-        self.shape = HeldShape(**{field.name: getattr(chosen, field.name) for field in dataclasses.fields(chosen)})
-        parts: tuple[Component, ...] = tuple(self.shape if part is chosen else part for part in case.components)
-        self.model = Model.of(case, simulation.meshed(case.actuator, mpi.start()), components=parts)
-        self.solver, self.system = self.model.solver, self.model.system
-        term = self.system.potential.terms[self.shape.label]
-        assert isinstance(term, HeldTerm)
-        self.case, self.term, self.steps = case, term, steps
-        self.axis = self.shape.direction
-        self.angles = 2 * math.pi * np.arange(fingers) / fingers
-        first = direction - (direction @ self.axis) * self.axis
-        self.along = first / np.linalg.norm(first)
-        self.plane = np.array([self.along, np.cross(self.axis, self.along)])
-        size, stress = self.system.length_unit, self.system.stress_unit
-        self.force_unit, self.moment_unit = stress * size**2, stress * size**3
-        (cut,) = [p.name for p in case.actuator.cut_planes if abs(np.asarray(p.normal) @ self.axis) > 1 - 1e-9][:1]
-        self.section = assembly.FaceNodes(self.model.body, self.system.space, [cut])
-
-    def rest(self) -> Held:
-        """Return the fingers without pressure."""
-        none, n, away = np.zeros(len(self.angles)), len(self.angles), np.zeros((0, 2))
-        states, grips = [self.system.rest()] * n, [self.term.grip] * n
-        return Held(0.0, 0.0, np.zeros(2), 0.0, np.zeros((n, 2)), none, none, none, away, away, states, grips)
-
-    def _put(self, pose: Array, finger: int, grip: Grip) -> None:
-        away = pose[:2] @ self.plane
-        back = turning(self.axis, -self.angles[finger])
-        self.term.place(back @ away, turning(self.axis, pose[2]), grip)
-
-    def at(self, pose: Array, P: float, load: float, before: Held) -> Held:
-        """Return the fingers' equilibria around the object in a pose: two displacements in sizes, a rotation."""
-        states, found = [], []
-        for finger in range(len(self.angles)):
-            self._put(pose, finger, before.grips[finger])
-            states.append(self.solver.solve(controls.pressure_control(P), before.states[finger].w, P))
-            found.append(self.term.pushes(states[-1].w))
-        size, turns = self.system.length_unit, [self.plane @ turning(self.axis, angle) for angle in self.angles]
-        sides = list(zip(turns, found, strict=True))
-        press = [np.linalg.norm(one.pressing, axis=1).sum() for one in found]
-        return Held(
-            P * self.system.stress_unit, load, pose[:2] * size, float(pose[2]),
-            self.force_unit * np.array([turn @ one.force for turn, one in sides]),
-            self.moment_unit * np.array([self.axis @ one.moment for one in found]),
-            self.force_unit * np.array(press), np.array([one.sliding for one in found]),
-            size * np.concatenate([one.arms @ turn.T for turn, one in sides]),
-            self.force_unit * np.concatenate([one.pressing @ turn.T for turn, one in sides]), states, before.grips,
-        )  # fmt: skip
-
-    def _pose(self, held: Held) -> Array:
-        return np.array([*held.moved / self.system.length_unit, held.turned])
-
-    def imbalance(self, held: Held) -> Array:
-        """Return force in N in the plane's two directions, and moment in N times size, on the object."""
-        along, across = held.forces.sum(axis=0)
-        return np.array([along + held.load, across, held.moments.sum() / self.system.length_unit])
-
-    def balanced(self, P: float, load: float, before: Held) -> Held:
-        """Return the equilibrium at a pressure and a load, friction remembering ``before``; `NoConvergence` if there is none
-        near."""
-        held = self.at(self._pose(before), P, load, before)
-        wrong, J = self.imbalance(held), None
-        for _ in range(MOST_UPDATES):
-            if np.abs(wrong).max() <= BALANCED * max(held.press.sum(), abs(load), 1e-6):
-                return self._kept(held)
-            if J is None:
-                columns = []
-                for k in range(3):
-                    nudged = self.at(
-                        self._pose(held) + NUDGE * np.eye(3)[k], P, load, dataclasses.replace(held, grips=before.grips)
-                    )
-                    columns.append((self.imbalance(nudged) - wrong) / NUDGE)
-                J = np.array(columns).T
-            step = -np.linalg.lstsq(J, wrong, rcond=1e-6)[0]
-            if not 0.0 < np.abs(step).max() < 0.2:  # 0 where no finger resists
-                raise newton.NoConvergence("the object leaves the fingers")
-            after = self.at(self._pose(held) + step, P, load, held)
-            found = self.imbalance(after)
-            J = J + np.outer(found - wrong - J @ step, step) / (step @ step)
-            held, wrong = after, found
-        raise newton.NoConvergence("the object's equilibrium was not found")
-
-    def _kept(self, held: Held) -> Held:
-        grips = []
-        for finger, state in enumerate(held.states):
-            self._put(self._pose(held), finger, held.grips[finger])
-            self.term.keep(state.w)
-            grips.append(self.term.grip)
-        return dataclasses.replace(held, grips=grips)
-
-    def follow(self, start: Held, P: float, load: float) -> Iterator[Held]:
-        """Yield the equilibria on the way from one to a pressure (in shear moduli) and a load (in N), as far as it goes."""
-        P0 = start.states[0].P
-        done, step, here = 0.0, 1 / self.steps, start
-        while done < 1.0:
-            share = min(step, 1.0 - done)
-            try:
-                at = done + share
-                here = self.balanced(P0 + at * (P - P0), start.load + at * (load - start.load), here)
-            except newton.NoConvergence:
-                step = share / 2
-                if step < SHORTEST / self.steps:
-                    return
-                continue
-            done, step = done + share, min(2 * share, 1 / self.steps)
-            yield here
-
-    def outlines(self, held: Held) -> list[Array]:
-        """Return the corners of the fingers' facets in the plane, in m from the object's first centre, shape (f, 3, 2) each."""
-        found = []
-        for angle, state in zip(self.angles, held.states, strict=True):
-            places = self.section.moved(state.w) - self.term.centre
-            turned = places @ (self.plane @ turning(self.axis, angle)).T
-            found.append(turned[self.section.facets[:, :3]] * self.system.length_unit)
-        return found
 
 
 def grasp(

@@ -15,25 +15,6 @@ from softmodels.mechanics import controls
 from softmodels.runs import columns, table
 
 PRESSURE_AND_VOLUME = ("pressure", "added_volume")
-OF_PRESSURE = re.compile(r"pressure(_\d+|_ci95|_at_\w+_ci95)*_(cm|Pa)")
-OF_VOLUME = re.compile(r"added_volume(_\d+|_ci95)*_ml")
-
-
-INVALID = "invalid state"
-
-
-def overlap_text(row: table.Row) -> str:
-    """Return a warning that walls overlap in a state or its surface is folded, for its line, title and picture; else ""."""
-    if not row.get("walls_touch"):
-        return ""
-    overlap = 1e3 * overlap_of(row)
-    return f"{f'WALLS OVERLAP by {overlap:.3g} mm' if overlap > 0.0 else 'SURFACE FOLDED onto itself'}: {INVALID}"
-
-
-def overlap_of(row: table.Row) -> float:
-    """Return by how many m walls overlap in a state; 0 where none do."""
-    gap = row.get("least_gap")  # NaN where no walls are near
-    return -gap if gap < 0.0 else 0.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,6 +80,26 @@ class StateLabels:
         """The two controls for which stability is reported: the load, and its conjugate."""
         raised = self.pressure and self.along == PRESSURE_AND_VOLUME
         return ("pressure", "volume") if raised else ("load", "travel")
+
+
+OF_PRESSURE = re.compile(r"pressure(_\d+|_ci95|_at_\w+_ci95)*_(cm|Pa)")
+OF_VOLUME = re.compile(r"added_volume(_\d+|_ci95)*_ml")
+
+INVALID = "invalid state"
+
+
+def overlap_text(row: table.Row) -> str:
+    """Return a warning that walls overlap in a state or its surface is folded, for its line, title and picture; else ""."""
+    if not row.get("walls_touch"):
+        return ""
+    overlap = 1e3 * overlap_of(row)
+    return f"{f'WALLS OVERLAP by {overlap:.3g} mm' if overlap > 0.0 else 'SURFACE FOLDED onto itself'}: {INVALID}"
+
+
+def overlap_of(row: table.Row) -> float:
+    """Return by how many m walls overlap in a state; 0 where none do."""
+    gap = row.get("least_gap")  # NaN where no walls are near
+    return -gap if gap < 0.0 else 0.0
 
 
 def state_labels(case: Case) -> StateLabels:

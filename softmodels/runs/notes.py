@@ -31,21 +31,6 @@ from softmodels.runs import columns, labels, outcomes, table
 from softmodels.runs.fields import Fields
 from softmodels.runs.outcomes import RunError
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The warnings of a run.
-
-
-DEEPEST = 0.01
-"""Penetration of a contact, relative to the device's size, above which the user is warned."""
-FOLLOWED_DISTANCE = 1e-3
-"""Distance of a named point from the surface, relative to the device's size, above which it is reported."""
-LOCAL = 0.1
-"""Fraction of that penetration which the force, spread over the device, would cause; below it only an edge penetrates."""
-REACHED = -85e3
-"""Pressure in Pa below which few sources of a vacuum come."""
-VOLUME_CHANGE = 0.05
-"""Change of the silicone's volume (J - 1 at a vertex) above which the user is warned."""
-
 
 def notes_of(case: Case, rows: table.PathTable, sources: columns.SourceTables = MappingProxyType({})) -> list[str]:
     """Return the warnings for a run's states, as sentences, from its table and those of every source of the silicone."""
@@ -70,91 +55,16 @@ def notes_of(case: Case, rows: table.PathTable, sources: columns.SourceTables = 
     ]
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Loads in time: what a silicone with a memory loses, creeps and keeps.
-
-
-@dataclasses.dataclass(frozen=True)
-class Cycle:
-    """A cycle of a run in time, from one state without pressure to the next: its rows, the work of the air on the way up, and
-    what it does not get back, the area of the loop, in J."""
-
-    rows: table.PathTable
-    work: float
-    lost: float
-
-    @property
-    def closed(self) -> bool:
-        return not self.rows[-1]["pressure"]
-
-    @property
-    def loss(self) -> str:
-        """What it loses, in words."""
-        return f"{1e3 * self.lost:.3g} mJ, {self.lost / self.work:.1%} of the work"
-
-
-def cycles(rows: table.PathTable) -> list[Cycle]:
-    """Return the cycles of one cavity in time, an unfinished one among them; none where nothing inflates it."""
-    ends = [0, *(i for i, row in enumerate(rows) if i and row["requested"] and not row["pressure"]), len(rows) - 1]
-    found = []
-    for first, last in itertools.pairwise(dict.fromkeys(ends)):
-        part = rows[first : last + 1]
-        P = part["pressure"]
-        steps = (P[1:] + P[:-1]) / 2 * np.diff(part["added_volume"])
-        if P.any():
-            found.append(Cycle(part, float(np.maximum(steps, 0.0).sum()), float(steps.sum())))
-    return found
-
-
-def time_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
-    """Yield sentences on the last cycle of a load in time, or on times and memories that do nothing without each other."""
-    if case.remembers and not case.timed:
-        yield (
-            "the silicone has a memory, but the load has no times: every state is that after a long time; add --rate or --hold "
-            "for what happens before"
-        )
-    if case.timed and not (case.inertia or case.remembers or case.supply):
-        yield "the load has times, but the silicone has no memory ([material.memory]): they change nothing"
-    if case.inertia or not (case.timed and case.remembers):
-        return
-    found, gauge = cycles(rows), case.actuator.gauge
-    told = []
-    if found and found[-1].closed and found[-1].work:
-        cycle, rises = found[-1], np.abs(found[-1].rows[gauge])
-        rest = f"; {rises[-1] / rises.max():.1%} of the {gauge}'s rise are left" if rises.any() else ""
-        told.append(f"cycle {len(found)} loses {cycle.loss}{rest}")
-    for first, last in _holds(rows):
-        if first[gauge] and last[gauge]:
-            told.append(
-                f"held at {first.told('pressure')} for {last['time'] - first['time']:.4g} s, the {gauge} creeps from "
-                f"{first.shown(gauge):+.4g} to {last.told(gauge, '+.4g')} ({last[gauge] / first[gauge] - 1:+.1%})"
-            )
-    yield from dict.fromkeys(told[:1] + told[-1:])
-
-
-def _holds(rows: table.PathTable) -> list[tuple[table.Row, table.Row]]:
-    """Return the ends of the times at which the pressure of one cavity is held above zero."""
-    asked = [*rows.where("requested"), *rows[-1:]]
-    pairs = itertools.pairwise(asked)
-    return [(a, b) for a, b in pairs if 0.0 < a["pressure"] == b["pressure"] and b["time"] > a["time"]]
-
-
-def motion_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
-    """Yield the density that inertia has, and the balance of energy, as sentences; none without inertia."""
-    if not case.inertia or not rows:
-        return
-    work = supplied_work(case, rows)
-    stored = rows[-1]["stored_energy"] - rows[0]["stored_energy"]
-    lost, kinetic = (rows[-1].get(f"{name}_energy") for name in ("dissipated", "kinetic"))
-    left = work - stored - lost - kinetic
-    most = max(abs(work), rows["kinetic_energy"].max())
-    yield f"the silicone's inertia is that of {density_of_main(case):g} kg/m^3"
-    if most:
-        yield (
-            f"work of the supply and loads {1e3 * work:.4g} mJ = {1e3 * stored:.4g} mJ stored + {1e3 * lost:.4g} mJ dissipated "
-            f"by the silicone + {1e3 * kinetic:.4g} mJ kinetic + {1e3 * left:.2g} mJ ({abs(left) / most:.2g} of the largest) "
-            f"for numerical damping (--spectral-radius {case.spectral_radius:g}), friction and the error of the steps"
-        )
+DEEPEST = 0.01
+"""Penetration of a contact, relative to the device's size, above which the user is warned."""
+FOLLOWED_DISTANCE = 1e-3
+"""Distance of a named point from the surface, relative to the device's size, above which it is reported."""
+LOCAL = 0.1
+"""Fraction of that penetration which the force, spread over the device, would cause; below it only an edge penetrates."""
+REACHED = -85e3
+"""Pressure in Pa below which few sources of a vacuum come."""
+VOLUME_CHANGE = 0.05
+"""Change of the silicone's volume (J - 1 at a vertex) above which the user is warned."""
 
 
 def density_of_main(case: Case) -> float:
@@ -204,10 +114,6 @@ def supply_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
         )
 
 
-FILLED = 0.9
-"""Share of the source's pressure at which a device counts as filled."""
-
-
 def fill_time(rows: table.PathTable) -> float | None:
     """Return the time in s in which a device fills to `FILLED` of the source's largest pressure; None if it does not."""
     if not (most := rows["source_pressure"].max()) > 0.0:  # NaN where the source gives a flow
@@ -245,10 +151,6 @@ def lifted_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
             f"the {role} LIFTS OFF at about {before + share * (after - before):.4g} {case.unit}, between states {at} and "
             f"{at + 1} ({role}_force_N falls to 0): beyond it the seal leaks, and the states are invalid"
         )
-
-
-BARELY = 1e-3
-"""Share of the holding force below which the lateral force at which a lip slides is not told."""
 
 
 def sealing_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
@@ -350,48 +252,6 @@ def source_notes(case: Case, sources: columns.SourceTables) -> Iterator[str]:
     yield from (text for text in texts if text)
 
 
-def span_sentence(case: Case, sources: columns.SourceTables) -> str:
-    """Return the range over the sources of a silicone at the last value that all reach, and at their limits."""
-    words, own = labels.state_labels(case), silicones.named(case.material)
-    common = _common(case, sources)
-    parts = []
-    if common:
-        rows = {name: many[common[name]] for name, many in sources.items()}
-        here = rows[own or ""]
-        place = words.place(here) if case.column == "pressure_cm" else f"{here.cell(case.column):.4g} {case.unit}"
-        parts.append(f"at {place} the {words.gauge} rises {_ends(rows, words.gauge)}")
-        if words.volume and case.column != "added_volume_ml":
-            parts.append(f"the cavity takes {_ends(rows, 'added_volume')}")
-        if words.pressure and case.column != "pressure_cm":
-            parts.append(f"the pressure is {_ends(rows, 'pressure')}")
-    limits = {name: many.where("limit")[0] for name, many in sources.items() if many["limit"].any()}
-    if limits:
-        none = [columns.key_of(name) for name in sources if name not in limits]
-        met = f" (none met with {', '.join(none)})" if none else ""
-        parts.append(f"the limit point lies at {_ends(limits, 'pressure')}{met}")
-    band = case.band.product if isinstance(case.band, materials.SourceBand) else own
-    return f"over the {len(sources)} sources of {band}, {'; '.join(parts)}" if parts else ""
-
-
-def _common(case: Case, sources: columns.SourceTables) -> dict[str, int]:
-    """Return the row of each source at the last requested value that all of them reach; empty if they share none under load."""
-    for value in sorted(case.values, key=abs, reverse=True):
-        found: dict[str, int] = {}
-        for name, rows in sources.items():
-            there = [k for k, row in enumerate(rows) if columns.stands_at(row, case, value)]
-            if there:
-                found[name] = there[0]
-        if value and len(found) == len(sources):
-            return found
-    return {}
-
-
-def _ends(rows: Mapping[str, table.Row], variable: str) -> str:
-    ordered = sorted(rows, key=lambda name: rows[name][variable])
-    low, high = (f"{rows[name].told(variable)} ({columns.key_of(name)})" for name in (ordered[0], ordered[-1]))
-    return low if len(rows) == 1 else f"{low} to {high}"
-
-
 def weight_notes(case: Case) -> Iterator[str]:
     """Yield the assumed density if gravity acts and none was given, as a sentence."""
     if any(isinstance(part, Gravity) and part.density is None for part in case.components):
@@ -480,6 +340,141 @@ def left_out(case: Case) -> str:
     heavy = any(isinstance(part, Gravity) for part in case.components)
     weight = "viscosity is" if heavy else "weight and viscosity are"
     return f"the silicone is elastic; {weight} not modelled; {meeting} may overlap{stopped}"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Loads in time: what a silicone with a memory loses, creeps and keeps.
+
+
+@dataclasses.dataclass(frozen=True)
+class Cycle:
+    """A cycle of a run in time, from one state without pressure to the next: its rows, the work of the air on the way up, and
+    what it does not get back, the area of the loop, in J."""
+
+    rows: table.PathTable
+    work: float
+    lost: float
+
+    @property
+    def closed(self) -> bool:
+        return not self.rows[-1]["pressure"]
+
+    @property
+    def loss(self) -> str:
+        """What it loses, in words."""
+        return f"{1e3 * self.lost:.3g} mJ, {self.lost / self.work:.1%} of the work"
+
+
+def cycles(rows: table.PathTable) -> list[Cycle]:
+    """Return the cycles of one cavity in time, an unfinished one among them; none where nothing inflates it."""
+    ends = [0, *(i for i, row in enumerate(rows) if i and row["requested"] and not row["pressure"]), len(rows) - 1]
+    found = []
+    for first, last in itertools.pairwise(dict.fromkeys(ends)):
+        part = rows[first : last + 1]
+        P = part["pressure"]
+        steps = (P[1:] + P[:-1]) / 2 * np.diff(part["added_volume"])
+        if P.any():
+            found.append(Cycle(part, float(np.maximum(steps, 0.0).sum()), float(steps.sum())))
+    return found
+
+
+def time_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
+    """Yield sentences on the last cycle of a load in time, or on times and memories that do nothing without each other."""
+    if case.remembers and not case.timed:
+        yield (
+            "the silicone has a memory, but the load has no times: every state is that after a long time; add --rate or --hold "
+            "for what happens before"
+        )
+    if case.timed and not (case.inertia or case.remembers or case.supply):
+        yield "the load has times, but the silicone has no memory ([material.memory]): they change nothing"
+    if case.inertia or not (case.timed and case.remembers):
+        return
+    found, gauge = cycles(rows), case.actuator.gauge
+    told = []
+    if found and found[-1].closed and found[-1].work:
+        cycle, rises = found[-1], np.abs(found[-1].rows[gauge])
+        rest = f"; {rises[-1] / rises.max():.1%} of the {gauge}'s rise are left" if rises.any() else ""
+        told.append(f"cycle {len(found)} loses {cycle.loss}{rest}")
+    for first, last in _holds(rows):
+        if first[gauge] and last[gauge]:
+            told.append(
+                f"held at {first.told('pressure')} for {last['time'] - first['time']:.4g} s, the {gauge} creeps from "
+                f"{first.shown(gauge):+.4g} to {last.told(gauge, '+.4g')} ({last[gauge] / first[gauge] - 1:+.1%})"
+            )
+    yield from dict.fromkeys(told[:1] + told[-1:])
+
+
+def _holds(rows: table.PathTable) -> list[tuple[table.Row, table.Row]]:
+    """Return the ends of the times at which the pressure of one cavity is held above zero."""
+    asked = [*rows.where("requested"), *rows[-1:]]
+    pairs = itertools.pairwise(asked)
+    return [(a, b) for a, b in pairs if 0.0 < a["pressure"] == b["pressure"] and b["time"] > a["time"]]
+
+
+def motion_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
+    """Yield the density that inertia has, and the balance of energy, as sentences; none without inertia."""
+    if not case.inertia or not rows:
+        return
+    work = supplied_work(case, rows)
+    stored = rows[-1]["stored_energy"] - rows[0]["stored_energy"]
+    lost, kinetic = (rows[-1].get(f"{name}_energy") for name in ("dissipated", "kinetic"))
+    left = work - stored - lost - kinetic
+    most = max(abs(work), rows["kinetic_energy"].max())
+    yield f"the silicone's inertia is that of {density_of_main(case):g} kg/m^3"
+    if most:
+        yield (
+            f"work of the supply and loads {1e3 * work:.4g} mJ = {1e3 * stored:.4g} mJ stored + {1e3 * lost:.4g} mJ dissipated "
+            f"by the silicone + {1e3 * kinetic:.4g} mJ kinetic + {1e3 * left:.2g} mJ ({abs(left) / most:.2g} of the largest) "
+            f"for numerical damping (--spectral-radius {case.spectral_radius:g}), friction and the error of the steps"
+        )
+
+
+FILLED = 0.9
+"""Share of the source's pressure at which a device counts as filled."""
+BARELY = 1e-3
+"""Share of the holding force below which the lateral force at which a lip slides is not told."""
+
+
+def span_sentence(case: Case, sources: columns.SourceTables) -> str:
+    """Return the range over the sources of a silicone at the last value that all reach, and at their limits."""
+    words, own = labels.state_labels(case), silicones.named(case.material)
+    common = _common(case, sources)
+    parts = []
+    if common:
+        rows = {name: many[common[name]] for name, many in sources.items()}
+        here = rows[own or ""]
+        place = words.place(here) if case.column == "pressure_cm" else f"{here.cell(case.column):.4g} {case.unit}"
+        parts.append(f"at {place} the {words.gauge} rises {_ends(rows, words.gauge)}")
+        if words.volume and case.column != "added_volume_ml":
+            parts.append(f"the cavity takes {_ends(rows, 'added_volume')}")
+        if words.pressure and case.column != "pressure_cm":
+            parts.append(f"the pressure is {_ends(rows, 'pressure')}")
+    limits = {name: many.where("limit")[0] for name, many in sources.items() if many["limit"].any()}
+    if limits:
+        none = [columns.key_of(name) for name in sources if name not in limits]
+        met = f" (none met with {', '.join(none)})" if none else ""
+        parts.append(f"the limit point lies at {_ends(limits, 'pressure')}{met}")
+    band = case.band.product if isinstance(case.band, materials.SourceBand) else own
+    return f"over the {len(sources)} sources of {band}, {'; '.join(parts)}" if parts else ""
+
+
+def _common(case: Case, sources: columns.SourceTables) -> dict[str, int]:
+    """Return the row of each source at the last requested value that all of them reach; empty if they share none under load."""
+    for value in sorted(case.values, key=abs, reverse=True):
+        found: dict[str, int] = {}
+        for name, rows in sources.items():
+            there = [k for k, row in enumerate(rows) if columns.stands_at(row, case, value)]
+            if there:
+                found[name] = there[0]
+        if value and len(found) == len(sources):
+            return found
+    return {}
+
+
+def _ends(rows: Mapping[str, table.Row], variable: str) -> str:
+    ordered = sorted(rows, key=lambda name: rows[name][variable])
+    low, high = (f"{rows[name].told(variable)} ({columns.key_of(name)})" for name in (ordered[0], ordered[-1]))
+    return low if len(rows) == 1 else f"{low} to {high}"
 
 
 # ----------------------------------------------------------------------------------------------------------------------

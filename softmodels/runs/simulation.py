@@ -40,6 +40,296 @@ from softmodels.runs.fields import Fields, Figures, check_requested
 from softmodels.runs.outcomes import RunError
 from softmodels.runs.states import States
 
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Begun:
+    """Stored data from which a run is resumed.
+
+    Attributes:
+        rows: The states that there are; none for a run from the beginning.
+        left: Which of the case's requested values are still to come.
+        points: The points to go on from; see `Continuation.resume`.
+        stop: The same of a program: the end of its last complete step.
+        recall: Lets parts remember what they do after those states; called where the path has begun.
+    """
+
+    rows: table.PathTable = dataclasses.field(default_factory=table.PathTable)
+    left: Sequence[bool] = ()
+    points: Sequence[stability.Point] = ()
+    stop: schedule.StageEnd | None = None
+    recall: Callable[[], None] = lambda: None
+
+
+FROM_REST = Begun()
+
+FEWEST_STEPS = 12
+"""Minimum number of steps to the last requested value, for smooth curves."""
+
+
+class Simulation:
+    """A case's device on a communicator, and its path.
+
+    In order: `write_mesh` (or a mesh file from before), `prepare`, `steps`, perhaps `branch`, `release`. Every call is made by
+    all ranks. The listener receives progress reports; ``stopped`` is asked between states, and while a mesh is made, and once
+    true on a rank ends the run. Model, body, solver and fields are there once it is prepared.
+    """
+
+    body: Body
+    solver: Solver
+    fields: Fields
+    model: Model
+
+    def __init__(
+        self, case: Case, comm: MPI.Comm, listener: Listener | None = None, stopped: Callable[[], bool] = bool
+    ):
+        self.case, self.comm, self.stopped = case, comm, stopped
+        self.listener: Listener = listener or Silent()
+        self._path: Continuation | None = None
+        self._bifurcations: list[stability.Point] = []
+
+    def write_mesh(self, file: Path) -> None:
+        """Mesh the device into a Gmsh file, on rank 0; `CaseError` for a field that there is not, `RunError` if it was
+        stopped, else see `Actuator.write`."""
+        check_requested(self.case.fields)
+        device = self.case.actuator
+        self.listener.say(meshing.mesh_label(device))
+        try:
+            mpi.on_root(self.comm, lambda: device.write(file, self.stopped))
+        except MeshingStopped:
+            raise RunError("stopped by the user during meshing; nothing was solved", outcomes.STOPPED) from None
+
+    def prepare(self, file: Path) -> None:
+        """Read the mesh and set up the equations, compiling them on the first run; `RunError` or `MeshFileError` as
+        `body_of`."""
+        case, say = self.case, self.listener.say
+        say("compiling kernels (first run only, about 10 s; then cached)")
+        self._stop_if_asked()
+        with compiling.told_of_waits(say, self._stop_here):
+            self.body = body_of(case.actuator, file, self.comm)
+            self.model = Model.of(case, self.body)
+            self.solver, self.fields = self.model.solver, self.model.fields
+            with compiling.compiling():
+                self._band = self._make_band()
+
+    def prepare_on(self, mesh: Callable[[], bytes]) -> None:
+        """Prepare on a stored mesh, whose file is read on rank 0; errors as `prepare`, or `RunError` if the disk is full."""
+        with notes.sentences(), temporary_folder(self.comm) as folder:
+            file = folder / f"{self.case.name}.msh"
+            mpi.on_root(self.comm, lambda: file.write_bytes(mesh()))
+            self.prepare(file)
+
+    def _make_band(self) -> columns.Band | None:
+        case = self.case
+        return (
+            columns.Band(self.fields, case.band, case.cm, case.quantity)
+            if isinstance(case.band, materials.MaterialErrors)
+            else None
+        )
+
+    def describe(self) -> None:
+        """Report the size of the model, the tracked points, and the stable range of the law."""
+        say, ranks = self.listener.say, self.comm.size
+        for text in self.fields.followed:
+            say(text)
+        space, topology = self.solver.system.space, self.body.mesh.topology
+        unknowns = space.dofmap.index_map.size_global * space.dofmap.index_map_bs
+        cells = topology.index_map(topology.dim).size_global
+        say(f"{cells} cells, {unknowns} unknowns, {ranks} rank{'s' if ranks > 1 else ''}")
+        if told := self.solver.method.told:
+            say(told)
+        for note in self.model.notes:
+            say(f"warning: {note}")
+        if weak := specimens.weakness(self.case.material):
+            say(f"warning: {weak}; results at larger stretches are invalid")
+
+    def steps(self, begun: Begun = FROM_REST) -> Iterator[Step]:
+        """Solve state by state, through all requested values that are not ``begun``.
+
+        Raises:
+            PathEnded: The path ends before the last requested value, with where, why, and what can be done.
+            RunError: It was stopped between two states, or no state was found where no step can be shortened.
+        """
+        yield from self._reported(self._program(begun) if self.case.program else self._load_path(begun))
+
+    def _reported(self, steps: Iterator[Step]) -> Iterator[Step]:
+        """Yield the same steps; notify the listener of each, and stop between steps if asked to."""
+        for step in steps:
+            yield step
+            if mpi.is_root(self.comm):
+                self.listener.step(step.row, step.row.cell(self.case.column))
+            self._stop_if_asked()
+
+    def _load_path(self, begun: Begun) -> Iterator[Step]:
+        case, count = self.case, len(begun.rows)
+        last = begun.rows[-1] if begun.rows else None
+        goals = self._goals()
+        self._path = path = self._continuation(goals[-1])
+        path.start, path.recall = self.model.hanging(self.listener.say), begun.recall
+        self._check_volumes(path.start)
+        if begun.rows and not case.load_unload:
+            goals = [goal for goal, wanted in zip(goals, begun.left, strict=True) if wanted]
+        points = schedule.cycle(path, goals) if case.load_unload else continuation.trace(path, goals, begun.points)
+        try:
+            for number, point in enumerate(points):
+                if case.load_unload and number < count:
+                    continue  # the curve is computed anew; stored states stay
+                step = self.step_of(point, number if case.load_unload else count + number)
+                last = step.row
+                self._bifurcations += [point] if point.bifurcation else []
+                yield step
+        except stability.PathEnd as end:
+            text = notes.explain(case, end, self.fields, path, _own_words())
+            raise PathEnded(text, outcomes.NO_EQUILIBRIUM if end.physical else outcomes.FAILED) from end
+        except newton.NoConvergence as failure:
+            raise RunError(notes.explain_failure(case, failure, last, _own_words())) from failure
+
+    def _check_volumes(self, start: State | None) -> None:
+        """Raise `RunError` for requested volumes below the one that the cavity has under the preload, where the path begins,
+        the drivers coupled for it; None for the undeformed state."""
+        volumes = self.case.load.of(steps.VOLUME)
+        if start is None or not volumes:
+            return
+        system = self.solver.system
+        taken = (start.V - system.rest().V) * system.volume_unit
+        system.load(start)
+        if passed := [value for value in volumes if 0.0 < value < taken]:
+            raise RunError(
+                f"{units.written(passed[0])} are not on this path: the preload has already added "
+                f"{taken * 1e6:.4g} ml to the undeformed cavity; request more than that, or 0 for the preloaded state",
+                outcomes.NO_EQUILIBRIUM,
+            )
+
+    def _goals(self) -> list[float]:
+        """Return the requested values, dimensionless, each with its text."""
+        scale = self.model.unit_of(self.case.quantity)
+        return [
+            units.Amount(goal / scale, goal.number, goal.unit) if isinstance(goal, units.Amount) else goal / scale
+            for goal in self.case.goals
+        ]
+
+    def quantity(self, name: str) -> stability.PathQuantity:
+        """Return a requested quantity by its name; the stroke is that of the case's supply."""
+        eq, supply = self.solver.system, self.case.supply
+        if supply is None or name in stability.DIRECT:
+            return stability.DIRECT[name]
+        return supply.control(eq.rest().V * eq.volume_unit, eq.stress_unit, eq.volume_unit)
+
+    def _continuation(self, last: float) -> Continuation:
+        case = self.case
+        path = Continuation(self.solver, self.quantity(case.quantity), case.control, last / FEWEST_STEPS)
+        path.report, path.lets_go = lambda text: self.listener.say(f"  {text}"), True
+        return path
+
+    def _program(self, begun: Begun) -> Iterator[Step]:
+        """Follow the device's program."""
+        case, rows = self.case, table.PathTable(begun.rows)
+        come = float(begun.stop.number) if begun.stop else 0.0
+        try:
+            say = self.listener.say
+            hung = self.model.preload(say)
+            self.model.set_in_motion()
+            begun.recall()
+            settings = schedule.Settings(case.control, say, case.time_tolerance)
+            gas = self.quantity(supply.Gas.name) if case.supply else None
+            if isinstance(gas, supply.Gas):
+                points = schedule.supply(self.solver, case.steps, gas, settings, begun.stop, hung)
+            else:
+                points = schedule.follow(self.solver, case.steps, settings, begun.stop, hung)
+            for come, point in points:
+                step = self.step_of(point, len(rows), come)
+                rows.append(step.row)
+                yield step
+        except stability.PathEnd as end:
+            text = notes.explain_step(case, end, rows, come, _own_words())
+            raise PathEnded(text, outcomes.NO_EQUILIBRIUM if end.physical else outcomes.FAILED) from end
+        except newton.NoConvergence as failure:
+            raise RunError(notes.explain_failure(case, failure, rows[-1] if rows else None, _own_words())) from failure
+
+    @property
+    def bifurcates(self) -> bool:
+        """Whether `steps` has passed a bifurcation, from which `branch` can start."""
+        return bool(self._bifurcations)
+
+    def branch(self) -> Iterator[Step]:
+        """Follow the branch at the first bifurcation, after `steps`, as far as it
+        converges; report its end to the listener."""
+        yield from self._reported(self._branch())
+
+    def _branch(self) -> Iterator[Step]:
+        assert self._path is not None
+        start = self._bifurcations[0]
+        value = self._path.value(start.state) * self.model.unit_of(self.case.quantity) / self.case.load.scale
+        self.listener.say(f"following the branch from {value:.4g} {self.case.unit}")
+        try:
+            for number, point in enumerate(continuation.follow(self._path, start, farthest=max(self._goals()))):
+                yield self.step_of(point, number)
+        except (stability.PathEnd, newton.NoConvergence) as end:
+            self.listener.say(f"the branch ends here: {end}")
+
+    def release(self) -> None:
+        """Release the PETSc and MPI objects of the device; see `Solver.release`."""
+        if hasattr(self, "solver"):
+            self.solver.release()
+
+    def _stop_if_asked(self) -> None:
+        if mpi.any_rank(self.comm, self.stopped()):
+            raise RunError(outcomes.INTERRUPTED, outcomes.STOPPED)
+
+    def _stop_here(self) -> None:
+        """As `_stop_if_asked`, on this rank only."""
+        if self.stopped():
+            raise RunError(outcomes.INTERRUPTED, outcomes.STOPPED)
+
+    def step_of(self, point: stability.Point, number: int, come: float = 0.0) -> Step:
+        """Return a point of the path in SI units; ``come`` is the number of program steps taken."""
+        case, fields = self.case, self.fields
+        figures = fields.figures(point.state)
+        nodal = fields.nodal(point.state)  # on rank 0 only
+        mode = None if point.mode is None else fields.shape(point.mode)
+        if nodal is not None and mode is not None:
+            nodal["mode"] = mode / np.abs(mode).max()
+        band = self._band.cells(point) if self._band else {}
+        row = mpi.on_root(
+            self.comm,
+            lambda: columns.row_of(columns.Solved(case, fields, point, figures, nodal or {}, number, come, band)),
+        )
+        return Step(row, nodal, formats.restart_of(point))
+
+
+def _own_words() -> bool:
+    """Return whether the user gave PETSc options."""
+    return bool(PETSc.Options().getAll())
+
+
+class InMemory(States):
+    """States of a prepared simulation in memory, identical on all ranks; its mesh's file is read on rank 0."""
+
+    def __init__(self, simulation: Simulation, mesh: Callable[[], bytes]):
+        self._comm, grid = simulation.comm, simulation.fields.grid
+        # Only rank 0 has the whole grid.
+        points, cells, self._mesh = mpi.on_root(self._comm, lambda: (grid.points, grid.cells, mesh()))
+        kept: list[dict[str, Array]] = []
+        super().__init__(simulation.case, (), (points, cells, grid.cell_name), lambda step, name: kept[step][name])
+        self.mesh_notes, self._fields = simulation.model.notes, kept
+        self._restarts: list[formats.Restart] = []
+
+    def add(self, step: Step) -> None:
+        """Keep a state."""
+        self.rows.append(step.row)
+        self._fields.append(mpi.on_root(self._comm, lambda: step.fields or {}))
+        self._restarts.append(step.restart)
+
+    def fields(self, step: int, names: Sequence[str] | None = None) -> Mapping[str, Array]:
+        there = self._fields[step]
+        return there if names is None else {name: there[name] for name in names}
+
+    def restart(self, step: int) -> formats.Restart:
+        return self._restarts[step]
+
+    def mesh(self) -> bytes:
+        return self._mesh
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # A device whose equations are made: its equilibria, its path, its natural frequencies and modes, without files.
 
@@ -569,296 +859,6 @@ class Step:
     row: table.Row
     fields: dict[str, Array] | None
     restart: formats.Restart
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Begun:
-    """Stored data from which a run is resumed.
-
-    Attributes:
-        rows: The states that there are; none for a run from the beginning.
-        left: Which of the case's requested values are still to come.
-        points: The points to go on from; see `Continuation.resume`.
-        stop: The same of a program: the end of its last complete step.
-        recall: Lets parts remember what they do after those states; called where the path has begun.
-    """
-
-    rows: table.PathTable = dataclasses.field(default_factory=table.PathTable)
-    left: Sequence[bool] = ()
-    points: Sequence[stability.Point] = ()
-    stop: schedule.StageEnd | None = None
-    recall: Callable[[], None] = lambda: None
-
-
-FROM_REST = Begun()
-
-
-FEWEST_STEPS = 12
-"""Minimum number of steps to the last requested value, for smooth curves."""
-
-
-class Simulation:
-    """A case's device on a communicator, and its path.
-
-    In order: `write_mesh` (or a mesh file from before), `prepare`, `steps`, perhaps `branch`, `release`. Every call is made by
-    all ranks. The listener receives progress reports; ``stopped`` is asked between states, and while a mesh is made, and once
-    true on a rank ends the run. Model, body, solver and fields are there once it is prepared.
-    """
-
-    body: Body
-    solver: Solver
-    fields: Fields
-    model: Model
-
-    def __init__(
-        self, case: Case, comm: MPI.Comm, listener: Listener | None = None, stopped: Callable[[], bool] = bool
-    ):
-        self.case, self.comm, self.stopped = case, comm, stopped
-        self.listener: Listener = listener or Silent()
-        self._path: Continuation | None = None
-        self._bifurcations: list[stability.Point] = []
-
-    def write_mesh(self, file: Path) -> None:
-        """Mesh the device into a Gmsh file, on rank 0; `CaseError` for a field that there is not, `RunError` if it was
-        stopped, else see `Actuator.write`."""
-        check_requested(self.case.fields)
-        device = self.case.actuator
-        self.listener.say(meshing.mesh_label(device))
-        try:
-            mpi.on_root(self.comm, lambda: device.write(file, self.stopped))
-        except MeshingStopped:
-            raise RunError("stopped by the user during meshing; nothing was solved", outcomes.STOPPED) from None
-
-    def prepare(self, file: Path) -> None:
-        """Read the mesh and set up the equations, compiling them on the first run; `RunError` or `MeshFileError` as
-        `body_of`."""
-        case, say = self.case, self.listener.say
-        say("compiling kernels (first run only, about 10 s; then cached)")
-        self._stop_if_asked()
-        with compiling.told_of_waits(say, self._stop_here):
-            self.body = body_of(case.actuator, file, self.comm)
-            self.model = Model.of(case, self.body)
-            self.solver, self.fields = self.model.solver, self.model.fields
-            with compiling.compiling():
-                self._band = self._make_band()
-
-    def prepare_on(self, mesh: Callable[[], bytes]) -> None:
-        """Prepare on a stored mesh, whose file is read on rank 0; errors as `prepare`, or `RunError` if the disk is full."""
-        with notes.sentences(), temporary_folder(self.comm) as folder:
-            file = folder / f"{self.case.name}.msh"
-            mpi.on_root(self.comm, lambda: file.write_bytes(mesh()))
-            self.prepare(file)
-
-    def _make_band(self) -> columns.Band | None:
-        case = self.case
-        return (
-            columns.Band(self.fields, case.band, case.cm, case.quantity)
-            if isinstance(case.band, materials.MaterialErrors)
-            else None
-        )
-
-    def describe(self) -> None:
-        """Report the size of the model, the tracked points, and the stable range of the law."""
-        say, ranks = self.listener.say, self.comm.size
-        for text in self.fields.followed:
-            say(text)
-        space, topology = self.solver.system.space, self.body.mesh.topology
-        unknowns = space.dofmap.index_map.size_global * space.dofmap.index_map_bs
-        cells = topology.index_map(topology.dim).size_global
-        say(f"{cells} cells, {unknowns} unknowns, {ranks} rank{'s' if ranks > 1 else ''}")
-        if told := self.solver.method.told:
-            say(told)
-        for note in self.model.notes:
-            say(f"warning: {note}")
-        if weak := specimens.weakness(self.case.material):
-            say(f"warning: {weak}; results at larger stretches are invalid")
-
-    def steps(self, begun: Begun = FROM_REST) -> Iterator[Step]:
-        """Solve state by state, through all requested values that are not ``begun``.
-
-        Raises:
-            PathEnded: The path ends before the last requested value, with where, why, and what can be done.
-            RunError: It was stopped between two states, or no state was found where no step can be shortened.
-        """
-        yield from self._reported(self._program(begun) if self.case.program else self._load_path(begun))
-
-    def _reported(self, steps: Iterator[Step]) -> Iterator[Step]:
-        """Yield the same steps; notify the listener of each, and stop between steps if asked to."""
-        for step in steps:
-            yield step
-            if mpi.is_root(self.comm):
-                self.listener.step(step.row, step.row.cell(self.case.column))
-            self._stop_if_asked()
-
-    def _load_path(self, begun: Begun) -> Iterator[Step]:
-        case, count = self.case, len(begun.rows)
-        last = begun.rows[-1] if begun.rows else None
-        goals = self._goals()
-        self._path = path = self._continuation(goals[-1])
-        path.start, path.recall = self.model.hanging(self.listener.say), begun.recall
-        self._check_volumes(path.start)
-        if begun.rows and not case.load_unload:
-            goals = [goal for goal, wanted in zip(goals, begun.left, strict=True) if wanted]
-        points = schedule.cycle(path, goals) if case.load_unload else continuation.trace(path, goals, begun.points)
-        try:
-            for number, point in enumerate(points):
-                if case.load_unload and number < count:
-                    continue  # the curve is computed anew; stored states stay
-                step = self.step_of(point, number if case.load_unload else count + number)
-                last = step.row
-                self._bifurcations += [point] if point.bifurcation else []
-                yield step
-        except stability.PathEnd as end:
-            text = notes.explain(case, end, self.fields, path, _own_words())
-            raise PathEnded(text, outcomes.NO_EQUILIBRIUM if end.physical else outcomes.FAILED) from end
-        except newton.NoConvergence as failure:
-            raise RunError(notes.explain_failure(case, failure, last, _own_words())) from failure
-
-    def _check_volumes(self, start: State | None) -> None:
-        """Raise `RunError` for requested volumes below the one that the cavity has under the preload, where the path begins,
-        the drivers coupled for it; None for the undeformed state."""
-        volumes = self.case.load.of(steps.VOLUME)
-        if start is None or not volumes:
-            return
-        system = self.solver.system
-        taken = (start.V - system.rest().V) * system.volume_unit
-        system.load(start)
-        if passed := [value for value in volumes if 0.0 < value < taken]:
-            raise RunError(
-                f"{units.written(passed[0])} are not on this path: the preload has already added "
-                f"{taken * 1e6:.4g} ml to the undeformed cavity; request more than that, or 0 for the preloaded state",
-                outcomes.NO_EQUILIBRIUM,
-            )
-
-    def _goals(self) -> list[float]:
-        """Return the requested values, dimensionless, each with its text."""
-        scale = self.model.unit_of(self.case.quantity)
-        return [
-            units.Amount(goal / scale, goal.number, goal.unit) if isinstance(goal, units.Amount) else goal / scale
-            for goal in self.case.goals
-        ]
-
-    def quantity(self, name: str) -> stability.PathQuantity:
-        """Return a requested quantity by its name; the stroke is that of the case's supply."""
-        eq, supply = self.solver.system, self.case.supply
-        if supply is None or name in stability.DIRECT:
-            return stability.DIRECT[name]
-        return supply.control(eq.rest().V * eq.volume_unit, eq.stress_unit, eq.volume_unit)
-
-    def _continuation(self, last: float) -> Continuation:
-        case = self.case
-        path = Continuation(self.solver, self.quantity(case.quantity), case.control, last / FEWEST_STEPS)
-        path.report, path.lets_go = lambda text: self.listener.say(f"  {text}"), True
-        return path
-
-    def _program(self, begun: Begun) -> Iterator[Step]:
-        """Follow the device's program."""
-        case, rows = self.case, table.PathTable(begun.rows)
-        come = float(begun.stop.number) if begun.stop else 0.0
-        try:
-            say = self.listener.say
-            hung = self.model.preload(say)
-            self.model.set_in_motion()
-            begun.recall()
-            settings = schedule.Settings(case.control, say, case.time_tolerance)
-            gas = self.quantity(supply.Gas.name) if case.supply else None
-            if isinstance(gas, supply.Gas):
-                points = schedule.supply(self.solver, case.steps, gas, settings, begun.stop, hung)
-            else:
-                points = schedule.follow(self.solver, case.steps, settings, begun.stop, hung)
-            for come, point in points:
-                step = self.step_of(point, len(rows), come)
-                rows.append(step.row)
-                yield step
-        except stability.PathEnd as end:
-            text = notes.explain_step(case, end, rows, come, _own_words())
-            raise PathEnded(text, outcomes.NO_EQUILIBRIUM if end.physical else outcomes.FAILED) from end
-        except newton.NoConvergence as failure:
-            raise RunError(notes.explain_failure(case, failure, rows[-1] if rows else None, _own_words())) from failure
-
-    @property
-    def bifurcates(self) -> bool:
-        """Whether `steps` has passed a bifurcation, from which `branch` can start."""
-        return bool(self._bifurcations)
-
-    def branch(self) -> Iterator[Step]:
-        """Follow the branch at the first bifurcation, after `steps`, as far as it
-        converges; report its end to the listener."""
-        yield from self._reported(self._branch())
-
-    def _branch(self) -> Iterator[Step]:
-        assert self._path is not None
-        start = self._bifurcations[0]
-        value = self._path.value(start.state) * self.model.unit_of(self.case.quantity) / self.case.load.scale
-        self.listener.say(f"following the branch from {value:.4g} {self.case.unit}")
-        try:
-            for number, point in enumerate(continuation.follow(self._path, start, farthest=max(self._goals()))):
-                yield self.step_of(point, number)
-        except (stability.PathEnd, newton.NoConvergence) as end:
-            self.listener.say(f"the branch ends here: {end}")
-
-    def release(self) -> None:
-        """Release the PETSc and MPI objects of the device; see `Solver.release`."""
-        if hasattr(self, "solver"):
-            self.solver.release()
-
-    def _stop_if_asked(self) -> None:
-        if mpi.any_rank(self.comm, self.stopped()):
-            raise RunError(outcomes.INTERRUPTED, outcomes.STOPPED)
-
-    def _stop_here(self) -> None:
-        """As `_stop_if_asked`, on this rank only."""
-        if self.stopped():
-            raise RunError(outcomes.INTERRUPTED, outcomes.STOPPED)
-
-    def step_of(self, point: stability.Point, number: int, come: float = 0.0) -> Step:
-        """Return a point of the path in SI units; ``come`` is the number of program steps taken."""
-        case, fields = self.case, self.fields
-        figures = fields.figures(point.state)
-        nodal = fields.nodal(point.state)  # on rank 0 only
-        mode = None if point.mode is None else fields.shape(point.mode)
-        if nodal is not None and mode is not None:
-            nodal["mode"] = mode / np.abs(mode).max()
-        band = self._band.cells(point) if self._band else {}
-        row = mpi.on_root(
-            self.comm,
-            lambda: columns.row_of(columns.Solved(case, fields, point, figures, nodal or {}, number, come, band)),
-        )
-        return Step(row, nodal, formats.restart_of(point))
-
-
-def _own_words() -> bool:
-    """Return whether the user gave PETSc options."""
-    return bool(PETSc.Options().getAll())
-
-
-class InMemory(States):
-    """States of a prepared simulation in memory, identical on all ranks; its mesh's file is read on rank 0."""
-
-    def __init__(self, simulation: Simulation, mesh: Callable[[], bytes]):
-        self._comm, grid = simulation.comm, simulation.fields.grid
-        # Only rank 0 has the whole grid.
-        points, cells, self._mesh = mpi.on_root(self._comm, lambda: (grid.points, grid.cells, mesh()))
-        kept: list[dict[str, Array]] = []
-        super().__init__(simulation.case, (), (points, cells, grid.cell_name), lambda step, name: kept[step][name])
-        self.mesh_notes, self._fields = simulation.model.notes, kept
-        self._restarts: list[formats.Restart] = []
-
-    def add(self, step: Step) -> None:
-        """Keep a state."""
-        self.rows.append(step.row)
-        self._fields.append(mpi.on_root(self._comm, lambda: step.fields or {}))
-        self._restarts.append(step.restart)
-
-    def fields(self, step: int, names: Sequence[str] | None = None) -> Mapping[str, Array]:
-        there = self._fields[step]
-        return there if names is None else {name: there[name] for name in names}
-
-    def restart(self, step: int) -> formats.Restart:
-        return self._restarts[step]
-
-    def mesh(self) -> bytes:
-        return self._mesh
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -21,6 +21,134 @@ from softmodels.mechanics.system import State, System
 from softmodels.path import continuation
 from softmodels.runs import grid
 
+
+class StateValues:
+    """A state's values, on all ranks; made while the state is loaded into the equations.
+
+    Stresses and stretches at a node are the mean of what the adjoining cells have there by a linear fit through their
+    integration points: between those points, and at nodes above all, the strains of a coarse cell are no good, and where it
+    nearly folds they are beyond all bounds. The volume ratio is linear between the vertices, as evaluated by `VolumeRatio`.
+    Deformation gradients ``F`` are at the integration points, shape (cells, points, 3, 3).
+    """
+
+    def __init__(self, sampling: Sampling, state: State):
+        self.sampling, self.state = sampling, state
+        self.F = sampling.gradients()
+
+    @property
+    def system(self) -> System:
+        return self.sampling.system
+
+    @functools.cached_property
+    def stretches(self) -> Array:
+        """Principal stretches at the integration points, rising, shape (cells, points, 3)."""
+        return principal_stretches(self.F)
+
+    @functools.cached_property
+    def von_mises(self) -> Array:
+        """Von Mises stress at the integration points in Pa, shape (cells, points)."""
+        found = np.empty(self.stretches.shape[:2])
+        potential = self.system.potential
+        remembered = {history.region.name: history for history in potential.histories}
+        for region in potential.regions:
+            if region.name in remembered:
+                stress = remembered[region.name].stress() * self.system.stress_unit
+                found[region.cells] = von_mises(np.linalg.eigvalsh(stress))
+            else:
+                found[region.cells] = von_mises(shape_stresses(region.material, self.stretches[region.cells]))
+        return found
+
+    @functools.cached_property
+    def cauchy(self) -> Array:
+        """Cauchy stress of the silicone at the integration points in Pa, device coordinates, shape (cells, points, 3, 3).
+
+        The stress of fibres that share its place is not in it.
+        """
+        potential, unit = self.system.potential, self.system.stress_unit
+        squares, axes = np.linalg.eigh(self.F @ np.swapaxes(self.F, -1, -2))
+        stretches, found = np.sqrt(np.maximum(squares, 0.0)), np.empty(self.F.shape)
+        remembered = {history.region.name: history for history in potential.histories}
+        for number, region in enumerate(potential.regions):
+            if region.name in remembered:
+                found[region.cells] = remembered[region.name].stress() * unit
+            else:
+                values = shape_stresses(region.material, stretches[region.cells])
+                found[region.cells] = (axes[region.cells] * values[..., None, :]) @ np.swapaxes(
+                    axes[region.cells], -1, -2
+                )
+            if potential.mixed:
+                p = self.state.w[potential.pressure_dofs[region.cells, :, number]] @ barycentric(self.system.points).T
+            else:
+                p = float(region.bulk.value) * (np.linalg.det(self.F[region.cells]) - 1.0)
+            found[region.cells] += (p * unit)[..., None, None] * np.eye(3)
+        return found
+
+    @functools.cached_property
+    def cauchy_at_nodes(self) -> Array:
+        """Cauchy stress at owned nodes, shape (owned, 3, 3)."""
+        return self.tensors_at_nodes(self.cauchy)
+
+    @functools.cached_property
+    def gradient_at_nodes(self) -> Array:
+        """Deformation gradient at owned nodes, shape (owned, 3, 3)."""
+        return self.tensors_at_nodes(self.F)
+
+    @functools.cached_property
+    def principal_stresses(self) -> tuple[Array, Array]:
+        """Principal Cauchy stresses at owned nodes, the largest first, shape (owned, 3), and in rows their unit directions,
+        shape (owned, 3, 3)."""
+        return principal(self.cauchy_at_nodes)
+
+    @functools.cached_property
+    def principal_stretches(self) -> tuple[Array, Array]:
+        """The same of the stretches, whose directions are those of the undeformed lines that are stretched so."""
+        squares, axes = principal(np.swapaxes(self.gradient_at_nodes, -1, -2) @ self.gradient_at_nodes)
+        return np.sqrt(np.maximum(squares, 0.0)), axes
+
+    @functools.cached_property
+    def J(self) -> Array:
+        """Volume ratio at the corners of the cells, shape (cells, corners)."""
+        return self.sampling.ratio.at_corners(np.linalg.det(self.F))
+
+    @functools.cached_property
+    def displacement(self) -> Array:
+        """Displacement in m in device coordinates at owned nodes, shape (owned, 3)."""
+        return self.sampling.displacement(self.state.w)
+
+    @functools.cached_property
+    def p(self) -> Array:
+        """The pressure-like unknown in Pa at owned nodes, shape (owned,): J - 1 times the bulk modulus."""
+        eq = self.system
+        p = self.sampling.pressure(self.state.w)
+        if p is None:
+            change = self.J - 1.0
+            for region in eq.potential.regions:
+                change[region.cells] *= float(region.bulk.value)
+            p = self.sampling.average(change @ self.sampling.between.T)
+        return p * eq.stress_unit
+
+    def at_nodes(self, values: Array, positive: bool = False) -> Array:
+        """Return the values at integration points, shape (cells, points), mapped to owned nodes, shape (owned,); of
+        ``positive`` ones the linear fit has none below zero either."""
+        fitted = values @ self.sampling.to_nodes.T
+        return self.sampling.average(np.maximum(fitted, 0.0) if positive else fitted)
+
+    def tensors_at_nodes(self, values: Array) -> Array:
+        """Return the tensors at integration points, shape (cells, points, 3, 3), mapped to owned nodes, shape (owned, 3, 3)."""
+        flat = np.moveaxis(values.reshape(*values.shape[:2], 9), -1, 0)
+        return np.stack([self.at_nodes(one) for one in flat], axis=-1).reshape(-1, 3, 3)
+
+    def from_corners(self, values: Array) -> Array:
+        """Return the values at the corners of the cells, shape (cells, corners), mapped to owned nodes, shape (owned,)."""
+        return self.sampling.average(values @ self.sampling.between.T)
+
+
+def _linear_fit(points: npt.NDArray[np.float64], places: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return the matrix that takes values at points of the reference cell to the least-squares linear function's at places."""
+    at_points, at_places = (np.column_stack([np.ones(len(x)), x]) for x in (points, places))
+    return at_places @ np.linalg.pinv(at_points)
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Stresses and stretches of deformation gradients.
 #
@@ -157,133 +285,6 @@ class Sampling:
             return None
         corners = np.array(self.system.space.sub(1).dofmap.list)[: len(self.system.cells)]
         return self.average(w[corners] @ self.between.T)
-
-
-class StateValues:
-    """A state's values, on all ranks; made while the state is loaded into the equations.
-
-    Stresses and stretches at a node are the mean of what the adjoining cells have there by a linear fit through their
-    integration points: between those points, and at nodes above all, the strains of a coarse cell are no good, and where it
-    nearly folds they are beyond all bounds. The volume ratio is linear between the vertices, as evaluated by `VolumeRatio`.
-    Deformation gradients ``F`` are at the integration points, shape (cells, points, 3, 3).
-    """
-
-    def __init__(self, sampling: Sampling, state: State):
-        self.sampling, self.state = sampling, state
-        self.F = sampling.gradients()
-
-    @property
-    def system(self) -> System:
-        return self.sampling.system
-
-    @functools.cached_property
-    def stretches(self) -> Array:
-        """Principal stretches at the integration points, rising, shape (cells, points, 3)."""
-        return principal_stretches(self.F)
-
-    @functools.cached_property
-    def von_mises(self) -> Array:
-        """Von Mises stress at the integration points in Pa, shape (cells, points)."""
-        found = np.empty(self.stretches.shape[:2])
-        potential = self.system.potential
-        remembered = {history.region.name: history for history in potential.histories}
-        for region in potential.regions:
-            if region.name in remembered:
-                stress = remembered[region.name].stress() * self.system.stress_unit
-                found[region.cells] = von_mises(np.linalg.eigvalsh(stress))
-            else:
-                found[region.cells] = von_mises(shape_stresses(region.material, self.stretches[region.cells]))
-        return found
-
-    @functools.cached_property
-    def cauchy(self) -> Array:
-        """Cauchy stress of the silicone at the integration points in Pa, device coordinates, shape (cells, points, 3, 3).
-
-        The stress of fibres that share its place is not in it.
-        """
-        potential, unit = self.system.potential, self.system.stress_unit
-        squares, axes = np.linalg.eigh(self.F @ np.swapaxes(self.F, -1, -2))
-        stretches, found = np.sqrt(np.maximum(squares, 0.0)), np.empty(self.F.shape)
-        remembered = {history.region.name: history for history in potential.histories}
-        for number, region in enumerate(potential.regions):
-            if region.name in remembered:
-                found[region.cells] = remembered[region.name].stress() * unit
-            else:
-                values = shape_stresses(region.material, stretches[region.cells])
-                found[region.cells] = (axes[region.cells] * values[..., None, :]) @ np.swapaxes(
-                    axes[region.cells], -1, -2
-                )
-            if potential.mixed:
-                p = self.state.w[potential.pressure_dofs[region.cells, :, number]] @ barycentric(self.system.points).T
-            else:
-                p = float(region.bulk.value) * (np.linalg.det(self.F[region.cells]) - 1.0)
-            found[region.cells] += (p * unit)[..., None, None] * np.eye(3)
-        return found
-
-    @functools.cached_property
-    def cauchy_at_nodes(self) -> Array:
-        """Cauchy stress at owned nodes, shape (owned, 3, 3)."""
-        return self.tensors_at_nodes(self.cauchy)
-
-    @functools.cached_property
-    def gradient_at_nodes(self) -> Array:
-        """Deformation gradient at owned nodes, shape (owned, 3, 3)."""
-        return self.tensors_at_nodes(self.F)
-
-    @functools.cached_property
-    def principal_stresses(self) -> tuple[Array, Array]:
-        """Principal Cauchy stresses at owned nodes, the largest first, shape (owned, 3), and in rows their unit directions,
-        shape (owned, 3, 3)."""
-        return principal(self.cauchy_at_nodes)
-
-    @functools.cached_property
-    def principal_stretches(self) -> tuple[Array, Array]:
-        """The same of the stretches, whose directions are those of the undeformed lines that are stretched so."""
-        squares, axes = principal(np.swapaxes(self.gradient_at_nodes, -1, -2) @ self.gradient_at_nodes)
-        return np.sqrt(np.maximum(squares, 0.0)), axes
-
-    @functools.cached_property
-    def J(self) -> Array:
-        """Volume ratio at the corners of the cells, shape (cells, corners)."""
-        return self.sampling.ratio.at_corners(np.linalg.det(self.F))
-
-    @functools.cached_property
-    def displacement(self) -> Array:
-        """Displacement in m in device coordinates at owned nodes, shape (owned, 3)."""
-        return self.sampling.displacement(self.state.w)
-
-    @functools.cached_property
-    def p(self) -> Array:
-        """The pressure-like unknown in Pa at owned nodes, shape (owned,): J - 1 times the bulk modulus."""
-        eq = self.system
-        p = self.sampling.pressure(self.state.w)
-        if p is None:
-            change = self.J - 1.0
-            for region in eq.potential.regions:
-                change[region.cells] *= float(region.bulk.value)
-            p = self.sampling.average(change @ self.sampling.between.T)
-        return p * eq.stress_unit
-
-    def at_nodes(self, values: Array, positive: bool = False) -> Array:
-        """Return the values at integration points, shape (cells, points), mapped to owned nodes, shape (owned,); of
-        ``positive`` ones the linear fit has none below zero either."""
-        fitted = values @ self.sampling.to_nodes.T
-        return self.sampling.average(np.maximum(fitted, 0.0) if positive else fitted)
-
-    def tensors_at_nodes(self, values: Array) -> Array:
-        """Return the tensors at integration points, shape (cells, points, 3, 3), mapped to owned nodes, shape (owned, 3, 3)."""
-        flat = np.moveaxis(values.reshape(*values.shape[:2], 9), -1, 0)
-        return np.stack([self.at_nodes(one) for one in flat], axis=-1).reshape(-1, 3, 3)
-
-    def from_corners(self, values: Array) -> Array:
-        """Return the values at the corners of the cells, shape (cells, corners), mapped to owned nodes, shape (owned,)."""
-        return self.sampling.average(values @ self.sampling.between.T)
-
-
-def _linear_fit(points: npt.NDArray[np.float64], places: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Return the matrix that takes values at points of the reference cell to the least-squares linear function's at places."""
-    at_points, at_places = (np.column_stack([np.ones(len(x)), x]) for x in (points, places))
-    return at_places @ np.linalg.pinv(at_points)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -29,7 +29,6 @@ from softmodels.runs.store import ResultsError
 STILLS = 4
 """Maximum number of states shown side by side."""
 
-
 type NodalGrid = tuple[Array, npt.NDArray[np.int64], str]
 """Undeformed nodes in m, shape (n, 3); cells in VTK's order, shape (c, 6 or 10); XDMF's name of the cells."""
 

@@ -30,44 +30,8 @@ from softmodels.runs import columns, formats, table
 from softmodels.runs.columns import write_sources
 from softmodels.runs.formats import write_light
 
-PICTURES = ("profile", "loop", "mesh", "slice", "mode", "undeformed", "cut", "hot-spots", "stress",
-            *(f"stress-{k}" for k in range(1, 5)))  # fmt: skip
-"""Stems of the pictures other than the one named after the gauge."""
-PAGES = ("film.gif", "film.webp", "film.mp4", "report.html")
-FORMAT = 5
-"""Of the stored steps, in the HDF5 file's attribute ``format``. An older one is read, but not resumed."""
-OLDER = "run its case.toml again into another folder (--output), without --resume"
-INPUTS = "files/"
-"""Subfolder for copies of a case's input files, such as a part's mesh."""
 RUN, BRANCH = "run", "branch/"
 """Kind of a run in a folder's record; subfolder for the branch at its bifurcation."""
-
-
-def picture_files(gauge: str) -> list[str]:
-    """Return the file names of a run's pictures, film and report."""
-    return [*(f"{picture}.png" for picture in (*PICTURES, gauge)), *PAGES]
-
-
-def picture_folder(folder: Path) -> folders.OwnFolder:
-    """Return the record of the pictures in a results folder, separate from the run's because they are also drawn during it."""
-    return folders.OwnFolder(folder, "pictures", part="pictures")
-
-
-def not_passed(steps: Mapping[int, formats.StoredStep]) -> list[int]:
-    """Return the numbers of the states of one path, in order, without those of an interrupted program that the states of a
-    resumed one have passed: it may take other steps in time, and fewer."""
-    reached, numbers = -math.inf, []
-    for number in sorted(steps):
-        row = table.Row(steps[number].cells)
-        come = row.get("load_step", math.inf)
-        if reached < come:
-            numbers.append(number)
-            reached = come if come < math.inf and (row["requested"] or "time" in row) else reached
-    return numbers
-
-
-class ResultsError(errors.Spoken, RuntimeError):
-    """Results cannot be read or resumed; the message is for the user."""
 
 
 class Results:
@@ -297,3 +261,41 @@ class Results:
     def write_light(self, gathered: bool = False) -> None:
         """Write ``path.csv``, the XDMF and the light VTKHDF anew; ``gathered`` is whether the HDF5 file has all steps."""
         write_light(self.heavy, self._shapes, [*self.stored, *self.later.values()], gathered)
+
+
+PICTURES = ("profile", "loop", "mesh", "slice", "mode", "undeformed", "cut", "hot-spots", "stress",
+            *(f"stress-{k}" for k in range(1, 5)))  # fmt: skip
+"""Stems of the pictures other than the one named after the gauge."""
+PAGES = ("film.gif", "film.webp", "film.mp4", "report.html")
+FORMAT = 5
+"""Of the stored steps, in the HDF5 file's attribute ``format``. An older one is read, but not resumed."""
+OLDER = "run its case.toml again into another folder (--output), without --resume"
+INPUTS = "files/"
+"""Subfolder for copies of a case's input files, such as a part's mesh."""
+
+
+def picture_files(gauge: str) -> list[str]:
+    """Return the file names of a run's pictures, film and report."""
+    return [*(f"{picture}.png" for picture in (*PICTURES, gauge)), *PAGES]
+
+
+def picture_folder(folder: Path) -> folders.OwnFolder:
+    """Return the record of the pictures in a results folder, separate from the run's because they are also drawn during it."""
+    return folders.OwnFolder(folder, "pictures", part="pictures")
+
+
+def not_passed(steps: Mapping[int, formats.StoredStep]) -> list[int]:
+    """Return the numbers of the states of one path, in order, without those of an interrupted program that the states of a
+    resumed one have passed: it may take other steps in time, and fewer."""
+    reached, numbers = -math.inf, []
+    for number in sorted(steps):
+        row = table.Row(steps[number].cells)
+        come = row.get("load_step", math.inf)
+        if reached < come:
+            numbers.append(number)
+            reached = come if come < math.inf and (row["requested"] or "time" in row) else reached
+    return numbers
+
+
+class ResultsError(errors.Spoken, RuntimeError):
+    """Results cannot be read or resumed; the message is for the user."""

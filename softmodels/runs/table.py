@@ -18,111 +18,6 @@ import numpy as np
 from softmodels.common import units
 from softmodels.common.arrays import Array
 
-Cell = float | str | None
-"""Cell of ``path.csv``: a number in the unit of its column, a word, or None if unknown."""
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Units of the files, and their SI values.
-
-
-@dataclasses.dataclass(frozen=True)
-class Unit:
-    """A unit of files: its symbol there, that of SI, and one of it in SI; nan for the centimetre of a case's column."""
-
-    symbol: str
-    si: str
-    size: float = 1.0
-
-    def written(self, value: float) -> float:
-        """Return a value in SI in this unit."""
-        return value * round(1 / self.size) if self.size < 1.0 else value / self.size if self.size != 1.0 else value
-
-
-UNITS: Mapping[str, Unit] = MappingProxyType({
-    "N_per_m": Unit("N/m", "N/m"), "Pa_per_mm2": Unit("Pa/mm²", "Pa/m²", 1e6), "ml_per_min": Unit("ml/min", "m³/s", 1 / 60e6),
-    "per_m": Unit("1/m", "1/m"), "cm": Unit("cm", "Pa", math.nan), "mm": Unit("mm", "m", 1e-3), "ml": Unit("ml", "m³", 1e-6),
-    "Pa": Unit("Pa", "Pa"), "kPa": Unit("kPa", "Pa", 1e3), "mJ": Unit("mJ", "J", 1e-3), "Nmm": Unit("N mm", "N m", 1e-3),
-    "N": Unit("N", "N"), "deg": Unit("°", "rad", math.pi / 180), "mm2": Unit("mm²", "m²", 1e-6), "s": Unit("s", "s"),
-})  # fmt: skip
-"""By the ending of a column's name, longer endings first."""
-NUMBER = Unit("", "")
-
-
-def column_of(name: str, unit: str) -> str:
-    """Return the column of a variable: ``apex_mm`` of ``apex`` in ``mm``; of a number its name."""
-    return f"{name}_{unit}" if unit else name
-
-
-@functools.cache
-def parsed(column: str) -> tuple[str, Unit]:
-    """Return the variable of a column, and the column's unit."""
-    for ending, unit in UNITS.items():
-        if column.endswith(f"_{ending}"):
-            return column.removesuffix(f"_{ending}"), unit
-    return column, NUMBER
-
-
-def split(column: str) -> tuple[str, str]:
-    """Return a column's name without its unit, and the unit's symbol: ``apex_mm`` is ("apex", "mm")."""
-    name, unit = parsed(column)
-    return name, unit.symbol
-
-
-@dataclasses.dataclass(frozen=True)
-class ColumnText:
-    """A column: its short name, its unit ("" for a number) and its meaning, a sentence without full stop."""
-
-    name: str
-    unit: str
-    text: str
-
-    def told_of(self, supply: str) -> ColumnText:
-        """Return a copy with the name of the air supply instead of ``{supply}``."""
-        return ColumnText(self.name.replace("{supply}", supply), self.unit, self.text.replace("{supply}", supply))
-
-    def __str__(self) -> str:
-        return f"{self.name} ({self.unit})" if self.unit else self.name
-
-
-def described(column: str, texts: tuple[str, str]) -> ColumnText:
-    """Return the term of a column from its short name and its meaning."""
-    return ColumnText(texts[0], split(column)[1], texts[1])
-
-
-def at_rise(gauge: str) -> str:
-    """Return the variable of the pressure's 95 % band at the same rise of a device's gauge."""
-    return f"pressure_at_{gauge}_ci95"
-
-
-def band_of(name: str) -> str:
-    """Return the variable of the 95 % band of another."""
-    return f"{name}_ci95"
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# A state's row, and the table of all.
-
-
-Place = tuple[str, Unit, float]
-"""A variable's column, the column's unit, and the SI value of one in it; 0 where it is taken as it is."""
-
-
-@functools.lru_cache(maxsize=256)
-def _places(columns: tuple[str, ...], cm: float) -> tuple[Mapping[str, Place], Mapping[str, str]]:
-    """Return the place of each variable in a file's columns, and the column in which each is shown, the first one."""
-    places: dict[str, Place] = {}
-    shown: dict[str, str] = {}
-    for column in columns:
-        name, unit = parsed(column)
-        if name in places and "cm" not in (unit.symbol, places[name][1].symbol):
-            name, unit = column, NUMBER  # a point and an angle may have the same name
-        size = cm if unit.symbol == "cm" else unit.size
-        shown.setdefault(name, column)
-        if name not in places or unit.symbol != "cm":  # pascals rather than their height of column
-            places[name] = column, unit, 0.0 if size == 1.0 else size
-    return MappingProxyType(places), MappingProxyType(shown)
-
 
 class Row(Mapping[str, float]):
     """A state: numbers in SI by the name of the variable, in the order of the file; ``row["apex"]`` in m. A number that is not
@@ -260,3 +155,109 @@ class PathTable(Sequence[Row]):
         """Return the states for which something holds, or of which a variable that some runs have is not 0."""
         test = (lambda row: row.get(holds)) if isinstance(holds, str) else holds
         return PathTable(row for row in self._rows if test(row))
+
+
+Cell = float | str | None
+"""Cell of ``path.csv``: a number in the unit of its column, a word, or None if unknown."""
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Units of the files, and their SI values.
+
+
+@dataclasses.dataclass(frozen=True)
+class Unit:
+    """A unit of files: its symbol there, that of SI, and one of it in SI; nan for the centimetre of a case's column."""
+
+    symbol: str
+    si: str
+    size: float = 1.0
+
+    def written(self, value: float) -> float:
+        """Return a value in SI in this unit."""
+        return value * round(1 / self.size) if self.size < 1.0 else value / self.size if self.size != 1.0 else value
+
+
+UNITS: Mapping[str, Unit] = MappingProxyType({
+    "N_per_m": Unit("N/m", "N/m"), "Pa_per_mm2": Unit("Pa/mm²", "Pa/m²", 1e6), "ml_per_min": Unit("ml/min", "m³/s", 1 / 60e6),
+    "per_m": Unit("1/m", "1/m"), "cm": Unit("cm", "Pa", math.nan), "mm": Unit("mm", "m", 1e-3), "ml": Unit("ml", "m³", 1e-6),
+    "Pa": Unit("Pa", "Pa"), "kPa": Unit("kPa", "Pa", 1e3), "mJ": Unit("mJ", "J", 1e-3), "Nmm": Unit("N mm", "N m", 1e-3),
+    "N": Unit("N", "N"), "deg": Unit("°", "rad", math.pi / 180), "mm2": Unit("mm²", "m²", 1e-6), "s": Unit("s", "s"),
+})  # fmt: skip
+"""By the ending of a column's name, longer endings first."""
+NUMBER = Unit("", "")
+
+
+def column_of(name: str, unit: str) -> str:
+    """Return the column of a variable: ``apex_mm`` of ``apex`` in ``mm``; of a number its name."""
+    return f"{name}_{unit}" if unit else name
+
+
+@functools.cache
+def parsed(column: str) -> tuple[str, Unit]:
+    """Return the variable of a column, and the column's unit."""
+    for ending, unit in UNITS.items():
+        if column.endswith(f"_{ending}"):
+            return column.removesuffix(f"_{ending}"), unit
+    return column, NUMBER
+
+
+def split(column: str) -> tuple[str, str]:
+    """Return a column's name without its unit, and the unit's symbol: ``apex_mm`` is ("apex", "mm")."""
+    name, unit = parsed(column)
+    return name, unit.symbol
+
+
+@dataclasses.dataclass(frozen=True)
+class ColumnText:
+    """A column: its short name, its unit ("" for a number) and its meaning, a sentence without full stop."""
+
+    name: str
+    unit: str
+    text: str
+
+    def told_of(self, supply: str) -> ColumnText:
+        """Return a copy with the name of the air supply instead of ``{supply}``."""
+        return ColumnText(self.name.replace("{supply}", supply), self.unit, self.text.replace("{supply}", supply))
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.unit})" if self.unit else self.name
+
+
+def described(column: str, texts: tuple[str, str]) -> ColumnText:
+    """Return the term of a column from its short name and its meaning."""
+    return ColumnText(texts[0], split(column)[1], texts[1])
+
+
+def at_rise(gauge: str) -> str:
+    """Return the variable of the pressure's 95 % band at the same rise of a device's gauge."""
+    return f"pressure_at_{gauge}_ci95"
+
+
+def band_of(name: str) -> str:
+    """Return the variable of the 95 % band of another."""
+    return f"{name}_ci95"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A state's row, and the table of all.
+
+
+Place = tuple[str, Unit, float]
+"""A variable's column, the column's unit, and the SI value of one in it; 0 where it is taken as it is."""
+
+
+@functools.lru_cache(maxsize=256)
+def _places(columns: tuple[str, ...], cm: float) -> tuple[Mapping[str, Place], Mapping[str, str]]:
+    """Return the place of each variable in a file's columns, and the column in which each is shown, the first one."""
+    places: dict[str, Place] = {}
+    shown: dict[str, str] = {}
+    for column in columns:
+        name, unit = parsed(column)
+        if name in places and "cm" not in (unit.symbol, places[name][1].symbol):
+            name, unit = column, NUMBER  # a point and an angle may have the same name
+        size = cm if unit.symbol == "cm" else unit.size
+        shown.setdefault(name, column)
+        if name not in places or unit.symbol != "cm":  # pascals rather than their height of column
+            places[name] = column, unit, 0.0 if size == 1.0 else size
+    return MappingProxyType(places), MappingProxyType(shown)

@@ -21,6 +21,361 @@ from softmodels.common.names import checked
 from softmodels.common.units import FORMULA, UnitError, brief, quantity
 from softmodels.materials import laws, specimens
 
+
+@checked
+@dataclasses.dataclass(frozen=True, eq=False)
+class TensileCurve:
+    """A loading ramp, or with times the whole history of a test.
+
+    Attributes:
+        name: Where it comes from.
+        mode: ``"uniaxial"``, ``"planar"`` or ``"equibiaxial"``; a balloon's curve is equibiaxial.
+        stretch: Rising, shape (n,); in the order of the test where there are times.
+        stress: Nominal stress in Pa, shape (n,).
+        remarks: Sentences on what was left out, and on the rate.
+        noise: Standard deviation in Pa of the readings that its points are averages of, with times one per point; None if
+            they are readings themselves.
+        readings: Readings per point, with times one number per point.
+        time: In s, not falling, shape (n,). Only fits of a memory look at it; a curve without times is taken there as
+            so slow that the silicone is relaxed at each point.
+        loop: Area between first loading and unloading over the work of the loading; 0 where it does not unload.
+        origin: The slack and the load cell's zero that are taken off stretch and stress already; None for none.
+    """
+
+    name: str
+    mode: str
+    stretch: Array
+    stress: Array
+    remarks: tuple[str, ...] = ()
+    noise: float | Array | None = None
+    readings: float | Array = 1.0
+    time: Array | None = None
+    loop: float = 0.0
+    origin: Origin | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise TensileError(f"the name of a curve is {brief(self.name)}; it must be a text")
+        if not isinstance(self.mode, str) or self.mode not in specimens.MODES:
+            known = errors.known_are(self.mode, specimens.MODES)
+            raise TensileError(f"{self.name}: the test {brief(self.mode)} is unknown; {known}")
+        for name, kind in (
+            ("stretch", schema.Quantity()),
+            ("stress", schema.Quantity("Pa")),
+            ("time", schema.Quantity("s")),
+        ):
+            if name != "time" or self.time is not None:
+                object.__setattr__(self, name, self._column(name, getattr(self, name), kind))
+        if len(self.stretch) != len(self.stress):
+            raise TensileError(
+                f"{self.name}: {len(self.stretch)} stretches but {len(self.stress)} stresses; give equal numbers"
+            )
+        if self.time is not None and (len(self.time) != len(self.stretch) or (np.diff(self.time) < 0.0).any()):
+            raise TensileError(
+                f"{self.name}: the times must be as many as the stretches ({len(self.stretch)}) and not fall"
+            )
+        if not len(self.stretch):
+            raise TensileError(f"{self.name}: the curve is empty; give stretches and stresses")
+        names.keep_arrays(self)
+
+    def _column(self, name: str, values: object, kind: schema.Quantity) -> Array:
+        """Return a copy of a column, protected from changes; `TensileError` for something else than finite numbers."""
+        try:
+            if type(values) is np.ndarray and values.dtype.kind in "iuf" and values.ndim == 1:
+                found = np.array(values, dtype=np.float64)
+            else:
+                found = np.array(schema.Several(kind).settled(name, values), dtype=np.float64)
+        except errors.FieldError as error:
+            raise TensileError(f"{self.name}: {error}") from None
+        if not np.isfinite(found).all():
+            raise TensileError(f"{self.name}: {name} has a number that is not finite")
+        return found
+
+    def check(self) -> TensileCurve:
+        """Return the curve itself after checking that it is plausible for silicone in its unit.
+
+        Raises:
+            TensileError: Why not.
+        """
+        for why in self._implausible():
+            raise TensileError(f"{self.name}: {why}")
+        return self
+
+    def _implausible(self) -> Iterator[str]:
+        """Yield what is implausible; each is asked only where nothing before it is."""
+        if len(self.stretch) < LEAST_POINTS:
+            yield f"the curve has {len(self.stretch)} points; at least {LEAST_POINTS} are needed"
+        low, high = self.stretch.min(), self.stretch.max()
+        if high > PERCENT:
+            yield (
+                f"a stretch of {high:.4g} is more than any silicone can take ({PERCENT:g}); if these are percent, divide "
+                "them by 100 (a strain in percent is a stretch of 1 + strain / 100)"
+            )
+        if low <= 0.0:
+            hint = "; values starting at 0 are strains: add 1" if low == 0.0 else ""
+            yield f"a stretch of {low:.4g} is not above zero{hint}"
+        top = float(np.abs(self.stress).max())
+        if low < SLACK and abs(self.stress[np.argmin(self.stretch)]) < AT_REST * top:
+            yield f"the stretch starts at {low:.4g} without stress instead of near 1: these seem to be strains; add 1"
+        if self.time is None and (np.diff(self.stretch) < 0.0).any():
+            yield "the stretch does not rise from row to row; give one loading ramp, sorted"
+        if top == 0.0:
+            yield "every stress is zero"
+        at_rest = np.abs(self.stress[np.abs(self.stretch - 1) < AT_STRETCH_1])
+        if len(at_rest) and at_rest.min() > LARGEST_ZERO * top and high > 1.2:
+            yield (
+                f"the stress at stretch 1 is {at_rest.min() / 1e3:.4g} kPa instead of zero, more than half of the largest one; "
+                "subtract the load cell's offset first"
+            )
+        modulus, least = small_modulus(self), SOFTEST_TEST
+        if not modulus > 0.0:
+            yield "the stress decreases with the stretch; check its sign and the columns"
+        if not modulus >= least:
+            yield (
+                f"the curve starts with a shear modulus of {modulus / 1e3:.3g} kPa; silicones and soft rubbers have "
+                f"{least / 1e3:g} kPa or more, so check the unit of the stress (a factor 1000?)"
+            )
+
+    @property
+    def stiff(self) -> str:
+        """A sentence if it is stiffer than silicones and soft rubbers; else empty."""
+        modulus = small_modulus(self)
+        if modulus <= laws.STIFFEST:
+            return ""
+        return (
+            f"{self.name} starts with a shear modulus of {modulus / 1e6:.3g} MPa; silicones and soft rubbers have at most "
+            f"{laws.STIFFEST / 1e6:g} MPa, so check the unit of the stress (a factor 1000?)"
+        )
+
+    def counting_from(self, slack: float, zero: float) -> TensileCurve:
+        """Return the curve with another slack and zero of the load cell (Pa) taken off, see `origin`."""
+        if self.origin is None:
+            return self
+        stretch, stress = self.stretch - (slack - self.origin.slack), self.stress - (zero - self.origin.zero)
+        return dataclasses.replace(
+            self, stretch=stretch, stress=stress, origin=dataclasses.replace(self.origin, slack=slack, zero=zero)
+        )
+
+    def within(self, low: float, high: float) -> TensileCurve:
+        """Return the part between two stretches.
+
+        Raises:
+            TensileError: Too few points are left.
+        """
+        keep = (self.stretch >= low) & (self.stretch <= high)
+        if self.time is not None:
+            raise TensileError(f"{self.name}: a range of stretch cannot be cut out of a test with times; leave it out")
+        if keep.sum() < LEAST_POINTS:
+            raise TensileError(
+                f"{self.name}: {keep.sum()} of its points are between stretch {low:g} and {high:g}; at least "
+                f"{LEAST_POINTS} are needed. It covers {self.stretch[0]:.4g} to {self.stretch[-1]:.4g}"
+            )
+        return dataclasses.replace(self, stretch=self.stretch[keep], stress=self.stress[keep])
+
+    def ramp(self) -> TensileCurve:
+        """Return the loading ramp, with remarks on the rest of the test; without times the curve itself.
+
+        Raises:
+            TensileError: There is none.
+        """
+        return self if self.time is None else _ramp_of(self)
+
+
+EQUILIBRIUM = 0.0
+"""Rate of a test so slow that the silicone is relaxed at each point."""
+
+
+def read_curve(
+    path: Path,
+    test: str = "uniaxial",
+    columns: str = "",
+    specimen: Specimen | None = None,
+    *,
+    history: bool = False,
+    rate: float | None = None,
+) -> TensileCurve:
+    """Read a curve from a text or Excel workbook with one row per reading, under a header that names the columns with their
+    units; or the units stand in a row below it. `TensileError`, which names the file, if it cannot be used.
+
+    Args:
+        test: One of `TESTS`, or a synonym.
+        columns: Which columns to take, see `told_columns`; empty to go by the headers.
+        specimen: Its sizes, where the file has forces, extensions or pressures.
+        history: Return the whole test with its times; else the loading ramp.
+        rate: Of the stretch in 1/s, instead of a column of times; `EQUILIBRIUM` for none.
+    """
+    if not isinstance(test, str) or test.lower() not in SYNONYMS:
+        raise TensileError(f"test {brief(test)} is not one of {', '.join(TESTS)}{errors.meant(test, SYNONYMS)}")
+    kind = SYNONYMS[test.lower()]
+    told = told_columns(columns) if columns else {}
+    try:
+        table = read_table(path, told)
+        if not told:
+            _check_start(table.x, table.y, table.deformation, specimen or Specimen())
+        stretch = _stretch(table.x, table.deformation, specimen or Specimen())
+        stress = _nominal(table.y, table.load, stretch, kind, specimen or Specimen())
+        _check_directions(stretch, stress, table.deformation, table.load)
+        time = table.time
+        if rate is not None:
+            way = np.cumsum(np.abs(np.diff(stretch, prepend=stretch[0])))
+            time = None if rate == EQUILIBRIUM else way / rate
+        if history and time is None and rate is None:
+            raise TensileError(
+                f"{table.untimed}; a fit of the memory needs times, or FILE:TEST:RATE, such as {path.name}:{kind}:0.05/s, "
+                f"or {path.name}:{kind}:equilibrium for a test so slow that the silicone was relaxed"
+            )
+    except TensileError as error:
+        raise TensileError(f"{path}: {error}") from None
+    whole = TensileCurve(str(path), "equibiaxial" if kind == "balloon" else kind, stretch, stress, time=time)
+    whole = without_jumps(whole, [f"line {number}" for number in table.lines])
+    curve = (_unbroken(whole) if history and time is not None else _ramp_of(whole)).check()
+    if curve.stiff:
+        try:
+            _check_units(table, stretch, stress, kind, specimen or Specimen())
+        except TensileError as error:
+            raise TensileError(f"{path}: {error}") from None
+    return dataclasses.replace(curve, name=path.name)
+
+
+def _unbroken(curve: TensileCurve) -> TensileCurve:
+    """Return a history up to the break: where more than half of a large stress is lost for good from one reading to the next,
+    and not by unloading."""
+    way = direction(curve.stretch)
+    x, y = way * curve.stretch, way * curve.stress
+    lost = (_last(y)[1:] < BREAK * y[:-1]) & (y[:-1] > BREAK * y.max()) & (x[1:] > x[:-1] - TURN * np.ptp(x))
+    if not lost.any():
+        return curve
+    end = int(np.argmax(lost)) + 1
+    x, y = curve.stretch, curve.stress
+    remarks = (*curve.remarks, f"{len(x) - end} points after the break at stretch {x[end - 1]:.4g} are left out")
+    assert curve.time is not None
+    return dataclasses.replace(curve, stretch=x[:end], stress=y[:end], time=curve.time[:end], remarks=remarks)
+
+
+def _stretch(x: Array, column: CurveColumn, specimen: Specimen) -> Array:
+    values = _directed(in_si(x, column), column)
+    if column.kind in ("strain", "true-strain") and (most := float(np.abs(values).max())) > PERCENT:
+        raise TensileError(
+            f"the column {column.header!r} reaches a strain of {most:.4g}; if it is in percent, give "
+            f"--columns {column.kind}={column.place + 1}[%],..."
+        )
+    if column.kind == "strain":
+        stretch = 1 + values
+    elif column.kind == "true-strain":
+        stretch = np.exp(values)
+    elif column.kind == "extension":
+        if specimen.gauge_length is None:
+            raise TensileError(f"the column {column.header!r} is a length; give the specimen's with --gauge-length")
+        stretch = 1 + values / specimen.gauge_length
+    elif column.kind == "radius":
+        if specimen.radius is None:
+            raise TensileError(f"the column {column.header!r} is a radius; give the undeformed one with --radius")
+        stretch = values / specimen.radius
+    else:
+        stretch = values
+    if stretch.min() <= 0.0:
+        hint = "; a column starting at 0 holds strains" if column.kind == "stretch" else ""
+        raise TensileError(f"the column {column.header!r} gives a stretch of {stretch.min():.4g}{hint}")
+    if column.kind != "strain" and stretch.max() > PERCENT:
+        raise TensileError(f"the column {column.header!r} gives a stretch of {stretch.max():.4g}; check its unit")
+    return np.asarray(stretch, dtype=float)
+
+
+def _check_start(x: Array, y: Array, column: CurveColumn, specimen: Specimen) -> None:
+    """Reject a column that does not start near the undeformed state, as its header requires; one given with --columns may."""
+    values = in_si(x, column)
+    place, name = column.place + 1, column.header
+    if column.kind in ("strain", "true-strain") and ELONGATED <= values.min() < PERCENT:
+        shown = f"{x.min():.5g}" + (" %" if column.unit == "percent" else "")
+        unit = "[%]" if column.unit == "percent" else ""
+        raise TensileError(
+            f"the column {name!r} starts at {shown} instead of near 0, so it seems to hold stretches; rename it to "
+            f"'stretch' or give --columns stretch={place}{unit},...; if the curve really starts at that strain, give "
+            f"--columns {column.kind}={place}{unit},..."
+        )
+    length = specimen.gauge_length
+    if column.kind == "extension" and length and values.min() >= ELONGATED * length:
+        raise TensileError(
+            f"the column {name!r} begins at {x.min():.5g} {column.unit} instead of near 0, so it seems to "
+            f"hold the specimen's length; subtract the first length, or give "
+            f"--columns extension={place}[{column.unit}],... if the curve really starts there"
+        )
+    at_rest = abs(y[np.argmin(values)]) < AT_REST * np.abs(y).max()
+    if column.kind == "stretch" and 0.0 < values.min() < SLACK and at_rest:
+        raise TensileError(
+            f"the column {name!r} begins at {x.min():.5g} without stress instead of near 1, so it seems "
+            f"to hold strains; rename it to 'strain' or give --columns strain={place},..."
+        )
+
+
+def _nominal(y: Array, column: CurveColumn, stretch: Array, test: str, specimen: Specimen) -> Array:
+    values = _directed(in_si(y, column), column)
+    if (column.kind == "pressure") != (test == "balloon"):
+        raise TensileError(f"a {test} test cannot have a column {column.header!r}")
+    if column.kind == "pressure":
+        if specimen.radius is None or specimen.thickness is None:
+            raise TensileError("a balloon needs its undeformed --radius and --thickness")
+        # The sheet's nominal stress in a thin sphere: P = 2 (t/R) S / stretch^2.
+        return np.asarray(values * stretch**2 * specimen.radius / (2 * specimen.thickness))
+    if column.kind == "true-stress":
+        return np.asarray(values / stretch)  # ratio of the deformed area at constant volume
+    if column.kind == "force":
+        if specimen.cross_section is None:
+            raise TensileError(f"the column {column.header!r} is a force; give the specimen's --cross-section")
+        return np.asarray(values / specimen.cross_section)
+    return values
+
+
+def _ramp_of(curve: TensileCurve) -> TensileCurve:
+    """Return the loading ramp of a test, up to the first reversal or the break, in rising order."""
+    try:
+        stretch, stress, remarks, used = _ramp(curve.stretch, curve.stress)
+    except TensileError as error:
+        raise TensileError(f"{curve.name}: {error}") from None
+    paced = [] if curve.time is None else pace(curve.time[used], curve.stretch[used])
+    area = loop(curve.stretch, curve.stress)
+    return dataclasses.replace(
+        curve, stretch=stretch, stress=stress, time=None, loop=area, remarks=(*curve.remarks, *remarks, *paced)
+    )
+
+
+def _ramp(stretch: Array, stress: Array) -> tuple[Array, Array, list[str], slice]:
+    """Return the loading ramp, remarks on what was left out, and the place of the ramp."""
+    remarks = []
+    span = float(np.ptp(stretch))
+    if span < 1e-3:
+        raise TensileError(f"the stretch does not change ({stretch.min():.4g} to {stretch.max():.4g})")
+    way = direction(stretch)
+    fallen = np.maximum.accumulate(way * stretch) - way * stretch > TURN * span
+    if fallen.any():
+        end = int(np.argmax((way * stretch)[: np.argmax(fallen) + 1])) + 1
+        if stretch[:end].max() - stretch[:end].min() < 0.5 * span or end < LEAST_POINTS:
+            raise TensileError(
+                "the stretches are not in order; sort the rows, or cut one loading ramp out of the cycles"
+            )
+        remarks.append(
+            f"{len(stretch) - end} points after the reversal of the stretch at {stretch[end - 1]:.4g} are left out"
+        )
+        stretch, stress = stretch[:end], stress[:end]
+    load = way * stress
+    peak = int(np.argmax(load))
+    if load[peak] > BREAK * np.abs(load).max() and (_last(load)[peak:] < BREAK * load[peak]).any():
+        end = peak + 1
+        remarks.append(f"{len(stretch) - end} points after the break at stretch {stretch[end - 1]:.4g} are left out")
+        stretch, stress = stretch[:end], stress[:end]
+    used = slice(0, len(stretch))
+    order = np.argsort(stretch, kind="stable")  # the remaining disorder is noise of the strain
+    stretch, stress = stretch[order], stress[order]
+    if len(stretch) < LEAST_POINTS:
+        raise TensileError(f"the loading ramp has {len(stretch)} points; at least {LEAST_POINTS} are needed")
+    return stretch, stress, remarks, used
+
+
+def _last(load: Array) -> Array:
+    """Return the largest value from each reading on, shape (n,): what falls below half of a load for good is broken."""
+    return np.asarray(np.maximum.accumulate(load[::-1])[::-1])
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Read the columns of a test machine's table: recognise headers and units, and select two for a curve.
 
@@ -513,360 +868,6 @@ class Origin:
     zero: float
     slack_error: float | None = None
     zero_error: float | None = None
-
-
-@checked
-@dataclasses.dataclass(frozen=True, eq=False)
-class TensileCurve:
-    """A loading ramp, or with times the whole history of a test.
-
-    Attributes:
-        name: Where it comes from.
-        mode: ``"uniaxial"``, ``"planar"`` or ``"equibiaxial"``; a balloon's curve is equibiaxial.
-        stretch: Rising, shape (n,); in the order of the test where there are times.
-        stress: Nominal stress in Pa, shape (n,).
-        remarks: Sentences on what was left out, and on the rate.
-        noise: Standard deviation in Pa of the readings that its points are averages of, with times one per point; None if
-            they are readings themselves.
-        readings: Readings per point, with times one number per point.
-        time: In s, not falling, shape (n,). Only fits of a memory look at it; a curve without times is taken there as
-            so slow that the silicone is relaxed at each point.
-        loop: Area between first loading and unloading over the work of the loading; 0 where it does not unload.
-        origin: The slack and the load cell's zero that are taken off stretch and stress already; None for none.
-    """
-
-    name: str
-    mode: str
-    stretch: Array
-    stress: Array
-    remarks: tuple[str, ...] = ()
-    noise: float | Array | None = None
-    readings: float | Array = 1.0
-    time: Array | None = None
-    loop: float = 0.0
-    origin: Origin | None = None
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.name, str):
-            raise TensileError(f"the name of a curve is {brief(self.name)}; it must be a text")
-        if not isinstance(self.mode, str) or self.mode not in specimens.MODES:
-            known = errors.known_are(self.mode, specimens.MODES)
-            raise TensileError(f"{self.name}: the test {brief(self.mode)} is unknown; {known}")
-        for name, kind in (
-            ("stretch", schema.Quantity()),
-            ("stress", schema.Quantity("Pa")),
-            ("time", schema.Quantity("s")),
-        ):
-            if name != "time" or self.time is not None:
-                object.__setattr__(self, name, self._column(name, getattr(self, name), kind))
-        if len(self.stretch) != len(self.stress):
-            raise TensileError(
-                f"{self.name}: {len(self.stretch)} stretches but {len(self.stress)} stresses; give equal numbers"
-            )
-        if self.time is not None and (len(self.time) != len(self.stretch) or (np.diff(self.time) < 0.0).any()):
-            raise TensileError(
-                f"{self.name}: the times must be as many as the stretches ({len(self.stretch)}) and not fall"
-            )
-        if not len(self.stretch):
-            raise TensileError(f"{self.name}: the curve is empty; give stretches and stresses")
-        names.keep_arrays(self)
-
-    def _column(self, name: str, values: object, kind: schema.Quantity) -> Array:
-        """Return a copy of a column, protected from changes; `TensileError` for something else than finite numbers."""
-        try:
-            if type(values) is np.ndarray and values.dtype.kind in "iuf" and values.ndim == 1:
-                found = np.array(values, dtype=np.float64)
-            else:
-                found = np.array(schema.Several(kind).settled(name, values), dtype=np.float64)
-        except errors.FieldError as error:
-            raise TensileError(f"{self.name}: {error}") from None
-        if not np.isfinite(found).all():
-            raise TensileError(f"{self.name}: {name} has a number that is not finite")
-        return found
-
-    def check(self) -> TensileCurve:
-        """Return the curve itself after checking that it is plausible for silicone in its unit.
-
-        Raises:
-            TensileError: Why not.
-        """
-        for why in self._implausible():
-            raise TensileError(f"{self.name}: {why}")
-        return self
-
-    def _implausible(self) -> Iterator[str]:
-        """Yield what is implausible; each is asked only where nothing before it is."""
-        if len(self.stretch) < LEAST_POINTS:
-            yield f"the curve has {len(self.stretch)} points; at least {LEAST_POINTS} are needed"
-        low, high = self.stretch.min(), self.stretch.max()
-        if high > PERCENT:
-            yield (
-                f"a stretch of {high:.4g} is more than any silicone can take ({PERCENT:g}); if these are percent, divide "
-                "them by 100 (a strain in percent is a stretch of 1 + strain / 100)"
-            )
-        if low <= 0.0:
-            hint = "; values starting at 0 are strains: add 1" if low == 0.0 else ""
-            yield f"a stretch of {low:.4g} is not above zero{hint}"
-        top = float(np.abs(self.stress).max())
-        if low < SLACK and abs(self.stress[np.argmin(self.stretch)]) < AT_REST * top:
-            yield f"the stretch starts at {low:.4g} without stress instead of near 1: these seem to be strains; add 1"
-        if self.time is None and (np.diff(self.stretch) < 0.0).any():
-            yield "the stretch does not rise from row to row; give one loading ramp, sorted"
-        if top == 0.0:
-            yield "every stress is zero"
-        at_rest = np.abs(self.stress[np.abs(self.stretch - 1) < AT_STRETCH_1])
-        if len(at_rest) and at_rest.min() > LARGEST_ZERO * top and high > 1.2:
-            yield (
-                f"the stress at stretch 1 is {at_rest.min() / 1e3:.4g} kPa instead of zero, more than half of the largest one; "
-                "subtract the load cell's offset first"
-            )
-        modulus, least = small_modulus(self), SOFTEST_TEST
-        if not modulus > 0.0:
-            yield "the stress decreases with the stretch; check its sign and the columns"
-        if not modulus >= least:
-            yield (
-                f"the curve starts with a shear modulus of {modulus / 1e3:.3g} kPa; silicones and soft rubbers have "
-                f"{least / 1e3:g} kPa or more, so check the unit of the stress (a factor 1000?)"
-            )
-
-    @property
-    def stiff(self) -> str:
-        """A sentence if it is stiffer than silicones and soft rubbers; else empty."""
-        modulus = small_modulus(self)
-        if modulus <= laws.STIFFEST:
-            return ""
-        return (
-            f"{self.name} starts with a shear modulus of {modulus / 1e6:.3g} MPa; silicones and soft rubbers have at most "
-            f"{laws.STIFFEST / 1e6:g} MPa, so check the unit of the stress (a factor 1000?)"
-        )
-
-    def counting_from(self, slack: float, zero: float) -> TensileCurve:
-        """Return the curve with another slack and zero of the load cell (Pa) taken off, see `origin`."""
-        if self.origin is None:
-            return self
-        stretch, stress = self.stretch - (slack - self.origin.slack), self.stress - (zero - self.origin.zero)
-        return dataclasses.replace(
-            self, stretch=stretch, stress=stress, origin=dataclasses.replace(self.origin, slack=slack, zero=zero)
-        )
-
-    def within(self, low: float, high: float) -> TensileCurve:
-        """Return the part between two stretches.
-
-        Raises:
-            TensileError: Too few points are left.
-        """
-        keep = (self.stretch >= low) & (self.stretch <= high)
-        if self.time is not None:
-            raise TensileError(f"{self.name}: a range of stretch cannot be cut out of a test with times; leave it out")
-        if keep.sum() < LEAST_POINTS:
-            raise TensileError(
-                f"{self.name}: {keep.sum()} of its points are between stretch {low:g} and {high:g}; at least "
-                f"{LEAST_POINTS} are needed. It covers {self.stretch[0]:.4g} to {self.stretch[-1]:.4g}"
-            )
-        return dataclasses.replace(self, stretch=self.stretch[keep], stress=self.stress[keep])
-
-    def ramp(self) -> TensileCurve:
-        """Return the loading ramp, with remarks on the rest of the test; without times the curve itself.
-
-        Raises:
-            TensileError: There is none.
-        """
-        return self if self.time is None else _ramp_of(self)
-
-
-EQUILIBRIUM = 0.0
-"""Rate of a test so slow that the silicone is relaxed at each point."""
-
-
-def read_curve(
-    path: Path,
-    test: str = "uniaxial",
-    columns: str = "",
-    specimen: Specimen | None = None,
-    *,
-    history: bool = False,
-    rate: float | None = None,
-) -> TensileCurve:
-    """Read a curve from a text or Excel workbook with one row per reading, under a header that names the columns with their
-    units; or the units stand in a row below it. `TensileError`, which names the file, if it cannot be used.
-
-    Args:
-        test: One of `TESTS`, or a synonym.
-        columns: Which columns to take, see `told_columns`; empty to go by the headers.
-        specimen: Its sizes, where the file has forces, extensions or pressures.
-        history: Return the whole test with its times; else the loading ramp.
-        rate: Of the stretch in 1/s, instead of a column of times; `EQUILIBRIUM` for none.
-    """
-    if not isinstance(test, str) or test.lower() not in SYNONYMS:
-        raise TensileError(f"test {brief(test)} is not one of {', '.join(TESTS)}{errors.meant(test, SYNONYMS)}")
-    kind = SYNONYMS[test.lower()]
-    told = told_columns(columns) if columns else {}
-    try:
-        table = read_table(path, told)
-        if not told:
-            _check_start(table.x, table.y, table.deformation, specimen or Specimen())
-        stretch = _stretch(table.x, table.deformation, specimen or Specimen())
-        stress = _nominal(table.y, table.load, stretch, kind, specimen or Specimen())
-        _check_directions(stretch, stress, table.deformation, table.load)
-        time = table.time
-        if rate is not None:
-            way = np.cumsum(np.abs(np.diff(stretch, prepend=stretch[0])))
-            time = None if rate == EQUILIBRIUM else way / rate
-        if history and time is None and rate is None:
-            raise TensileError(
-                f"{table.untimed}; a fit of the memory needs times, or FILE:TEST:RATE, such as {path.name}:{kind}:0.05/s, "
-                f"or {path.name}:{kind}:equilibrium for a test so slow that the silicone was relaxed"
-            )
-    except TensileError as error:
-        raise TensileError(f"{path}: {error}") from None
-    whole = TensileCurve(str(path), "equibiaxial" if kind == "balloon" else kind, stretch, stress, time=time)
-    whole = without_jumps(whole, [f"line {number}" for number in table.lines])
-    curve = (_unbroken(whole) if history and time is not None else _ramp_of(whole)).check()
-    if curve.stiff:
-        try:
-            _check_units(table, stretch, stress, kind, specimen or Specimen())
-        except TensileError as error:
-            raise TensileError(f"{path}: {error}") from None
-    return dataclasses.replace(curve, name=path.name)
-
-
-def _unbroken(curve: TensileCurve) -> TensileCurve:
-    """Return a history up to the break: where more than half of a large stress is lost for good from one reading to the next,
-    and not by unloading."""
-    way = direction(curve.stretch)
-    x, y = way * curve.stretch, way * curve.stress
-    lost = (_last(y)[1:] < BREAK * y[:-1]) & (y[:-1] > BREAK * y.max()) & (x[1:] > x[:-1] - TURN * np.ptp(x))
-    if not lost.any():
-        return curve
-    end = int(np.argmax(lost)) + 1
-    x, y = curve.stretch, curve.stress
-    remarks = (*curve.remarks, f"{len(x) - end} points after the break at stretch {x[end - 1]:.4g} are left out")
-    assert curve.time is not None
-    return dataclasses.replace(curve, stretch=x[:end], stress=y[:end], time=curve.time[:end], remarks=remarks)
-
-
-def _stretch(x: Array, column: CurveColumn, specimen: Specimen) -> Array:
-    values = _directed(in_si(x, column), column)
-    if column.kind in ("strain", "true-strain") and (most := float(np.abs(values).max())) > PERCENT:
-        raise TensileError(
-            f"the column {column.header!r} reaches a strain of {most:.4g}; if it is in percent, give "
-            f"--columns {column.kind}={column.place + 1}[%],..."
-        )
-    if column.kind == "strain":
-        stretch = 1 + values
-    elif column.kind == "true-strain":
-        stretch = np.exp(values)
-    elif column.kind == "extension":
-        if specimen.gauge_length is None:
-            raise TensileError(f"the column {column.header!r} is a length; give the specimen's with --gauge-length")
-        stretch = 1 + values / specimen.gauge_length
-    elif column.kind == "radius":
-        if specimen.radius is None:
-            raise TensileError(f"the column {column.header!r} is a radius; give the undeformed one with --radius")
-        stretch = values / specimen.radius
-    else:
-        stretch = values
-    if stretch.min() <= 0.0:
-        hint = "; a column starting at 0 holds strains" if column.kind == "stretch" else ""
-        raise TensileError(f"the column {column.header!r} gives a stretch of {stretch.min():.4g}{hint}")
-    if column.kind != "strain" and stretch.max() > PERCENT:
-        raise TensileError(f"the column {column.header!r} gives a stretch of {stretch.max():.4g}; check its unit")
-    return np.asarray(stretch, dtype=float)
-
-
-def _check_start(x: Array, y: Array, column: CurveColumn, specimen: Specimen) -> None:
-    """Reject a column that does not start near the undeformed state, as its header requires; one given with --columns may."""
-    values = in_si(x, column)
-    place, name = column.place + 1, column.header
-    if column.kind in ("strain", "true-strain") and ELONGATED <= values.min() < PERCENT:
-        shown = f"{x.min():.5g}" + (" %" if column.unit == "percent" else "")
-        unit = "[%]" if column.unit == "percent" else ""
-        raise TensileError(
-            f"the column {name!r} starts at {shown} instead of near 0, so it seems to hold stretches; rename it to "
-            f"'stretch' or give --columns stretch={place}{unit},...; if the curve really starts at that strain, give "
-            f"--columns {column.kind}={place}{unit},..."
-        )
-    length = specimen.gauge_length
-    if column.kind == "extension" and length and values.min() >= ELONGATED * length:
-        raise TensileError(
-            f"the column {name!r} begins at {x.min():.5g} {column.unit} instead of near 0, so it seems to "
-            f"hold the specimen's length; subtract the first length, or give "
-            f"--columns extension={place}[{column.unit}],... if the curve really starts there"
-        )
-    at_rest = abs(y[np.argmin(values)]) < AT_REST * np.abs(y).max()
-    if column.kind == "stretch" and 0.0 < values.min() < SLACK and at_rest:
-        raise TensileError(
-            f"the column {name!r} begins at {x.min():.5g} without stress instead of near 1, so it seems "
-            f"to hold strains; rename it to 'strain' or give --columns strain={place},..."
-        )
-
-
-def _nominal(y: Array, column: CurveColumn, stretch: Array, test: str, specimen: Specimen) -> Array:
-    values = _directed(in_si(y, column), column)
-    if (column.kind == "pressure") != (test == "balloon"):
-        raise TensileError(f"a {test} test cannot have a column {column.header!r}")
-    if column.kind == "pressure":
-        if specimen.radius is None or specimen.thickness is None:
-            raise TensileError("a balloon needs its undeformed --radius and --thickness")
-        # The sheet's nominal stress in a thin sphere: P = 2 (t/R) S / stretch^2.
-        return np.asarray(values * stretch**2 * specimen.radius / (2 * specimen.thickness))
-    if column.kind == "true-stress":
-        return np.asarray(values / stretch)  # ratio of the deformed area at constant volume
-    if column.kind == "force":
-        if specimen.cross_section is None:
-            raise TensileError(f"the column {column.header!r} is a force; give the specimen's --cross-section")
-        return np.asarray(values / specimen.cross_section)
-    return values
-
-
-def _ramp_of(curve: TensileCurve) -> TensileCurve:
-    """Return the loading ramp of a test, up to the first reversal or the break, in rising order."""
-    try:
-        stretch, stress, remarks, used = _ramp(curve.stretch, curve.stress)
-    except TensileError as error:
-        raise TensileError(f"{curve.name}: {error}") from None
-    paced = [] if curve.time is None else pace(curve.time[used], curve.stretch[used])
-    area = loop(curve.stretch, curve.stress)
-    return dataclasses.replace(
-        curve, stretch=stretch, stress=stress, time=None, loop=area, remarks=(*curve.remarks, *remarks, *paced)
-    )
-
-
-def _ramp(stretch: Array, stress: Array) -> tuple[Array, Array, list[str], slice]:
-    """Return the loading ramp, remarks on what was left out, and the place of the ramp."""
-    remarks = []
-    span = float(np.ptp(stretch))
-    if span < 1e-3:
-        raise TensileError(f"the stretch does not change ({stretch.min():.4g} to {stretch.max():.4g})")
-    way = direction(stretch)
-    fallen = np.maximum.accumulate(way * stretch) - way * stretch > TURN * span
-    if fallen.any():
-        end = int(np.argmax((way * stretch)[: np.argmax(fallen) + 1])) + 1
-        if stretch[:end].max() - stretch[:end].min() < 0.5 * span or end < LEAST_POINTS:
-            raise TensileError(
-                "the stretches are not in order; sort the rows, or cut one loading ramp out of the cycles"
-            )
-        remarks.append(
-            f"{len(stretch) - end} points after the reversal of the stretch at {stretch[end - 1]:.4g} are left out"
-        )
-        stretch, stress = stretch[:end], stress[:end]
-    load = way * stress
-    peak = int(np.argmax(load))
-    if load[peak] > BREAK * np.abs(load).max() and (_last(load)[peak:] < BREAK * load[peak]).any():
-        end = peak + 1
-        remarks.append(f"{len(stretch) - end} points after the break at stretch {stretch[end - 1]:.4g} are left out")
-        stretch, stress = stretch[:end], stress[:end]
-    used = slice(0, len(stretch))
-    order = np.argsort(stretch, kind="stable")  # the remaining disorder is noise of the strain
-    stretch, stress = stretch[order], stress[order]
-    if len(stretch) < LEAST_POINTS:
-        raise TensileError(f"the loading ramp has {len(stretch)} points; at least {LEAST_POINTS} are needed")
-    return stretch, stress, remarks, used
-
-
-def _last(load: Array) -> Array:
-    """Return the largest value from each reading on, shape (n,): what falls below half of a load for good is broken."""
-    return np.asarray(np.maximum.accumulate(load[::-1])[::-1])
 
 
 # ----------------------------------------------------------------------------------------------------------------------

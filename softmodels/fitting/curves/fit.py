@@ -51,9 +51,231 @@ from softmodels.materials.laws import Material, MaterialError
 # The fit of one law to tensile curves, from starts in closed form.
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Task:
+    """Curves, laws, and how to fit them."""
+
+    curves: Sequence[TensileCurve]
+    choices: Sequence[problem.LawChoice]
+    options: FitOptions
+    progress: Callable[[str], None]
+
+    @property
+    def error(self) -> residuals.StressError:
+        return residuals.StressError.from_text(self.options.stress_error)
+
+    @property
+    def errors(self) -> str:
+        return "stated" if self.error.stated else "unknown"
+
+    def report(self) -> FitReport:
+        known = expected(self.options.silicone)
+        fits, scale = self._fit_all(), None
+        if self.options.robust:
+            # The closest law determines the outliers for all laws.
+            scale = min(map(spread, fits))
+            fits = self._fit_all("soft_l1", scale)
+        judged = [residuals.on_yardstick(fit, fit.problem.sources) for fit in fits] if len(fits) > 1 else None  # type: ignore[arg-type]
+        comparison = compare(fits, judged)
+        laws = self._laws(fits, comparison, known)
+        report = FitReport(laws, comparison, tuple(self.curves), _how(self.options), notes=tuple(self._notes(laws)))
+        report = self._compared(report, scale)
+        return dataclasses.replace(report, curves=tuple(residuals.counted_from(self.curves, report.chosen.fit.values)))
+
+    def _notes(self, laws: Sequence[FittedLaw]) -> list[str]:
+        return []
+
+    def _compared(self, report: FitReport, scale: float | None) -> FitReport:
+        """Return the report with separate fits of curves that contradict each other."""
+        if not (pairs := contradictions(self.curves, self.options.gauge_error)):
+            return report
+        own = tuple(self._alone(report.chosen.choice, curve, scale) for curve in self.curves)
+        return dataclasses.replace(report, separate=SeparateFits(tuple(pairs), tuple(self.curves), own))
+
+    def _fit_all(self, loss: str = "linear", scale: float | None = None) -> list[least_squares.LeastSquaresFit]:
+        fits = []
+        for i, choice in enumerate(self.choices, 1):
+            if len(self.choices) > 1:
+                self.progress(f"fitting {choice.name}, law {i} of {len(self.choices)}")
+            sources, extra = residuals.residuals_of(
+                self.curves, choice, self.error, self.options.gauge_error, level=True
+            )
+            names = (*choice.names, *(p.name for p in extra.parameters))
+            changes = self.options.changes_of(names)
+            fits.append(
+                fit_law_to_curves(choice, sources, extra, changes=changes, errors=self.errors, loss=loss, scale=scale)
+            )
+        return fits
+
+    def _laws(
+        self, fits: Sequence[least_squares.LeastSquaresFit], comparison: Comparison, known: Expected
+    ) -> tuple[FittedLaw, ...]:
+        strain, laws = residuals.largest_strain(self.curves), []
+        for ranked in comparison.ranked:
+            choice = self.choices[fits.index(ranked.fit)]
+            if self.options.profiles and len(ranked.fit.free) > 2:
+                self.progress(f"intervals of {choice.name}")
+            profiles = {
+                p.name: least_squares.profile(ranked.fit, p.name)
+                for p in ranked.fit.free
+                if self._profiled(ranked.fit, p.name)
+            }
+            material = self._material(choice, ranked.fit)
+            judgement = least_squares.Judgement(
+                tuple(self._objections(material, ranked.fit)), tuple(self._cautions(ranked.fit))
+            )
+            judgement = with_rubber(choice, ranked.fit, judgement)
+            if self.options.silicone:
+                judgement = hold_against(material, stretch_of(strain), known, judgement)
+            laws.append(FittedLaw(choice, ranked.fit, material, specimens.judge(material, strain), profiles, judgement))
+        return tuple(laws)
+
+    def _profiled(self, fit: least_squares.LeastSquaresFit, name: str) -> bool:
+        return self.options.profiles
+
+    def _material(self, choice: problem.LawChoice, fit: least_squares.LeastSquaresFit) -> Material:
+        return choice.material(fit.values, residuals.stretches_of(self.curves))
+
+    def _objections(self, material: Material, fit: least_squares.LeastSquaresFit) -> list[str]:
+        return []
+
+    def _cautions(self, fit: least_squares.LeastSquaresFit) -> list[str]:
+        """Return warnings on curves that are stiffer than any silicone, and on those whose unloading no law without a memory
+        can follow."""
+        return [curve.stiff for curve in self.curves if curve.stiff] + [
+            f"{curve.name} unloads below its loading: the loop is {100 * curve.loop:.2g} % of the work, which a law without a "
+            "memory does not lose; --memory fits it"
+            for curve in self.curves
+            if curve.loop >= SMALLEST_LOOP
+        ]
+
+    def _alone(self, choice: problem.LawChoice, curve: TensileCurve, scale: float | None) -> FittedLaw:
+        sources, extra = residuals.residuals_of([curve], choice, self.error, self.options.gauge_error)
+        changes = self.options.changes_of(choice.names)
+        loss = "linear" if scale is None else "soft_l1"
+        fit = fit_law_to_curves(choice, sources, extra, changes=changes, errors=self.errors, loss=loss, scale=scale)
+        material = choice.material(fit.values, residuals.stretches_of([curve]))
+        return FittedLaw(choice, fit, material, specimens.judge(material, residuals.largest_strain([curve])), {})
+
+
+class _MemoryTask(_Task):
+    """Laws with a memory, and the histories to fit them to."""
+
+    @functools.cached_property
+    def spectrum(self) -> residuals.Spectrum:
+        return spectrum(self.curves)
+
+    @functools.cached_property
+    def softens(self) -> tuple[str, ...]:
+        """Names of the softening's parameters that the data can show, if it softens."""
+        return (
+            specimens.SOFTENING[: 3 if residuals.several_amplitudes(self.curves) else 2]
+            if residuals.may_soften(self.curves)
+            else ()
+        )
+
+    @functools.cached_property
+    def stiffer(self) -> dict[str, float]:
+        """By law: how many times its misfit is as large without softening, where it softens."""
+        return {}
+
+    def _fit_all(self, loss: str = "linear", scale: float | None = None) -> list[least_squares.LeastSquaresFit]:
+        """Fit every law; where the errors are usual ones again, with those of the moving and the holding parts as they scatter
+        about the closest law."""
+        fits = self._fits([np.ones(len(curve.stretch)) for curve in self.curves], loss, scale)
+        if self.options.stress_error != "auto" or not any(
+            len({held for *_, held in segments(curve.time, curve.stretch)}) > 1
+            for curve in self.curves
+            if curve.time is not None
+        ):
+            return fits
+        closest = min(fits, key=lambda fit: fit.deviance)
+        ends = np.cumsum([len(curve.stretch) for curve in self.curves])
+        parts = np.split(closest.residuals[: ends[-1]], ends[:-1])
+        sources: list[residuals.TensileResiduals] = list(closest.problem.sources)  # type: ignore[arg-type]
+        return self._fits([one.part_scales(r) for one, r in zip(sources, parts, strict=True)], loss, scale)
+
+    def _fits(self, scales: Sequence[Array], loss: str, scale: float | None) -> list[least_squares.LeastSquaresFit]:
+        """Fit every law with the points' errors scaled."""
+        fits: list[least_squares.LeastSquaresFit] = []
+        self.stiffer.clear()
+        for choice in self.choices:
+            self.progress(f"fitting {choice.name} and its memory")
+            sources, extra = residuals.residuals_of(
+                self.curves, choice, self.error, self.options.gauge_error, level=True, spectrum=self.spectrum
+            )
+            sources = [dataclasses.replace(s, errors=s.errors * by) for s, by in zip(sources, scales, strict=True)]
+
+            def fitted(
+                changes: problem.Changes, *further: str, choice: problem.LawChoice = choice,
+                sources: Sequence[residuals.TensileResiduals] = sources,
+                extra: problem.Extra = extra,
+            ) -> least_squares.LeastSquaresFit:  # fmt: skip
+                own = [dataclasses.replace(one, further=further) for one in sources]
+                return fit_law_to_curves(
+                    choice, own, extra, changes=changes, loss=loss, errors=self.errors, scale=scale
+                )
+
+            asked = [name for name in specimens.SOFTENING if name in self.options.changes]
+            if asked and not self.softens:
+                why = "no test has a second loading, or a hold after an unloading, that would show it"
+                raise FitError(f"{asked[0]} cannot be set: {why}")
+            flow = specimens.FLOW if any(name in self.options.changes for name in specimens.FLOW) else ()
+            fit = fitted({k: v for k, v in self.options.changes.items() if k not in specimens.SOFTENING}, *flow)
+            if self.softens:
+                softer = fitted(self.options.changes, *self.softens, *flow)
+                lead = next(one.aicc for one in compare([fit, softer]).ranked if one.fit is fit)
+                if asked or (softer.converged and lead > DECISIVE and softer.interval(specimens.SOFTENING[0])[0] > 0.0):
+                    self.stiffer[choice.name] = math.sqrt(fit.deviance / softer.deviance)
+                    fit = softer
+            fits.append(fit)
+        return fits
+
+    def _material(self, choice: problem.LawChoice, fit: least_squares.LeastSquaresFit) -> Material:
+        return residuals.remembering(super()._material(choice, fit), self.spectrum, fit.values)
+
+    def _profiled(self, fit: least_squares.LeastSquaresFit, name: str) -> bool:
+        """A weight that ended at zero has no other interval."""
+        return self.options.profiles or fit.at_bounds.get(name) == 0.0
+
+    def _objections(self, material: Material, fit: least_squares.LeastSquaresFit) -> list[str]:
+        return loop_objections(residuals.counted_from(self.curves, fit.values), material)
+
+    def _cautions(self, fit: least_squares.LeastSquaresFit) -> list[str]:
+        """Return warnings on factors of tests that their errors do not explain: they bend what other tests would show."""
+        said = [curve.stiff for curve in self.curves if curve.stiff] + [
+            f"{p.name} ({curve.name}) is {fit.values[p.name]:.3g}, beyond {FAR_GAUGE:g} standard errors of such a factor: the "
+            "law does not follow the tests together; compare laws (--material all), or fit no factors (--gauge-error none)"
+            for p, curve in zip([p for p in fit.parameters if p.name.startswith("gauge")], self.curves, strict=False)
+            if p.prior and abs(fit.values[p.name] - p.prior.mean) > FAR_GAUGE * p.prior.error
+        ]
+        if not residuals.separates(self.curves):
+            said.append(
+                "pulls at one rate hardly tell relaxation from the law: add a test that unloads, holds, or has another rate"
+            )
+        return said
+
+    def _compared(self, report: FitReport, scale: float | None) -> FitReport:
+        """Return the report as it is: tests at several rates may differ."""
+        return report
+
+    def _notes(self, laws: Sequence[FittedLaw]) -> list[str]:
+        said = [self.spectrum.sentence]
+        if not self.softens:
+            said.append(
+                "no softening is fitted: only a second loading, or a hold after an unloading, tells it from relaxation"
+            )
+        elif not self.stiffer:
+            said.append("no softening: relaxation follows the later loadings as well")
+        said += [
+            f"{name} softens (softening: Ogden & Roxburgh's 1/r, m, beta); without it the misfit is {times:.3g} times as large"
+            for name, times in self.stiffer.items()
+        ]
+        return said + loop_notes(residuals.counted_from(self.curves, laws[0].fit.values), laws[0].material)
+
+
 MODULUS = 30e3
 """Starting shear modulus in Pa without curves."""
-
 
 DECISIVE = 10.0
 """Lead in AICc from which on a memory softens: no support for the other (Burnham & Anderson 2002, section 2.6)."""
@@ -286,229 +508,6 @@ def fit_curves(
         ready, problem.law_choices(material, options.poisson), options, progress or (lambda name: None)
     )
     return task.report()
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Task:
-    """Curves, laws, and how to fit them."""
-
-    curves: Sequence[TensileCurve]
-    choices: Sequence[problem.LawChoice]
-    options: FitOptions
-    progress: Callable[[str], None]
-
-    @property
-    def error(self) -> residuals.StressError:
-        return residuals.StressError.from_text(self.options.stress_error)
-
-    @property
-    def errors(self) -> str:
-        return "stated" if self.error.stated else "unknown"
-
-    def report(self) -> FitReport:
-        known = expected(self.options.silicone)
-        fits, scale = self._fit_all(), None
-        if self.options.robust:
-            # The closest law determines the outliers for all laws.
-            scale = min(map(spread, fits))
-            fits = self._fit_all("soft_l1", scale)
-        judged = [residuals.on_yardstick(fit, fit.problem.sources) for fit in fits] if len(fits) > 1 else None  # type: ignore[arg-type]
-        comparison = compare(fits, judged)
-        laws = self._laws(fits, comparison, known)
-        report = FitReport(laws, comparison, tuple(self.curves), _how(self.options), notes=tuple(self._notes(laws)))
-        report = self._compared(report, scale)
-        return dataclasses.replace(report, curves=tuple(residuals.counted_from(self.curves, report.chosen.fit.values)))
-
-    def _notes(self, laws: Sequence[FittedLaw]) -> list[str]:
-        return []
-
-    def _compared(self, report: FitReport, scale: float | None) -> FitReport:
-        """Return the report with separate fits of curves that contradict each other."""
-        if not (pairs := contradictions(self.curves, self.options.gauge_error)):
-            return report
-        own = tuple(self._alone(report.chosen.choice, curve, scale) for curve in self.curves)
-        return dataclasses.replace(report, separate=SeparateFits(tuple(pairs), tuple(self.curves), own))
-
-    def _fit_all(self, loss: str = "linear", scale: float | None = None) -> list[least_squares.LeastSquaresFit]:
-        fits = []
-        for i, choice in enumerate(self.choices, 1):
-            if len(self.choices) > 1:
-                self.progress(f"fitting {choice.name}, law {i} of {len(self.choices)}")
-            sources, extra = residuals.residuals_of(
-                self.curves, choice, self.error, self.options.gauge_error, level=True
-            )
-            names = (*choice.names, *(p.name for p in extra.parameters))
-            changes = self.options.changes_of(names)
-            fits.append(
-                fit_law_to_curves(choice, sources, extra, changes=changes, errors=self.errors, loss=loss, scale=scale)
-            )
-        return fits
-
-    def _laws(
-        self, fits: Sequence[least_squares.LeastSquaresFit], comparison: Comparison, known: Expected
-    ) -> tuple[FittedLaw, ...]:
-        strain, laws = residuals.largest_strain(self.curves), []
-        for ranked in comparison.ranked:
-            choice = self.choices[fits.index(ranked.fit)]
-            if self.options.profiles and len(ranked.fit.free) > 2:
-                self.progress(f"intervals of {choice.name}")
-            profiles = {
-                p.name: least_squares.profile(ranked.fit, p.name)
-                for p in ranked.fit.free
-                if self._profiled(ranked.fit, p.name)
-            }
-            material = self._material(choice, ranked.fit)
-            judgement = least_squares.Judgement(
-                tuple(self._objections(material, ranked.fit)), tuple(self._cautions(ranked.fit))
-            )
-            judgement = with_rubber(choice, ranked.fit, judgement)
-            if self.options.silicone:
-                judgement = hold_against(material, stretch_of(strain), known, judgement)
-            laws.append(FittedLaw(choice, ranked.fit, material, specimens.judge(material, strain), profiles, judgement))
-        return tuple(laws)
-
-    def _profiled(self, fit: least_squares.LeastSquaresFit, name: str) -> bool:
-        return self.options.profiles
-
-    def _material(self, choice: problem.LawChoice, fit: least_squares.LeastSquaresFit) -> Material:
-        return choice.material(fit.values, residuals.stretches_of(self.curves))
-
-    def _objections(self, material: Material, fit: least_squares.LeastSquaresFit) -> list[str]:
-        return []
-
-    def _cautions(self, fit: least_squares.LeastSquaresFit) -> list[str]:
-        """Return warnings on curves that are stiffer than any silicone, and on those whose unloading no law without a memory
-        can follow."""
-        return [curve.stiff for curve in self.curves if curve.stiff] + [
-            f"{curve.name} unloads below its loading: the loop is {100 * curve.loop:.2g} % of the work, which a law without a "
-            "memory does not lose; --memory fits it"
-            for curve in self.curves
-            if curve.loop >= SMALLEST_LOOP
-        ]
-
-    def _alone(self, choice: problem.LawChoice, curve: TensileCurve, scale: float | None) -> FittedLaw:
-        sources, extra = residuals.residuals_of([curve], choice, self.error, self.options.gauge_error)
-        changes = self.options.changes_of(choice.names)
-        loss = "linear" if scale is None else "soft_l1"
-        fit = fit_law_to_curves(choice, sources, extra, changes=changes, errors=self.errors, loss=loss, scale=scale)
-        material = choice.material(fit.values, residuals.stretches_of([curve]))
-        return FittedLaw(choice, fit, material, specimens.judge(material, residuals.largest_strain([curve])), {})
-
-
-class _MemoryTask(_Task):
-    """Laws with a memory, and the histories to fit them to."""
-
-    @functools.cached_property
-    def spectrum(self) -> residuals.Spectrum:
-        return spectrum(self.curves)
-
-    @functools.cached_property
-    def softens(self) -> tuple[str, ...]:
-        """Names of the softening's parameters that the data can show, if it softens."""
-        return (
-            specimens.SOFTENING[: 3 if residuals.several_amplitudes(self.curves) else 2]
-            if residuals.may_soften(self.curves)
-            else ()
-        )
-
-    @functools.cached_property
-    def stiffer(self) -> dict[str, float]:
-        """By law: how many times its misfit is as large without softening, where it softens."""
-        return {}
-
-    def _fit_all(self, loss: str = "linear", scale: float | None = None) -> list[least_squares.LeastSquaresFit]:
-        """Fit every law; where the errors are usual ones again, with those of the moving and the holding parts as they scatter
-        about the closest law."""
-        fits = self._fits([np.ones(len(curve.stretch)) for curve in self.curves], loss, scale)
-        if self.options.stress_error != "auto" or not any(
-            len({held for *_, held in segments(curve.time, curve.stretch)}) > 1
-            for curve in self.curves
-            if curve.time is not None
-        ):
-            return fits
-        closest = min(fits, key=lambda fit: fit.deviance)
-        ends = np.cumsum([len(curve.stretch) for curve in self.curves])
-        parts = np.split(closest.residuals[: ends[-1]], ends[:-1])
-        sources: list[residuals.TensileResiduals] = list(closest.problem.sources)  # type: ignore[arg-type]
-        return self._fits([one.part_scales(r) for one, r in zip(sources, parts, strict=True)], loss, scale)
-
-    def _fits(self, scales: Sequence[Array], loss: str, scale: float | None) -> list[least_squares.LeastSquaresFit]:
-        """Fit every law with the points' errors scaled."""
-        fits: list[least_squares.LeastSquaresFit] = []
-        self.stiffer.clear()
-        for choice in self.choices:
-            self.progress(f"fitting {choice.name} and its memory")
-            sources, extra = residuals.residuals_of(
-                self.curves, choice, self.error, self.options.gauge_error, level=True, spectrum=self.spectrum
-            )
-            sources = [dataclasses.replace(s, errors=s.errors * by) for s, by in zip(sources, scales, strict=True)]
-
-            def fitted(
-                changes: problem.Changes, *further: str, choice: problem.LawChoice = choice,
-                sources: Sequence[residuals.TensileResiduals] = sources,
-                extra: problem.Extra = extra,
-            ) -> least_squares.LeastSquaresFit:  # fmt: skip
-                own = [dataclasses.replace(one, further=further) for one in sources]
-                return fit_law_to_curves(
-                    choice, own, extra, changes=changes, loss=loss, errors=self.errors, scale=scale
-                )
-
-            asked = [name for name in specimens.SOFTENING if name in self.options.changes]
-            if asked and not self.softens:
-                why = "no test has a second loading, or a hold after an unloading, that would show it"
-                raise FitError(f"{asked[0]} cannot be set: {why}")
-            flow = specimens.FLOW if any(name in self.options.changes for name in specimens.FLOW) else ()
-            fit = fitted({k: v for k, v in self.options.changes.items() if k not in specimens.SOFTENING}, *flow)
-            if self.softens:
-                softer = fitted(self.options.changes, *self.softens, *flow)
-                lead = next(one.aicc for one in compare([fit, softer]).ranked if one.fit is fit)
-                if asked or (softer.converged and lead > DECISIVE and softer.interval(specimens.SOFTENING[0])[0] > 0.0):
-                    self.stiffer[choice.name] = math.sqrt(fit.deviance / softer.deviance)
-                    fit = softer
-            fits.append(fit)
-        return fits
-
-    def _material(self, choice: problem.LawChoice, fit: least_squares.LeastSquaresFit) -> Material:
-        return residuals.remembering(super()._material(choice, fit), self.spectrum, fit.values)
-
-    def _profiled(self, fit: least_squares.LeastSquaresFit, name: str) -> bool:
-        """A weight that ended at zero has no other interval."""
-        return self.options.profiles or fit.at_bounds.get(name) == 0.0
-
-    def _objections(self, material: Material, fit: least_squares.LeastSquaresFit) -> list[str]:
-        return loop_objections(residuals.counted_from(self.curves, fit.values), material)
-
-    def _cautions(self, fit: least_squares.LeastSquaresFit) -> list[str]:
-        """Return warnings on factors of tests that their errors do not explain: they bend what other tests would show."""
-        said = [curve.stiff for curve in self.curves if curve.stiff] + [
-            f"{p.name} ({curve.name}) is {fit.values[p.name]:.3g}, beyond {FAR_GAUGE:g} standard errors of such a factor: the "
-            "law does not follow the tests together; compare laws (--material all), or fit no factors (--gauge-error none)"
-            for p, curve in zip([p for p in fit.parameters if p.name.startswith("gauge")], self.curves, strict=False)
-            if p.prior and abs(fit.values[p.name] - p.prior.mean) > FAR_GAUGE * p.prior.error
-        ]
-        if not residuals.separates(self.curves):
-            said.append(
-                "pulls at one rate hardly tell relaxation from the law: add a test that unloads, holds, or has another rate"
-            )
-        return said
-
-    def _compared(self, report: FitReport, scale: float | None) -> FitReport:
-        """Return the report as it is: tests at several rates may differ."""
-        return report
-
-    def _notes(self, laws: Sequence[FittedLaw]) -> list[str]:
-        said = [self.spectrum.sentence]
-        if not self.softens:
-            said.append(
-                "no softening is fitted: only a second loading, or a hold after an unloading, tells it from relaxation"
-            )
-        elif not self.stiffer:
-            said.append("no softening: relaxation follows the later loadings as well")
-        said += [
-            f"{name} softens (softening: Ogden & Roxburgh's 1/r, m, beta); without it the misfit is {times:.3g} times as large"
-            for name, times in self.stiffer.items()
-        ]
-        return said + loop_notes(residuals.counted_from(self.curves, laws[0].fit.values), laws[0].material)
 
 
 def _how(options: FitOptions) -> str:

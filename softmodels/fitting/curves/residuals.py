@@ -19,6 +19,203 @@ from softmodels.materials import memory, specimens
 from softmodels.materials.laws import Material, MaterialError, NeoHookean
 from softmodels.materials.memory import Memory
 
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class TensileResiduals:
+    """Residuals of a law against one curve: (gauge x model - measured) / error.
+
+    Attributes:
+        curve: The measured ramp, within the fit's range; the whole history with a spectrum.
+        errors: Standard errors in Pa, shape (n,).
+        gauge: Name of the test's own factor on the stress (cross-section, load cell), or empty.
+        origin: Names of its slack and of its load cell's zero; empty where its curve has no `Origin`.
+        spectrum: Relaxing branches of the law; None without a memory.
+        further: Names of the free parameters of the softening, and of the branches' viscosity if that depends on stress.
+        usual_errors: Standard errors in Pa as stated, or else usual for a test, shape (n,); see `Residuals`.
+    """
+
+    curve: TensileCurve
+    choice: problem.LawChoice
+    errors: Array
+    gauge: str = ""
+    spectrum: Spectrum | None = None
+    further: tuple[str, ...] = ()
+    usual_errors: Array | None = None
+    origin: tuple[str, str] | tuple[()] = ()
+
+    unit = "Pa"
+
+    @property
+    def label(self) -> str:
+        return f"{self.curve.name} ({self.curve.mode})"
+
+    @property
+    def averaged_away(self) -> float | Array:
+        """Standard deviation in Pa of the readings' noise that thinning has averaged out."""
+        return noise(self.curve) * np.sqrt(1 - 1 / np.asarray(self.curve.readings))
+
+    def part_scales(self, residuals: Array) -> Array:
+        """Return by how much the errors of a history's points are to be scaled, shape (n,), so that its moving and its holding
+        parts scatter alike about a fit with these standardised residuals; not below their noise or a load cell's resolution.
+
+        The errors of a test as a whole are alike at all points of a hold, so that it shows relaxation more closely.
+        """
+        curve, scales = self.curve, np.ones(len(residuals))
+        if curve.time is None:
+            return scales
+        parts = segments(curve.time, curve.stretch)
+        mean = math.sqrt(float(np.mean(residuals**2)))
+        still = np.zeros(len(residuals), dtype=bool)
+        for a, b, held in parts:
+            still[a + 1 : b + 1] = held
+        for kind in (still, ~still):
+            if kind.any() and mean > 0.0:
+                scales[kind] = math.sqrt(float(np.mean(residuals[kind] ** 2))) / mean
+        least = np.hypot(LEAST_ABSOLUTE * float(np.abs(curve.stress).max()), _left_noise(curve))
+        return np.maximum(scales, np.minimum(least / self.errors, 1.0))
+
+    def on_yardstick(self) -> TensileResiduals:
+        """Return the residuals by which laws are compared, see `on_yardstick`; a history keeps its points."""
+        if self.spectrum is not None and self.curve.time is not None:
+            return dataclasses.replace(self, errors=told(self.curve) / np.sqrt(time_weights(self.curve)))
+        curve = evened(self.curve) if self.spectrum is None else self.curve
+        return dataclasses.replace(self, curve=curve, errors=told(curve), usual_errors=None)
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        weights = self.spectrum.names if self.spectrum else ()
+        return (*self.choice.names, *weights, *self.further, *([self.gauge] if self.gauge else []), *self.origin)
+
+    def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
+        """See `softmodels.fitting.problem.Residuals`."""
+        curve = self.curve if not self.origin else self.curve.counting_from(*(values[name] for name in self.origin))
+        try:
+            material = self.choice.material(values)
+            if self.spectrum is not None:
+                material = remembering(material, self.spectrum, values, -math.inf)
+        except MaterialError as error:
+            raise problem.CannotEvaluate(str(error)) from None
+        names = self.choice.names if derivatives else ()
+        if self.spectrum is not None and derivatives:
+            names = (*names, *(f"share{k}" for k, _ in enumerate(self.spectrum.times, 1)), *self.further)
+        stress, by = self._stress(material, curve, names)
+        factor = values[self.gauge] if self.gauge else 1.0
+        slopes = None
+        if derivatives:
+            columns = [factor * by, *([stress[:, None]] if self.gauge else [])]
+            if self.origin:
+                columns += [-factor * self._tangent(material, curve)[:, None], np.ones((len(stress), 1))]
+            slopes = np.hstack(columns) / self.errors[:, None]
+        return (factor * stress - curve.stress) / self.errors, slopes, [self.label] * len(stress)
+
+    def _stress(self, material: Material, curve: TensileCurve, names: Sequence[str]) -> tuple[Array, Array]:
+        """Return the nominal stress in Pa along a curve, and its derivatives by the named parameters."""
+        if self.spectrum is None:
+            found = specimens.respond(material, curve.stretch, curve.mode, names)
+            return found.stress, found.slopes
+        linear = None if specimens.FLOW[0] in self.further else branch_stresses(curve, self.spectrum)
+        return specimens.stress_in_time(material, curve.time, curve.stretch, curve.mode, names, linear)
+
+    def _tangent(self, material: Material, curve: TensileCurve) -> Array:
+        """Return the change of the stress in Pa by one of all stretches."""
+        if self.spectrum is None:
+            return specimens.respond(material, curve.stretch, curve.mode).tangent
+        ends = [dataclasses.replace(curve, stretch=curve.stretch + step) for step in (-SHIFT, SHIFT)]
+        low, high = (self._stress(material, end, ())[0] for end in ends)
+        return (high - low) / (2.0 * SHIFT)
+
+
+SHIFT = 1e-5
+"""Step of the stretch in a difference: truncation and rounding are both below 1e-8 of the stress."""
+
+
+def predicted(material: Material, curve: TensileCurve) -> Array:
+    """Return the nominal stress in Pa of a material at the points of a curve, through its times if both have a memory."""
+    if material.memory is None:
+        return specimens.respond(material, curve.stretch, curve.mode).stress
+    return specimens.stress_in_time(material, curve.time, curve.stretch, curve.mode)[0]
+
+
+def slopes_of(material: Material, curve: TensileCurve, names: Sequence[str]) -> Array:
+    """Return the derivatives of `predicted` by parameters of the law, shape (n, m)."""
+    if material.memory is None:
+        return specimens.respond(material, curve.stretch, curve.mode, names).slopes
+    return specimens.stress_in_time(material, curve.time, curve.stretch, curve.mode, names)[1]
+
+
+def residuals_of(
+    curves: Sequence[TensileCurve],
+    choice: problem.LawChoice,
+    error: StressError,
+    gauge_error: float = 0.0,
+    level: bool = False,
+    spectrum: Spectrum | None = None,
+) -> tuple[list[TensileResiduals], problem.Extra]:
+    """Return the sources for curves, and the factors on their stress with relative error ``gauge_error``.
+
+    With ``level``, and errors of unknown size, every curve weighs the same, however many points it has: a densely sampled
+    curve must not silence a sparse one. With a spectrum the curves are histories.
+    """
+    sources, own = [], []
+    mean = sum(len(curve.stretch) for curve in curves) / max(len(curves), 1)
+    for i, curve in enumerate(curves, 1):
+        name = f"gauge{i}" if gauge_error else ""
+        errors = error.of(curve) if spectrum is None else error.weighed(curve)
+        usual = errors if error.stated else USUAL_ERROR.of(curve)
+        if level and not error.stated:
+            errors = math.sqrt(len(curve.stretch) / mean) * errors
+        if name:
+            own.append(problem.Parameter(name, "", 1.0, 0.2, 5.0, problem.Prior(1.0, gauge_error)))
+        origin = origin_parameters(curve, i)
+        own += origin
+        names = (origin[0].name, origin[1].name) if origin else ()
+        sources.append(TensileResiduals(curve, choice, errors, name, spectrum, (), usual, names))
+    return sources, problem.Extra((), own)
+
+
+ORIGIN = ("slack", "load_zero")
+"""Names of a test's shift of the stretch, and of its load cell's zero in Pa; the test's number follows."""
+FARTHEST_SLACK = 0.1
+"""Largest change of the slack in a fit, or as much as it is."""
+
+
+def origin_parameters(curve: TensileCurve, number: int) -> list[problem.Parameter]:
+    """Return the slack and the load cell's zero of the test of this number, if it has an `Origin`."""
+    if (origin := curve.origin) is None:
+        return []
+    room = max(FARTHEST_SLACK, abs(origin.slack))
+    priors = [
+        None if error is None else problem.Prior(mean, abs(error))
+        for mean, error in ((origin.slack, origin.slack_error), (origin.zero, origin.zero_error))
+    ]
+    slack, zero = (f"{name}{number}" for name in ORIGIN)
+    return [
+        problem.Parameter(slack, "", origin.slack, origin.slack - room, origin.slack + room, priors[0]),
+        problem.Parameter(zero, "Pa", origin.zero, prior=priors[1]),
+    ]
+
+
+def counted_from(curves: Sequence[TensileCurve], values: Mapping[str, float]) -> list[TensileCurve]:
+    """Return the curves that count from their fitted slack and zero of the load cell."""
+    names = [tuple(f"{name}{i}" for name in ORIGIN) for i, _ in enumerate(curves, 1)]
+    return [
+        curve.counting_from(values[slack], values[zero]) if slack in values else curve
+        for curve, (slack, zero) in zip(curves, names, strict=True)
+    ]
+
+
+def stretches_of(curves: Sequence[TensileCurve]) -> tuple[float, float] | None:
+    """Return the range of stretch that curves cover together; None for no curves."""
+    if not curves:
+        return None
+    return min(float(c.stretch.min()) for c in curves), max(float(c.stretch.max()) for c in curves)
+
+
+def largest_strain(curves: Sequence[TensileCurve]) -> float:
+    """Return the largest I1 - 3 in the curves."""
+    return max(float(specimens.strain_of(curve.mode, curve.stretch).max()) for curve in curves)
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # What tests show of a silicone's memory, and a law with a fitted one: weights of branches, and softening.
 #
@@ -326,202 +523,6 @@ def time_weights(curve: TensileCurve) -> Array:
         return np.ones(len(t))
     weights = np.maximum(weights / weights.mean(), LEAST_WEIGHT)
     return weights / weights.mean()
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class TensileResiduals:
-    """Residuals of a law against one curve: (gauge x model - measured) / error.
-
-    Attributes:
-        curve: The measured ramp, within the fit's range; the whole history with a spectrum.
-        errors: Standard errors in Pa, shape (n,).
-        gauge: Name of the test's own factor on the stress (cross-section, load cell), or empty.
-        origin: Names of its slack and of its load cell's zero; empty where its curve has no `Origin`.
-        spectrum: Relaxing branches of the law; None without a memory.
-        further: Names of the free parameters of the softening, and of the branches' viscosity if that depends on stress.
-        usual_errors: Standard errors in Pa as stated, or else usual for a test, shape (n,); see `Residuals`.
-    """
-
-    curve: TensileCurve
-    choice: problem.LawChoice
-    errors: Array
-    gauge: str = ""
-    spectrum: Spectrum | None = None
-    further: tuple[str, ...] = ()
-    usual_errors: Array | None = None
-    origin: tuple[str, str] | tuple[()] = ()
-
-    unit = "Pa"
-
-    @property
-    def label(self) -> str:
-        return f"{self.curve.name} ({self.curve.mode})"
-
-    @property
-    def averaged_away(self) -> float | Array:
-        """Standard deviation in Pa of the readings' noise that thinning has averaged out."""
-        return noise(self.curve) * np.sqrt(1 - 1 / np.asarray(self.curve.readings))
-
-    def part_scales(self, residuals: Array) -> Array:
-        """Return by how much the errors of a history's points are to be scaled, shape (n,), so that its moving and its holding
-        parts scatter alike about a fit with these standardised residuals; not below their noise or a load cell's resolution.
-
-        The errors of a test as a whole are alike at all points of a hold, so that it shows relaxation more closely.
-        """
-        curve, scales = self.curve, np.ones(len(residuals))
-        if curve.time is None:
-            return scales
-        parts = segments(curve.time, curve.stretch)
-        mean = math.sqrt(float(np.mean(residuals**2)))
-        still = np.zeros(len(residuals), dtype=bool)
-        for a, b, held in parts:
-            still[a + 1 : b + 1] = held
-        for kind in (still, ~still):
-            if kind.any() and mean > 0.0:
-                scales[kind] = math.sqrt(float(np.mean(residuals[kind] ** 2))) / mean
-        least = np.hypot(LEAST_ABSOLUTE * float(np.abs(curve.stress).max()), _left_noise(curve))
-        return np.maximum(scales, np.minimum(least / self.errors, 1.0))
-
-    def on_yardstick(self) -> TensileResiduals:
-        """Return the residuals by which laws are compared, see `on_yardstick`; a history keeps its points."""
-        if self.spectrum is not None and self.curve.time is not None:
-            return dataclasses.replace(self, errors=told(self.curve) / np.sqrt(time_weights(self.curve)))
-        curve = evened(self.curve) if self.spectrum is None else self.curve
-        return dataclasses.replace(self, curve=curve, errors=told(curve), usual_errors=None)
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        weights = self.spectrum.names if self.spectrum else ()
-        return (*self.choice.names, *weights, *self.further, *([self.gauge] if self.gauge else []), *self.origin)
-
-    def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
-        """See `softmodels.fitting.problem.Residuals`."""
-        curve = self.curve if not self.origin else self.curve.counting_from(*(values[name] for name in self.origin))
-        try:
-            material = self.choice.material(values)
-            if self.spectrum is not None:
-                material = remembering(material, self.spectrum, values, -math.inf)
-        except MaterialError as error:
-            raise problem.CannotEvaluate(str(error)) from None
-        names = self.choice.names if derivatives else ()
-        if self.spectrum is not None and derivatives:
-            names = (*names, *(f"share{k}" for k, _ in enumerate(self.spectrum.times, 1)), *self.further)
-        stress, by = self._stress(material, curve, names)
-        factor = values[self.gauge] if self.gauge else 1.0
-        slopes = None
-        if derivatives:
-            columns = [factor * by, *([stress[:, None]] if self.gauge else [])]
-            if self.origin:
-                columns += [-factor * self._tangent(material, curve)[:, None], np.ones((len(stress), 1))]
-            slopes = np.hstack(columns) / self.errors[:, None]
-        return (factor * stress - curve.stress) / self.errors, slopes, [self.label] * len(stress)
-
-    def _stress(self, material: Material, curve: TensileCurve, names: Sequence[str]) -> tuple[Array, Array]:
-        """Return the nominal stress in Pa along a curve, and its derivatives by the named parameters."""
-        if self.spectrum is None:
-            found = specimens.respond(material, curve.stretch, curve.mode, names)
-            return found.stress, found.slopes
-        linear = None if specimens.FLOW[0] in self.further else branch_stresses(curve, self.spectrum)
-        return specimens.stress_in_time(material, curve.time, curve.stretch, curve.mode, names, linear)
-
-    def _tangent(self, material: Material, curve: TensileCurve) -> Array:
-        """Return the change of the stress in Pa by one of all stretches."""
-        if self.spectrum is None:
-            return specimens.respond(material, curve.stretch, curve.mode).tangent
-        ends = [dataclasses.replace(curve, stretch=curve.stretch + step) for step in (-SHIFT, SHIFT)]
-        low, high = (self._stress(material, end, ())[0] for end in ends)
-        return (high - low) / (2.0 * SHIFT)
-
-
-SHIFT = 1e-5
-"""Step of the stretch in a difference: truncation and rounding are both below 1e-8 of the stress."""
-
-
-def predicted(material: Material, curve: TensileCurve) -> Array:
-    """Return the nominal stress in Pa of a material at the points of a curve, through its times if both have a memory."""
-    if material.memory is None:
-        return specimens.respond(material, curve.stretch, curve.mode).stress
-    return specimens.stress_in_time(material, curve.time, curve.stretch, curve.mode)[0]
-
-
-def slopes_of(material: Material, curve: TensileCurve, names: Sequence[str]) -> Array:
-    """Return the derivatives of `predicted` by parameters of the law, shape (n, m)."""
-    if material.memory is None:
-        return specimens.respond(material, curve.stretch, curve.mode, names).slopes
-    return specimens.stress_in_time(material, curve.time, curve.stretch, curve.mode, names)[1]
-
-
-def residuals_of(
-    curves: Sequence[TensileCurve],
-    choice: problem.LawChoice,
-    error: StressError,
-    gauge_error: float = 0.0,
-    level: bool = False,
-    spectrum: Spectrum | None = None,
-) -> tuple[list[TensileResiduals], problem.Extra]:
-    """Return the sources for curves, and the factors on their stress with relative error ``gauge_error``.
-
-    With ``level``, and errors of unknown size, every curve weighs the same, however many points it has: a densely sampled
-    curve must not silence a sparse one. With a spectrum the curves are histories.
-    """
-    sources, own = [], []
-    mean = sum(len(curve.stretch) for curve in curves) / max(len(curves), 1)
-    for i, curve in enumerate(curves, 1):
-        name = f"gauge{i}" if gauge_error else ""
-        errors = error.of(curve) if spectrum is None else error.weighed(curve)
-        usual = errors if error.stated else USUAL_ERROR.of(curve)
-        if level and not error.stated:
-            errors = math.sqrt(len(curve.stretch) / mean) * errors
-        if name:
-            own.append(problem.Parameter(name, "", 1.0, 0.2, 5.0, problem.Prior(1.0, gauge_error)))
-        origin = origin_parameters(curve, i)
-        own += origin
-        names = (origin[0].name, origin[1].name) if origin else ()
-        sources.append(TensileResiduals(curve, choice, errors, name, spectrum, (), usual, names))
-    return sources, problem.Extra((), own)
-
-
-ORIGIN = ("slack", "load_zero")
-"""Names of a test's shift of the stretch, and of its load cell's zero in Pa; the test's number follows."""
-FARTHEST_SLACK = 0.1
-"""Largest change of the slack in a fit, or as much as it is."""
-
-
-def origin_parameters(curve: TensileCurve, number: int) -> list[problem.Parameter]:
-    """Return the slack and the load cell's zero of the test of this number, if it has an `Origin`."""
-    if (origin := curve.origin) is None:
-        return []
-    room = max(FARTHEST_SLACK, abs(origin.slack))
-    priors = [
-        None if error is None else problem.Prior(mean, abs(error))
-        for mean, error in ((origin.slack, origin.slack_error), (origin.zero, origin.zero_error))
-    ]
-    slack, zero = (f"{name}{number}" for name in ORIGIN)
-    return [
-        problem.Parameter(slack, "", origin.slack, origin.slack - room, origin.slack + room, priors[0]),
-        problem.Parameter(zero, "Pa", origin.zero, prior=priors[1]),
-    ]
-
-
-def counted_from(curves: Sequence[TensileCurve], values: Mapping[str, float]) -> list[TensileCurve]:
-    """Return the curves that count from their fitted slack and zero of the load cell."""
-    names = [tuple(f"{name}{i}" for name in ORIGIN) for i, _ in enumerate(curves, 1)]
-    return [
-        curve.counting_from(values[slack], values[zero]) if slack in values else curve
-        for curve, (slack, zero) in zip(curves, names, strict=True)
-    ]
-
-
-def stretches_of(curves: Sequence[TensileCurve]) -> tuple[float, float] | None:
-    """Return the range of stretch that curves cover together; None for no curves."""
-    if not curves:
-        return None
-    return min(float(c.stretch.min()) for c in curves), max(float(c.stretch.max()) for c in curves)
-
-
-def largest_strain(curves: Sequence[TensileCurve]) -> float:
-    """Return the largest I1 - 3 in the curves."""
-    return max(float(specimens.strain_of(curve.mode, curve.stretch).max()) for curve in curves)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -47,7 +47,6 @@ MOST_SUBSETS = 3000
 GROSS = 1.15
 """At its ends the curve is uncertain: only factors above this count there."""
 
-
 MEETS = 0.15
 """Relative tolerance for detecting exchanged rows."""
 CLEARLY = 2.0

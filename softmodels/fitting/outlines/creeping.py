@@ -24,105 +24,6 @@ from softmodels.mechanics.system import State
 from softmodels.path import schedule, stability
 from softmodels.path.continuation import Continuation
 
-STEP_TOLERANCE = 1e-4
-"""Error of the stress by one step in time, over the largest stress, for branches of `USUAL_SHARE` each."""
-USUAL_SHARE = 0.2
-FOREVER = 1e6
-"""Time that a device has hung before its test, over its longest relaxation time."""
-FEWEST_STEPS = 4
-"""Minimum number of steps between two times of a history."""
-REACH = 0.5
-"""Bounds of a level's true pressure, as a share of its reading."""
-DISTINCT = 1e-9
-"""Pressures closer than this, relative to the larger, are one level."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Leg:
-    """Pressures between two times of a test.
-
-    Attributes:
-        duration: In s; 0 for a jump.
-        pressures: Readings in Pa where it begins and ends.
-        levels: Hidden parameters that stand for these pressures; empty for the reading itself.
-        photographs: Numbers of the photographs that were taken at its end.
-    """
-
-    duration: float
-    pressures: tuple[float, float]
-    levels: tuple[str, str]
-    photographs: tuple[int, ...]
-
-    def rises(self, share: float) -> dict[str, float]:
-        """Return the derivatives of the pressure after a share of the leg by the hidden parameters."""
-        found: dict[str, float] = {}
-        for level, weight in zip(self.levels, (1.0 - share, share), strict=True):
-            if level and weight:
-                found[level] = found.get(level, 0.0) + weight
-        return found
-
-    def pressure(self, share: float, values: Mapping[str, float]) -> float:
-        """Return the pressure in Pa after a share of the leg."""
-        ends = [values[level] if level else p for p, level in zip(self.pressures, self.levels, strict=True)]
-        return ends[0] + share * (ends[1] - ends[0])
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Timetable:
-    """The legs of each test of a device, each from rest on, and by name of each hidden parameter of their pressures the
-    number of the first photograph of that level."""
-
-    tests: tuple[tuple[Leg, ...], ...]
-    levels: Mapping[str, int]
-
-    @classmethod
-    def of(cls, histories: Sequence[outline.History]) -> Timetable:
-        """Return the timetable of photographs; one whose history is the beginning of another's is of the same test. Raises
-        `OutlineFitError` for a pressure that is not above zero."""
-        order = sorted(range(len(histories)), key=lambda i: (-len(histories[i]), histories[i]))
-        tests: list[tuple[outline.History, dict[int, list[int]]]] = []
-        for i in order:
-            own = histories[i]
-            test = next((one for one in tests if one[0][: len(own)] == own), None)
-            if test is None:
-                tests.append(test := (own, {}))
-            test[1].setdefault(len(own) - 1, []).append(i)
-        levels: dict[str, int] = {}
-        made = []
-        for corners, looks in tests:
-            names = _levels(corners, looks, levels)
-            legs = [
-                Leg(b[0] - a[0], (a[1], b[1]), (names[k], names[k + 1]), tuple(looks.get(k + 1, ())))
-                for k, (a, b) in enumerate(itertools.pairwise(corners))
-            ]
-            made.append(tuple(legs))
-        return cls(tuple(made), levels)
-
-
-def _levels(corners: outline.History, looks: Mapping[int, Sequence[int]], levels: dict[str, int]) -> list[str]:
-    """Return the hidden parameter of each corner's pressure, or "", and add the new ones to ``levels``."""
-    names = [""] * len(corners)
-    begin = 0
-    for k in range(1, len(corners) + 1):
-        if k < len(corners) and abs(corners[k][1] - corners[begin][1]) <= DISTINCT * abs(corners[begin][1]):
-            continue
-        seen = [i for at in range(begin, k) for i in looks.get(at, ())]
-        if seen:
-            name = f"pressure{len(levels) + 1}"
-            levels[name] = min(seen)
-            names[begin:k] = [name] * (k - begin)
-        begin = k
-    return names
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Walk:
-    """The states of one test at parameter values, with all derivatives, step by step."""
-
-    values: dict[str, float]
-    states: list[State]
-    rates: list[dict[str, sensitivity.Rate]]
-
 
 class Creep:
     """States of a device with its law and branches through its tests."""
@@ -253,6 +154,106 @@ class Creep:
         spectrum = self.model.spectrum
         assert spectrum is not None
         return f"share{spectrum.names.index(name) + 1}" if name in spectrum.names else name
+
+
+STEP_TOLERANCE = 1e-4
+"""Error of the stress by one step in time, over the largest stress, for branches of `USUAL_SHARE` each."""
+USUAL_SHARE = 0.2
+FOREVER = 1e6
+"""Time that a device has hung before its test, over its longest relaxation time."""
+FEWEST_STEPS = 4
+"""Minimum number of steps between two times of a history."""
+REACH = 0.5
+"""Bounds of a level's true pressure, as a share of its reading."""
+DISTINCT = 1e-9
+"""Pressures closer than this, relative to the larger, are one level."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Leg:
+    """Pressures between two times of a test.
+
+    Attributes:
+        duration: In s; 0 for a jump.
+        pressures: Readings in Pa where it begins and ends.
+        levels: Hidden parameters that stand for these pressures; empty for the reading itself.
+        photographs: Numbers of the photographs that were taken at its end.
+    """
+
+    duration: float
+    pressures: tuple[float, float]
+    levels: tuple[str, str]
+    photographs: tuple[int, ...]
+
+    def rises(self, share: float) -> dict[str, float]:
+        """Return the derivatives of the pressure after a share of the leg by the hidden parameters."""
+        found: dict[str, float] = {}
+        for level, weight in zip(self.levels, (1.0 - share, share), strict=True):
+            if level and weight:
+                found[level] = found.get(level, 0.0) + weight
+        return found
+
+    def pressure(self, share: float, values: Mapping[str, float]) -> float:
+        """Return the pressure in Pa after a share of the leg."""
+        ends = [values[level] if level else p for p, level in zip(self.pressures, self.levels, strict=True)]
+        return ends[0] + share * (ends[1] - ends[0])
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Timetable:
+    """The legs of each test of a device, each from rest on, and by name of each hidden parameter of their pressures the
+    number of the first photograph of that level."""
+
+    tests: tuple[tuple[Leg, ...], ...]
+    levels: Mapping[str, int]
+
+    @classmethod
+    def of(cls, histories: Sequence[outline.History]) -> Timetable:
+        """Return the timetable of photographs; one whose history is the beginning of another's is of the same test. Raises
+        `OutlineFitError` for a pressure that is not above zero."""
+        order = sorted(range(len(histories)), key=lambda i: (-len(histories[i]), histories[i]))
+        tests: list[tuple[outline.History, dict[int, list[int]]]] = []
+        for i in order:
+            own = histories[i]
+            test = next((one for one in tests if one[0][: len(own)] == own), None)
+            if test is None:
+                tests.append(test := (own, {}))
+            test[1].setdefault(len(own) - 1, []).append(i)
+        levels: dict[str, int] = {}
+        made = []
+        for corners, looks in tests:
+            names = _levels(corners, looks, levels)
+            legs = [
+                Leg(b[0] - a[0], (a[1], b[1]), (names[k], names[k + 1]), tuple(looks.get(k + 1, ())))
+                for k, (a, b) in enumerate(itertools.pairwise(corners))
+            ]
+            made.append(tuple(legs))
+        return cls(tuple(made), levels)
+
+
+def _levels(corners: outline.History, looks: Mapping[int, Sequence[int]], levels: dict[str, int]) -> list[str]:
+    """Return the hidden parameter of each corner's pressure, or "", and add the new ones to ``levels``."""
+    names = [""] * len(corners)
+    begin = 0
+    for k in range(1, len(corners) + 1):
+        if k < len(corners) and abs(corners[k][1] - corners[begin][1]) <= DISTINCT * abs(corners[begin][1]):
+            continue
+        seen = [i for at in range(begin, k) for i in looks.get(at, ())]
+        if seen:
+            name = f"pressure{len(levels) + 1}"
+            levels[name] = min(seen)
+            names[begin:k] = [name] * (k - begin)
+        begin = k
+    return names
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Walk:
+    """The states of one test at parameter values, with all derivatives, step by step."""
+
+    values: dict[str, float]
+    states: list[State]
+    rates: list[dict[str, sensitivity.Rate]]
 
 
 class CreepingResiduals(residuals.OutlineResiduals):

@@ -42,222 +42,8 @@ from softmodels.path.continuation import Continuation
 from softmodels.path.schedule import hang
 from softmodels.runs import grid
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Solve a state directly by Newton's method from a guess, without a path.
-
-
-AT_ONCE = 6
-"""Maximum Newton iterations from a guess; otherwise the path is followed."""
-LARGEST_CORRECTION = 0.5
-"""Maximum distance of such a state from the guess, relative to its change; beyond, it may be on another branch."""
-
-
-def near(solver: Solver, base: State, line: Control, w: Array, P: float) -> State | None:
-    """Return the state on a line next to a guess of the dofs, shape as `State.w`, and of the dimensionless pressure, made
-    from a state of other parameters; None if it does not converge directly, or is elsewhere."""
-    try:
-        if solver.stale:
-            solver.factorise(base)
-        found = solver.solve(line, w, P)
-    except newton.NoConvergence:
-        return None
-    off, change = float(np.linalg.norm(found.w - w)), float(np.linalg.norm(found.w - base.w))
-    sure = off < LARGEST_CORRECTION * max(change, 1e-300) or off < 1e-3 * float(np.linalg.norm(w))
-    return found if found.V > 0.0 and found.iterations <= AT_ONCE and sure else None
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The preloaded state of a measured device at zero pressure, and the zero of its outlines' heights.
-#
-# Gravity, masses and forces are constant in newtons, so in shear moduli they change with the material: the preloaded
-# state, and every state of the path, depends on the modulus. A photograph at zero pressure shows the preloaded
-# device, whose upper edge is the measurement's zero. So simulated heights count from that edge too, which moves with the
-# parameters.
-
-
-HEAVY = 0.005
-"""Pressure of a device's own weight over its height, in shear moduli, above which a fit without gravity gives a warning."""
-MIDDLE = 0.8
-"""Fraction of a shadow's width that has to be straight at zero pressure, as in the measurement's zero."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Hung:
-    """The device at zero pressure: parameter values, state, outer curve; and the state's derivatives once computed."""
-
-    values: dict[str, float]
-    state: State
-    curve: grid.QuadraticCurve
-    rates: dict[str, sensitivity.Rate]
-
-
-class Hanging:
-    """A device at zero pressure, by its silhouette and sensitivity. ``height_datum`` is one of
-    `softmodels.fitting.problem.HEIGHTS_FROM`, or empty for the shadow, or for the apex where the undeformed top is not flat.
-
-    Raises `OutlineFitError` for one of a device without loads whose top is flat: it makes no difference.
-
-    Attributes:
-        loaded: Whether it has dead loads; without any it is undeformed, and all heights count from there.
-        from_apex: Whether the user has stated that heights count from the apex, so that the top need not be flat.
-    """
-
-    def __init__(self, silhouette: shapes.Silhouette, sensitivity: Sensitivity, height_datum: str = ""):
-        self.silhouette, self.sensitivity = silhouette, sensitivity
-        self.solver, self.system = sensitivity.solver, silhouette.system
-        self.loaded = bool(self.system.dead.loads)
-        if height_datum and not self.loaded and silhouette.flat:
-            raise shapes.OutlineFitError(
-                "--height-datum matters only with dead loads or an undeformed top that is not flat; "
-                "this top is flat and the case has none, so leave it out, or add [gravity]"
-            )
-        self.from_apex = height_datum in ("apex", "undeformed")
-        self.height_datum = height_datum or ("shadow" if silhouette.flat else "apex")
-        self._now: _Hung | None = None
-
-    def couple(self) -> None:
-        """Scale the loads to the system's current shear modulus."""
-        if self.loaded:
-            dead = self.system.dead
-            self.system.coupling = controls.Coupling.proportional(
-                self.system.body.actuator.ratios, dead.amounts / dead.units
-            )
-
-    def state(self, values: Mapping[str, float]) -> State:
-        """Return the state at zero pressure of these parameters, which the system has; `CannotEvaluate` for no equilibrium
-        under the dead loads."""
-        return self._found(values).state
-
-    def level(self, values: Mapping[str, float]) -> float:
-        """Return the height in m above the undeformed apex that heights count from; see `state`."""
-        if not self.loaded or self.height_datum == "undeformed":
-            return 0.0
-        curve = self._found(values).curve
-        piece, weights = self._place(curve)
-        return float(weights @ curve.nodes[piece, :, 1])
-
-    def level_rates(self, values: Mapping[str, float], names: Sequence[str]) -> dict[str, float]:
-        """Return the derivatives of the level by parameters; see `state`."""
-        if not self.loaded:
-            return dict.fromkeys(names, 0.0)
-        rates, hung = self.rates(values, names), self._found(values)
-        if self.height_datum == "undeformed":
-            return dict.fromkeys(names, 0.0)
-        # The highest place moves along the curve without a first-order change of height.
-        piece, weights = self._place(hung.curve)
-        moved = {name: self.silhouette.moved(rates[name].w, rates[name].X) for name in names}
-        return {name: float(weights @ rate[piece, :, 1]) for name, rate in moved.items()}
-
-    def rates(self, values: Mapping[str, float], names: Sequence[str]) -> dict[str, sensitivity.Rate]:
-        """Return the derivatives of the state by parameters, at least these; see `state`."""
-        hung = self._found(values)
-        if left := [name for name in names if name not in hung.rates]:
-            try:
-                hung.rates.update(self.sensitivity.rates(hung.state, controls.pressure_control(0.0), left)[1])
-            except newton.NoConvergence as failure:
-                raise problem.CannotEvaluate(f"the state at zero pressure has no derivatives: {failure}") from None
-        return hung.rates
-
-    def check(self, values: Mapping[str, float]) -> None:
-        """Raise `OutlineFitError` for heights from a shadow that is not straight at zero pressure: the zero plane is then
-        undefined."""
-        if not self.loaded or self.height_datum != "shadow":
-            return
-        places, edge = shapes.edge_heights(self._found(values).curve)
-        bend = float(np.ptp(edge[places[:, 0] < MIDDLE * self.silhouette.width]))
-        if bend > zero.STRAIGHT:
-            raise shapes.OutlineFitError(
-                f"the top of the preloaded device is {bend * 1e3:.2g} mm from straight at zero pressure, "
-                f"so no photograph shows the zero plane; choose the zero of heights: --height-datum undeformed if the "
-                "zero plane is that of the undeformed top, --height-datum apex if heights are rises of the apex"
-            )
-
-    def told(self, values: Mapping[str, float]) -> str:
-        """Return a sentence on the loads and the zero of heights; without loads on a missing weight;
-        see `state`."""
-        if not self.loaded:
-            apex = "" if self.silhouette.flat else "the undeformed top is not flat; heights count from its apex"
-            return "; ".join(filter(None, (apex, self._weightless())))
-        dead, level = self.system.dead, self.level(values)
-        loads = ", ".join(f"{one.where} ({n:.3g} N)" for one, n in zip(dead.loads, dead.amounts, strict=True))
-        side = "below" if level < 0.0 else "above"
-        away = f"{abs(level) * 1e3:.3g} mm {side} the undeformed top" if level else "level with the undeformed top"
-        zero = {
-            "shadow": f"the upper edge of its shadow at zero pressure, {away}",
-            "apex": f"its apex at zero pressure, {away}",
-            "undeformed": "the undeformed top",
-        }
-        return f"dead loads {loads}, given and not fitted; heights count from {zero[self.height_datum]}"
-
-    def _weightless(self) -> str:
-        """Return a warning if a device without gravity is so soft that its weight matters; else ""."""
-        tall = float(np.ptp(self.silhouette.points @ np.asarray(self.system.body.actuator.lift)))
-        weight = silicones.SILICONE_DENSITY * loads.STANDARD_GRAVITY * tall
-        share = weight / self.system.stress_unit
-        if share < HEAVY:
-            return ""
-        much = f"{weight:.3g} Pa, {100 * share:.1f} % of the shear modulus"
-        return (
-            "the case has no [gravity], so the silicone's own weight is neglected: its pressure over the part's height "
-            f"is {much}, and the error of the fit may be of that order"
-        )
-
-    def _place(self, curve: grid.QuadraticCurve) -> tuple[int, Array]:
-        piece, s = shapes.crest(curve) if self.height_datum == "shadow" else (0, -1.0)
-        return piece, grid.shapes(s)
-
-    def _found(self, values: Mapping[str, float]) -> _Hung:
-        if self._now is None or self._now.values != dict(values):
-            state = self._nearby(values) or self._followed()
-            self._now = _Hung(dict(values), state, self.silhouette.curve(state), {})
-        return self._now
-
-    def _nearby(self, values: Mapping[str, float]) -> State | None:
-        """Return the state near that of the last values, if Newton's method finds it directly."""
-        base = self._now
-        # Paths for first shapes know the law's parameters only, not the lengths that a fit varies.
-        if base is None or not base.rates or not base.rates.keys() <= values.keys() & base.values.keys():
-            return None
-        w = base.state.w + sum((values[name] - base.values[name]) * rate.w for name, rate in base.rates.items())
-        return near(self.solver, base.state, controls.pressure_control(0.0), w, 0.0)
-
-    def _followed(self) -> State:
-        """Solve the state at the end of a path on which the loads grow."""
-        system = self.system
-        amounts = np.concatenate([np.zeros(len(system.body.actuator.ratios)), system.dead.amounts / system.dead.units])
-        try:
-            return schedule.inflate_from(self.solver, hang(self.solver, [("its loads", amounts)]))
-        except schedule.HangingEnd as end:
-            self.couple()
-            raise problem.CannotEvaluate(end.sentence) from None
-
-
-SAME = 1e-9
-"""Requested values closer than this, relative to the largest, share a state."""
 MODULUS = 30e3
 """Shear modulus in Pa of paths used only for the shapes of a device without loads."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Solved:
-    """States solved together: parameter values, requested values (SI), and derivatives by the state's identity."""
-
-    values: dict[str, float]
-    quantity: str
-    requested: Array
-    states: list[State]
-    answers: dict[int, tuple[sensitivity.Rate, dict[str, sensitivity.Rate], float]]
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class ModelSlopes:
-    """Derivatives of one state's pressure (Pa) and of its curve's nodes (m, shape (n, 3, 2)), by parameter name and by
-    what is requested: the added volume in m3, or the pressure, whose own is 1."""
-
-    pressure: dict[str, float]
-    nodes: dict[str, Array]
-    along_pressure: float
-    along_nodes: Array
 
 
 class DeviceModel:
@@ -470,6 +256,222 @@ class DeviceModel:
         outline = {name: self.silhouette.moved(rate.w, rate.X) - [0.0, levels[name]] for name, rate in rates.items()}
         pressures = {name: rate.P for name, rate in rates.items()}
         return ModelSlopes(pressures, outline, along.P * eq.stress_unit / unit, self.silhouette.moved(along.w) / unit)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Solve a state directly by Newton's method from a guess, without a path.
+
+
+AT_ONCE = 6
+"""Maximum Newton iterations from a guess; otherwise the path is followed."""
+LARGEST_CORRECTION = 0.5
+"""Maximum distance of such a state from the guess, relative to its change; beyond, it may be on another branch."""
+
+
+def near(solver: Solver, base: State, line: Control, w: Array, P: float) -> State | None:
+    """Return the state on a line next to a guess of the dofs, shape as `State.w`, and of the dimensionless pressure, made
+    from a state of other parameters; None if it does not converge directly, or is elsewhere."""
+    try:
+        if solver.stale:
+            solver.factorise(base)
+        found = solver.solve(line, w, P)
+    except newton.NoConvergence:
+        return None
+    off, change = float(np.linalg.norm(found.w - w)), float(np.linalg.norm(found.w - base.w))
+    sure = off < LARGEST_CORRECTION * max(change, 1e-300) or off < 1e-3 * float(np.linalg.norm(w))
+    return found if found.V > 0.0 and found.iterations <= AT_ONCE and sure else None
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The preloaded state of a measured device at zero pressure, and the zero of its outlines' heights.
+#
+# Gravity, masses and forces are constant in newtons, so in shear moduli they change with the material: the preloaded
+# state, and every state of the path, depends on the modulus. A photograph at zero pressure shows the preloaded
+# device, whose upper edge is the measurement's zero. So simulated heights count from that edge too, which moves with the
+# parameters.
+
+
+HEAVY = 0.005
+"""Pressure of a device's own weight over its height, in shear moduli, above which a fit without gravity gives a warning."""
+MIDDLE = 0.8
+"""Fraction of a shadow's width that has to be straight at zero pressure, as in the measurement's zero."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Hung:
+    """The device at zero pressure: parameter values, state, outer curve; and the state's derivatives once computed."""
+
+    values: dict[str, float]
+    state: State
+    curve: grid.QuadraticCurve
+    rates: dict[str, sensitivity.Rate]
+
+
+class Hanging:
+    """A device at zero pressure, by its silhouette and sensitivity. ``height_datum`` is one of
+    `softmodels.fitting.problem.HEIGHTS_FROM`, or empty for the shadow, or for the apex where the undeformed top is not flat.
+
+    Raises `OutlineFitError` for one of a device without loads whose top is flat: it makes no difference.
+
+    Attributes:
+        loaded: Whether it has dead loads; without any it is undeformed, and all heights count from there.
+        from_apex: Whether the user has stated that heights count from the apex, so that the top need not be flat.
+    """
+
+    def __init__(self, silhouette: shapes.Silhouette, sensitivity: Sensitivity, height_datum: str = ""):
+        self.silhouette, self.sensitivity = silhouette, sensitivity
+        self.solver, self.system = sensitivity.solver, silhouette.system
+        self.loaded = bool(self.system.dead.loads)
+        if height_datum and not self.loaded and silhouette.flat:
+            raise shapes.OutlineFitError(
+                "--height-datum matters only with dead loads or an undeformed top that is not flat; "
+                "this top is flat and the case has none, so leave it out, or add [gravity]"
+            )
+        self.from_apex = height_datum in ("apex", "undeformed")
+        self.height_datum = height_datum or ("shadow" if silhouette.flat else "apex")
+        self._now: _Hung | None = None
+
+    def couple(self) -> None:
+        """Scale the loads to the system's current shear modulus."""
+        if self.loaded:
+            dead = self.system.dead
+            self.system.coupling = controls.Coupling.proportional(
+                self.system.body.actuator.ratios, dead.amounts / dead.units
+            )
+
+    def state(self, values: Mapping[str, float]) -> State:
+        """Return the state at zero pressure of these parameters, which the system has; `CannotEvaluate` for no equilibrium
+        under the dead loads."""
+        return self._found(values).state
+
+    def level(self, values: Mapping[str, float]) -> float:
+        """Return the height in m above the undeformed apex that heights count from; see `state`."""
+        if not self.loaded or self.height_datum == "undeformed":
+            return 0.0
+        curve = self._found(values).curve
+        piece, weights = self._place(curve)
+        return float(weights @ curve.nodes[piece, :, 1])
+
+    def level_rates(self, values: Mapping[str, float], names: Sequence[str]) -> dict[str, float]:
+        """Return the derivatives of the level by parameters; see `state`."""
+        if not self.loaded:
+            return dict.fromkeys(names, 0.0)
+        rates, hung = self.rates(values, names), self._found(values)
+        if self.height_datum == "undeformed":
+            return dict.fromkeys(names, 0.0)
+        # The highest place moves along the curve without a first-order change of height.
+        piece, weights = self._place(hung.curve)
+        moved = {name: self.silhouette.moved(rates[name].w, rates[name].X) for name in names}
+        return {name: float(weights @ rate[piece, :, 1]) for name, rate in moved.items()}
+
+    def rates(self, values: Mapping[str, float], names: Sequence[str]) -> dict[str, sensitivity.Rate]:
+        """Return the derivatives of the state by parameters, at least these; see `state`."""
+        hung = self._found(values)
+        if left := [name for name in names if name not in hung.rates]:
+            try:
+                hung.rates.update(self.sensitivity.rates(hung.state, controls.pressure_control(0.0), left)[1])
+            except newton.NoConvergence as failure:
+                raise problem.CannotEvaluate(f"the state at zero pressure has no derivatives: {failure}") from None
+        return hung.rates
+
+    def check(self, values: Mapping[str, float]) -> None:
+        """Raise `OutlineFitError` for heights from a shadow that is not straight at zero pressure: the zero plane is then
+        undefined."""
+        if not self.loaded or self.height_datum != "shadow":
+            return
+        places, edge = shapes.edge_heights(self._found(values).curve)
+        bend = float(np.ptp(edge[places[:, 0] < MIDDLE * self.silhouette.width]))
+        if bend > zero.STRAIGHT:
+            raise shapes.OutlineFitError(
+                f"the top of the preloaded device is {bend * 1e3:.2g} mm from straight at zero pressure, "
+                f"so no photograph shows the zero plane; choose the zero of heights: --height-datum undeformed if the "
+                "zero plane is that of the undeformed top, --height-datum apex if heights are rises of the apex"
+            )
+
+    def told(self, values: Mapping[str, float]) -> str:
+        """Return a sentence on the loads and the zero of heights; without loads on a missing weight;
+        see `state`."""
+        if not self.loaded:
+            apex = "" if self.silhouette.flat else "the undeformed top is not flat; heights count from its apex"
+            return "; ".join(filter(None, (apex, self._weightless())))
+        dead, level = self.system.dead, self.level(values)
+        loads = ", ".join(f"{one.where} ({n:.3g} N)" for one, n in zip(dead.loads, dead.amounts, strict=True))
+        side = "below" if level < 0.0 else "above"
+        away = f"{abs(level) * 1e3:.3g} mm {side} the undeformed top" if level else "level with the undeformed top"
+        zero = {
+            "shadow": f"the upper edge of its shadow at zero pressure, {away}",
+            "apex": f"its apex at zero pressure, {away}",
+            "undeformed": "the undeformed top",
+        }
+        return f"dead loads {loads}, given and not fitted; heights count from {zero[self.height_datum]}"
+
+    def _weightless(self) -> str:
+        """Return a warning if a device without gravity is so soft that its weight matters; else ""."""
+        tall = float(np.ptp(self.silhouette.points @ np.asarray(self.system.body.actuator.lift)))
+        weight = silicones.SILICONE_DENSITY * loads.STANDARD_GRAVITY * tall
+        share = weight / self.system.stress_unit
+        if share < HEAVY:
+            return ""
+        much = f"{weight:.3g} Pa, {100 * share:.1f} % of the shear modulus"
+        return (
+            "the case has no [gravity], so the silicone's own weight is neglected: its pressure over the part's height "
+            f"is {much}, and the error of the fit may be of that order"
+        )
+
+    def _place(self, curve: grid.QuadraticCurve) -> tuple[int, Array]:
+        piece, s = shapes.crest(curve) if self.height_datum == "shadow" else (0, -1.0)
+        return piece, grid.shapes(s)
+
+    def _found(self, values: Mapping[str, float]) -> _Hung:
+        if self._now is None or self._now.values != dict(values):
+            state = self._nearby(values) or self._followed()
+            self._now = _Hung(dict(values), state, self.silhouette.curve(state), {})
+        return self._now
+
+    def _nearby(self, values: Mapping[str, float]) -> State | None:
+        """Return the state near that of the last values, if Newton's method finds it directly."""
+        base = self._now
+        # Paths for first shapes know the law's parameters only, not the lengths that a fit varies.
+        if base is None or not base.rates or not base.rates.keys() <= values.keys() & base.values.keys():
+            return None
+        w = base.state.w + sum((values[name] - base.values[name]) * rate.w for name, rate in base.rates.items())
+        return near(self.solver, base.state, controls.pressure_control(0.0), w, 0.0)
+
+    def _followed(self) -> State:
+        """Solve the state at the end of a path on which the loads grow."""
+        system = self.system
+        amounts = np.concatenate([np.zeros(len(system.body.actuator.ratios)), system.dead.amounts / system.dead.units])
+        try:
+            return schedule.inflate_from(self.solver, hang(self.solver, [("its loads", amounts)]))
+        except schedule.HangingEnd as end:
+            self.couple()
+            raise problem.CannotEvaluate(end.sentence) from None
+
+
+SAME = 1e-9
+"""Requested values closer than this, relative to the largest, share a state."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Solved:
+    """States solved together: parameter values, requested values (SI), and derivatives by the state's identity."""
+
+    values: dict[str, float]
+    quantity: str
+    requested: Array
+    states: list[State]
+    answers: dict[int, tuple[sensitivity.Rate, dict[str, sensitivity.Rate], float]]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ModelSlopes:
+    """Derivatives of one state's pressure (Pa) and of its curve's nodes (m, shape (n, 3, 2)), by parameter name and by
+    what is requested: the added volume in m3, or the pressure, whose own is 1."""
+
+    pressure: dict[str, float]
+    nodes: dict[str, Array]
+    along_pressure: float
+    along_nodes: Array
 
 
 # ----------------------------------------------------------------------------------------------------------------------

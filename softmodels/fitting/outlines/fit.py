@@ -57,311 +57,6 @@ from softmodels.materials import specimens
 from softmodels.mechanics import mpi
 from softmodels.runs.fields import Fields
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The fit of one law to outlines, from starts in closed form.
-
-
-UNHEARD = 1e6
-"""Factor on the error of an ignored pressure."""
-STARTING_SHARE = 0.1
-"""Of each branch."""
-
-
-def fit_law_to_outlines(
-    *sources: OutlineResiduals,
-    free: Sequence[str] = problem.FREE,
-    extra: problem.Extra = problem.NOTHING_ELSE,
-    changes: problem.Changes = MappingProxyType({}),
-    loss: str = "linear",
-    doubted: Collection[str] = (),
-) -> LeastSquaresFit:
-    """Fit a law to devices of one material, each with its outlines, from starts in closed form.
-
-    Args:
-        free: What is free beside the law, see `nuisances`.
-        extra: Further sources that depend on the law's parameters, such as tensile curves.
-        changes: Fields of parameters to replace; what every device has is so for all, or by its full name for one.
-        loss: See `softmodels.fitting.least_squares.fit_parameters`.
-        doubted: Names of photographs whose pressures do not count where the fit starts.
-
-    Raises:
-        FitError: See `softmodels.fitting.least_squares.fit_parameters`; or a change names no parameter.
-        OutlineFitError: The device cannot be the one in the photographs.
-    """
-    choice, spectrum = sources[0].model.choice, sources[0].model.spectrum
-    weights = dict.fromkeys(spectrum.names, STARTING_SHARE) if spectrum else {}
-    known = all_nuisances(sources, free)
-    names = {*choice.names, *weights, *(name for p in (*known, *extra.parameters) for name in (p.name, p.own_name))}
-    for name in changes:
-        if name not in names:
-            raise FitError(f"there is no parameter {name!r}; {known_are(name, sorted(names))}")
-    held = {
-        name: change["start"]
-        for name, change in changes.items()
-        if change.get("fixed") and "start" in change and name in choice.names
-    }
-    begins: list[dict[str, float]] = []
-    hidden: list[problem.Parameter] = []
-    for source in sources:
-        measured = [
-            (shape.height, shape.pressure, shape.pressure_error * (UNHEARD if shape.source in doubted else 1.0))
-            for shape in source.shapes
-        ]
-        heights, pressures, errors = np.array(measured).T
-        more, plain = starts(source.model, heights, pressures, errors, held)
-        begins += more
-        hidden += source.hidden_parameters(plain.volumes, plain.hangs)
-    troubles = []
-    stiffer = 1.0 + sum(weights.values()) / 2  # the photographs show what has not relaxed too
-    for begin in begins:
-        law = {n: v / stiffer if choice.unit(n) == "Pa" and n not in held else v for n, v in begin.items()}
-        silicone = [*choice.parameters(law), *(spectrum.parameters(weights) if spectrum else ())]
-        parameters = [
-            p.changed({**changes.get(p.own_name, {}), **changes.get(p.name, {})})
-            for p in (*silicone, *known, *extra.parameters)
-        ] + hidden
-        for source in sources:
-            source.fixed = frozenset(p.name for p in parameters if p.fixed)
-        try:
-            return settled(fit_parameters([*sources, *extra.sources], parameters, loss=loss, label=choice.name))
-        except FitError as error:
-            troubles.append(str(error))
-    raise FitError(f"{choice.name}: {troubles[0]}")
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Fit one law to a device's outlines or heights, and check its acceptance.
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class LawTrial[Source: (OutlineResiduals, HeightResiduals)]:
-    """A law's fit to sources, one for each device, what speaks against it, and, of outlines, the series of pressures over
-    heights."""
-
-    sources: tuple[Source, ...]
-    fit: LeastSquaresFit
-    judgement: Judgement
-    rows: tuple[tuple[checks.HeightRow, ...], ...] = ()
-
-
-def try_outlines(
-    sources: Sequence[OutlineResiduals],
-    free: Sequence[str],
-    extra: problem.Extra = problem.NOTHING_ELSE,
-    changes: problem.Changes = MappingProxyType({}),
-    loss: str = "linear",
-    rows: Sequence[Sequence[checks.HeightRow]] = (),
-) -> LawTrial[OutlineResiduals]:
-    """Fit a law to all outlines as `fit_law_to_outlines`, and search for contradicting ones if the fit is beyond chance. With
-    the series of another law's trial, all laws are fitted to the same photographs.
-
-    Raises:
-        UnsoundError: The outlines are of another device; or the fit fails, and a photograph contradicts the others.
-        FitError: The fit fails.
-    """
-    all_nuisances(sources, free)  # unknown names, before anything is solved
-    series = tuple(tuple(one) for one in rows or [checks.series_of_shapes(one.model, one.shapes) for one in sources])
-    if sources[0].model.spectrum is not None:  # at one pressure the heights differ with the time
-        series = ((),) * len(sources)
-    wrong = [found for found in map(checks.by_course, series) if found]
-    doubted = [name for found in wrong for name in found.names]
-    said = "; ".join(found.whole for found in wrong)
-
-    def fitted(
-        without: Sequence[str] = (), doubted: Sequence[str] = ()
-    ) -> tuple[list[OutlineResiduals], LeastSquaresFit]:
-        chosen = []
-        for source in sources:
-            shapes = [shape for shape in source.shapes if shape.source not in without]
-            if shapes:
-                chosen.append(type(source)(source.model, shapes, device=source.device))
-        fit = fit_law_to_outlines(*chosen, free=free, extra=extra, changes=changes, loss=loss, doubted=doubted)
-        return chosen, fit
-
-    def good(without: Sequence[str]) -> bool:
-        try:
-            return checks.within_chance(*fitted(without))
-        except (FitError, problem.CannotEvaluate):
-            return False
-
-    try:
-        if any(found.gross for found in wrong):  # a fit distorted by such a row takes a minute and is meaningless
-            chosen, fit = fitted(doubted)
-            return LawTrial(
-                tuple(chosen), fit, Judgement((f"{said} (the reported numbers are of such a fit)",)), series
-            )
-        chosen, fit = fitted((), doubted)
-    except FitError as error:
-        if wrong:
-            raise problem.UnsoundError(f"{said} (with all photographs: {error})") from None
-        raise
-    return LawTrial(tuple(chosen), fit, checks.judge_outlines(chosen, fit, series, good), series)
-
-
-PROFILE_POINTS = 6
-"""Number of values of a parameter in its profile, each a separate fit."""
-type Device = Actuator | Case | MeasuredDevice
-type Outlines = Sequence[Outline | Path | str] | Path | str
-HEIGHTS_ALONE = (
-    "heights cannot separate a leak, an offset or scale of the pressures, a length scale, the zero plane or a thickness of the "
-    "device from the silicone: these are not corrected, and the intervals are widened by their priors; outlines determine more"
-)
-
-
-@checked
-@one_at_a_time
-def fit(
-    device: Device | Sequence[tuple[Device, Outlines]],
-    outlines: Outlines = (),
-    material: problem.Laws = "yeoh",
-    options: FitOptions = problem.DEFAULTS,
-    *,
-    curves: Curves = (),
-    comm: MPI.Comm | None = None,
-) -> FitReport:
-    """Fit laws to outlines of one device or of several of one cast at all pressures, optionally with tensile curves.
-
-    With ``options.memory`` the outlines carry times, and relaxing branches are fitted too; the law is then that of equilibrium.
-
-    Several devices have the material in common; errors of the bench and lengths are fitted per device: parameters called
-    ``leak``, ``zero`` ... of one device are ``NAME.leak``, ``NAME.zero`` ... of several. ``options.free`` and
-    ``options.changes`` are about all of them, or by such a name about one; ``options.exclude`` takes ``NAME/4.jpg``. NAME is
-    that of the case, or the geometry's; a name that two have gets a number (``disk-2``).
-
-    Args:
-        device: What was inflated; or pairs of what was inflated and its outlines.
-        outlines: Outlines, or the files or folders that a measurement has written; nothing where ``device`` has pairs.
-        material: A law's name or class, or several of them; ``"all"`` compares all.
-        options: How.
-        curves: Tensile curves to fit at the same time, or their files (see `softmodels.fitting.curves.fit.prepared`).
-        comm: Processes that solve together; None for all.
-
-    Returns:
-        The laws with their error bars, best first; ``report.material`` is the one to simulate with, and
-        ``report.chosen.devices`` has the chi squared of each device.
-
-    Raises:
-        FitError: Bad input, or no law could be fitted.
-        UnsoundError: The measurements contradict each other.
-    """
-    _check_how(options, comm)
-    pairs = _pairs(device, outlines)
-    measured = [MeasuredDevice.of(one).counting_from(options.height_datum) for one, _ in pairs]
-    names = device_names([one.name for one in measured])
-    task = _Task(
-        tuple(dataclasses.replace(one, name=name) for one, name in zip(measured, names, strict=True)),
-        problem.law_choices(material, options.poisson),
-        options,
-        tuple(prepared(several("curves", curves, TensileCurve, "a sm.TensileCurve"), history=options.memory)),
-    )
-    if len(pairs) == 1:
-        found = [outlines_of(pairs[0][1], options.untrusted, options.exclude)]
-    else:
-        without = _without_by_device(options.exclude, names)
-        found = [
-            [
-                dataclasses.replace(one, source=f"{name}/{one.source}")
-                for one in outlines_of(given, options.untrusted, left)
-            ]
-            for (_, given), name, left in zip(pairs, names, without, strict=True)
-        ]
-    return task.with_outlines(found, comm or mpi.start())
-
-
-def _pairs(device: object, outlines: Outlines) -> list[tuple[Device, Outlines]]:
-    """Return the devices, each with its outlines; `FitError` for pairs that are none, or outlines beside them."""
-    if not isinstance(device, Sequence) or isinstance(device, str):
-        return [(device, outlines)]  # type: ignore[list-item]
-    if not device or not all(
-        isinstance(one, Sequence) and not isinstance(one, str) and len(one) == 2 for one in device
-    ):
-        raise FitError(
-            "several devices are given as pairs of a device and its outlines, such as [(disk, 'outlines_a'), (membrane, "
-            "'outlines_b')]"
-        )
-    if not isinstance(outlines, Sequence) or len(outlines):
-        raise FitError("with several devices, give pairs of device and outlines, and leave out the argument outlines")
-    return [(one, given) for one, given in device]
-
-
-def outlines_of(given: Outlines, untrusted: bool, exclude: Sequence[str] = ()) -> list[Outline]:
-    """Return the outlines that are not excluded, those of files and folders after the others."""
-    outlines = several("outlines", given, (Outline, Path, str), "an outline, or a file or folder of outlines")
-    found = [outline for outline in outlines if isinstance(outline, Outline)]
-    files = [Path(outline) for outline in outlines if not isinstance(outline, Outline)]
-    if files or not found:
-        return [*found, *read_outlines(files, untrusted, exclude)]
-    return [found[i] for i in kept([(outline.source, None) for outline in found], exclude)]
-
-
-def device_names(names: Sequence[str]) -> list[str]:
-    """Return the names of several devices, numbered if two have the same."""
-    found: list[str] = []
-    for name in names:
-        number, one = 1, name
-        while one in found:
-            number += 1
-            one = f"{name}-{number}"
-        found.append(one)
-    return found
-
-
-def _without_by_device(exclude: Sequence[str], names: Sequence[str]) -> list[list[str]]:
-    """Return the names of photographs to exclude, by device; `OutlineFitError` for one that does not begin with a
-    device's."""
-    for text in exclude:
-        if not any(text.startswith(f"{name}/") for name in names):
-            raise OutlineFitError(
-                f"--exclude {text}: with several devices, give the photograph's device too, such as {names[0]}/{text}; the "
-                f"devices are {', '.join(names)}"
-            )
-    return [[text.removeprefix(f"{name}/") for text in exclude if text.startswith(f"{name}/")] for name in names]
-
-
-@checked
-@one_at_a_time
-def fit_heights(
-    device: Actuator | Case | MeasuredDevice,
-    heights: Sequence[Height] | Path | str,
-    material: problem.Laws = "yeoh",
-    options: FitOptions = problem.DEFAULTS,
-    *,
-    comm: MPI.Comm | None = None,
-) -> FitReport:
-    """Fit laws to the largest deflections of a device, as the thesis did; see `fit`, whose arguments it takes.
-
-    Args:
-        device: What was inflated.
-        heights: Heights, or the table ``heights.csv`` that a measurement has written.
-        material: See `fit`.
-        options: See `fit`.
-        comm: See `fit`.
-
-    Raises:
-        FitError: Bad input, or no law could be fitted.
-        UnsoundError: The measurements contradict each other.
-    """
-    _check_how(options, comm)
-    if options.memory:
-        raise FitError("heights carry no times, so they show no memory; fit outlines or curves, or leave out --memory")
-    if isinstance(heights, Path | str):
-        heights = read_heights(Path(heights), options.untrusted, options.exclude)
-    heights = several("heights", heights, Height, "a height, or the table heights.csv")
-    task = _Task(
-        (MeasuredDevice.of(device).counting_from(options.height_datum),),
-        problem.law_choices(material, options.poisson),
-        options,
-        (),
-    )
-    return task.with_heights(heights, comm or mpi.start())
-
-
-def _check_how(options: object, comm: object) -> None:
-    """Raise `ArgumentError` for invalid options or communicator."""
-    one_of("options", options, FitOptions, "how to fit, such as sm.FitOptions(poisson=0.49)")
-    if comm is not None and not callable(getattr(comm, "allreduce", None)):
-        raise wrong("comm", comm, "a communicator of MPI, or None for all processes")
-
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Task:
@@ -540,6 +235,173 @@ class _Task:
         )
 
 
+type Device = Actuator | Case | MeasuredDevice
+type Outlines = Sequence[Outline | Path | str] | Path | str
+
+
+@checked
+@one_at_a_time
+def fit(
+    device: Device | Sequence[tuple[Device, Outlines]],
+    outlines: Outlines = (),
+    material: problem.Laws = "yeoh",
+    options: FitOptions = problem.DEFAULTS,
+    *,
+    curves: Curves = (),
+    comm: MPI.Comm | None = None,
+) -> FitReport:
+    """Fit laws to outlines of one device or of several of one cast at all pressures, optionally with tensile curves.
+
+    With ``options.memory`` the outlines carry times, and relaxing branches are fitted too; the law is then that of equilibrium.
+
+    Several devices have the material in common; errors of the bench and lengths are fitted per device: parameters called
+    ``leak``, ``zero`` ... of one device are ``NAME.leak``, ``NAME.zero`` ... of several. ``options.free`` and
+    ``options.changes`` are about all of them, or by such a name about one; ``options.exclude`` takes ``NAME/4.jpg``. NAME is
+    that of the case, or the geometry's; a name that two have gets a number (``disk-2``).
+
+    Args:
+        device: What was inflated; or pairs of what was inflated and its outlines.
+        outlines: Outlines, or the files or folders that a measurement has written; nothing where ``device`` has pairs.
+        material: A law's name or class, or several of them; ``"all"`` compares all.
+        options: How.
+        curves: Tensile curves to fit at the same time, or their files (see `softmodels.fitting.curves.fit.prepared`).
+        comm: Processes that solve together; None for all.
+
+    Returns:
+        The laws with their error bars, best first; ``report.material`` is the one to simulate with, and
+        ``report.chosen.devices`` has the chi squared of each device.
+
+    Raises:
+        FitError: Bad input, or no law could be fitted.
+        UnsoundError: The measurements contradict each other.
+    """
+    _check_how(options, comm)
+    pairs = _pairs(device, outlines)
+    measured = [MeasuredDevice.of(one).counting_from(options.height_datum) for one, _ in pairs]
+    names = device_names([one.name for one in measured])
+    task = _Task(
+        tuple(dataclasses.replace(one, name=name) for one, name in zip(measured, names, strict=True)),
+        problem.law_choices(material, options.poisson),
+        options,
+        tuple(prepared(several("curves", curves, TensileCurve, "a sm.TensileCurve"), history=options.memory)),
+    )
+    if len(pairs) == 1:
+        found = [outlines_of(pairs[0][1], options.untrusted, options.exclude)]
+    else:
+        without = _without_by_device(options.exclude, names)
+        found = [
+            [
+                dataclasses.replace(one, source=f"{name}/{one.source}")
+                for one in outlines_of(given, options.untrusted, left)
+            ]
+            for (_, given), name, left in zip(pairs, names, without, strict=True)
+        ]
+    return task.with_outlines(found, comm or mpi.start())
+
+
+PROFILE_POINTS = 6
+"""Number of values of a parameter in its profile, each a separate fit."""
+HEIGHTS_ALONE = (
+    "heights cannot separate a leak, an offset or scale of the pressures, a length scale, the zero plane or a thickness of the "
+    "device from the silicone: these are not corrected, and the intervals are widened by their priors; outlines determine more"
+)
+
+
+def _pairs(device: object, outlines: Outlines) -> list[tuple[Device, Outlines]]:
+    """Return the devices, each with its outlines; `FitError` for pairs that are none, or outlines beside them."""
+    if not isinstance(device, Sequence) or isinstance(device, str):
+        return [(device, outlines)]  # type: ignore[list-item]
+    if not device or not all(
+        isinstance(one, Sequence) and not isinstance(one, str) and len(one) == 2 for one in device
+    ):
+        raise FitError(
+            "several devices are given as pairs of a device and its outlines, such as [(disk, 'outlines_a'), (membrane, "
+            "'outlines_b')]"
+        )
+    if not isinstance(outlines, Sequence) or len(outlines):
+        raise FitError("with several devices, give pairs of device and outlines, and leave out the argument outlines")
+    return [(one, given) for one, given in device]
+
+
+def outlines_of(given: Outlines, untrusted: bool, exclude: Sequence[str] = ()) -> list[Outline]:
+    """Return the outlines that are not excluded, those of files and folders after the others."""
+    outlines = several("outlines", given, (Outline, Path, str), "an outline, or a file or folder of outlines")
+    found = [outline for outline in outlines if isinstance(outline, Outline)]
+    files = [Path(outline) for outline in outlines if not isinstance(outline, Outline)]
+    if files or not found:
+        return [*found, *read_outlines(files, untrusted, exclude)]
+    return [found[i] for i in kept([(outline.source, None) for outline in found], exclude)]
+
+
+def device_names(names: Sequence[str]) -> list[str]:
+    """Return the names of several devices, numbered if two have the same."""
+    found: list[str] = []
+    for name in names:
+        number, one = 1, name
+        while one in found:
+            number += 1
+            one = f"{name}-{number}"
+        found.append(one)
+    return found
+
+
+def _without_by_device(exclude: Sequence[str], names: Sequence[str]) -> list[list[str]]:
+    """Return the names of photographs to exclude, by device; `OutlineFitError` for one that does not begin with a
+    device's."""
+    for text in exclude:
+        if not any(text.startswith(f"{name}/") for name in names):
+            raise OutlineFitError(
+                f"--exclude {text}: with several devices, give the photograph's device too, such as {names[0]}/{text}; the "
+                f"devices are {', '.join(names)}"
+            )
+    return [[text.removeprefix(f"{name}/") for text in exclude if text.startswith(f"{name}/")] for name in names]
+
+
+@checked
+@one_at_a_time
+def fit_heights(
+    device: Actuator | Case | MeasuredDevice,
+    heights: Sequence[Height] | Path | str,
+    material: problem.Laws = "yeoh",
+    options: FitOptions = problem.DEFAULTS,
+    *,
+    comm: MPI.Comm | None = None,
+) -> FitReport:
+    """Fit laws to the largest deflections of a device, as the thesis did; see `fit`, whose arguments it takes.
+
+    Args:
+        device: What was inflated.
+        heights: Heights, or the table ``heights.csv`` that a measurement has written.
+        material: See `fit`.
+        options: See `fit`.
+        comm: See `fit`.
+
+    Raises:
+        FitError: Bad input, or no law could be fitted.
+        UnsoundError: The measurements contradict each other.
+    """
+    _check_how(options, comm)
+    if options.memory:
+        raise FitError("heights carry no times, so they show no memory; fit outlines or curves, or leave out --memory")
+    if isinstance(heights, Path | str):
+        heights = read_heights(Path(heights), options.untrusted, options.exclude)
+    heights = several("heights", heights, Height, "a height, or the table heights.csv")
+    task = _Task(
+        (MeasuredDevice.of(device).counting_from(options.height_datum),),
+        problem.law_choices(material, options.poisson),
+        options,
+        (),
+    )
+    return task.with_heights(heights, comm or mpi.start())
+
+
+def _check_how(options: object, comm: object) -> None:
+    """Raise `ArgumentError` for invalid options or communicator."""
+    one_of("options", options, FitOptions, "how to fit, such as sm.FitOptions(poisson=0.49)")
+    if comm is not None and not callable(getattr(comm, "allreduce", None)):
+        raise wrong("comm", comm, "a communicator of MPI, or None for all processes")
+
+
 def hold_notes(holds: Sequence[float]) -> list[str]:
     """Return for which times a law without a memory holds, by the hold times in s of its photographs."""
     if not holds:
@@ -559,3 +421,144 @@ def _largest_stretch(source: OutlineResiduals | HeightResiduals, fit: LeastSquar
     state = source.largest_state(fit.values)
     source.model.set_parameters(source.own(fit.values))
     return float(Fields(source.model.solver).figures(state).max_stretch)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The fit of one law to outlines, from starts in closed form.
+
+
+UNHEARD = 1e6
+"""Factor on the error of an ignored pressure."""
+STARTING_SHARE = 0.1
+"""Of each branch."""
+
+
+def fit_law_to_outlines(
+    *sources: OutlineResiduals,
+    free: Sequence[str] = problem.FREE,
+    extra: problem.Extra = problem.NOTHING_ELSE,
+    changes: problem.Changes = MappingProxyType({}),
+    loss: str = "linear",
+    doubted: Collection[str] = (),
+) -> LeastSquaresFit:
+    """Fit a law to devices of one material, each with its outlines, from starts in closed form.
+
+    Args:
+        free: What is free beside the law, see `nuisances`.
+        extra: Further sources that depend on the law's parameters, such as tensile curves.
+        changes: Fields of parameters to replace; what every device has is so for all, or by its full name for one.
+        loss: See `softmodels.fitting.least_squares.fit_parameters`.
+        doubted: Names of photographs whose pressures do not count where the fit starts.
+
+    Raises:
+        FitError: See `softmodels.fitting.least_squares.fit_parameters`; or a change names no parameter.
+        OutlineFitError: The device cannot be the one in the photographs.
+    """
+    choice, spectrum = sources[0].model.choice, sources[0].model.spectrum
+    weights = dict.fromkeys(spectrum.names, STARTING_SHARE) if spectrum else {}
+    known = all_nuisances(sources, free)
+    names = {*choice.names, *weights, *(name for p in (*known, *extra.parameters) for name in (p.name, p.own_name))}
+    for name in changes:
+        if name not in names:
+            raise FitError(f"there is no parameter {name!r}; {known_are(name, sorted(names))}")
+    held = {
+        name: change["start"]
+        for name, change in changes.items()
+        if change.get("fixed") and "start" in change and name in choice.names
+    }
+    begins: list[dict[str, float]] = []
+    hidden: list[problem.Parameter] = []
+    for source in sources:
+        measured = [
+            (shape.height, shape.pressure, shape.pressure_error * (UNHEARD if shape.source in doubted else 1.0))
+            for shape in source.shapes
+        ]
+        heights, pressures, errors = np.array(measured).T
+        more, plain = starts(source.model, heights, pressures, errors, held)
+        begins += more
+        hidden += source.hidden_parameters(plain.volumes, plain.hangs)
+    troubles = []
+    stiffer = 1.0 + sum(weights.values()) / 2  # the photographs show what has not relaxed too
+    for begin in begins:
+        law = {n: v / stiffer if choice.unit(n) == "Pa" and n not in held else v for n, v in begin.items()}
+        silicone = [*choice.parameters(law), *(spectrum.parameters(weights) if spectrum else ())]
+        parameters = [
+            p.changed({**changes.get(p.own_name, {}), **changes.get(p.name, {})})
+            for p in (*silicone, *known, *extra.parameters)
+        ] + hidden
+        for source in sources:
+            source.fixed = frozenset(p.name for p in parameters if p.fixed)
+        try:
+            return settled(fit_parameters([*sources, *extra.sources], parameters, loss=loss, label=choice.name))
+        except FitError as error:
+            troubles.append(str(error))
+    raise FitError(f"{choice.name}: {troubles[0]}")
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Fit one law to a device's outlines or heights, and check its acceptance.
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class LawTrial[Source: (OutlineResiduals, HeightResiduals)]:
+    """A law's fit to sources, one for each device, what speaks against it, and, of outlines, the series of pressures over
+    heights."""
+
+    sources: tuple[Source, ...]
+    fit: LeastSquaresFit
+    judgement: Judgement
+    rows: tuple[tuple[checks.HeightRow, ...], ...] = ()
+
+
+def try_outlines(
+    sources: Sequence[OutlineResiduals],
+    free: Sequence[str],
+    extra: problem.Extra = problem.NOTHING_ELSE,
+    changes: problem.Changes = MappingProxyType({}),
+    loss: str = "linear",
+    rows: Sequence[Sequence[checks.HeightRow]] = (),
+) -> LawTrial[OutlineResiduals]:
+    """Fit a law to all outlines as `fit_law_to_outlines`, and search for contradicting ones if the fit is beyond chance. With
+    the series of another law's trial, all laws are fitted to the same photographs.
+
+    Raises:
+        UnsoundError: The outlines are of another device; or the fit fails, and a photograph contradicts the others.
+        FitError: The fit fails.
+    """
+    all_nuisances(sources, free)  # unknown names, before anything is solved
+    series = tuple(tuple(one) for one in rows or [checks.series_of_shapes(one.model, one.shapes) for one in sources])
+    if sources[0].model.spectrum is not None:  # at one pressure the heights differ with the time
+        series = ((),) * len(sources)
+    wrong = [found for found in map(checks.by_course, series) if found]
+    doubted = [name for found in wrong for name in found.names]
+    said = "; ".join(found.whole for found in wrong)
+
+    def fitted(
+        without: Sequence[str] = (), doubted: Sequence[str] = ()
+    ) -> tuple[list[OutlineResiduals], LeastSquaresFit]:
+        chosen = []
+        for source in sources:
+            shapes = [shape for shape in source.shapes if shape.source not in without]
+            if shapes:
+                chosen.append(type(source)(source.model, shapes, device=source.device))
+        fit = fit_law_to_outlines(*chosen, free=free, extra=extra, changes=changes, loss=loss, doubted=doubted)
+        return chosen, fit
+
+    def good(without: Sequence[str]) -> bool:
+        try:
+            return checks.within_chance(*fitted(without))
+        except (FitError, problem.CannotEvaluate):
+            return False
+
+    try:
+        if any(found.gross for found in wrong):  # a fit distorted by such a row takes a minute and is meaningless
+            chosen, fit = fitted(doubted)
+            return LawTrial(
+                tuple(chosen), fit, Judgement((f"{said} (the reported numbers are of such a fit)",)), series
+            )
+        chosen, fit = fitted((), doubted)
+    except FitError as error:
+        if wrong:
+            raise problem.UnsoundError(f"{said} (with all photographs: {error})") from None
+        raise
+    return LawTrial(tuple(chosen), fit, checks.judge_outlines(chosen, fit, series, good), series)

@@ -511,6 +511,76 @@ def volumes_of(model: DeviceModel, values: dict[str, float], heights: Array) -> 
 # The fit to whole outlines has both.
 
 
+class HeightResiduals:
+    """Residuals in mm of heights, checked; see `softmodels.fitting.problem.Residuals`.
+
+    Attributes:
+        considered: Lengths whose errors are in the intervals.
+    """
+
+    unit, errors, device = "mm", 1.0, ""
+
+    def __init__(self, model: DeviceModel, heights: Sequence[Height], label: str = "heights"):
+        self.model, self.heights, self.label = model, tuple(heights), label
+        self.parameters = model.names
+        self.fixed: frozenset[str] = frozenset()
+        self.considered: tuple[str, ...] = ()
+        self.pressures = np.array([one.pressure for one in heights])
+        self.measured = np.array([one.height for one in heights])
+        self.height_errors = np.array([one.height_error for one in heights])
+
+    @property
+    def in_words(self) -> str:
+        """The amount of measurements, in words."""
+        top = float(self.measured.max())
+        return f"{len(self.heights)} heights to {top * 1e3:.4g} mm at {self.pressures[-1] / 1e3:.4g} kPa"
+
+    def own(self, values: Mapping[str, float]) -> Mapping[str, float]:
+        """Return the fit's values by their names in this device, which are the same."""
+        return values
+
+    def largest_state(self, values: Mapping[str, float]) -> State:
+        """Return the state of the largest pressure at parameter values."""
+        return self.model.states(values, self.pressures, "pressure")[-1]
+
+    def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
+        """See `softmodels.fitting.problem.Residuals`."""
+        states = self.model.states(values, self.pressures, "pressure")
+        self.model.set_parameters(values)
+        tops = np.array([self.model.curve(state).nodes[0, 0, 1] for state in states])
+        residuals = 1e3 * (tops - self.measured)
+        labels = [self.label] * len(residuals)
+        if not derivatives:
+            return residuals, None, labels
+        J = np.zeros((len(states), len(self.parameters)))
+        names = [name for name in self.parameters if name not in self.fixed]
+        for row, state in enumerate(states):
+            slopes = self.model.slopes(state, names, "pressure")
+            for name in names:
+                J[row, self.parameters.index(name)] = 1e3 * slopes.nodes[name][0, 0, 1]
+        return residuals, J, labels
+
+    def shared(self, values: Mapping[str, float], lengths: Mapping[str, problem.Prior]) -> Array:
+        """Return the change of the residuals by one standard error of each systematic bench error and of lengths, shape (n, 5 +
+        their number)."""
+        states = self.model.states(values, self.pressures, "pressure")
+        self.model.set_parameters(values)
+        slopes = [self.model.slopes(state, [*lengths], "pressure") for state in states]
+        rise = 1e3 * np.array([one.along_nodes[0, 0, 1] for one in slopes])  # mm per Pa
+        columns = (
+            -rise * min(one.pressure_error for one in self.heights),
+            -rise * self.pressures * PRESSURE_SCALE_ERROR,
+            -rise * self.pressures**2 / self.pressures.max() * LEAK_ERROR,
+            1e3 * self.measured * SCALE_ERROR,
+            np.full(len(rise), 1e3 * ZERO_ERROR),
+            *(
+                1e3 * prior.error * np.array([one.nodes[name][0, 0, 1] for one in slopes])
+                for name, prior in lengths.items()
+            ),
+        )
+        return np.column_stack(columns)
+
+
 STIFFER = (1.0, 1.1, 1.3, 2.0)
 """Factors on the starting stresses, tried until every pressure has a state."""
 
@@ -597,76 +667,6 @@ def check_heights(heights: Sequence[Height], width: float) -> list[Height]:
                 f"{one.source} and {two.source} have the same pressure, {two.pressure:.5g} Pa; give only one"
             )
     return risen
-
-
-class HeightResiduals:
-    """Residuals in mm of heights, checked; see `softmodels.fitting.problem.Residuals`.
-
-    Attributes:
-        considered: Lengths whose errors are in the intervals.
-    """
-
-    unit, errors, device = "mm", 1.0, ""
-
-    def __init__(self, model: DeviceModel, heights: Sequence[Height], label: str = "heights"):
-        self.model, self.heights, self.label = model, tuple(heights), label
-        self.parameters = model.names
-        self.fixed: frozenset[str] = frozenset()
-        self.considered: tuple[str, ...] = ()
-        self.pressures = np.array([one.pressure for one in heights])
-        self.measured = np.array([one.height for one in heights])
-        self.height_errors = np.array([one.height_error for one in heights])
-
-    @property
-    def in_words(self) -> str:
-        """The amount of measurements, in words."""
-        top = float(self.measured.max())
-        return f"{len(self.heights)} heights to {top * 1e3:.4g} mm at {self.pressures[-1] / 1e3:.4g} kPa"
-
-    def own(self, values: Mapping[str, float]) -> Mapping[str, float]:
-        """Return the fit's values by their names in this device, which are the same."""
-        return values
-
-    def largest_state(self, values: Mapping[str, float]) -> State:
-        """Return the state of the largest pressure at parameter values."""
-        return self.model.states(values, self.pressures, "pressure")[-1]
-
-    def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
-        """See `softmodels.fitting.problem.Residuals`."""
-        states = self.model.states(values, self.pressures, "pressure")
-        self.model.set_parameters(values)
-        tops = np.array([self.model.curve(state).nodes[0, 0, 1] for state in states])
-        residuals = 1e3 * (tops - self.measured)
-        labels = [self.label] * len(residuals)
-        if not derivatives:
-            return residuals, None, labels
-        J = np.zeros((len(states), len(self.parameters)))
-        names = [name for name in self.parameters if name not in self.fixed]
-        for row, state in enumerate(states):
-            slopes = self.model.slopes(state, names, "pressure")
-            for name in names:
-                J[row, self.parameters.index(name)] = 1e3 * slopes.nodes[name][0, 0, 1]
-        return residuals, J, labels
-
-    def shared(self, values: Mapping[str, float], lengths: Mapping[str, problem.Prior]) -> Array:
-        """Return the change of the residuals by one standard error of each systematic bench error and of lengths, shape (n, 5 +
-        their number)."""
-        states = self.model.states(values, self.pressures, "pressure")
-        self.model.set_parameters(values)
-        slopes = [self.model.slopes(state, [*lengths], "pressure") for state in states]
-        rise = 1e3 * np.array([one.along_nodes[0, 0, 1] for one in slopes])  # mm per Pa
-        columns = (
-            -rise * min(one.pressure_error for one in self.heights),
-            -rise * self.pressures * PRESSURE_SCALE_ERROR,
-            -rise * self.pressures**2 / self.pressures.max() * LEAK_ERROR,
-            1e3 * self.measured * SCALE_ERROR,
-            np.full(len(rise), 1e3 * ZERO_ERROR),
-            *(
-                1e3 * prior.error * np.array([one.nodes[name][0, 0, 1] for one in slopes])
-                for name, prior in lengths.items()
-            ),
-        )
-        return np.column_stack(columns)
 
 
 def least_squares_of_heights(
