@@ -12,6 +12,8 @@ import softmodels
 
 FUNCTION_LINES, PARAMETERS, ENTRIES = 60, 7, 20
 """Most lines of a function, most parameters, and most entries directly in ``softmodels/``."""
+CLASS_LINES, BANNER_LINES = 60, 40
+"""A class of more lines stands this near to its banner, or to the imports; other classes of the section do not count."""
 MOST_ANY = 35
 """Most times that ``softmodels/`` says `Any`, imports included: where a library has no types, or wrong ones. In ``common/``
 values come from files and command lines, and may be anything."""
@@ -97,4 +99,33 @@ def test_every_long_file_is_there(request):
     plugins = request.config.pluginmanager.get_plugins()
     costs = next(plugin.read_costs() for plugin in plugins if hasattr(plugin, "read_costs"))
     tests = Path(__file__).parents[1]
+<<<<<<< ours
     assert costs and [file for file in costs if not (tests / file).is_file()] == []
+=======
+    listed = next(plugin.LONG for plugin in request.config.pluginmanager.get_plugins() if hasattr(plugin, "LONG"))
+    files = [tests / folder / f"test_{name}.py" for folder, names in listed.items() for name in names.split()]
+    assert [str(file) for file in files if not file.is_file()] == []
+
+
+def _far_from_banner(text):
+    """Classes of more than 60 lines, and the lines other than of classes between each and its banner, or the imports."""
+    lines, statements = text.splitlines(), ast.parse(text).body
+    banners = [number for number, line in enumerate(lines, 1) if re.fullmatch("# -{20,}", line)]
+    opening = max((node.end_lineno for node in statements if isinstance(node, ast.Import | ast.ImportFrom)), default=0)
+    for node in statements:
+        if not isinstance(node, ast.ClassDef) or node.end_lineno - node.lineno < CLASS_LINES:
+            continue
+        first = min([node.lineno, *(decorator.lineno for decorator in node.decorator_list)])
+        banner = max((number for number in [opening, *banners] if number < first), default=0)
+        between = set(range(banner + 1, first))
+        for other in statements:
+            if isinstance(other, ast.ClassDef):
+                between -= set(range(other.lineno, other.end_lineno + 1))
+        if sum(bool(lines[number - 1].strip()) for number in between) > BANNER_LINES:
+            yield node.name
+
+
+def test_large_classes_stand_near_their_banner():
+    found = [f"{file}: {name}" for file, text in _files() for name in _far_from_banner(text)]
+    assert not found, "put the class before its helpers, or under a banner of its own"
+>>>>>>> theirs
