@@ -99,12 +99,7 @@ def test_every_long_file_is_there(request):
     plugins = request.config.pluginmanager.get_plugins()
     costs = next(plugin.read_costs() for plugin in plugins if hasattr(plugin, "read_costs"))
     tests = Path(__file__).parents[1]
-<<<<<<< ours
     assert costs and [file for file in costs if not (tests / file).is_file()] == []
-=======
-    listed = next(plugin.LONG for plugin in request.config.pluginmanager.get_plugins() if hasattr(plugin, "LONG"))
-    files = [tests / folder / f"test_{name}.py" for folder, names in listed.items() for name in names.split()]
-    assert [str(file) for file in files if not file.is_file()] == []
 
 
 def _far_from_banner(text):
@@ -128,4 +123,3 @@ def _far_from_banner(text):
 def test_large_classes_stand_near_their_banner():
     found = [f"{file}: {name}" for file, text in _files() for name in _far_from_banner(text)]
     assert not found, "put the class before its helpers, or under a banner of its own"
->>>>>>> theirs
