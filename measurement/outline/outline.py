@@ -194,17 +194,13 @@ class Outline:
             scale = units.number(notes["scale"]) if "scale" in notes else math.nan
             shared = ("scale_error", "level_error_m", "edge_error_m")
             scale_error, level_error, edge_error = (units.number(notes.get(name, "0")) for name in shared)
-            history = [
-                tuple(map(units.number, pair.split())) for pair in notes.get("history_s_Pa", "").split(";") if pair
-            ]
+            history = _history(path, notes.get("history_s_Pa", ""))
         except KeyError as error:
             raise OutlineError(f"{path} has no comment line '# {error.args[0]} = …'") from None
         except units.UnitError as error:
             raise OutlineError(
                 f"{path}: pressure_Pa, pressure_error_Pa, sunk_m, scale, history or an error: {error}"
             ) from None
-        if any(len(pair) != 2 for pair in history):
-            raise OutlineError(f"{path}: history_s_Pa is not pairs of time and pressure, such as 0 0; 2 1500; 12 1500")
         points = np.array(rows, dtype=np.float64).reshape(-1, 4)
         trust = notes.get("trusted", "no")
         trusted = trust == "yes"
@@ -224,7 +220,7 @@ class Outline:
             points[:, 3] > 0.0,
             scale_error,
             level_error,
-            tuple((time, pressure) for time, pressure in history),
+            history,
             trust == "anyway",
             edge_error,
         )
@@ -256,6 +252,14 @@ def hold_of(history: History) -> float:
 
 class OutlineError(ValueError):
     """Invalid points or file of an outline; the message is for the user."""
+
+
+def _history(path: Path, text: str) -> tuple[tuple[float, float], ...]:
+    """Return times in s and pressures in Pa from a comment's text."""
+    pairs = [tuple(map(units.number, pair.split())) for pair in text.split(";") if pair]
+    if any(len(pair) != 2 for pair in pairs):
+        raise OutlineError(f"{path}: history_s_Pa is not pairs of time and pressure, such as 0 0; 2 1500; 12 1500")
+    return tuple((time, pressure) for time, pressure in pairs)
 
 
 def _row(path: Path, place: int, line: str) -> list[float]:
