@@ -266,7 +266,7 @@ def test_straight_edges_are_told_with_every_result_on_their_mesh(monkeypatch, tm
     monkeypatch.setattr(body.meshing, "straight_edges", lambda: 12)
     text = "12 edges of the mesh on curved faces are straight"
     device, law = HollowDisk(section="axisymmetric", cell_size=6e-3, refinement=1.0), Yeoh(9e3, 300.0, 0.0, 0.49)
-    case = Case("disk", device, law, pressures_cm=(20.0, 50.0, 80.0))
+    case = Case("disk", device, law, steps=steps_of(pressure_cm=(20.0, 50.0, 80.0)))
     run = sm.run(case)
     run.save(tmp_path / "saved")
     sm.run(case, folder=tmp_path / "stored")

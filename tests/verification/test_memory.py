@@ -226,7 +226,7 @@ def followed(body, law, tables, tolerance):
     """Times in s, pressures in Pa, volumes in m3, energies stored and dissipated in J, of every state; and the end."""
     solver = Solver(System(body, law, creeping=True))
     system, rows, end = solver.system, [], None
-    program = steps_of(**tables)
+    program = steps_of(water_density=9510.0 / 9.80665, **tables)  # 95.1 Pa a centimetre
     unit = system.stress_unit * system.volume_unit
     try:
         for come, point in follow(solver, program, Settings(tolerance=tolerance)):
