@@ -774,10 +774,9 @@ class Corrector:
             margin = 1e-6 * (high - low)
             if not low - margin <= state.V <= high + margin:
                 raise newton.NoConvergence("another branch")
-            state = quantity.exactly(state, value)
         except newton.NoConvergence:
             state = self.root(before, after, lambda p: quantity.value(p.state.V, p.state.P) - value)
-        return self.point(state, requested=True)
+        return self.point(quantity.exactly(state, value), requested=True)
 
     def on_the_way(self, before: Point, after: Point, share: float) -> Point:
         """Return a point between two, ``share`` of the way in volume."""

@@ -211,9 +211,12 @@ def value_at(steps: Steps, quantity: str, come: float) -> float:
 
 
 def _between(steps: Steps, values: Sequence[float], first: float, come: float) -> float:
-    """Return the value after so many steps; at the end of one as it was written."""
+    """Return the value after so many steps; at the end of one, and where it stays, as it was written."""
     ends = values if begins_at_rest(steps) else (first, *values)
-    return ends[int(come)] if come == int(come) else float(np.interp(come, np.arange(len(ends)), ends))
+    step = int(come)
+    if come == step or ends[step] == ends[step + 1]:
+        return ends[step]
+    return float(np.interp(come, np.arange(len(ends)), ends))
 
 
 def prescribes(steps: Steps, quantity: str) -> bool:

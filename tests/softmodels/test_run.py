@@ -267,7 +267,7 @@ import softmodels.mechanics.iterative, softmodels.mechanics.mpi
 from softmodels.{module} import {names}
 {main}
 """
-DISK = {"module": "disk", "names": "command, main", "main": "main(command)"}
+DISK = {"module": "disk", "names": "command", "main": "from softmodels.cli.options import main; main(command)"}
 WHOLE = {"module": "__main__", "names": "main", "main": "main()"}
 SMALL = ("--pressure-cm", "0:20", "--section", "axisymmetric", "--no-pictures")
 NO_MEMORY = "softmodels.mechanics.newton.OUT_OF_MEMORY = (0,)"  # what MUMPS reports where all is well

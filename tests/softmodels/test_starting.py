@@ -110,7 +110,8 @@ def test_no_solver_process_listens_beyond_this_machine(ranks, network):
 SMALL = ("--section=axisymmetric", "--cell-size=6mm", "--pressure-cm=0,5", "--no-pictures", "--quiet")
 LOADED = """
 import sys
-from softmodels.disk import command, main
+from softmodels.cli.options import main
+from softmodels.disk import command
 try:
     main(command)
 finally:

@@ -11,6 +11,7 @@ import pytest
 from geometries import HollowDisk
 from softmodels.api.run import Run
 from softmodels.case.case import Case
+from softmodels.case.load import steps_of
 from softmodels.case.materials import DEFAULT
 from softmodels.runs.columns import Variable, every_variable
 from softmodels.runs.outcomes import Ended
@@ -61,7 +62,13 @@ def run():
     ]
     grid = np.zeros((6, 3)), np.arange(6)[None], "Triangle_6"
     return Run(
-        States(Case("disk", HollowDisk(), DEFAULT, (10.0,)), rows, grid, lambda step, name: np.zeros(6)), Ended()
+        States(
+            Case("disk", HollowDisk(), DEFAULT, steps_of(pressure_cm=(10.0,))),
+            rows,
+            grid,
+            lambda step, name: np.zeros(6),
+        ),
+        Ended(),
     )
 
 
