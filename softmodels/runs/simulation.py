@@ -620,7 +620,9 @@ class Model(cards.Shown):
         except newton.NoConvergence as failure:
             raise RunError(f"the modes were not found ({failure}); ask for fewer, or use smaller cells") from failure
         unit = self.system.stress_unit / self.system.length_unit**2
-        return [Mode(value * unit, density, self._shape(w)) for value, w in pairs]
+        least = NEUTRAL * max((abs(value) for value, _ in pairs), default=0.0)
+        values = [value if abs(value) > least else 0.0 for value, _ in pairs]
+        return [Mode(value * unit, density, self._shape(w)) for value, (_, w) in zip(values, pairs, strict=True)]
 
     @functools.cached_property
     def _densities(self) -> list[float]:
@@ -674,6 +676,10 @@ class Model(cards.Shown):
         return names.read_only(found)
 
 
+NEUTRAL = 1e-9
+"""Eigenvalue over the largest of those asked for up to which it is 0, as at a limit point: there its sign is rounding."""
+
+
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Mode(cards.Shown):
     """A mode of a device at an equilibrium.
@@ -697,8 +703,8 @@ class Mode(cards.Shown):
 
     @property
     def stable(self) -> bool:
-        """Whether the device swings in it, and does not leave its state."""
-        return self.eigenvalue > 0.0
+        """Whether the device swings in it, and does not leave its state; of a limit point, where the eigenvalue is 0, too."""
+        return self.eigenvalue >= 0.0
 
     @property
     def frequency(self) -> float:
