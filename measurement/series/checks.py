@@ -765,7 +765,7 @@ def copy(e: Evidence) -> Iterator[Doubt]:
         yield Doubt(copied, rejects=True)
 
 
-LEAST_SUNK, LEAST_SHARE = 15e-6, 0.05
+LEAST_SUNK, LEAST_SHARE = 15e-6, 0.08
 """Distance in m from the common course, and as a share of the deepest sinking, that tells of a body that was moved."""
 OFF_SHARE = 0.2
 """Share of its own sinking, or change of scale, by which an outline may lie off the common course."""

@@ -60,8 +60,9 @@ def changed(material, name, by):
 
 def size_of(equations, name):
     """A change of a parameter that is large: a tenth of it, or the whole of a small hardening."""
-    if name == "membrane":
-        return 0.1 * equations.system.body.actuator.membrane
+    device = equations.system.body.actuator
+    if name in device.variable:
+        return 0.1 * getattr(device, name)
     material = equations.system.material
     whole = getattr(material, name) if hasattr(material, name) else getattr(material, name[:-1])[int(name[-1]) - 1]
     return 0.02 if name == "poisson" else 0.1 * whole
@@ -69,9 +70,9 @@ def size_of(equations, name):
 
 def moved_state(equations, motion, material, name, by, control, guess):
     """The state on the line with one parameter moved, as w and P in Pa; the mesh is left as it was read."""
-    disk = equations.system.body.actuator
-    if name == "membrane":
-        motion.move(dataclasses.replace(disk, membrane=disk.membrane + by))
+    device = equations.system.body.actuator
+    if name in device.variable:
+        motion.move(dataclasses.replace(device, **{name: getattr(device, name) + by}))
     else:
         equations.system.set_material(changed(material, name, by))
     weigh(equations)
@@ -82,8 +83,8 @@ def moved_state(equations, motion, material, name, by, control, guess):
     state = equations.solve(made, w, P / equations.system.stress_unit)
     found = state.w, state.P * equations.system.stress_unit, state.V * equations.system.volume_unit
     equations.system.set_material(material)
-    if name == "membrane":
-        motion.move(disk)
+    if name in device.variable:
+        motion.move(device)
     weigh(equations)
     return found
 

@@ -266,5 +266,6 @@ def test_a_cap_is_sucked_along_a_stiff_tube(figure):
     parts = Walls("auto, cavity"), Rigid(name="wall", kind="held", region="wall")
     run = sm.inflate(tube, MooneyRivlin(22043.0, 5511.0, 0.49), "-160 cm", components=parts)
     assert run.path["pressure_cm"][-1] == pytest.approx(-160.0) and run.path["end_mm"][-1] < -7.0
-    figure("a gap of 0", "overlap of a cap with its tube, per wall", -run.path["least_gap_mm"].min() / 3.0, 3e-2)
+    least = np.nanmin(run.path["least_gap_mm"])  # empty while no walls are near
+    figure("a gap of 0", "overlap of a cap with its tube, per wall", -least / 3.0, 3e-2)
     assert not run.path["walls_touch"].any()
