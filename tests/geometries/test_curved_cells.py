@@ -11,7 +11,6 @@ import pytest
 
 from geometries import Balloon, Bellows, BendingBellows, meshing
 from geometries.meshing import load_mesh, private_model, summarize
-from tests.support.campaigns import sampled
 
 NEEDLES = {
     "balloon": Balloon(radius=0.02, wall=1e-4, neck_radius=0.0, cell_size=0.001),
@@ -35,7 +34,7 @@ def curved_lines(path):
         return at[nodes.astype(int).reshape(-1, 3)]
 
 
-@pytest.mark.parametrize("name", sampled(NEEDLES, 3))
+@pytest.mark.parametrize("name", NEEDLES)
 def test_every_edge_on_a_curved_face_of_a_section_is_curved(name, tmp_path):
     device = NEEDLES[name]
     lines = curved_lines(device.write(tmp_path / "mesh.msh"))

@@ -236,7 +236,6 @@ def test_a_silicones_band_has_a_path_for_each_source(spanned):
     assert plain.rows == spanned.rows and not plain.sources
 
 
-@pytest.mark.campaign
 def test_what_the_sources_span_is_told_and_drawn(spanned):
     """At the last pressure that all of them reach; the softest ends at its limit point before the others."""
     (note,) = [note for note in spanned.notes if note.startswith(f"over the 4 sources of {ECOFLEX}")]

@@ -20,7 +20,6 @@ from softmodels.components.fibres import Reinforced, least_resistance
 from softmodels.runs.notes import advice
 from softmodels.runs.outcomes import NO_EQUILIBRIUM
 from softmodels.runs.table import Row
-from tests.support.campaigns import sampled
 
 STARTS = {
     "softmodels.disk": ["--pressure-cm", "0:100"],
@@ -37,7 +36,7 @@ def started(module, words, folder, **streams):
     )
 
 
-@pytest.mark.parametrize("module", sampled(STARTS, 2))
+@pytest.mark.parametrize("module", STARTS)
 def test_stopped_while_it_is_imported(module, tmp_path):
     """Stopped as soon as the numbers' library is looked for, which every program imports and which takes longest."""
     with started(module, STARTS[module], tmp_path, stdout=subprocess.DEVNULL) as process:
@@ -54,15 +53,12 @@ def test_stopped_while_it_is_imported(module, tmp_path):
 
 @pytest.mark.parametrize(
     ("module", "words"),
-    sampled(
-        [
-            ("softmodels.disk", ["--help"]),
-            ("softmodels", ["doctor", "--help"]),
-            ("measurement", ["--help"]),
-            ("geometries", []),
-        ],
-        2,
-    ),
+    [
+        ("softmodels.disk", ["--help"]),
+        ("softmodels", ["doctor", "--help"]),
+        ("measurement", ["--help"]),
+        ("geometries", []),
+    ],
 )
 def test_output_that_has_nowhere_to_go(module, words, tmp_path):
     with open("/dev/full", "w") as full, started(module, words, tmp_path, stdout=full) as process:  # noqa: PTH123
@@ -127,7 +123,7 @@ def test_a_pressure_that_squeezes_the_silicone_itself_is_named():
     assert advice(case, Row({**figures, "pressure_Pa": 1e6})).startswith("No cause was found")
 
 
-@pytest.mark.parametrize("control", sampled(["auto", "pressure", "arc-length"], 2))
+@pytest.mark.parametrize("control", ["auto", "pressure", "arc-length"])
 def test_and_any_pressure(control):
     run = sm.inflate(TUBE, INCOMPRESSIBLE, pressures="50 cm", components=HELD, control=control)
     assert run.limit is None and run.pressure[-1] == pytest.approx(50 * run.case.cm)

@@ -227,7 +227,6 @@ def test_the_photographs_are_those_that_the_code_renders(tmp_path):
         assert again.shape == kept.shape and np.abs(again - kept).mean() < 0.05
 
 
-@pytest.mark.campaign
 def test_the_tables_are_those_that_the_code_computes():
     made = {
         "pull.csv": examples.tensile_curve(),

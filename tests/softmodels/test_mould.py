@@ -67,7 +67,6 @@ def test_files_of_a_slab_leave_the_device(slab):
     assert found.differs < 1e-6 and found.volume * 1e9 == pytest.approx(whole, rel=2e-4)
 
 
-@pytest.mark.campaign
 def test_stl_is_watertight_and_agrees_with_step(slab):
     folder, _, _ = slab
     report = json.loads((folder / "checks.json").read_text())

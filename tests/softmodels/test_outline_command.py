@@ -163,7 +163,6 @@ def told(outlines):
     )
 
 
-@pytest.mark.campaign
 def test_outlines_of_another_device_end_badly(measured, outlines, tmp_path):
     """The fit that gave a chi squared of millions and a material file; an earlier fit's file is put away too."""
     file, output = tmp_path / "other.toml", tmp_path / "fit"

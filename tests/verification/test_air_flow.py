@@ -54,7 +54,7 @@ def test_flows_are_those_of_their_formulas():
 
 
 @pytest.mark.parametrize(
-    "one", sampled([Tube(2.0, 1e-3), Orifice(C, 0.3), InSeries(Orifice(C, 0.3), Tube(2.0, 1e-3))]), ids=repr
+    "one", [Tube(2.0, 1e-3), Orifice(C, 0.3), InSeries(Orifice(C, 0.3), Tube(2.0, 1e-3))], ids=repr
 )
 @pytest.mark.parametrize("pressures", [*itertools.permutations((101325.0, 101360.0, 120e3, 600e3), 2)], ids=repr)
 def test_flows_have_their_derivatives(one, pressures):

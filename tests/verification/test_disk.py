@@ -132,7 +132,7 @@ def test_steps_do_not_change_the_answer(inflated, section, figure):
     figure(against, "added volume, short steps", small.volume / section.volume - 1, 2e-10)
 
 
-@pytest.mark.parametrize("control", sampled(["pressure", "volume", "arc-length"]))
+@pytest.mark.parametrize("control", ["pressure", "volume", "arc-length"])
 def test_controls_do_not_change_the_answer(control, inflated, section, figure):
     other = inflated(HollowDisk(section="axisymmetric"), control=control)
     against = "the default path of the disk"

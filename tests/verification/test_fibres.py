@@ -151,7 +151,6 @@ def test_tube_against_its_closed_solution(components, wound, figure):
     figure(CLOSED, "stretch along the axis, section", found[1] / stretch - 1, 1e-4)
 
 
-@pytest.mark.campaign
 def test_the_neutral_angle(wound, figure):
     """The angle whose tube neither lengthens nor shortens at a small pressure: tan^2 = 2."""
 

@@ -124,7 +124,7 @@ def energy(C, H, b):
     return 1.5 / b * np.linalg.det(tensor(H) + b * C) ** (1 / 3)
 
 
-@pytest.mark.parametrize("x", sampled([0.0, 1e-12, 1e-3, 0.5, 50.0, 1e5]))
+@pytest.mark.parametrize("x", [0.0, 1e-12, 1e-3, 0.5, 50.0, 1e5])
 def test_stress_and_stiffness_are_the_derivatives_of_one_potential(x, figure):
     """By a complex step along any change of Cbar, for steps that are short and long against tau."""
     H, b, C = _step(x)

@@ -52,7 +52,7 @@ def found(solved, equations):
     return points, np.array([p.state.P for p in points if p.requested]) * equations.system.stress_unit
 
 
-@pytest.mark.parametrize("stiffness", sampled([30.0, 3000.0]))  # a tenth of the wall's own 3 mu t, and ten times it
+@pytest.mark.parametrize("stiffness", [30.0, 3000.0])  # a tenth of the wall's own 3 mu t, and ten times it
 def test_sphere_in_a_sheet_axisymmetric(stiffness, body_of, solved, figure):
     shell = bodies.Sphere(through=4, along=12)
     equations = Solver(System(body_of(shell), LAW, components=[Sheet("outer", stiffness)]))
@@ -193,7 +193,7 @@ def test_the_matrix_of_a_state_is_the_derivative_of_its_forces(sheeted, figure):
 
 @pytest.mark.parametrize(
     ("actuator", "stiffness", "locks"),
-    sampled([(SeminarActuator(), 400e3, True), (SeminarActuator(), 100.0, False), (DISK, 400e3, False)]),
+    [(SeminarActuator(), 400e3, True), (SeminarActuator(), 100.0, False), (DISK, 400e3, False)],
 )
 def test_a_lost_path_names_the_sheet_and_whether_it_locks(actuator, stiffness, locks):
     sheet = Sheet(actuator.faces[0], stiffness)

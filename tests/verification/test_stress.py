@@ -92,7 +92,7 @@ def test_stress_along_a_line_through_a_wall(wall, equilibrium, solved, figure):
     assert np.allclose(turned, known, atol=1e-9 * pressure) and (np.diff(nodal["principal_stresses"]) <= 0).all()
 
 
-@pytest.mark.parametrize("formulation", sampled(["mixed", "displacement"]))
+@pytest.mark.parametrize("formulation", ["mixed", "displacement"])
 def test_stress_does_the_work_of_the_energy(formulation, equilibrium, solved, figure):
     law = sm.Yeoh(50e3, 1e3, 50.0, 0.45)
     equations = equilibrium(bodies.Sphere(through=2, along=6), law, formulation)

@@ -79,7 +79,7 @@ def test_flat_walls_are_exact_whatever_their_facets(sheets):
     assert rest.energy == 0.0 and not rest.forces.any() and not rest.stiffness.nnz
 
 
-@pytest.mark.parametrize("angle", sampled([4.0, -4.0]))
+@pytest.mark.parametrize("angle", [4.0, -4.0])
 def test_a_corner_closes_onto_itself(angle):
     """A wall and a ceiling of one cavity press on each other by their distance, but for where a kernel reaches at rest."""
     wall, ceiling = sheet(2, 12, 0.0, -5.0), sheet(2, 12, 0.0, -5.0)
