@@ -511,7 +511,7 @@ def folder() -> Path:
 
 def load_cached_mesh(actuator: Meshable, path: Path) -> bool:
     """Copy a device's cached mesh to a file; return whether there was one."""
-    with contextlib.suppress(OSError, RuntimeError):  # no cache, or no home, is no failure
+    with contextlib.suppress(OSError, RuntimeError):  # without a cache, or a home for it, nothing is kept
         if (kept := _place(actuator)) is not None and kept.exists():
             shutil.copyfile(kept, path)
             os.utime(kept)

@@ -540,7 +540,7 @@ def _of_loads(kind: str, table: object) -> list[tuple[str, object]]:
         raise StepError(f"{kind} needs one of {' or '.join(keys)}, such as {kind}.tip.{next(iter(keys))} = [0, 2]")
     if any(key in keys for key in table):
         return [(kind, table)]
-    return [(f"{kind}.{name}", entries) for name, entries in table.items()]
+    return [(f"{kind}.{name}", own) for name, own in table.items()]
 
 
 def _one_series(name: str, table: object, keys: Collection[str], cm: float) -> Prescribed:

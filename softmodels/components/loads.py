@@ -179,7 +179,7 @@ class Mass(controls.HeavyPart):
     """
 
     face: str = schema.field_of(
-        schema.Words(), "face or edge that the mass hangs on, such as tip or 'edge of tip and top'"
+        schema.Words(), "face or edge that carries the mass, such as tip or 'edge of tip and top'"
     )
     amount: float = schema.field_of(schema.Quantity("kg"), "mass on the face, of the whole device", usual=20.0)
 

@@ -338,10 +338,6 @@ class Potential:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Second derivatives of energy densities by the unknowns and gradients at a point, in UFL.
-
-
-# ----------------------------------------------------------------------------------------------------------------------
 # Products of a change of the unknowns with the second derivative of a potential, in the state that its functions hold.
 #
 # Kept: CPU time of whole runs with products by compiled forms, and by MatMult of a tangent assembled at each iterate, over

@@ -56,12 +56,12 @@ class Continuation:
         largest_growth: Cavity volumes at which a path to a pressure is given up.
         start: Where the path begins; the undeformed state if None.
         report: Takes sentences on what is going on.
-        lets_go: Whether a device that is lost is let go, to go on from where it comes to rest; see `come_to_rest`.
+        release: Whether a device that is lost is released, to go on from where it comes to rest; see `come_to_rest`.
         recall: Lets parts remember what they do where a path goes on.
 
     Attributes:
         trail: Its last points, once it has begun; with it ``plane``, its scales, and ``corrector``, which finds its states.
-        snaps: How often the device has been let go.
+        snaps: How often the device has been released.
     """
 
     solver: Solver
@@ -71,13 +71,13 @@ class Continuation:
     largest_growth: float = LARGEST_GROWTH
     start: State | None = None
     report: Callable[[str], None] = lambda text: None
-    lets_go: bool = False
+    release: bool = False
     recall: Callable[[], None] = lambda: None
 
     def __post_init__(self) -> None:
         if self.control not in CONTROLS:
             raise ValueError(f"control {self.control!r} is not one of {', '.join(CONTROLS)}")
-        self.snaps, self._ahead, self._let_go_at = 0, AHEAD, math.inf
+        self.snaps, self._ahead, self._released_at = 0, AHEAD, math.inf
 
     def begin(self) -> Point:
         """Return the path's first point; sets the scales of the plane in which arc lengths are measured."""
@@ -246,11 +246,11 @@ class Continuation:
         return Point(state, tangent, False, False, self.first_step, self.trail.line, stiffest, signature)
 
     def ahead(self, value: float) -> float:
-        """Return how far beyond a requested value, at which it is lost, a device is let go: ten times as far as the last time
+        """Return how far beyond a requested value, at which it is lost, a device is released: ten times as far as the last time
         where it has come less far since then, else a tenth."""
         unit = self.requested.first_step(self.plane, self.V0)
-        slow = abs(value - self._let_go_at) < 10.0 * self._ahead * unit
-        self._let_go_at, self._ahead = value, 10.0 * self._ahead if slow else max(self._ahead / 10.0, AHEAD)
+        slow = abs(value - self._released_at) < 10.0 * self._ahead * unit
+        self._released_at, self._ahead = value, 10.0 * self._ahead if slow else max(self._ahead / 10.0, AHEAD)
         return self._ahead * unit
 
     def let_go(self, goal: float, end: PathEnd) -> Point:
@@ -398,7 +398,7 @@ def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = (
             stops, leak = path.stops(step, left, passed.level)
         except PathEnd as lost_there:
             end = passed.ended(lost_there, path.requested)
-            if not (path.lets_go and end.snaps):
+            if not (path.release and end.snaps):
                 raise end from lost_there
             stops, leak = [path.let_go(left[0], end)], None
         for stop in stops:
@@ -1331,17 +1331,17 @@ def _far(known: list[Known], scale: float) -> list[Known]:
 
 
 AHEAD = 0.01
-"""How far beyond the last state a device is let go at least, in first steps."""
+"""How far beyond the last state a device is released at least, in first steps."""
 MOST_SNAPS = 30
-"""Maximum number of times that a device is let go on one path."""
+"""Maximum number of times that a device is released on one path."""
 CRUMPLED = component.PathFailure(
     f"the device crumples: it has snapped {MOST_SNAPS} times, each time into further folds",
     "Stay below, or use smaller cells (--cell-size), which resolve the folds; the device came to rest in each state up to here",
     of_mesh=True,
 )
 FIRST_CREEP, LAST_CREEP, SHORTEST_CREEP = 0.3, 1e4, 1e-4
-"""First step of a device that is let go, the one from which on it rests, and the shortest, in times that a shear wave takes to
-cross the device."""
+"""First step of a device that is released, the one from which on it rests, and the shortest, in times that a shear wave takes
+to cross the device."""
 MOST_CREEP = 1000
 """Maximum number of steps until it rests."""
 FREE_GROWTH = 500.0
@@ -1350,17 +1350,17 @@ of eight times its radius."""
 
 
 def come_to_rest(path: Continuation, curve: controls.Curve, state: State, why: str) -> State | None:
-    """Return the stable state on a control's curve in which a device comes to rest that is let go in a state near it; None if
+    """Return the stable state on a control's curve in which a device comes to rest that is released in a state near it; None if
     it does not, or has inertia of its own.
 
     Args:
         path: The path that was lost there; it counts how often.
         curve: What is controlled, and where.
-        state: Where the device is let go.
+        state: Where the device is released.
         why: The reason, a clause, for the report.
 
     Raises:
-        PathEnd: A cavity collapses, or the device has been let go too often.
+        PathEnd: A cavity collapses, or the device has been released too often.
     """
     if path.solver.system.potential.motion:
         return None

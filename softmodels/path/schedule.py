@@ -47,7 +47,7 @@ class Cycle:
     def __init__(self, path: Continuation, most: float):
         self.path, self.most = path, most
         self.lost: stability.PathEnd | None = None
-        path.control, path.largest_growth, path.lets_go = stability.ArcLength.name, continuation.FREE_GROWTH, False
+        path.control, path.largest_growth, path.release = stability.ArcLength.name, continuation.FREE_GROWTH, False
         self.parts = _stable_parts(self._curve(path, most), path)
         if not self.parts:
             raise self.lost or stability.PathEnd("there is no stable state")
@@ -96,7 +96,7 @@ class Cycle:
         """Return the part that a device snaps to at a pressure from the end of another, up (1) or down (-1)."""
         options = range(here + way, len(self.parts) if way > 0 else -1, way) if edge.limit else ()
         found = next((k for k in options if self._part(k, way).leads_on(P, way, APART * self.path.plane.P_scale)), None)
-        if found is None and (rest := self._let_go(edge, P, way)) is not None:
+        if found is None and (rest := self._released(edge, P, way)) is not None:
             self.parts.insert(found := here + 1 if way > 0 else here, rest)
         if found is None and edge.limit:
             why = "the pressure has a limit point, and no stable state at that pressure was found beyond it"
@@ -108,9 +108,9 @@ class Cycle:
             raise self.lost or stability.PathEnd(why)
         return found
 
-    def _let_go(self, edge: stability.Point, P: float, way: int) -> CyclePart | None:
-        """Return the stable part on which a device comes to rest that is let go at a pressure from the end of another; None if
-        it does not."""
+    def _released(self, edge: stability.Point, P: float, way: int) -> CyclePart | None:
+        """Return the stable part on which a device comes to rest that is released at a pressure from the end of another;
+        None if it does not."""
         path, state, why = self.path, edge.state, "no stable state was met behind the end of a stable part"
         path.trail.add(edge)  # the last state, if this fails
         if edge.limit:
@@ -570,7 +570,7 @@ class Stage:
         """
         start = solver.couple(self.coupling, self.start.state, self.start.drives)
         largest = self.goal / POINTS_PER_STAGE
-        path = Continuation(solver, self.requested, control, largest, start=start, report=report, lets_go=True)
+        path = Continuation(solver, self.requested, control, largest, start=start, report=report, release=True)
         if (motion := solver.system.potential.motion) and not self.duration:
             motion.jump()
             first = path.begin()
@@ -797,7 +797,7 @@ def in_drivers(
 #
 # The curve is computed once under arc-length control; the states of loading and unloading are then solved on it, each at its
 # own pressure. Where the curve cannot be followed as far as the part that the device snaps to, as where walls meet in folds,
-# the device is let go: it creeps against a drag on its mass until it rests, and the curve is followed up from there, and down
+# the device is released: it creeps against a drag on its mass until it rests, and the curve is followed up from there, and down
 # from there on the way back.
 
 
@@ -805,8 +805,8 @@ NUDGE = 0.01
 """Largest displacement, in sizes of the device, by which it is pushed off a limit point."""
 
 APART = 1e-6
-"""Least way on in pressure, in the device's scale, of a part that a device snaps to: one on which it was let go may be the same
-as the one before, and ends at the same limit point."""
+"""Least way on in pressure, in the device's scale, of a part that a device snaps to: one on which it was released may be the
+same as the one before, and ends at the same limit point."""
 
 BUCKLED = component.PathFailure(
     "the device buckles: its stable states end at a bifurcation, and none was found in which it would come to rest",

@@ -349,17 +349,6 @@ class Source:
 # Resistances: flow in Pa m3/s (pressure times volume, isothermal) between two absolute pressures in Pa, with its derivatives.
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Air supply in time: a source of pressure or flow that fills the device through a tube and a valve, and leaks.
-#
-# Tubes, fittings and cavity hold an amount of gas X, counted as its volume at ambient pressure. With the absolute pressure
-# p = (P + ambient) / ambient and the exponent n (1 isothermal, 1.4 adiabatic)
-#
-#     X = p^(1/n) (V + dead),      dX/dt = Q(source(t), P)
-#
-# Within a step in time that is one curve in the (V, P) plane: X(V, P) - theta dt Q(P) = X_0 + (1 - theta) dt Q_0. The weight
-# theta lies between 1/2 (second order) and 1 (implicit Euler, stable for any step) so that a constant volume behind a linear
-# resistance is exact for any dt.
 VISCOSITY = 1.81e-5
 """Dynamic viscosity of air at 20 °C in Pa s."""
 DENSITY_AT_1_PA = 1.0 / (287.05 * 293.15)
@@ -451,6 +440,17 @@ def resistance(tube: tuple[float, float], orifice: tuple[float, float]) -> Resis
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The gas as a quantity of a path, and its curve in a step in time; dimensionless but for the time, in s.
+#
+# Air supply in time: a source of pressure or flow that fills the device through a tube and a valve, and leaks.
+#
+# Tubes, fittings and cavity hold an amount of gas X, counted as its volume at ambient pressure. With the absolute pressure
+# p = (P + ambient) / ambient and the exponent n (1 isothermal, 1.4 adiabatic)
+#
+#     X = p^(1/n) (V + dead),      dX/dt = Q(source(t), P)
+#
+# Within a step in time that is one curve in the (V, P) plane: X(V, P) - theta dt Q(P) = X_0 + (1 - theta) dt Q_0. The weight
+# theta lies between 1/2 (second order) and 1 (implicit Euler, stable for any step) so that a constant volume behind a linear
+# resistance is exact for any dt.
 
 
 @dataclasses.dataclass(frozen=True)

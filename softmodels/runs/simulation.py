@@ -217,7 +217,7 @@ class Simulation:
     def _continuation(self, last: float) -> Continuation:
         case = self.case
         path = Continuation(self.solver, self.quantity(case.quantity), case.control, last / FEWEST_STEPS)
-        path.report, path.lets_go = lambda text: self.listener.say(f"  {text}"), True
+        path.report, path.release = lambda text: self.listener.say(f"  {text}"), True
         return path
 
     def _program(self, begun: Begun) -> Iterator[Step]:

@@ -240,7 +240,7 @@ def band_of(name: str) -> str:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A state's row, and the table of all.
+# Where each variable stands among the columns of a file.
 
 
 Place = tuple[str, Unit, float]
