@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import geometries
 import measurement
 import softmodels
+from softmodels.common import errors
 
 if TYPE_CHECKING:
     from mkdocs.config.defaults import MkDocsConfig
@@ -43,17 +44,18 @@ def place(name: str) -> str:
 
 
 def fields_table(item: object) -> str:
-    """Return a table of a dataclass' arguments with their units, defaults and help; empty where they have no help."""
-    if not (isinstance(item, type) and dataclasses.is_dataclass(item)):
-        return ""
+    """Return a table of a dataclass' fields, or of a call's options, with units, defaults and help; empty where they have no
+    help."""
+    fields = dataclasses.fields(item) if isinstance(item, type) and dataclasses.is_dataclass(item) else ()
+    described = [(field.name, field.metadata.get("about"), field.metadata, field.default) for field in fields]
+    described += [(one.name, one.about, {}, one.default) for one in getattr(item, "options", ())]
     rows = []
-    for field in dataclasses.fields(item):
-        about = field.metadata.get("about")
-        text = field.metadata.get("help") or getattr(about, "help", "")
-        unit = field.metadata.get("unit") or getattr(getattr(about, "kind", None), "unit", "")
-        default = "" if field.default is dataclasses.MISSING else f"`{field.default!r}`"
+    for name, about, metadata, default in described:
+        text = metadata.get("help") or getattr(about, "text", "")
+        unit = metadata.get("unit") or getattr(getattr(about, "kind", None), "unit", "")
+        shown = "" if default in (dataclasses.MISSING, None) else f"`{default!r}`"
         if text:
-            rows.append(f"| `{field.name}` | {default} | {unit} | {text.replace('|', '/')} |")
+            rows.append(f"| `{name}` | {shown} | {unit} | {errors.spoken(text).replace('|', '/')} |")
     return "\n".join(["| argument | default | unit | meaning |", "|---|---|---|---|", *rows]) + "\n" if rows else ""
 
 
@@ -61,10 +63,14 @@ def pages() -> dict[str, str]:
     """Return the text of every reference page by its path."""
     texts = {}
     for name in itertools.chain(*groups().values()):
-        table = fields_table(getattr(softmodels, name))
+        item = getattr(softmodels, name)
+        table = fields_table(item)
         # Arguments and class docstring are what a user needs of a device, a law or a part; the rest is for the solver.
+        members = "true" if item is softmodels.Case else "false"
         options = (
-            "    options: {members: false, merge_init_into_class: false, show_signature: false}\n\n" if table else "\n"
+            f"    options: {{members: {members}, merge_init_into_class: false, show_signature: false}}\n\n"
+            if table and isinstance(item, type)
+            else "\n"
         )
         texts[place(name)] = f"::: softmodels.{name}\n{options}{table}"
     for package, module in PACKAGES.items():

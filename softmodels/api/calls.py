@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 from geometries import Actuator
 from softmodels.api.run import Run
-from softmodels.case import entries, materials
-from softmodels.case.case import Case, case_of
+from softmodels.case import materials
+from softmodels.case.case import Case, RequestOptions, SolveOptions, case_of, listed_options
 from softmodels.case.entries import CaseError
 from softmodels.case.load import Values, prescribed
 from softmodels.common import errors, files, names, units
@@ -20,12 +20,10 @@ from softmodels.common.names import checked
 from softmodels.common.processes import one_at_a_time
 from softmodels.decks.deck import WRITTEN, Deck, calculix, check, deck_of, needs_equations
 from softmodels.materials.laws import Material
-from softmodels.mechanics import compiling, memory, mpi
+from softmodels.mechanics import compiling, mpi
 from softmodels.mechanics.body import Body
-from softmodels.mechanics.component import Component
 from softmodels.mechanics.system import System
-from softmodels.path import steps, supply
-from softmodels.path.steps import Step
+from softmodels.path import steps
 from softmodels.runs import analyses, labels, notes, outcomes, recording, states, table
 from softmodels.runs.analyses import Limit, NaturalFrequencies
 from softmodels.runs.outcomes import RunError
@@ -49,6 +47,7 @@ type Told = bool | Callable[[dict[str, float]], object] | None
 
 
 @checked
+@listed_options(RequestOptions)
 def inflate(
     device: Actuator,
     material: Material | str,
@@ -56,30 +55,13 @@ def inflate(
     volumes: Values | None = None,
     *,
     times: Values | None = None,
-    rate: str = "",
-    hold: float | str = 0.0,
-    cycles: int = 0,
-    time_tolerance: float = steps.TOLERANCE,
-    inertia: bool = False,
-    spectral_radius: float = memory.RADIUS,
     strokes: Values | None = None,
-    steps: Sequence[Step] = (),
-    supply: supply.AirSupply | None = None,
     valve: Values | None = None,
-    control: str = "auto",
-    formulation: str = "mixed",
-    solver: str = "auto",
-    components: Component | Sequence[Component] = (),
-    gauges: entries.Probes | None = None,
-    band: materials.AnyBand | str | Path | None = None,
-    load_unload: bool = False,
-    water_density: float | str = units.WATER_DENSITY,
-    fields: Sequence[str] = (),
-    name: str | None = None,
     progress: Told = None,
     folder: str | Path | None = None,
     resume: bool = False,
     branch: bool = False,
+    **options: Unpack[RequestOptions],
 ) -> Run:
     """Inflate a device, and return its load path.
 
@@ -91,32 +73,13 @@ def inflate(
         volumes: The same for added volumes of the cavity: ``"0:60 ml"``, or numbers in m3.
         times: When these values are reached, in s or as texts, for a silicone with a memory: the values may fall then, and one
             that repeats is a hold.
-        rate: Instead of times, how fast the values change: ``"1 kPa/s"``, ``"2 ml/s"``; at once if empty.
-        hold: How long the last value is held then, in s or as a text.
-        cycles: How often all is gone through and back to 0 then; once, without coming back, if 0.
-        time_tolerance: Error of the stress by one step in time, over the largest stress; with inertia of the displacement too.
-        inertia: Let mass count in time: the device swings, and is followed through jumps.
-        spectral_radius: With inertia, what one step leaves of a vibration that it is far too long for, 0 to 0.99.
         strokes: The same for strokes of the supply: ``"0:20 ml"``, or numbers in m3.
-        steps: Load steps instead of pressures: `softmodels.case.load.steps_of` makes them of the keys of a case file's
-            ``[load]``, such as ``steps_of(force_N="0:10")`` or a series for each of several cavities.
-        supply: Air supply driven by strokes, such as a `Syringe`; or a `Reservoir`: the pressures are those of its source then.
         valve: Opening of the supply's valve at the times, from 0 (closed) to 1; open if None.
-        control: What the path follows: ``"auto"``, ``"pressure"``, ``"volume"`` or ``"arc-length"``.
-        formulation: ``"mixed"`` (displacement and pressure) or ``"displacement"``.
-        solver: How linear equations are solved: ``"auto"``, ``"direct"`` or ``"iterative"``.
-        components: Components added to the device: `Gravity`, `Rigid`, `RigidShape`, `Fibres` and others, one or several.
-        gauges: Named points and angles that every state reports.
-        band: Errors of the material, whose 95 % band is computed for every state; or the name of a silicone, whose sources
-            are computed, or the file of a fit.
-        load_unload: Whether to unload through the same values too, under pressure control with snap-through.
-        water_density: Density of the column's liquid: kg/m3, or a text.
-        fields: Further nodal fields that every state is stored with, such as ``["cauchy_stress"]``.
-        name: Stem of the result files; the device's if None.
         progress: See `run`.
         folder: See `run`.
         resume: See `run`.
         branch: See `run`.
+        options: Fields of a `Case` by their names, and ``rate``, ``hold`` and ``cycles`` of its load.
 
     Returns:
         The run. A path that ends before the last requested value comes back with its end in `Run.limit`.
@@ -128,15 +91,8 @@ def inflate(
         OwnFolderError, InUseError, ResultsError: The folder holds other files, is in use, or is of another run.
         StartError: MPI or PETSc cannot be started.
     """
-    case = case_of(
-        device, material, pressures, volumes, times, rate=rate, hold=hold, cycles=cycles, time_tolerance=time_tolerance,
-        inertia=inertia, spectral_radius=spectral_radius,
-        strokes=strokes, steps=steps, supply=supply, valve=valve, control=control,
-        formulation=formulation, solver=solver, components=components, gauges=gauges, band=band,
-        load_unload=load_unload, water_density=water_density, name=name,
-        fields=fields,
-    )  # fmt: skip
-    return run(case, progress=progress, folder=folder, resume=resume, branch=branch)
+    asked = case_of(device, material, pressures, volumes, times, strokes, valve, **options)
+    return run(asked, progress=progress, folder=folder, resume=resume, branch=branch)
 
 
 @checked
@@ -244,26 +200,23 @@ def compare(first: Run | str | Path, second: Run | str | Path, *more: Run | str 
 
 @checked
 @one_at_a_time
+@listed_options(SolveOptions)
 def limit(
     device: Actuator,
     material: Material | str,
     *,
-    formulation: str = "mixed",
-    components: Component | Sequence[Component] = (),
-    solver: str = "auto",
     hold: float | str = 0.0,
     vacuum: bool = False,
+    **options: Unpack[SolveOptions],
 ) -> Limit:
     """Find how far a device can be inflated: its first limit point or bifurcation, and the place of the largest stretch there.
 
     Args:
         device: The device.
         material: Its silicone, or the name of one.
-        formulation: As of a `Case`.
-        components: As of a `Case`.
-        solver: As of a `Case`.
         hold: How long the pressure must be borne by a silicone with a memory, in s or a text such as ``"5 min"``; 0 for ever.
         vacuum: Whether the pressure falls from ambient instead of rising.
+        options: Fields of a `Case` by their names.
 
     Raises:
         CaseError: Invalid input.
@@ -271,8 +224,7 @@ def limit(
         MeshingError, MeshFileError: The device cannot be meshed.
     """
     # A case with a dummy load, so that the input is checked as for any case.
-    how = {"components": components, "formulation": formulation, "solver": solver}
-    case = Case("limit", device, material, steps.one_step(steps.PRESSURE, [-100.0 if vacuum else 100.0]), **how)  # type: ignore[arg-type]
+    case = Case("limit", device, material, steps.one_step(steps.PRESSURE, [-100.0 if vacuum else 100.0]), **options)  # type: ignore[arg-type]
     seconds = analyses.check_hold(hold, [case.material])
     if seconds and vacuum:
         raise CaseError("a hold and a vacuum cannot be combined; leave out one of them")
@@ -283,6 +235,7 @@ def limit(
 
 @checked
 @one_at_a_time
+@listed_options(SolveOptions)
 def modes(
     device: Actuator,
     material: Material | str,
@@ -290,8 +243,7 @@ def modes(
     *,
     count: int = 4,
     sealed: bool = False,
-    components: Component | Sequence[Component] = (),
-    solver: str = "auto",
+    **options: Unpack[SolveOptions],
 ) -> NaturalFrequencies:
     """Find the natural frequencies of a device at rest and while it is inflated, and their modes.
 
@@ -304,8 +256,7 @@ def modes(
         pressures: Pressures to stop at, see `inflate`; None or 0 for the state at rest.
         count: Number of modes, 1 to 20.
         sealed: Each cavity is closed, with air that keeps its temperature; else they keep their pressures.
-        components: As of a `Case`.
-        solver: As of a `Case`.
+        options: Fields of a `Case` by their names.
 
     Raises:
         CaseError: Invalid input.
@@ -314,11 +265,11 @@ def modes(
     """
     if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= analyses.MOST_MODES:
         raise CaseError(f"count is {count!r}; it must be a whole number of modes from 1 to {analyses.MOST_MODES}")
-    closed, how = names.flag("sealed", sealed), {"components": components, "solver": solver}
+    closed = names.flag("sealed", sealed)
     if pressures is None or not any(prescribed(steps.PRESSURE, pressures, units.pascal_per_cm()).values):
-        case: Case = AtRest("modes", device, material, **how)  # type: ignore[arg-type]
+        case: Case = AtRest("modes", device, material, **options)  # type: ignore[arg-type]
     else:
-        case = case_of(device, material, pressures, **how)  # type: ignore[arg-type]
+        case = case_of(device, material, pressures, **options)
     comm = mpi.start()
     with notes.sentences():
         return analyses.find_frequencies(analyses.case_for_modes(case), count, closed, comm)

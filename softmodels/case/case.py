@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+import inspect
 import math
+import re
 import types
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, TypedDict, Unpack
 
@@ -19,6 +22,7 @@ from softmodels.case.entries import (
     CaseError,
     Entry,
     Missing,
+    Option,
     Probes,
     SupplyEntry,
     Tables,
@@ -31,6 +35,7 @@ from softmodels.case.entries import (
     table_of,
 )
 from softmodels.case.load import (
+    IN_TIME,
     ONE_REQUEST,
     STIFFNESS_RANGE,
     Load,
@@ -163,45 +168,27 @@ CONTROLS = ("auto", "pressure", "volume", "arc-length")
 class _Shown(TypedDict, total=False):
     """Further attributes of a `Value`."""
 
+    key: str
     hidden: bool
     metavar: str
     option: str
 
 
-def _written[V](entry: Entry[V]) -> dict[str, Entry[V]]:
-    """Return the metadata of a field: its entry in case files."""
-    return {"entry": entry}
+def _written[V](entry: Entry[V]) -> dict[str, object]:
+    """Return the metadata of a field: its entry in case files, and what it is."""
+    return {"entry": entry, "about": entry.about}
 
 
-def _value[V](table: str, key: str, kind: schema.Kind, text: str, default: V, **more: Unpack[_Shown]) -> V:
-    entry = Value(table, key, schema.About(kind, text), default, **more)
-    return dataclasses.field(default=default, metadata=_written(entry))
+def _value[V](table: str, kind: schema.Kind, text: str, default: V, **more: Unpack[_Shown]) -> V:
+    return dataclasses.field(
+        default=default, metadata=_written(Value(table, schema.About(kind, text), default, **more))
+    )
 
 
 @checked
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """A run.
-
-    Attributes:
-        name: Stem of the result files.
-        actuator: The device.
-        material: The silicone.
-        steps: The load steps, see `softmodels.path.steps`; `softmodels.case.load.steps_of` makes them of ``[load]``'s keys.
-        water_density: Density in kg/m3 of the column's liquid.
-        control: What the path follows.
-        formulation: ``mixed`` or ``displacement``.
-        supply: What drives the air, such as a syringe, or None where pressure or volume are imposed.
-        load_unload: Whether to unload through the same values too, under pressure control with snap-through.
-        gauges: Named points and angles reported in every state, and a plane whose section is drawn.
-        components: Components added to the device; see `softmodels.mechanics.component`.
-        band: Errors of the material, whose 95 % band is computed at every state; or the sources of a silicone, each of which is
-            solved too; None for neither.
-        solver: How linear equations are solved; no number depends on it.
-        time_tolerance: Error of the stress by one step in time, over the largest stress; with inertia of the displacement too.
-        inertia: Whether mass counts in time: the device swings, and goes through jumps.
-        spectral_radius: What one step in time leaves of a vibration that it is far too long for, 0 to 0.99.
-        fields: Further nodal fields that every state is written with, such as ``("cauchy_stress",)``.
+    """A run: everything that determines its numbers.
 
     Raises:
         CaseError: From the constructor, if the case is invalid.
@@ -210,53 +197,60 @@ class Case:
     needed_tables: ClassVar[tuple[str, ...]] = ("geometry", "load")
     """Tables that a case file must have."""
 
-    name: str = dataclasses.field(metadata=_written(NameEntry()))
-    actuator: Actuator = dataclasses.field(metadata=_written(DeviceEntry()))
-    material: Material = dataclasses.field(metadata=_written(MaterialEntry()))
-    steps: Steps = dataclasses.field(default=(), metadata=_written(StepsEntry()))
-    water_density: float = _value(
-        "load",
-        "water_density",
-        schema.Quantity("kg/m^3"),
-        f"density of the column's liquid; the default is {units.LIGHTER}",
-        units.WATER_DENSITY,
+    name: str = dataclasses.field(metadata=_written(NameEntry("stem of the result files")))
+    actuator: Actuator = dataclasses.field(metadata=_written(DeviceEntry("the device")))
+    material: Material = dataclasses.field(
+        metadata=_written(MaterialEntry("its silicone, or the name of one, such as ecoflex-00-30"))
     )
-    control: str = _value("load", "control", schema.Choice(CONTROLS), "control of the continuation", "auto")
-    formulation: str = _value(
-        "solver", "formulation", schema.Choice(FORMULATIONS),
-        "displacement and pressure, or only displacement (compressible studies)", "mixed",
+    steps: Steps = dataclasses.field(default=(), metadata=_written(StepsEntry(
+        "load steps; softmodels.case.load.steps_of makes them of the keys of a case file's [load], such as "
+        "steps_of(force_N='0:10'), or a series for each of several cavities")))  # fmt: skip
+    water_density: float = _value(
+        "load", schema.Quantity("kg/m^3"), f"density of the column's liquid; the default is {units.LIGHTER}",
+        units.WATER_DENSITY,
     )  # fmt: skip
-    supply: AirSupply | None = dataclasses.field(default=None, metadata=_written(SupplyEntry()))
+    control: str = _value("load", schema.Choice(CONTROLS), "control of the continuation", "auto")
+    formulation: str = _value(
+        "solver", schema.Choice(FORMULATIONS), "displacement and pressure, or only displacement (compressible studies)",
+        "mixed",
+    )  # fmt: skip
+    supply: AirSupply | None = dataclasses.field(default=None, metadata=_written(SupplyEntry(
+        "air supply, such as a Syringe driven by strokes, or a Reservoir, whose source has the pressures then; None where "
+        "pressure or volume are imposed")))  # fmt: skip
     load_unload: bool = _value(
-        "load", "load_unload", schema.Flag(),
+        "load", schema.Flag(),
         "simulate loading and unloading under pressure control, through the same values, with snap-through at limit points",
         False, hidden=True,
     )  # fmt: skip
-    gauges: Probes = dataclasses.field(default=NO_PROBES, metadata=_written(GaugesEntry()))
-    components: materials.Parts = dataclasses.field(default=(), metadata=_written(materials.PartsEntry()))
-    band: materials.AnyBand | None = dataclasses.field(default=None, metadata=_written(materials.ErrorsEntry()))
+    gauges: Probes = dataclasses.field(default=NO_PROBES, metadata=_written(GaugesEntry(
+        "named points and angles reported in every state, and a plane whose section is drawn")))  # fmt: skip
+    components: materials.Parts = dataclasses.field(default=(), metadata=_written(materials.PartsEntry(
+        "one or several components added to the device, such as Gravity, Rigid, RigidShape or Fibres")))  # fmt: skip
+    band: materials.AnyBand | None = dataclasses.field(default=None, metadata=_written(materials.ErrorsEntry(
+        "errors of the material, whose 95 % band is computed for every state; or the name of a silicone, each of whose sources "
+        "is solved too; or the file of a fit")))  # fmt: skip
     solver: str = _value(
-        "solver", "method", schema.Choice(METHODS),
+        "solver", schema.Choice(METHODS),
         "linear solver: factorisation (direct), multigrid iterations (iterative, with memory linear "
         "in the model size), or chosen by the available memory (auto)",
-        "auto", hidden=True, option="solver",
+        "auto", key="method", hidden=True, option="solver",
     )  # fmt: skip
     time_tolerance: float = _value(
-        "solver", "time_tolerance", schema.Quantity(),
+        "solver", schema.Quantity(),
         "error of the stress by one step in time, over the largest stress, and with "
         "--inertia of the displacement", TOLERANCE, hidden=True,
     )  # fmt: skip
     inertia: bool = _value(
-        "load", "inertia", schema.Flag(),
+        "load", schema.Flag(),
         "let mass count in time (--rate, --hold): the device swings, and is followed through jumps", False, hidden=True,
     )  # fmt: skip
     spectral_radius: float = _value(
-        "solver", "spectral_radius", schema.Quantity(),
+        "solver", schema.Quantity(),
         "with --inertia, what one step leaves of a vibration that it is far too long for, 0 to 0.99",
         memory.RADIUS, hidden=True,
     )  # fmt: skip
     fields: tuple[str, ...] = _value(
-        "output", "fields", schema.Several(schema.Words()),
+        "output", schema.Several(schema.Words()),
         "further fields in every state, such as cauchy_stress, deformation_gradient or principal_stresses", (), hidden=True,
     )  # fmt: skip
 
@@ -489,14 +483,43 @@ _KINDS: dict[str, tuple[tuple[type, ...], str]] = {
 """Fields that hold an instance of a class, or None."""
 
 
-def entries() -> dict[str, Entry[Any]]:
+@functools.cache
+def entries() -> Mapping[str, Entry[Any]]:
     """Return the entry of each field of a case, by name."""
-    return {field.name: field.metadata["entry"] for field in dataclasses.fields(Case)}
+    return {field.name: field.metadata["entry"].of_field(field.name) for field in dataclasses.fields(Case)}
 
 
 for _name, _entry in entries().items():
     for _option, _argument in _entry.arguments(_name).items():
         errors.call(_option.replace("_", "-"), _argument)
+
+
+def arguments() -> dict[str, Option]:
+    """Return the arguments of calls that make a case, by name: its fields, and how its load goes in time."""
+    found = [(name, entry.about, getattr(Case, name, None)) for name, entry in entries().items()]
+    found += [(one.key, one.about, one.default) for one in IN_TIME]
+    return {name: Option(name, about, default) for name, about, default in found}
+
+
+def listed_options[Call: Callable[..., object]](options: type) -> Callable[[Call], Call]:
+    """Give a call with ``**options`` of a `TypedDict` the signature and the docstring that list them; a decorator."""
+
+    def described(call: Any) -> Any:
+        call.options = [one for name, one in arguments().items() if name in options.__annotations__]
+        signature = inspect.signature(call)
+        named = [
+            inspect.Parameter(
+                one.name, inspect.Parameter.KEYWORD_ONLY, default=one.default,
+                annotation=options.__annotations__[one.name].__forward_arg__,
+            )
+            for one in call.options
+        ]  # fmt: skip
+        call.__signature__ = signature.replace(parameters=[*list(signature.parameters.values())[:-1], *named])
+        lines = [f"\\g<1>{one.name}: {errors.spoken(one.about.text)}." for one in call.options]
+        call.__doc__ = re.sub(r"(?m)^( +)options: .*$", "\n".join(lines), call.__doc__)
+        return call
+
+    return described
 
 
 def _with_files(table: Mapping[str, object], files: Mapping[str, str]) -> dict[str, object]:
@@ -623,29 +646,32 @@ LEAST_PRESSURE = 200.0
 """Pa; if all pressures given as numbers are below this, their unit is doubtful: most devices hardly move."""
 
 
-class RequestOptions(TypedDict, total=False):
-    """The fields of a `Case` that a call may give beside device, material and load."""
+class SolveOptions(TypedDict, total=False):
+    """The fields of a `Case` that every call may give."""
 
-    steps: Sequence[Step]
-    strokes: Values | None
-    supply: AirSupply | None
-    valve: Values | None
-    name: str | None
-    control: str
+    components: Component | Sequence[Component]
     formulation: str
     solver: str
-    components: Component | Sequence[Component]
-    band: materials.AnyBand | str | Path | None
-    load_unload: bool
-    gauges: Probes | None
-    water_density: float | str
+
+
+class RequestOptions(SolveOptions, total=False):
+    """The fields of a `Case`, and of its load in time, that a call may give."""
+
     rate: str
     hold: float | str
     cycles: int
     time_tolerance: float
     inertia: bool
     spectral_radius: float
+    steps: Sequence[Step]
+    supply: AirSupply | None
+    control: str
+    gauges: Probes | None
+    band: materials.AnyBand | str | Path | None
+    load_unload: bool
+    water_density: float | str
     fields: Sequence[str]
+    name: str | None
 
 
 def case_of(
@@ -654,20 +680,15 @@ def case_of(
     pressures: Values | None = None,
     volumes: Values | None = None,
     times: Values | None = None,
+    strokes: Values | None = None,
+    valve: Values | None = None,
     **options: Unpack[RequestOptions],
 ) -> Case:
-    """A case, as a call of the library describes it; `ArgumentError` or `CaseError` for invalid input.
-
-    Args:
-        pressures, volumes: Requested numbers in Pa or m3, or a text with a unit.
-        times: When they are reached, in s or as texts; then they may fall too. A value that repeats is a hold.
-        options: ``strokes`` of a syringe (m3, or a text) with the ``supply``; the opening of a supply's ``valve`` at the times;
-            other fields of a `Case` by their names.
-    """
+    """Return a case as `softmodels.api.calls.inflate` describes it; `ArgumentError` or `CaseError` for invalid input."""
     names.one_of("device", device, Actuator, "a device, such as sm.HollowDisk()")
     in_time = {key: value for key in ("rate", "hold", "cycles") if (value := options.pop(key, None))}  # type: ignore[misc]
-    asked = {PRESSURE: pressures, VOLUME: volumes, STROKE: options.pop("strokes", None)}
-    valve, chosen = options.pop("valve", None), {key: value for key, value in options.items() if value is not None}
+    asked = {PRESSURE: pressures, VOLUME: volumes, STROKE: strokes}
+    chosen = {key: value for key, value in options.items() if value is not None}
     try:
         density = schema.Quantity("kg/m^3").settled("water_density", options.get("water_density", units.WATER_DENSITY))
         cm = units.pascal_per_cm(density)

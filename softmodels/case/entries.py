@@ -32,11 +32,18 @@ from softmodels.path.supply import SUPPLIES, AirSupply, SupplyError, Syringe
 
 
 class Entry[V](abc.ABC):
-    """Conversion of a field with values V to and from text; ``tables`` are those of the case file that it reads, ``keys`` its
-    keys in a table that it shares with other fields."""
+    """Conversion of a field with values V to and from text; ``text`` is what it is, a clause. ``tables`` are those of the case
+    file that it reads, ``keys`` its keys in a table that it shares with other fields."""
 
     tables: tuple[str, ...] = ()
     keys: tuple[str, ...] = ()
+
+    def __init__(self, text: str):
+        self.about = schema.About(schema.Words(), text)
+
+    def of_field(self, name: str) -> Entry[V]:
+        """Return it as the entry of the field of this name."""
+        return self
 
     @abc.abstractmethod
     def read(self, tables: Tables) -> V | Missing:
@@ -66,16 +73,17 @@ class Entry[V](abc.ABC):
 
 @dataclasses.dataclass(frozen=True)
 class Value(Entry[object]):
-    """A single value of a table, with an option of the same name unless ``option`` is given.
+    """A single value of a table.
 
     Attributes:
+        key, option: Its key in the table, the field's name if empty, and its option, the key if empty.
         hidden: Whether it is left out of a written file where it has its default.
     """
 
     table: str
-    key: str
     about: schema.About
     default: object
+    key: str = ""
     hidden: bool = False
     metavar: str | None = None
     option: str = ""
@@ -91,6 +99,9 @@ class Value(Entry[object]):
     @property
     def _option(self) -> str:
         return self.option or self.key
+
+    def of_field(self, name: str) -> Value:
+        return dataclasses.replace(self, key=self.key or name)
 
     def known(self, key: str) -> bool:
         return key in self.keys

@@ -709,14 +709,14 @@ OPTIONS = {"share": "weight_share"}
 """Names of the options that differ from the key."""
 PRESSURE_TEXT = "pressures in cm of the column (of --water-density): 0:177, 0:177:10 or 0,70,130,177"
 IN_TIME = (
-    entries.Value("load", "rate", schema.About(schema.Words(),
+    entries.Value("load", schema.About(schema.Words(),
     "rate of pressure or added volume, of a silicone with a memory: 1kPa/s, 5cm/s of the "
-          "column or 2ml/s; without it they are applied at once"), "", hidden=True, metavar="RATE"),
-    entries.Value("load", "hold", schema.About(SECONDS,
-    "time for which the last pressure or volume is held, such as 60s"), 0.0, hidden=True),
-    entries.Value("load", "cycles", schema.About(schema.Quantity(),
+          "column or 2ml/s; without it they are applied at once"), "", "rate", hidden=True, metavar="RATE"),
+    entries.Value("load", schema.About(SECONDS,
+    "time for which the last pressure or volume is held, such as 60s"), 0.0, "hold", hidden=True),
+    entries.Value("load", schema.About(schema.Quantity(),
     "number of times the pressure or volume goes up, and down to 0 again, at the "
-          "rate"), 0.0, hidden=True),
+          "rate"), 0.0, "cycles", hidden=True),
 )  # fmt: skip
 
 

@@ -45,6 +45,12 @@ class About:
     shape: bool = True
     usual: float = math.inf
 
+    @property
+    def text(self) -> str:
+        """What it is as a sentence without its stop, with its choices."""
+        of = f"; one of {', '.join(map(str, self.kind.choices))}" if isinstance(self.kind, Choice) else ""
+        return f"{self.help[0].upper()}{self.help[1:]}{of}"
+
     def idle(self, thing: Any) -> str:
         """Return the name of the field that makes this one ineffective in a value of the dataclass; empty if it is
         effective."""

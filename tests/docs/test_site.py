@@ -38,9 +38,11 @@ def test_each_public_name_has_a_page_and_is_listed_once(reference):
 
 
 def test_arguments_of_devices_and_laws_are_explained(reference):
-    for name in ("HollowDisk", "Yeoh", "Rigid"):
+    for name in ("HollowDisk", "Yeoh", "Rigid", "Case"):
         assert "| argument |" in reference.fields_table(getattr(softmodels, name)), name
-    assert reference.fields_table(softmodels.inflate) == ""
+    assert "| `spectral_radius` | `0.9` |" in reference.fields_table(softmodels.inflate)
+    assert "\n    spectral_radius: " in inspect.getdoc(softmodels.inflate)
+    assert reference.fields_table(softmodels.run) == ""
 
 
 def test_each_documented_argument_is_one_of_its_function():
