@@ -133,7 +133,7 @@ def run(
     with contextlib.ExitStack() as stack:
         listener: Listener = _Each(progress) if callable(progress) else Silent()
         if progress is True:
-            bar = outcomes.Progress(case.values[-1], case.unit, labels.state_labels(case), not mpi.is_root(comm))
+            bar = outcomes.Progress(case.values[-1], case.load.told, labels.state_labels(case), not mpi.is_root(comm))
             listener = stack.enter_context(bar)
         if output is None:
             return solve_in_memory(Simulation(case, comm, listener), branch)

@@ -36,7 +36,7 @@ from softmodels.runs.fields import OUTPUTS, OutputField, requestable
 from softmodels.runs.outcomes import RunError
 from softmodels.runs.simulation import InMemory, Simulation, Step
 from softmodels.runs.states import Line, States
-from softmodels.runs.table import PathTable, Row, band_of, parsed
+from softmodels.runs.table import PathTable, Row, band_of
 
 if TYPE_CHECKING:
     import pandas
@@ -203,7 +203,7 @@ class Run(cards.Shown):
             RunError: The path does not go there.
         """
         quantity, wanted = self._asked(value)
-        there = self._array(VARIABLES.get(quantity, parsed(self.case.column)[0]))
+        there = self._array(VARIABLES.get(quantity, self.case.variable))
         near = np.flatnonzero(np.abs(there - wanted) <= SAME * np.abs(there).max(initial=abs(wanted))).tolist()
         if near:
             asked = [k for k in near if self.table[k]["requested"]]
@@ -257,11 +257,11 @@ class Run(cards.Shown):
         return ("stroke" if quantity == "volume" and own == "stroke" else quantity), wanted
 
     def _not_there(self, value: str | float, quantity: str, there: Array) -> str:
-        units = {"pressure": (self.case.cm, "cm"), "step": (1.0, "")}
-        if quantity not in VARIABLES:
-            units[quantity] = (self.case.load.scale, self.case.unit)
-        scale, unit = units.get(quantity, (1e-6, "ml"))
-        low, high = (f"{end / scale:.4g} {unit}".strip() for end in (there.min(), there.max()))
+        if quantity == self.case.quantity:
+            low, high = self.case.load.told(there.min()), self.case.load.told(there.max())
+        else:
+            scale, unit = (self.case.cm, "cm") if quantity == "pressure" else (1e-6, "ml")
+            low, high = (f"{end / scale:.4g} {unit}" for end in (there.min(), there.max()))
         why = f"; {self.limit.why}" if self.limit is not None else ""
         return f"the run has no state at {value}: its {quantity}s go from {low} to {high}{why}"
 

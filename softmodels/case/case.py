@@ -355,11 +355,6 @@ class Case:
         return units.pascal_per_cm(self.water_density)
 
     @property
-    def goals(self) -> tuple[float, ...]:
-        """Requested values in SI units; none of a program."""
-        return self.load.goals
-
-    @property
     def timed(self) -> bool:
         """Whether the load has times, so that silicone with a memory creeps."""
         return timed(self.steps)
@@ -377,17 +372,13 @@ class Case:
 
     @property
     def values(self) -> tuple[float, ...]:
-        """Requested values in `unit`; of a program the numbers of its steps."""
+        """Requested values in SI units, with their texts; of a program the numbers of its steps."""
         return self.load.values
 
     @property
-    def column(self) -> str:
-        """Column of ``path.csv`` with the requested quantity."""
-        return self.load.requested.column
-
-    @property
-    def unit(self) -> str:
-        return self.load.requested.unit
+    def variable(self) -> str:
+        """Variable of the run's table that is requested."""
+        return self.load.requested.variable
 
     # -- as text ------------------------------------------------------------------------------------------------------
 

@@ -91,12 +91,11 @@ class Load:
         if not self.asked.of_load:
             return REQUESTED[self.asked.quantity]
         asked, part = load_quantities()[self.asked.quantity][2], self.driven_part
-        column = part.travel_column if asked.held else part.column
+        variable = part.variables[2 if asked.held else 0]
         return Requested(
             stability.LoadDisplacement.name if asked.held else stability.DeadForce.name,
             asked.words,
-            asked.unit,
-            part.share_column if self.asked.quantity == "share" else column,
+            part.share_column if self.asked.quantity == "share" else variable,
         )
 
     @property
@@ -131,25 +130,19 @@ class Load:
         return [one.values[0] for step in steps for one in step.prescribed if one.quantity in quantities]
 
     @property
-    def scale(self) -> float:
-        """SI units in one of the requested values' unit; 1 of a program."""
-        if self.asked is None:
-            return 1.0 if self.program else entries.ML
-        return self.case.cm if self.asked.quantity == PRESSURE else _unit(self.asked.quantity)[0]
-
-    @property
     def values(self) -> tuple[float, ...]:
-        """Requested values in their unit; of a program the numbers of its steps."""
-        if self.asked is None:
-            last = last_number(self.steps) if self.program else 0
-            return tuple(float(k) for k in range(last - len(self.steps) + 1, last + 1))
-        unit = self.requested.unit
-        return tuple(in_unit(value, unit, self.scale) for value in self.asked.values)
+        """Requested values in SI units, with their texts; of a program the numbers of its steps."""
+        if self.asked is not None:
+            return self.asked.values
+        last = last_number(self.steps) if self.program else 0
+        return tuple(float(k) for k in range(last - len(self.steps) + 1, last + 1))
 
-    @property
-    def goals(self) -> tuple[float, ...]:
-        """Requested pressures in Pa, added volumes or strokes in m3, forces and travels in SI units; none of a program."""
-        return self.asked.values if self.asked is not None else ()
+    def told(self, value: float, form: str = ".4g") -> str:
+        """Return a value of the requested quantity, SI, in the unit of its key in case files, such as ``"177 cm"``."""
+        if self.asked is None:
+            return f"{value:{form}}"
+        amount = _amount(1.0, self.asked.quantity, self.case.cm)
+        return f"{in_unit(value, amount.unit, amount):{form}} {amount.unit}"
 
     def check(self) -> None:
         """Raise `CaseError` if nothing is requested, or options contradict each other, and `SupplyError` for strokes that the
@@ -820,21 +813,19 @@ VOLUME_RANGE = 1000.0
 
 @dataclasses.dataclass(frozen=True)
 class Requested:
-    """A quantity that can be requested: its name and plural for the path and messages, the unit of its values in case files,
-    options and tables, and its column of ``path.csv``."""
+    """A quantity that can be requested: its name and plural for the path and messages, and its variable of a run's table."""
 
     name: str
     words: str
-    unit: str
-    column: str
+    variable: str
 
 
 REQUESTED = {
-    PRESSURE: Requested("pressure", "pressures", CM, "pressure_cm"),
-    VOLUME: Requested("volume", "added volumes", "ml", "added_volume_ml"),
-    STROKE: Requested("stroke", "strokes", "ml", "stroke_ml"),
+    PRESSURE: Requested("pressure", "pressures", "pressure"),
+    VOLUME: Requested("volume", "added volumes", "added_volume"),
+    STROKE: Requested("stroke", "strokes", "stroke"),
 }
-STEP = Requested("step", "steps", "", "load_step")
+STEP = Requested("step", "steps", "load_step")
 
 
 def load_part(asked: Prescribed, components: Sequence[Component]) -> controls.LoadPart:

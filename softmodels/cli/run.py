@@ -46,7 +46,7 @@ def run(
     """
     comm = mpi.start(how.petsc)
     progress = outcomes.Progress(
-        case.values[-1], case.unit, labels.state_labels(case), how.quiet or not mpi.is_root(comm)
+        case.values[-1], case.load.told, labels.state_labels(case), how.quiet or not mpi.is_root(comm)
     )
     drawing = DrawingProcess(case, how) if how.draws and mpi.is_root(comm) else None
     teller = Teller(case, progress, drawing, comm.size, how)

@@ -161,7 +161,7 @@ def _pressures(case: Case) -> Array:
     """Return the requested pressures of each cavity in Pa, without those of the device at rest, shape (steps, cavities)."""
     if case.program:
         return np.array([one.values for one in steps.courses(case.steps)]).T[steps.begins_at_rest(case.steps) :]
-    return np.outer([goal for goal in case.goals if goal], case.actuator.ratios)
+    return np.outer([value for value in case.values if value], case.actuator.ratios)
 
 
 def _check_apart(supports: Supports, springs: tuple[Springs, ...]) -> None:

@@ -399,7 +399,7 @@ class Reader:
             )
         if asked.of_state and asked.at is None:
             raise DesignError(f"{where}: {asked.name} needs a pressure (at)")
-        pressure, last = highest_pressure(asked), self.case.goals[-1]
+        pressure, last = highest_pressure(asked), self.case.values[-1]
         if pressure is not None and pressure / last > 1 + 1e-9:
             said, cm = getattr(asked.at, "text", ""), self.case.cm
             beyond = "above" if last > 0.0 else "below"

@@ -225,7 +225,7 @@ class LoadPart(Component):
         arm: Power of the device's size that makes its magnitude from shear moduli: 2 of a force in N, 3 of a moment in N m.
             What it works on has the power 3 - ``arm``: m, or rad.
         columns: Columns of ``path.csv``: its magnitude; what it works on, from the undeformed state; the same from where the
-            path begins. A load's own name stands before the unit.
+            path begins. A load's own name stands before the unit, which its variables in SI are without.
         column_unit, moved_column_unit: SI units in one of the first column's units, and in one of the others'.
         share_column: Column with the applied share of its magnitude; none if empty.
     """
@@ -239,24 +239,15 @@ class LoadPart(Component):
     share_column: ClassVar[str] = ""
 
     @property
-    def column(self) -> str:
-        """Column of ``path.csv`` with its magnitude, in units of ``column_unit``."""
-        return self._named(self.columns[0])
+    def named_columns(self) -> tuple[str, ...]:
+        """Its ``columns`` with the load's own name, if it has one."""
+        parts = (column.rpartition("_") for column in self.columns)
+        return tuple(f"{what}_{self.name}_{unit}" if self.name else f"{what}_{unit}" for what, _, unit in parts)
 
     @property
-    def moved_column(self) -> str:
-        """Column with its work-conjugate from the undeformed state, in units of ``moved_column_unit``."""
-        return self._named(self.columns[1])
-
-    @property
-    def travel_column(self) -> str:
-        """Column with the same from the start of the path."""
-        return self._named(self.columns[2])
-
-    def _named(self, column: str) -> str:
-        """Return a column's name with the load's own in it, if it has one."""
-        what, _, unit = column.rpartition("_")
-        return f"{what}_{self.name}_{unit}" if self.name else column
+    def variables(self) -> tuple[str, ...]:
+        """The same without their units: variables in SI."""
+        return tuple(column.rpartition("_")[0] for column in self.named_columns)
 
     @property
     def kept(self) -> bool:
@@ -479,11 +470,12 @@ class DeadLoads:
         magnitudes of the loads, shape (loads,)."""
         magnitudes, moved, found = drives * self.units, self.moved() * self.moved_units, dict[str, float]()
         for place, (load, magnitude, way) in enumerate(zip(self.loads, magnitudes, moved, strict=True)):
-            found[load.column] = float(magnitude) / load.column_unit
-            found[load.moved_column] = float(way) / load.moved_column_unit
+            column, moved_column, travel_column = load.named_columns
+            found[column] = float(magnitude) / load.column_unit
+            found[moved_column] = float(way) / load.moved_column_unit
             if self.origins is not None:
                 way -= self.origins[len(self.system.body.actuator.ratios) + place] * self.moved_units[place]
-                found[load.travel_column] = float(way) / load.moved_column_unit
+                found[travel_column] = float(way) / load.moved_column_unit
             if load.share_column:
                 found[load.share_column] = float(magnitude) / self.amounts[place]
         return {**found, LOADS_ENERGY: -float(magnitudes @ moved) * 1e3} if found else found

@@ -87,7 +87,9 @@ def over_of(case: Case) -> tuple[str, str]:
     """Return the abscissa of a case's plots: the variable and its label; the pressure unless a dead load is requested."""
     if case.driven is None:
         return _pressure(labels.state_labels(case))
-    return table.parsed(case.column)[0], str(columns.term(case.column))
+    load = case.load.driven_part
+    column = next(name for name in (*load.named_columns, load.share_column) if table.parsed(name)[0] == case.variable)
+    return case.variable, str(columns.term(column))
 
 
 def rise_of(states: States) -> Figure:

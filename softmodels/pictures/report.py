@@ -11,7 +11,7 @@ import gzip
 import json
 import math
 import shlex
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import matplotlib
@@ -131,16 +131,14 @@ def case_tables(states: States) -> list[CaseTable]:
 
 def _load(states: States) -> Iterator[tuple[str, object, str]]:
     case = states.case
-    asked: list[tuple[str, Sequence[float], str]] = [(case.load.requested.words, case.values, case.unit)]
-    if case.program:
-        asked = []
-        for one in steps.courses(case.steps):
-            values = [units.as_amount(value) for value in one.values]
-            added = " added" if one.quantity == steps.VOLUME else ""
-            asked.append((one.name, [value.number for value in values], f"{values[0].unit}{added}"))
-        asked += [("time", steps.times_of(case.steps), "s")] if case.timed else []
-    for what, numbers, unit in asked:
-        yield what, f"{', '.join(f'{number:g}' for number in numbers)} {unit}", "requested"
+    asked = [] if case.program else [(case.load.requested.words, ", ".join(map(units.written, case.values)))]
+    for one in steps.courses(case.steps) if case.program else ():
+        added = " added" if one.quantity == steps.VOLUME else ""
+        asked.append((one.name, ", ".join(f"{units.written(value)}{added}" for value in one.values)))
+    if case.timed:
+        asked.append(("time", ", ".join(f"{time:g} s" for time in steps.times_of(case.steps))))
+    for what, text in asked:
+        yield what, text, "requested"
     if case.load.has_pressure:
         yield "water density", f"{case.water_density:g} kg/m^3", f"1 cm is {case.cm:.4g} Pa"
     yield "control", case.control, "control of the continuation"

@@ -595,8 +595,8 @@ def in_order(case: Case, rows: table.PathTable, others: SourceTables) -> dict[st
 
 
 def stands_at(row: table.Row, case: Case, value: float) -> bool:
-    """Return whether a state is at a requested value of its case, in the unit of the request."""
-    return math.isclose(row.cell(case.column), value, rel_tol=1e-6)
+    """Return whether a state is at a requested value of its case, SI."""
+    return math.isclose(row[case.variable], value, rel_tol=1e-6)
 
 
 def key_of(name: str) -> str:

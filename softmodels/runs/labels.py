@@ -107,14 +107,14 @@ def state_labels(case: Case) -> StateLabels:
     loads = [part for part in case.components if isinstance(part, controls.LoadPart) and not part.idle(case.components)]
     words = StateLabels(
         case.actuator.gauge, case.load.has_pressure, bool(case.actuator.ratios), case.load.driver,
-        loads=tuple(table.parsed(load.column)[0] for load in loads),
-        moved=tuple(table.parsed(load.moved_column)[0] for load in loads),
+        loads=tuple(load.variables[0] for load in loads),
+        moved=tuple(load.variables[1] for load in loads),
         unit=units.column_unit(case.cm),
     )  # fmt: skip
     if case.driven is None:
         return words
     load = case.load.driven_part
-    return dataclasses.replace(words, along=(table.parsed(load.column)[0], table.parsed(load.moved_column)[0]))
+    return dataclasses.replace(words, along=(load.variables[0], load.variables[1]))
 
 
 def number(value: float) -> str:

@@ -79,7 +79,7 @@ def supplied_work(case: Case, rows: table.PathTable) -> float:
     pairs = [(f"pressure_{i}", f"added_volume_{i}") for i in range(1, count + 1)]
     pairs = [("pressure", "added_volume")] if count == 1 else pairs
     loads = [part for part in case.components if isinstance(part, controls.LoadPart)]
-    names = [(table.parsed(part.column)[0], table.parsed(part.moved_column)[0]) for part in loads]
+    names = [part.variables[:2] for part in loads]
     pairs += [pair for pair in names if pair[0] in rows]
     return sum(float(np.sum((rows[f][1:] + rows[f][:-1]) / 2 * np.diff(rows[x]))) for f, x in pairs)
 
@@ -146,10 +146,10 @@ def lifted_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
     at = next((k for k, (one, two) in enumerate(itertools.pairwise(forces)) if one > 0.0 >= two), None)
     if at is not None:
         share = forces[at] / (forces[at] - forces[at + 1])
-        before, after = (rows[k].cell(case.column) for k in (at, at + 1))
+        before, after = (rows[k][case.variable] for k in (at, at + 1))
         yield (
-            f"the {role} LIFTS OFF at about {before + share * (after - before):.4g} {case.unit}, between states {at} and "
-            f"{at + 1} ({role}_force_N falls to 0): beyond it the seal leaks, and the states are invalid"
+            f"the {role} LIFTS OFF at about {case.load.told(before + share * (after - before))}, between states {at} "
+            f"and {at + 1} ({role}_force_N falls to 0): beyond it the seal leaks, and the states are invalid"
         )
 
 
@@ -443,11 +443,11 @@ def span_sentence(case: Case, sources: columns.SourceTables) -> str:
     if common:
         rows = {name: many[common[name]] for name, many in sources.items()}
         here = rows[own or ""]
-        place = words.place(here) if case.column == "pressure_cm" else f"{here.cell(case.column):.4g} {case.unit}"
+        place = words.place(here) if case.variable == "pressure" else case.load.told(here[case.variable])
         parts.append(f"at {place} the {words.gauge} rises {_ends(rows, words.gauge)}")
-        if words.volume and case.column != "added_volume_ml":
+        if words.volume and case.variable != "added_volume":
             parts.append(f"the cavity takes {_ends(rows, 'added_volume')}")
-        if words.pressure and case.column != "pressure_cm":
+        if words.pressure and case.variable != "pressure":
             parts.append(f"the pressure is {_ends(rows, 'pressure')}")
     limits = {name: many.where("limit")[0] for name, many in sources.items() if many["limit"].any()}
     if limits:
@@ -794,7 +794,7 @@ def advice(case: Case, row: table.Row, petsc: bool = False) -> str:
 
 def explain(case: Case, end: stability.PathEnd, fields: Fields, path: Continuation, petsc: bool = False) -> str:
     """Return why and where the path ended and how to fix it; ``petsc`` is whether the user gave PETSc options."""
-    asked = f"{case.values[-1]:g} {case.unit}"
+    asked = case.load.told(case.values[-1], "g")
     device, last = case.actuator, fields.figures(path.last.state)
     pressure = f"{last.pressure / case.cm:.4g} {units.column_unit(case.cm)} ({last.pressure:.4g} Pa)"
     cells = {"pressure_Pa": last.pressure, "max_stretch": last.max_stretch, "J_min": last.extremes["J"][0]}
@@ -810,7 +810,7 @@ def explain(case: Case, end: stability.PathEnd, fields: Fields, path: Continuati
     at = fields.figures(end.limit.state)
     if case.driven is not None:
         load = case.load.driven_part
-        most = table.Row(at.device, case.cm).told(table.parsed(load.column)[0], ".5g")
+        most = table.Row(at.device, case.cm).told(load.variables[0], ".5g")
         return (
             f"no equilibrium at {asked} on this path: the {load.table} has a limit point at {most}, "
             f"where {_risen(device, at.rises)}; beyond it the device collapses. Stay below, "

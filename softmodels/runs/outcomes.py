@@ -15,6 +15,8 @@ from softmodels.common.lazy import consoles, progress
 from softmodels.mechanics import body, compiling, mpi
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from IPython.display import DisplayHandle
 
     from softmodels.runs import labels, table
@@ -68,10 +70,10 @@ class Ended:
 
 
 class Progress:
-    """Reports the progress of a path towards its last requested value, in ``"cm"`` or ``"ml"``, unless quiet."""
+    """Reports the progress of a path towards its last requested value, unless quiet; ``text`` writes a value, SI."""
 
-    def __init__(self, last: float, unit: str, words: labels.StateLabels, quiet: bool):
-        self.last, self.unit, self.words, self.quiet = last, unit, words, quiet
+    def __init__(self, last: float, text: Callable[[float], str], words: labels.StateLabels, quiet: bool):
+        self.last, self.text, self.words, self.quiet = last, text, words, quiet
         self._way = -1.0 if last < 0.0 else 1.0  # down to a vacuum
         self.started = time.monotonic()
         self._console: consoles.Console | None = None
@@ -143,7 +145,7 @@ class Progress:
             rise = f"{gauge} rise {row.told(gauge)}"
             spent = f"{row['step'] + 1} states in {time.monotonic() - self.started:.1f} s"
             self._done = done
-            self.say(f"{value:.4g} of {self.last:g} {self.unit}: {rise}, {spent}")
+            self.say(f"{self.text(value)} of {self.text(self.last)}: {rise}, {spent}")
             return
         volume = f"{row.told('added_volume', '+8.3f')}  " if self.words.volume else ""
         when = f"{row.told('time', '8.3g')}  " if "time" in row else ""
@@ -156,7 +158,7 @@ class Progress:
             self._bar.update(
                 self._task,
                 completed=done,
-                description=f"{value:.4g} of {self.last:g} {self.unit}",
+                description=f"{self.text(value)} of {self.text(self.last)}",
             )
             return
         now = time.monotonic()

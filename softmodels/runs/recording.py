@@ -72,10 +72,10 @@ def set_back(case: Case, results: store.Results) -> None:
 
 def check_values(case: Case, results: store.Results) -> None:
     """Reject requested values that the stored states have passed without stopping."""
-    reached = max((row.cell(case.column) for row in results.rows), default=0.0)
+    reached = max((row[case.variable] for row in results.rows), default=0.0)
     for value in case.values:
         if 0.0 < value < reached * (1 - 1e-9) and not stopped_at(case, results, value):
-            text = f"{results.folder} holds a run that passed {value:g} {case.unit} without stopping there"
+            text = f"{results.folder} holds a run that passed {case.load.told(value, 'g')} without stopping there"
             raise RunError(f"{text}; resume with the run's own values, or run without --resume", outcomes.BAD_INPUT)
 
 
@@ -87,7 +87,7 @@ def last_stop(case: Case, results: store.Results, fields: Fields, comm: MPI.Comm
     state = stored_state(results, fields, comm, last, record["P"], record["V"])
     system = fields.system
     pressures = [row[name] / system.stress_unit for name in columns.of_cavities(row, "pressure")]
-    dead = [row[table.parsed(load.column)[0]] for load in system.dead.loads] / system.dead.units
+    dead = [row[load.variables[0]] for load in system.dead.loads] / system.dead.units
     system.load(state)
     drives = np.concatenate([pressures[: len(system.body.actuator.ratios)], dead])
     return schedule.StageEnd(round(row["load_step"]), state, drives, system.driven())

@@ -156,7 +156,7 @@ class Simulation:
         for step in steps:
             yield step
             if mpi.is_root(self.comm):
-                self.listener.step(step.row, step.row.cell(self.case.column))
+                self.listener.step(step.row, step.row[self.case.variable])
             self._stop_if_asked()
 
     def _load_path(self, begun: Begun) -> Iterator[Step]:
@@ -204,7 +204,7 @@ class Simulation:
         scale = self.model.unit_of(self.case.quantity)
         return [
             units.Amount(goal / scale, goal.number, goal.unit) if isinstance(goal, units.Amount) else goal / scale
-            for goal in self.case.goals
+            for goal in self.case.values
         ]
 
     def quantity(self, name: str) -> stability.PathQuantity:
@@ -258,8 +258,8 @@ class Simulation:
     def _branch(self) -> Iterator[Step]:
         assert self._path is not None
         start = self._bifurcations[0]
-        value = self._path.value(start.state) * self.model.unit_of(self.case.quantity) / self.case.load.scale
-        self.listener.say(f"following the branch from {value:.4g} {self.case.unit}")
+        value = self._path.value(start.state) * self.model.unit_of(self.case.quantity)
+        self.listener.say(f"following the branch from {self.case.load.told(value)}")
         try:
             for number, point in enumerate(continuation.follow(self._path, start, farthest=max(self._goals()))):
                 yield self.step_of(point, number)
@@ -512,7 +512,7 @@ class Model(cards.Shown):
         unit = self.unit_of(quantity)
         try:
             for point in continuation.trace(
-                self.continuation(quantity, case.control), [goal / unit for goal in case.goals]
+                self.continuation(quantity, case.control), [goal / unit for goal in case.values]
             ):
                 yield Equilibrium(self, point.state, point)
         except stability.PathEnd as end:

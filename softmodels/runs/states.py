@@ -151,11 +151,7 @@ class States:
             return list[float](asked)
         if not self.loaded:
             return [len(self.rows) - 1]
-        if (
-            even := []
-            if self.case.program
-            else round_steps(self.rows[: self.main + 1], table.parsed(self.case.column)[0], most)
-        ):
+        if even := [] if self.case.program else round_steps(self.rows[: self.main + 1], self.case.variable, most):
             return even
         wanted = np.linspace(0.0, 1.0, most + 1)[1:]
         places = self.along[self.loaded]

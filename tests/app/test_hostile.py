@@ -215,7 +215,7 @@ def test_what_another_program_writes_is_not_overwritten(tmp_path):
     (tmp_path / CASE).write_text(text)
     with pytest.raises(INPUT_ERRORS, match="another program"):
         project.change(steps=steps_of(pressure_cm=(3.0,)))
-    assert (tmp_path / CASE).read_text() == text and project.case.values == (7.0,)
+    assert (tmp_path / CASE).read_text() == text and [value.number for value in project.case.values] == [7.0]
 
 
 def test_a_full_disk_is_told_and_loses_nothing(photographs, monkeypatch):

@@ -74,7 +74,10 @@ def work_of(case: Case, rows: Any) -> tuple[np.ndarray, np.ndarray]:
     """Work in mJ of the air and of the dead loads, and stored energy, along a path; jumps, which lose energy, are left out."""
     pairs = [("pressure_Pa", "added_volume_ml", 1e-3)] if case.actuator.ratios else []
     loads = [part for part in case.components if isinstance(part, LoadPart)]
-    pairs += [(part.column, part.moved_column, part.column_unit * part.moved_column_unit * 1e3) for part in loads]
+    pairs += [
+        (part.named_columns[0], part.named_columns[1], part.column_unit * part.moved_column_unit * 1e3)
+        for part in loads
+    ]
     work, stored = [0.0], [0.0]
     for before, after in itertools.pairwise(rows):
         done = sum(unit * (before[P] + after[P]) / 2 * (after[V] - before[V]) for P, V, unit in pairs)
@@ -186,7 +189,7 @@ def main() -> None:
         took = time.perf_counter() - started
         law, asked = (
             type(case.material).__name__,
-            f"{case.quantity} to {case.values[-1]:.4g} {case.unit} by {case.control}",
+            f"{case.quantity} to {case.load.told(case.values[-1])} by {case.control}",
         )
         print(
             f"{number}: {type(case.actuator).__name__}, {law}, {components}, {asked}: {ended}, {took:.1f} s", flush=True

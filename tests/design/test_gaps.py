@@ -111,7 +111,7 @@ def test_the_mean_of_the_largest_values(comm):
 def test_coarse_and_fine_meshes_agree(comm, figure):
     """The largest value at a point does not: it grows with the mesh's fineness at the clamped ring."""
     tube = wound(inner_radius=0.0064, wall=0.001)
-    quantities = (PeakStretch(at=tube.goals[-1]), PeakVonMises(at=tube.goals[-1]))
+    quantities = (PeakStretch(at=tube.values[-1]), PeakVonMises(at=tube.values[-1]))
     coarse, fine = (
         DesignModel(
             dataclasses.replace(tube, actuator=dataclasses.replace(tube.actuator, cell_size=size)), (), quantities, comm
@@ -127,7 +127,7 @@ def test_the_path_has_the_same_peak(comm):
     """And it lies below the largest value at a point, which the design names beside it."""
     tube = wound()
     run = sm.run(tube)
-    quantities = (PeakStretch(at=tube.goals[-1]), PeakVonMises(at=tube.goals[-1]))
+    quantities = (PeakStretch(at=tube.values[-1]), PeakVonMises(at=tube.values[-1]))
     here = DesignModel(tube, ("wall",), quantities, comm).evaluate(np.array([tube.actuator.wall]))
     stretch, stress = (here.values[asked.key] for asked in quantities)
     assert run.path["peak_stretch"][-1] == pytest.approx(stretch, rel=1e-6)

@@ -204,7 +204,7 @@ def test_inputs_reach_the_case(files):
     (files / "many.toml").write_text(text.replace("20 kPa", "1 kPa").replace("30 kPa", "2 kPa"))
     plan = StudyPlan.from_file(files / "many.toml")
     last = plan.case_at(np.array([0.0, 1.0, 1.0]))
-    assert last.material == sm.silicone("dragon-skin-20") and last.goals == pytest.approx([2e3])
+    assert last.material == sm.silicone("dragon-skin-20") and last.values == pytest.approx([2e3])
     steps = Input.parse("geometry.base", "1:2:0.25 mm")
     assert steps.values == (1.0, 1.25, 1.5, 1.75, 2.0) and steps.text(1.0) == "1.25 mm"
     normal = Input.parse("geometry.base", "2 mm +- 10 %")

@@ -91,7 +91,7 @@ def test_pressures_with_their_unit(asked, expected):
             Case.from_toml(DISK + asked)
         return
     case = Case.from_toml(DISK + asked)
-    assert case.goals == pytest.approx(expected, rel=1e-9) and Case.from_toml(case.to_toml()) == case
+    assert case.values == pytest.approx(expected, rel=1e-9) and Case.from_toml(case.to_toml()) == case
 
 
 def test_pressures_with_their_unit_as_an_option(tmp_path):

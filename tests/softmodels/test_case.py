@@ -49,7 +49,7 @@ def test_case_survives_its_file_to_the_last_bit(material, actuator):
     by_volume = Case("disk", actuator, material, steps_of(volume_ml=(0.1, THIRD)), control="volume")
     in_pascals = Case("disk", actuator, material, steps_of(pressure="0.1,0.7 kPa"), water_density=1000 * THIRD)
     of_another_column = dataclasses.replace(by_pressure, water_density=970.0)
-    assert of_another_column.goals == by_pressure.goals
+    assert of_another_column.values == by_pressure.values
     for case in (by_pressure, by_volume, in_pascals, of_another_column):
         assert Case.from_toml(case.to_toml()) == case
         assert Case.from_toml(case.to_toml()).to_toml() == case.to_toml()
@@ -87,8 +87,8 @@ def test_what_a_case_file_leaves_out_has_its_default():
     assert case == Case(
         "disk", HollowDisk(), NeoHookean(30e3, 0.5), steps_of(pressure_cm=(0.0, 30.0)), 970.0, "auto", "mixed"
     )
-    assert case.goals == pytest.approx((0.0, 30 * 95.124505), rel=1e-12)
-    assert Case("disk", HollowDisk(), NeoHookean(30e3), steps_of(volume_ml=(2.5,))).goals == pytest.approx((2.5e-6,))
+    assert case.values == pytest.approx((0.0, 30 * 95.124505), rel=1e-12)
+    assert Case("disk", HollowDisk(), NeoHookean(30e3), steps_of(volume_ml=(2.5,))).values == pytest.approx((2.5e-6,))
 
 
 @pytest.mark.parametrize(

@@ -139,7 +139,9 @@ def test_a_loaded_run_can_be_saved_elsewhere(folder, tmp_path):
     ],
 )  # fmt: skip
 def test_pressures_are_texts_with_a_unit_or_pascals(pressures, cm):
-    assert sm.inflate(sm.HollowDisk(**COARSE), LAW, pressures).case.values == pytest.approx(cm, rel=1e-12)
+    case = sm.inflate(sm.HollowDisk(**COARSE), LAW, pressures).case
+    assert case.values == pytest.approx([CM * height for height in cm], rel=1e-12)
+    assert case.load.told(case.values[-1]) == "30 cm"
 
 
 def test_volumes_and_strokes():

@@ -149,7 +149,7 @@ def test_the_imported_part_bends(written):
     """Its gauge is where it moves: on a coarse mesh its tip rises by a tenth of its length."""
     case = Case.from_file(written.path / "mypart.toml")
     coarse = dataclasses.replace(case.actuator, cell_size=0.008, curvature=4.0)
-    run = sm.inflate(coarse, case.material, pressures=f"0,20,{case.values[-1]} cm")
+    run = sm.inflate(coarse, case.material, pressures=f"0,20,{case.values[-1].number} cm")
     assert run.tip[-1] > 0.008
 
 

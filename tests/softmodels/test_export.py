@@ -50,7 +50,7 @@ def test_pressures_and_silicone(decks):
     folder, _ = decks
     inp = (folder / "disk.inp").read_text()
     pressures = [float(value) for value in re.findall(r"CAVITY, P, (\S+)", inp)]
-    assert pressures == pytest.approx(CASE.goals[1:], rel=1e-12)
+    assert pressures == pytest.approx(CASE.values[1:], rel=1e-12)
     c1, c2, c3, d1, d2, d3 = map(float, re.search(r"YEOH\n(.+)", inp)[1].split(","))
     assert (c1, c2, c3) == pytest.approx((14e3, 60.0, 0.5), rel=1e-12) and d2 == d3 == 1e10
     assert 2 / d1 == pytest.approx(LAW.bulk, rel=1e-12)

@@ -75,7 +75,7 @@ def test_the_case_is_repeated_exactly(pushed):
     assert case.components == (
         Gravity(direction="-z"), Mass(face="top", amount=0.05), Force(face="top", direction="-z"),
     )  # fmt: skip
-    assert Case.from_toml(case.to_toml()) == case and case.column == "force_N" and case.quantity == "force"
+    assert Case.from_toml(case.to_toml()) == case and case.variable == "force" and case.quantity == "force"
 
 
 PARTS = (

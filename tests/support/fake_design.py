@@ -114,7 +114,7 @@ class FakeModel:
     def __init__(self, case, names, quantities, comm=None):
         self.case, self.names, self.quantities, self.calls = case, names, quantities, []
         self.working = max(
-            (JudgedLoad.of(one.at).value for one in quantities if one.at is not None), default=case.goals[-1]
+            (JudgedLoad.of(one.at).value for one in quantities if one.at is not None), default=case.values[-1]
         )
 
     def values(self, theta, mu=None):
