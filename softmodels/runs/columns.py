@@ -1,7 +1,7 @@
 """The variables of the table: name, unit of its column, description, and computation, each in one place.
 
-Add a variable by `register_output`: a `Variable`, an output field (`OutputField.extremes`), or a figure computed on all ranks
-(`ForceMeasure`). What they make is a `softmodels.runs.table.Table`.
+Add a `softmodels.runs.fields.Variable` by `register_output`, or an output field with its extremes. What they make is a
+`softmodels.runs.table.PathTable`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import functools
 import itertools
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -28,17 +28,7 @@ from softmodels.mechanics import component, controls, newton
 from softmodels.path import schedule, stability, steps, supply
 from softmodels.path.supply import Reservoir
 from softmodels.runs import state_values, table
-from softmodels.runs.fields import (
-    OUTPUTS,
-    Extreme,
-    Fields,
-    Figures,
-    ForceMeasure,
-    Output,
-    OutputField,
-    outputs,
-    register_output,
-)
+from softmodels.runs.fields import OUTPUTS, Fields, Figures, OutputField, Variable, outputs, register_output
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The first-order 95 % band of a path due to the errors of a fitted material.
@@ -203,75 +193,35 @@ class Solved:
         return (self.gap is not None and self.gap.overlaps) or self.fields.walls.folded(self.nodal["displacement"])
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Variable(Output):
-    """One variable of the table: its name, the ending of its column in ``path.csv`` that is its unit ("" for a number), a short
-    name, a sentence without its stop, its value in SI, None if that is not known, and a condition on the case."""
-
-    unit: str
-    title: str
-    text: str
-    value: Callable[[Solved], table.Cell]
-    present: Callable[[Case], bool] = lambda case: True
-
-    @property
-    def key(self) -> str:
-        """Its column of ``path.csv``."""
-        return table.column_of(self.name, self.unit)
-
-    def cells(self, solved: Solved) -> dict[str, table.Cell]:
-        return {self.key: self.written(self.value(solved))} if self.present(solved.case) else {}
-
-    def written(self, value: table.Cell) -> table.Cell:
-        """Return its value in the unit of its column."""
-        return table.UNITS[self.unit].written(value) if self.unit and isinstance(value, int | float) else value
-
-    def term(self, column: str, device: Actuator | None) -> table.ColumnText | None:
-        return table.described(column, (self.title, self.text)) if column == self.key else None
-
-
-class VariableAsWritten(Variable):
-    """A variable that is computed in the unit of its column, such as a height of the case's column, as it was typed."""
-
-    def written(self, value: table.Cell) -> table.Cell:
-        return value
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Variables(Output):
-    """Several variables whose names depend on the device or the case: their columns with the values there, and what a column
-    is; None for another's."""
-
-    cells: Callable[[Solved], Mapping[str, table.Cell]]
-    term: Callable[[str, Actuator | None], table.ColumnText | None]
-
-
 def row_of(solved: Solved) -> table.Row:
     """Return the row of a state, on rank 0."""
     cells: dict[str, table.Cell] = {}
-    for entry in every_variable():
-        cells |= entry.cells(solved)
+    for variable in every_variable():
+        if variable.value and (variable.present is None or variable.present(solved.case)):
+            cells |= variable.cells(variable.value(solved), solved.case.cm)
     return table.Row(cells, solved.case.cm)
 
 
-def every_variable() -> Iterator[Variable | Variables]:
-    """Yield all that are registered, then the extremes of other output fields."""
-    yield from (output for output in OUTPUTS.values() if isinstance(output, Variable | Variables))
-    for field in outputs(OutputField):
-        yield from (variable for variable in _extremes(field.name) if variable.key not in OUTPUTS)
+def every_variable() -> list[Variable]:
+    """Return all that are registered, then the extremes of other output fields."""
+    extremes = [one for field in outputs(OutputField) for one in field.extremes if one.key not in OUTPUTS]
+    return [*outputs(Variable), *extremes]
 
 
 def term(column: str, device: Actuator | None = None, supply: str = "supply") -> table.ColumnText:
     """Return the description of a column of ``path.csv``; an unknown column is described by its own name. ``supply`` is in a
     word what drives the air."""
     # A column that is known by its whole name is not described by a pattern that fits it too, such as that of named gaps.
-    entries = sorted((DEVICE, *every_variable(), NAMED), key=lambda entry: isinstance(entry, Variables))
-    found = (entry.term(column, device) for entry in entries)
-    known = next(
-        (one for one in found if one is not None),
-        table.described(column, (table.split(column)[0].replace("_", " "), "")),
+    exact = [one for one in every_variable() if one.key == column]
+    known = (
+        exact[0].described(column)
+        if exact
+        else _figure_term(column, device)
+        or _rise_term(column, device)
+        or _band_term(column, device)
+        or _named_term(column)
     )
-    return known.told_of(supply)
+    return (known or table.described(column, (table.split(column)[0].replace("_", " "), ""))).told_of(supply)
 
 
 def of_cavities(row: table.Row, what: str) -> list[str]:
@@ -281,11 +231,11 @@ def of_cavities(row: table.Row, what: str) -> list[str]:
 
 
 def _height(solved: Solved) -> float:
-    """Return the height of the column in cm."""
-    requested = solved.point.state.P  # with its text, if it is a requested pressure
-    if isinstance(requested, units.Amount) and requested.unit == load.CM and solved.case.load.of(steps.PRESSURE):
-        return requested.number
-    return solved.pressure / solved.case.cm
+    """Return the pressure in Pa, with its text if it is a requested height of the column."""
+    requested = solved.point.state.P
+    if isinstance(requested, units.Amount) and requested.unit == load.CM:
+        return units.Amount(solved.pressure, requested.number, requested.unit)
+    return solved.pressure
 
 
 def _stroke(solved: Solved) -> float:
@@ -315,21 +265,9 @@ def _held(solved: Solved) -> int:
     return int(solved.point.stable_under(curve.line(V, P)))
 
 
-def _cavity_cells(solved: Solved) -> dict[str, table.Cell]:
-    """Return the pressure and added volume of each cavity, where there are several."""
-    figures = solved.figures
-    if len(figures.cavity_volumes) < 2:
-        return {}
-    pressures = {f"pressure_{i}_cm": value / solved.case.cm for i, value in enumerate(figures.cavity_pressures, 1)}
-    return {**pressures, **{f"added_volume_{i}_ml": value * 1e6 for i, value in enumerate(figures.cavity_volumes, 1)}}
-
-
-def _cavity_term(column: str, device: Actuator | None) -> table.ColumnText | None:
-    found = re.fullmatch(r"(pressure|added_volume)_(\d+)_(cm|ml)", column)
-    if not found:
-        return None
-    words = found[1].replace("_", " ")
-    return table.described(column, (f"{words} of cavity{found[2]}", f"of the device's cavity{found[2]} only"))
+def _of_each(name: str, values: Sequence[float]) -> dict[str, table.Cell]:
+    """Return a variable of each cavity by name, where there are several."""
+    return {f"{name}_{i}": value for i, value in enumerate(values, 1)} if len(values) > 1 else {}
 
 
 def _rise_term(column: str, device: Actuator | None) -> table.ColumnText | None:
@@ -341,22 +279,20 @@ def _rise_term(column: str, device: Actuator | None) -> table.ColumnText | None:
     )
 
 
-def _device_term(column: str, device: Actuator | None) -> table.ColumnText | None:
-    if device is not None and column in device.figure_texts:
-        return table.described(column, device.figure_texts[column])
+def _figure_term(column: str, device: Actuator | None) -> table.ColumnText | None:
+    """Return the description of a figure of the device or a part, or of one of several variables."""
     texts = [
-        *(measure.texts for measure in outputs(ForceMeasure)),
+        {} if device is None else device.figure_texts,
         *(kind.figure_texts for kind in component.COMPONENTS.values()),
     ]
     if exact := next((known[column] for known in texts if column in known), None):
         return table.described(column, exact)
-    for pattern, (title, text) in (entry for known in texts for entry in known.items()):
-        if found := re.fullmatch(pattern, column):
-            return table.described(column, (title.format(*found.groups()), text.format(*found.groups())))
-    return None
+    parts = [Variable(pattern, "", *text) for known in texts[1:] for pattern, text in known.items()]
+    found = (one.described(column) for one in (*outputs(Variable), *parts) if one.title)
+    return next((one for one in found if one is not None), None)
 
 
-def _named_term(column: str, device: Actuator | None) -> table.ColumnText | None:
+def _named_term(column: str) -> table.ColumnText | None:
     """Return the description of a point, an angle or a rigid part named by the user."""
     name, unit = table.split(column)
     if unit == "mm" and (found := re.fullmatch(r"(\w+)_([xyz])", name)):
@@ -387,20 +323,9 @@ def _band_term(column: str, device: Actuator | None) -> table.ColumnText | None:
     )
 
 
-def _extremes(name: str) -> list[Variable]:
+def _extremes(name: str) -> Sequence[Variable]:
     """Return the variables of an output field's least and largest values."""
-    field = OUTPUTS[name]
-    assert isinstance(field, OutputField)
-    return [_extreme(field, one) for one in field.extremes]
-
-
-def _extreme(field: OutputField, one: Extreme) -> Variable:
-    def value(solved: Solved) -> float:
-        if one.peak:
-            return solved.figures.peaks[field.name]
-        return solved.figures.extremes[field.name][0 if one.least else 1]
-
-    return Variable(one.name, one.unit, one.title, one.text, value)
+    return next(field.extremes for field in outputs(OutputField) if field.name == name)
 
 
 def _place_of_largest(axis: str) -> Variable:
@@ -417,9 +342,10 @@ def _break_margin(solved: Solved) -> float | None:
 
 
 def _eigenvalue(solved: Solved) -> float | None:
-    """Return the lowest eigenvalue in Pa/mm2; None if it did not converge."""
+    """Return the lowest eigenvalue in Pa/m2, with its number in Pa/mm2; None if it did not converge."""
     eq, lowest = solved.fields.system, solved.point.signature.lowest
-    return None if math.isnan(lowest) else float(lowest * eq.stress_unit / (eq.length_unit * 1e3) ** 2)
+    number = float(lowest * eq.stress_unit / (eq.length_unit * 1e3) ** 2)
+    return None if math.isnan(lowest) else units.Amount(1e6 * number, number, table.UNITS["Pa_per_mm2"].symbol)
 
 
 def _supplied(case: Case) -> bool:
@@ -444,9 +370,9 @@ def _source(solved: Solved) -> supply.Source:
     return schedule.source_at(solved.case.steps, solved.load_step)
 
 
-def _source_height(solved: Solved) -> float | None:
+def _source_pressure(solved: Solved) -> float | None:
     source = _source(solved)
-    return None if source.flow is not None else load.in_unit(source.pressure, load.CM, solved.case.cm)
+    return None if source.flow is not None else source.pressure
 
 
 def _flow(solved: Solved) -> float:
@@ -460,24 +386,17 @@ def _gas(case: Case) -> bool:
     return case.supply is not None and case.supply.stores_energy
 
 
-DEVICE = Variables("device", lambda s: s.figures.device, _device_term)
-NAMED = Variables("named", lambda s: {}, _named_term)
-"""Named points and angles, whose values are among the device's."""
-
-BAND = Variables("band", lambda s: s.band, _band_term)
-"""Last in the file."""
-
-_VARIABLES: tuple[Variable | Variables, ...] = (
+_VARIABLES: tuple[Variable, ...] = (
     Variable("step", "", "step", "number of the state along the path, from rest", lambda s: s.number),
-    VariableAsWritten("pressure", "cm", "pressure",
+    Variable("pressure", "cm", "pressure",
            "of the air in the cavity, as the height of the column that balances it, of the load's water_density", _height),
     Variable("pressure", "Pa", "pressure", "the same in pascal, above ambient pressure", lambda s: s.pressure),
     Variable("added_volume", "ml", "added volume", "volume of the whole device's cavities minus that at rest; with pressure "
            "ratios, the work-conjugate of the common pressure", lambda s: s.figures.added_volume),
     Variable("stroke", "ml", "stroke", "volume that the {supply} has displaced or let in",
            _stroke, _by_strokes),
-    VariableAsWritten("source_pressure", "cm", "source pressure",
-           "of the {supply}, as the height of the column that balances it", _source_height, _in_time),
+    Variable("source_pressure", "cm", "source pressure",
+           "of the {supply}, as the height of the column that balances it", _source_pressure, _in_time),
     Variable("flow", "ml_per_min", "flow", "from the source towards the device, as volume at ambient pressure", _flow,
            _in_time),
     Variable("gas", "ml", "gas", "amount of gas in tubes, fittings and cavity, as its volume at ambient pressure",
@@ -493,9 +412,12 @@ _VARIABLES: tuple[Variable | Variables, ...] = (
            lambda s: s.load_step, lambda case: case.program),
     Variable("time", "s", "time", "since the load began", lambda s: steps.time_at(s.case.steps, s.load_step),
            lambda case: case.timed),
-    Variables("cavities", _cavity_cells, _cavity_term),
-    Variables("rises", lambda s: {f"{name}_mm": rise * 1e3 for name, rise in s.figures.rises.items()}, _rise_term),
-    DEVICE,
+    Variable(r"pressure_(\d+)", "cm", "pressure of cavity{0}", "of the device's cavity{0} only",
+             lambda s: _of_each("pressure", s.figures.cavity_pressures)),
+    Variable(r"added_volume_(\d+)", "ml", "added volume of cavity{0}", "of the device's cavity{0} only",
+             lambda s: _of_each("added_volume", s.figures.cavity_volumes)),
+    Variable("rises", "mm", "", "", lambda s: s.figures.rises),
+    Variable("figures", "", "", "", lambda s: s.figures.device),
     Variable("max_displacement", "mm", "largest displacement", "longest displacement of any node",
            lambda s: s.figures.max_displacement),
     *_extremes("largest_stretch"),
@@ -535,11 +457,11 @@ _VARIABLES: tuple[Variable | Variables, ...] = (
     Variable("negative_eigenvalues", "", "negative eigenvalues",
            "number of independent directions in which the energy falls at this pressure; 0 is stable",
            lambda s: s.point.signature.negative_eigenvalues, _at_rest),
-    VariableAsWritten("lowest_eigenvalue", "Pa_per_mm2", "lowest eigenvalue",
+    Variable("lowest_eigenvalue", "Pa_per_mm2", "lowest eigenvalue",
            "of the tangent at this pressure; zero where stability is lost", _eigenvalue, _at_rest),
     Variable("control", "", "control", "control of the step: pressure, volume, a supply's line or the arc length",
            lambda s: s.point.line),
-    BAND,
+    Variable("bands", "", "", "", lambda s: s.band),
 )  # fmt: skip
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +27,10 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 from softmodels.runs import state_values, table
 from softmodels.runs.state_values import StateValues
+
+if TYPE_CHECKING:
+    from softmodels.case.case import Case
+    from softmodels.runs.columns import Solved
 
 
 class Fields:
@@ -108,7 +114,10 @@ class Fields:
         device = together(
             actuator.device_figures({name: _place(actuator.probes[name], moved[name]) for name in moved}),
             self._gauges.figures(places, named, actuator.lift, self._normals(state.w)),
-            *(measure.compute(self.sampling, state) for measure in outputs(ForceMeasure)),
+            *(term.figures(eq) for term in eq.potential.terms.values()),
+            eq.dead.figures(eq.drives_at(state)[len(actuator.ratios) :]),
+            rigid_parts(self.sampling, state),
+            *(one.cells(one.measured(self.sampling, state)) for one in outputs(Variable) if one.measured),
         )
         return Figures(
             pressure=next((p / ratio for p, ratio in zip(pressures, actuator.ratios, strict=True) if ratio), 0.0),
@@ -451,8 +460,8 @@ class Output:
     name: str
 
     def __post_init__(self) -> None:
-        function = next(value for value in vars(self).values() if callable(value))
-        object.__setattr__(self, "__module__", function.__module__)  # where another process finds it
+        for function in filter(callable, list(vars(self).values())[::-1]):
+            object.__setattr__(self, "__module__", function.__module__)  # where another process finds it
 
     @property
     def key(self) -> str:
@@ -482,28 +491,64 @@ class Colours:
     power: float = 1.0
 
 
-@dataclasses.dataclass(frozen=True)
-class Extreme:
-    """A variable of the table that is the least or the largest value of a field over the whole device.
+type Values = table.Cell | Mapping[str, table.Cell]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Variable(Output):
+    """A variable of the run's table; or several of one unit, whose names depend on device and case.
 
     Attributes:
-        name, unit: Its name, and the ending of its column that is its unit, "" for a number.
-        title, text: A short name, and what it is, a sentence without its stop.
-        least: Whether it is the least value, not the largest.
-        peak: Whether it is the field's `softmodels.runs.state_values`, which no single point decides.
+        name: Its name; of several a pattern of `re`.
+        unit: The ending of its column in ``path.csv`` that is its unit, "" for a number.
+        title, text: A short name, and a sentence without its stop; ``{0}`` is the pattern's first group.
+        value: Its value in SI on rank 0, None if that is not known; of several by name.
+        present: Whether a case has it; None for all cases.
+        measured: Instead of ``value``, the same of the state that is loaded, computed on all ranks.
     """
 
-    name: str
     unit: str
     title: str
     text: str
+    value: Callable[[Solved], Values] | None = None
+    present: Callable[[Case], bool] | None = None
+    measured: Callable[[state_values.Sampling, State], Values] | None = None
+
+    @property
+    def key(self) -> str:
+        """Its column of ``path.csv``."""
+        return table.column_of(self.name, self.unit)
+
+    def cells(self, values: Values, cm: float = math.nan) -> dict[str, table.Cell]:
+        """Return its columns with values in SI in their units; ``cm`` is Pa in one cm of the case's column."""
+        unit = table.UNITS.get(self.unit, table.NUMBER)
+        return {
+            table.column_of(name, self.unit): unit.written(value, cm) if isinstance(value, int | float) else value
+            for name, value in (values.items() if isinstance(values, Mapping) else [(self.name, values)])
+        }
+
+    def described(self, column: str) -> table.ColumnText | None:
+        """Return what a column is, None if it is not one of this."""
+        if (found := re.fullmatch(self.key, column)) is None:
+            return None
+        title, text = (words.format(*found.groups()) if found.groups() else words for words in (self.title, self.text))
+        return table.described(column, (title, text))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Extreme(Variable):
+    """The least (``least``) or the largest value of a field over the whole device, or its ``peak``, which no single point
+    decides: see `softmodels.runs.state_values.volume_peak`."""
+
     least: bool = False
     peak: bool = False
 
-    @property
-    def column(self) -> str:
-        """Its column of ``path.csv``."""
-        return table.column_of(self.name, self.unit)
+    def of_field(self, name: str) -> Extreme:
+        """Return it with its value, of the field of this name."""
+        return dataclasses.replace(
+            self,
+            value=lambda s: s.figures.peaks[name] if self.peak else s.figures.extremes[name][0 if self.least else 1],
+        )
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -532,13 +577,17 @@ class OutputField(Output):
     requested: bool = False
     axes: tuple[str, ...] = ("component", "component2")
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "extremes", tuple(one.of_field(self.name) for one in self.extremes))
+
     @property
     def rest(self) -> float:
         """Its value at rest, SI; 0 of one without colours."""
         return self.colours.rest / self.colours.factor if self.colours else 0.0
 
     @property
-    def largest(self) -> Extreme | None:
+    def largest(self) -> Variable | None:
         """The variable of its largest value, if it has one."""
         return next((one for one in self.extremes if not (one.least or one.peak)), None)
 
@@ -669,17 +718,7 @@ def _axes(vectors: Array) -> list[int]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Forces and stiffness of the whole device, computed on all ranks, with their columns.
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class ForceMeasure(Output):
-    """A figure of a state that needs all ranks: columns of ``path.csv`` and their values, computed on all ranks while the
-    state is loaded, none if not available of a device; and short name and meaning by column, or by a pattern of `re` with a
-    group ``{0}``."""
-
-    compute: Callable[[state_values.Sampling, State], dict[str, float]]
-    texts: Mapping[str, tuple[str, str]]
+# Forces and stiffness of the whole device, computed on all ranks.
 
 
 def _force_unit(eq: System) -> float:
@@ -690,14 +729,14 @@ def _force_unit(eq: System) -> float:
 def blocked_force(sampling: state_values.Sampling, state: State) -> dict[str, float]:
     """Return the blocked force in N of the whole device, if it is blocked."""
     role = sampling.system.body.actuator.blocked
-    return {} if role is None else {"blocked_force_N": _held_along_lift(sampling.system, role)}
+    return {} if role is None else {"blocked_force": _held_along_lift(sampling.system, role)}
 
 
 def standing_force(sampling: state_values.Sampling, state: State) -> dict[str, float]:
     """Return the force in N with which the whole device presses on what it stands on, if it stands."""
     body = sampling.system.body
     role = body.actuator.standing if not body.seal else ""
-    return {f"{role}_force_N": -_held_along_lift(sampling.system, role)} if role else {}
+    return {f"{role}_force": -_held_along_lift(sampling.system, role)} if role else {}
 
 
 def _held_along_lift(eq: System, role: str) -> float:
@@ -705,18 +744,6 @@ def _held_along_lift(eq: System, role: str) -> float:
     # Held along the lift, so one row of the skew basis is the lift.
     along = body.in_section(eq.body.actuator.lift, eq.body.actuator.dimension)
     return system.held_force(eq, role, int(np.argmax(eq.body.skew @ along))) * _force_unit(eq)
-
-
-def part_figures(sampling: state_values.Sampling, state: State) -> dict[str, float]:
-    """Return the figures of the parts added to the device."""
-    eq = sampling.system
-    return {name: value for term in eq.potential.terms.values() for name, value in term.figures(eq).items()}
-
-
-def dead_loads(sampling: state_values.Sampling, state: State) -> dict[str, float]:
-    """Return the weights, forces and moments on the device, and what they move."""
-    eq = sampling.system
-    return eq.dead.figures(eq.drives_at(state)[len(eq.body.actuator.ratios) :])
 
 
 def stiffness(sampling: state_values.Sampling, state: State) -> dict[str, float]:
@@ -730,32 +757,20 @@ def stiffness(sampling: state_values.Sampling, state: State) -> dict[str, float]
         return {}
     compliance = sampling.solver.dead_load_compliance(state, sampling.push)  # of a unit load on each slice
     unit = eq.stress_unit * eq.length_unit * actuator.copies
-    return {f"{actuator.pushed}_stiffness_N_per_m": unit / compliance if compliance else np.inf}  # held
+    return {f"{actuator.pushed}_stiffness": unit / compliance if compliance else np.inf}  # held
 
 
 for _measure in (
-    ForceMeasure("parts", part_figures, {}),  # their texts are in the classes of parts
-    ForceMeasure("dead loads", dead_loads, {}),
-    ForceMeasure("rigid parts", rigid_parts, {}),
-    ForceMeasure(
-        "blocked force", blocked_force,
-        {"blocked_force_N": ("blocked force", "blocked force of the whole device along its lift")},
+    Variable(
+        "blocked_force", "N", "blocked force", "blocked force of the whole device along its lift", measured=blocked_force
     ),
-    ForceMeasure(
-        "standing", standing_force,
-        {
-            r"(lip)_force_N": (
-                "force of the {0}", "force with which the {0} of the whole device presses on the plane; at 0 it lifts off",
-            ),
-        },
+    Variable(
+        "(lip)_force", "N", "force of the {0}",
+        "force with which the {0} of the whole device presses on the plane; at 0 it lifts off", measured=standing_force,
     ),
-    ForceMeasure(
-        "stiffness", stiffness,
-        {
-            r"(\w+)_stiffness_N_per_m": (
-                "{0} stiffness", "force along the lift, spread over the {0}, per rise of it at this pressure",
-            ),
-        },
+    Variable(
+        r"(\w+)_stiffness", "N_per_m", "{0} stiffness",
+        "force along the lift, spread over the {0}, per rise of it at this pressure", measured=stiffness,
     ),
 ):  # fmt: skip
     register_output(_measure)

@@ -173,9 +173,14 @@ class Unit:
     si: str
     size: float = 1.0
 
-    def written(self, value: float) -> float:
-        """Return a value in SI in this unit."""
-        return value * round(1 / self.size) if self.size < 1.0 else value / self.size if self.size != 1.0 else value
+    def written(self, value: float, cm: float) -> float:
+        """Return a value in SI in this unit, its own number if it was written in it; ``cm`` is Pa in one cm of the column."""
+        if self.si == "rad":
+            return math.degrees(value)
+        if isinstance(value, units.Amount) and value.unit == self.symbol:
+            return value.number
+        size = cm if math.isnan(self.size) else self.size
+        return value * round(1 / size) if size < 1.0 else value / size if size != 1.0 else value
 
 
 UNITS: Mapping[str, Unit] = MappingProxyType({

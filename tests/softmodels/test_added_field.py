@@ -15,8 +15,8 @@ from softmodels.case.load import steps_of
 from softmodels.cli.run import run
 from softmodels.common.commands import RunOptions
 from softmodels.materials.laws import NeoHookean
-from softmodels.runs.columns import Variable, term
-from softmodels.runs.fields import OUTPUTS, Extreme, ForceMeasure, OutputField, register_output
+from softmodels.runs.columns import term
+from softmodels.runs.fields import OUTPUTS, Extreme, OutputField, Variable, register_output
 
 SMALLEST = OutputField(
     "smallest_stretch",
@@ -28,9 +28,7 @@ SMALLEST = OutputField(
 )
 RADIAL = OutputField("turned", "m", "displacement, turned", lambda at: at.displacement[:, [2, 0, 1]])
 MEAN = Variable("mean_rise", "mm", "mean rise", "of all nodes", lambda s: float(s.nodal["displacement"][:, 2].mean()))
-NODES = ForceMeasure(
-    "nodes", lambda sampling, state: {"nodes_here": float(sampling.grid.owned)}, {"nodes_here": ("nodes", "of a rank")}
-)
+NODES = Variable("nodes_here", "", "nodes", "of a rank", measured=lambda sampling, state: float(sampling.grid.owned))
 
 
 @pytest.fixture(scope="module")
