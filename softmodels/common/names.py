@@ -234,7 +234,7 @@ def keep_arrays(value: object, *, copy: bool = False) -> None:
 # ----------------------------------------------------------------------------------------------------------------------
 # What users add to by name: laws, devices, components, supplies, quantities of designs, outputs of runs, checks.
 #
-# Entries are classes, and objects of `softmodels.runs.fields.Output`. Each registry has a function that registers, such as
+# Entries are classes, and objects of `softmodels.runs.table.Output`. Each registry has a function that registers, such as
 # ``register_law = LAWS.register``; for classes it is a decorator. An entry of the same module and name, as a notebook defines
 # it anew, takes the place of the one before.
 

@@ -1,6 +1,6 @@
 """The variables of the table: name, unit of its column, description, and computation, each in one place.
 
-Add a `softmodels.runs.fields.Variable` by `register_output`, or an output field with its extremes. What they make is a
+Add a `softmodels.runs.table.Variable` by `register_output`, or an output field with its extremes. What they make is a
 `softmodels.runs.table.PathTable`.
 """
 
@@ -28,7 +28,7 @@ from softmodels.mechanics import component, controls, newton
 from softmodels.path import schedule, stability, steps, supply
 from softmodels.path.supply import Reservoir
 from softmodels.runs import state_values, table
-from softmodels.runs.fields import OUTPUTS, Fields, Figures, OutputField, Variable, outputs, register_output
+from softmodels.runs.fields import OUTPUTS, Fields, Figures, OutputField, outputs, register_output
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The first-order 95 % band of a path due to the errors of a fitted material.
@@ -202,10 +202,10 @@ def row_of(solved: Solved) -> table.Row:
     return table.Row(cells, solved.case.cm)
 
 
-def every_variable() -> list[Variable]:
+def every_variable() -> list[table.Variable]:
     """Return all that are registered, then the extremes of other output fields."""
     extremes = [one for field in outputs(OutputField) for one in field.extremes if one.key not in OUTPUTS]
-    return [*outputs(Variable), *extremes]
+    return [*outputs(table.Variable), *extremes]
 
 
 def term(column: str, device: Actuator | None = None, supply: str = "supply") -> table.ColumnText:
@@ -287,8 +287,8 @@ def _figure_term(column: str, device: Actuator | None) -> table.ColumnText | Non
     ]
     if exact := next((known[column] for known in texts if column in known), None):
         return table.described(column, exact)
-    parts = [Variable(pattern, "", *text) for known in texts[1:] for pattern, text in known.items()]
-    found = (one.described(column) for one in (*outputs(Variable), *parts) if one.title)
+    parts = [table.Variable(pattern, "", *text) for known in texts[1:] for pattern, text in known.items()]
+    found = (one.described(column) for one in (*outputs(table.Variable), *parts) if one.title)
     return next((one for one in found if one is not None), None)
 
 
@@ -323,14 +323,14 @@ def _band_term(column: str, device: Actuator | None) -> table.ColumnText | None:
     )
 
 
-def _extremes(name: str) -> Sequence[Variable]:
+def _extremes(name: str) -> Sequence[table.Variable]:
     """Return the variables of an output field's least and largest values."""
     return next(field.extremes for field in outputs(OutputField) if field.name == name)
 
 
-def _place_of_largest(axis: str) -> Variable:
+def _place_of_largest(axis: str) -> table.Variable:
     i = "xyz".index(axis)
-    return Variable(
+    return table.Variable(
         f"max_stretch_{axis}", "mm", f"place of the largest stretch, {axis}", "in the undeformed device",
         lambda s: s.figures.max_stretch_at[i],
     )  # fmt: skip
@@ -386,82 +386,84 @@ def _gas(case: Case) -> bool:
     return case.supply is not None and case.supply.stores_energy
 
 
-_VARIABLES: tuple[Variable, ...] = (
-    Variable("step", "", "step", "number of the state along the path, from rest", lambda s: s.number),
-    Variable("pressure", "cm", "pressure",
+_VARIABLES: tuple[table.Variable, ...] = (
+    table.Variable("step", "", "step", "number of the state along the path, from rest", lambda s: s.number),
+    table.Variable("pressure", "cm", "pressure",
            "of the air in the cavity, as the height of the column that balances it, of the load's water_density", _height),
-    Variable("pressure", "Pa", "pressure", "the same in pascal, above ambient pressure", lambda s: s.pressure),
-    Variable("added_volume", "ml", "added volume", "volume of the whole device's cavities minus that at rest; with pressure "
-           "ratios, the work-conjugate of the common pressure", lambda s: s.figures.added_volume),
-    Variable("stroke", "ml", "stroke", "volume that the {supply} has displaced or let in",
+    table.Variable("pressure", "Pa", "pressure", "the same in pascal, above ambient pressure", lambda s: s.pressure),
+    table.Variable("added_volume", "ml", "added volume",
+           "volume of the whole device's cavities minus that at rest; with pressure ratios, the work-conjugate of the "
+           "common pressure", lambda s: s.figures.added_volume),
+    table.Variable("stroke", "ml", "stroke", "volume that the {supply} has displaced or let in",
            _stroke, _by_strokes),
-    Variable("source_pressure", "cm", "source pressure",
+    table.Variable("source_pressure", "cm", "source pressure",
            "of the {supply}, as the height of the column that balances it", _source_pressure, _in_time),
-    Variable("flow", "ml_per_min", "flow", "from the source towards the device, as volume at ambient pressure", _flow,
+    table.Variable("flow", "ml_per_min", "flow", "from the source towards the device, as volume at ambient pressure", _flow,
            _in_time),
-    Variable("gas", "ml", "gas", "amount of gas in tubes, fittings and cavity, as its volume at ambient pressure",
+    table.Variable("gas", "ml", "gas", "amount of gas in tubes, fittings and cavity, as its volume at ambient pressure",
            _stroke, _in_time),
-    Variable("gas_energy", "mJ", "gas energy", "work stored in the gas of {supply}, tubes and cavity", _gas_energy, _gas),
-    Variable("stroke_limit", "", "stroke limit",
+    table.Variable("gas_energy", "mJ", "gas energy", "work stored in the gas of {supply}, tubes and cavity", _gas_energy, _gas),
+    table.Variable("stroke_limit", "", "stroke limit",
            "1 where the stroke has a limit point: beyond it the device snaps through",
            lambda s: int(s.point.turn), _by_strokes),
-    Variable("stable_under_supply", "", "stable under the {supply}",
+    table.Variable("stable_under_supply", "", "stable under the {supply}",
            "1 if this state is stable with the gas of the supply, 0 if the device snaps through", _held,
            lambda case: _supplied(case) and _at_rest(case)),
-    Variable("load_step", "", "load step", "number of the step in a program of several cavities",
+    table.Variable("load_step", "", "load step", "number of the step in a program of several cavities",
            lambda s: s.load_step, lambda case: case.program),
-    Variable("time", "s", "time", "since the load began", lambda s: steps.time_at(s.case.steps, s.load_step),
+    table.Variable("time", "s", "time", "since the load began", lambda s: steps.time_at(s.case.steps, s.load_step),
            lambda case: case.timed),
-    Variable(r"pressure_(\d+)", "cm", "pressure of cavity{0}", "of the device's cavity{0} only",
+    table.Variable(r"pressure_(\d+)", "cm", "pressure of cavity{0}", "of the device's cavity{0} only",
              lambda s: _of_each("pressure", s.figures.cavity_pressures)),
-    Variable(r"added_volume_(\d+)", "ml", "added volume of cavity{0}", "of the device's cavity{0} only",
+    table.Variable(r"added_volume_(\d+)", "ml", "added volume of cavity{0}", "of the device's cavity{0} only",
              lambda s: _of_each("added_volume", s.figures.cavity_volumes)),
-    Variable("rises", "mm", "", "", lambda s: s.figures.rises),
-    Variable("figures", "", "", "", lambda s: s.figures.device),
-    Variable("max_displacement", "mm", "largest displacement", "longest displacement of any node",
+    table.Variable("rises", "mm", "", "", lambda s: s.figures.rises),
+    table.Variable("figures", "", "", "", lambda s: s.figures.device),
+    table.Variable("max_displacement", "mm", "largest displacement", "longest displacement of any node",
            lambda s: s.figures.max_displacement),
     *_extremes("largest_stretch"),
-    Variable("break_margin", "", "break margin",
+    table.Variable("break_margin", "", "break margin",
            "least published stretch at break of the silicone in tension over the largest stretch; below 1 it may tear",
            _break_margin, lambda case: silicones.stretch_at_break(case.material) is not None),
     *(_place_of_largest(axis) for axis in "xyz"),
     *_extremes("von_mises"),
     *_extremes("J"),
-    Variable("newton_iterations", "", "Newton iterations", "that this state took to converge",
+    table.Variable("newton_iterations", "", "Newton iterations", "that this state took to converge",
            lambda s: s.point.state.iterations),
-    Variable("stored_energy", "mJ", "stored energy", "elastic energy of the whole device",
+    table.Variable("stored_energy", "mJ", "stored energy", "elastic energy of the whole device",
            lambda s: s.figures.stored_energy),
-    Variable("dissipated_energy", "mJ", "dissipated energy", "work that the silicone of the whole device has lost to creep and "
-           "softening", lambda s: s.figures.dissipated_energy, lambda case: case.timed and case.remembers),
-    Variable("kinetic_energy", "mJ", "kinetic energy", "of the whole device and the masses bonded to it",
+    table.Variable("dissipated_energy", "mJ", "dissipated energy",
+           "work that the silicone of the whole device has lost to creep and softening",
+           lambda s: s.figures.dissipated_energy, lambda case: case.timed and case.remembers),
+    table.Variable("kinetic_energy", "mJ", "kinetic energy", "of the whole device and the masses bonded to it",
            lambda s: s.figures.kinetic_energy, lambda case: case.inertia),
-    Variable("least_gap", "mm", "least gap",
+    table.Variable("least_gap", "mm", "least gap",
            "smallest distance between facing walls, negative if they overlap; empty if no walls are near",
            lambda s: None if s.gap is None else s.gap.value),
-    Variable("walls_touch", "", "walls overlap",
+    table.Variable("walls_touch", "", "walls overlap",
            f"1 where walls overlap by more than {state_values.OVERLAP:.0%} of their thickness, or where the "
            "surface is folded onto itself "
            "within a cell: the state is invalid", lambda s: int(s.overlaps)),
-    Variable("requested", "", "requested", "1 for a requested state", lambda s: int(s.point.requested)),
-    Variable("limit", "", "limit point",
+    table.Variable("requested", "", "requested", "1 for a requested state", lambda s: int(s.point.requested)),
+    table.Variable("limit", "", "limit point",
            "1 at a limit point of the pressure: under pressure control the device snaps through",
            lambda s: int(s.point.limit)),
-    Variable("jump", "", "jump", "1 for the equilibrium after a snap-through", lambda s: int(s.point.jump)),
-    Variable("bifurcation", "", "bifurcation", "1 at a bifurcation, where another branch of equilibria starts",
+    table.Variable("jump", "", "jump", "1 for the equilibrium after a snap-through", lambda s: int(s.point.jump)),
+    table.Variable("bifurcation", "", "bifurcation", "1 at a bifurcation, where another branch of equilibria starts",
            lambda s: int(s.point.bifurcation)),
-    Variable("stable_under_pressure", "", "stable under a pressure", "1 if the state is stable at constant pressure",
+    table.Variable("stable_under_pressure", "", "stable under a pressure", "1 if the state is stable at constant pressure",
            lambda s: int(s.point.stable_under_pressure), _at_rest),
-    Variable("stable_under_volume", "", "stable under a volume",
+    table.Variable("stable_under_volume", "", "stable under a volume",
            "1 if the state is stable at constant cavity volume",
            lambda s: int(s.point.stable_under_volume), _at_rest),
-    Variable("negative_eigenvalues", "", "negative eigenvalues",
+    table.Variable("negative_eigenvalues", "", "negative eigenvalues",
            "number of independent directions in which the energy falls at this pressure; 0 is stable",
            lambda s: s.point.signature.negative_eigenvalues, _at_rest),
-    Variable("lowest_eigenvalue", "Pa_per_mm2", "lowest eigenvalue",
+    table.Variable("lowest_eigenvalue", "Pa_per_mm2", "lowest eigenvalue",
            "of the tangent at this pressure; zero where stability is lost", _eigenvalue, _at_rest),
-    Variable("control", "", "control", "control of the step: pressure, volume, a supply's line or the arc length",
+    table.Variable("control", "", "control", "control of the step: pressure, volume, a supply's line or the arc length",
            lambda s: s.point.line),
-    Variable("bands", "", "", "", lambda s: s.band),
+    table.Variable("bands", "", "", "", lambda s: s.band),
 )  # fmt: skip
 
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -27,10 +25,6 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 from softmodels.runs import state_values, table
 from softmodels.runs.state_values import StateValues
-
-if TYPE_CHECKING:
-    from softmodels.case.case import Case
-    from softmodels.runs.columns import Solved
 
 
 class Fields:
@@ -117,7 +111,7 @@ class Fields:
             *(term.figures(eq) for term in eq.potential.terms.values()),
             eq.dead.figures(eq.drives_at(state)[len(actuator.ratios) :]),
             rigid_parts(self.sampling, state),
-            *(one.cells(one.measured(self.sampling, state)) for one in outputs(Variable) if one.measured),
+            *(one.cells(one.measured(self.sampling, state)) for one in outputs(table.Variable) if one.measured),
         )
         return Figures(
             pressure=next((p / ratio for p, ratio in zip(pressures, actuator.ratios, strict=True) if ratio), 0.0),
@@ -453,28 +447,12 @@ def _on_edge(a: Array, b: Array, wanted: Array) -> Array:
 # What a run writes of every state: files, columns and pictures are generated from this registry.
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Output:
-    """A named field, column or figure of every state, the library's own or a user's, added by `register_output`."""
-
-    name: str
-
-    def __post_init__(self) -> None:
-        for function in filter(callable, list(vars(self).values())[::-1]):
-            object.__setattr__(self, "__module__", function.__module__)  # where another process finds it
-
-    @property
-    def key(self) -> str:
-        """What it is called in the registry."""
-        return self.name
-
-
-OUTPUTS: names.Registry[Output] = names.Registry("output", lambda output: output.key)
+OUTPUTS: names.Registry[table.Output] = names.Registry("output", lambda output: output.key)
 """In the order in which they are computed and stand in ``path.csv``."""
 register_output = OUTPUTS.register
 
 
-def outputs[Kind: Output](kind: type[Kind]) -> list[Kind]:
+def outputs[Kind: table.Output](kind: type[Kind]) -> list[Kind]:
     """Return the outputs of a kind, such as `OutputField`."""
     return [output for output in OUTPUTS.values() if isinstance(output, kind)]
 
@@ -491,52 +469,8 @@ class Colours:
     power: float = 1.0
 
 
-type Values = table.Cell | Mapping[str, table.Cell]
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
-class Variable(Output):
-    """A variable of the run's table; or several of one unit, whose names depend on device and case.
-
-    Attributes:
-        name: Its name; of several a pattern of `re`.
-        unit: The ending of its column in ``path.csv`` that is its unit, "" for a number.
-        title, text: A short name, and a sentence without its stop; ``{0}`` is the pattern's first group.
-        value: Its value in SI on rank 0, None if that is not known; of several by name.
-        present: Whether a case has it; None for all cases.
-        measured: Instead of ``value``, the same of the state that is loaded, computed on all ranks.
-    """
-
-    unit: str
-    title: str
-    text: str
-    value: Callable[[Solved], Values] | None = None
-    present: Callable[[Case], bool] | None = None
-    measured: Callable[[state_values.Sampling, State], Values] | None = None
-
-    @property
-    def key(self) -> str:
-        """Its column of ``path.csv``."""
-        return table.column_of(self.name, self.unit)
-
-    def cells(self, values: Values, cm: float = math.nan) -> dict[str, table.Cell]:
-        """Return its columns with values in SI in their units; ``cm`` is Pa in one cm of the case's column."""
-        unit = table.UNITS.get(self.unit, table.NUMBER)
-        return {
-            table.column_of(name, self.unit): unit.written(value, cm) if isinstance(value, int | float) else value
-            for name, value in (values.items() if isinstance(values, Mapping) else [(self.name, values)])
-        }
-
-    def described(self, column: str) -> table.ColumnText | None:
-        """Return what a column is, None if it is not one of this."""
-        if (found := re.fullmatch(self.key, column)) is None:
-            return None
-        title, text = (words.format(*found.groups()) if found.groups() else words for words in (self.title, self.text))
-        return table.described(column, (title, text))
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Extreme(Variable):
+class Extreme(table.Variable):
     """The least (``least``) or the largest value of a field over the whole device, or its ``peak``, which no single point
     decides: see `softmodels.runs.state_values.volume_peak`."""
 
@@ -552,7 +486,7 @@ class Extreme(Variable):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class OutputField(Output):
+class OutputField(table.Output):
     """A field over the nodes, in HDF5, XDMF and VTKHDF.
 
     Attributes:
@@ -587,7 +521,7 @@ class OutputField(Output):
         return self.colours.rest / self.colours.factor if self.colours else 0.0
 
     @property
-    def largest(self) -> Variable | None:
+    def largest(self) -> Extreme | None:
         """The variable of its largest value, if it has one."""
         return next((one for one in self.extremes if not (one.least or one.peak)), None)
 
@@ -761,14 +695,14 @@ def stiffness(sampling: state_values.Sampling, state: State) -> dict[str, float]
 
 
 for _measure in (
-    Variable(
+    table.Variable(
         "blocked_force", "N", "blocked force", "blocked force of the whole device along its lift", measured=blocked_force
     ),
-    Variable(
+    table.Variable(
         "(lip)_force", "N", "force of the {0}",
         "force with which the {0} of the whole device presses on the plane; at 0 it lifts off", measured=standing_force,
     ),
-    Variable(
+    table.Variable(
         r"(\w+)_stiffness", "N_per_m", "{0} stiffness",
         "force along the lift, spread over the {0}, per rise of it at this pressure", measured=stiffness,
     ),

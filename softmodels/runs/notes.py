@@ -79,7 +79,7 @@ def supplied_work(case: Case, rows: table.PathTable) -> float:
     pairs = [(f"pressure_{i}", f"added_volume_{i}") for i in range(1, count + 1)]
     pairs = [("pressure", "added_volume")] if count == 1 else pairs
     loads = [part for part in case.components if isinstance(part, controls.LoadPart)]
-    names = [part.variables[:2] for part in loads]
+    names = [(part.variables[0], part.variables[1]) for part in loads]
     pairs += [pair for pair in names if pair[0] in rows]
     return sum(float(np.sum((rows[f][1:] + rows[f][:-1]) / 2 * np.diff(rows[x]))) for f, x in pairs)
 

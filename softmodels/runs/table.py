@@ -9,14 +9,20 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
 from softmodels.common import units
 from softmodels.common.arrays import Array
+
+if TYPE_CHECKING:
+    from softmodels.case.case import Case
+    from softmodels.mechanics.system import State
+    from softmodels.runs.state_values import Sampling
 
 
 class Row(Mapping[str, float]):
@@ -162,7 +168,7 @@ Cell = float | str | None
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Units of the files, and their SI values.
+# Variables, units of the files, and their SI values.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -211,6 +217,63 @@ def split(column: str) -> tuple[str, str]:
     """Return a column's name without its unit, and the unit's symbol: ``apex_mm`` is ("apex", "mm")."""
     name, unit = parsed(column)
     return name, unit.symbol
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Output:
+    """A named field, column or figure of every state, the library's own or a user's, added by `register_output`."""
+
+    name: str
+
+    def __post_init__(self) -> None:
+        for function in filter(callable, list(vars(self).values())[::-1]):
+            object.__setattr__(self, "__module__", function.__module__)  # where another process finds it
+
+    @property
+    def key(self) -> str:
+        """What it is called in the registry."""
+        return self.name
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Variable(Output):
+    """A variable of the run's table; or several of one unit, whose names depend on device and case.
+
+    Attributes:
+        name: Its name; of several a pattern of `re`.
+        unit: The ending of its column in ``path.csv`` that is its unit, "" for a number.
+        title, text: A short name, and a sentence without its stop; ``{0}`` is the pattern's first group.
+        value: Its value in SI of a `softmodels.runs.columns.Solved`, on rank 0, None if that is not known; of several by name.
+        present: Whether a case has it; None for all cases.
+        measured: Instead of ``value``, the same of the state that is loaded, computed on all ranks.
+    """
+
+    unit: str
+    title: str
+    text: str
+    value: Callable[[Any], Cell | Mapping[str, Cell]] | None = None
+    present: Callable[[Case], bool] | None = None
+    measured: Callable[[Sampling, State], float | Mapping[str, float]] | None = None
+
+    @property
+    def key(self) -> str:
+        """Its column of ``path.csv``."""
+        return column_of(self.name, self.unit)
+
+    def cells[C: (float, Cell)](self, values: C | Mapping[str, C], cm: float = math.nan) -> dict[str, C]:
+        """Return its columns with values in SI in their units; ``cm`` is Pa in one cm of the case's column."""
+        unit = UNITS.get(self.unit, NUMBER)
+        return {
+            column_of(name, self.unit): unit.written(value, cm) if isinstance(value, int | float) else value
+            for name, value in (values.items() if isinstance(values, Mapping) else [(self.name, values)])
+        }
+
+    def described(self, column: str) -> ColumnText | None:
+        """Return what a column is, None if it is not one of this."""
+        if (found := re.fullmatch(self.key, column)) is None:
+            return None
+        title, text = (words.format(*found.groups()) if found.groups() else words for words in (self.title, self.text))
+        return described(column, (title, text))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -16,7 +16,8 @@ from softmodels.cli.run import run
 from softmodels.common.commands import RunOptions
 from softmodels.materials.laws import NeoHookean
 from softmodels.runs.columns import term
-from softmodels.runs.fields import OUTPUTS, Extreme, OutputField, Variable, register_output
+from softmodels.runs.fields import OUTPUTS, Extreme, OutputField, register_output
+from softmodels.runs.table import Variable
 
 SMALLEST = OutputField(
     "smallest_stretch",

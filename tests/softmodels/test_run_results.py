@@ -194,5 +194,5 @@ def test_a_terminal_shows_a_bar(monkeypatch, capsys):
     with Progress(177.0, "{:g} cm".format, StateLabels("apex"), quiet=False) as progress:
         progress.step(Row(row), 88.5)
         bar = progress._bar.tasks[0]
-        assert bar.completed == 88.5 and bar.total == 177.0 and bar.description == "88.5 of 177 cm"
+        assert bar.completed == 88.5 and bar.total == 177.0 and bar.description == "88.5 cm of 177 cm"
     assert "step   3" in capsys.readouterr().err.rstrip("\n")
