@@ -337,12 +337,18 @@ class Actuator(Designable, Castable, Presented, ABC):
             places: Where the `probes` are now, in device coordinates (m).
 
         Returns:
-            Figures by their column's name, which ends in the unit: ``{"tip_x_mm": 69.1}``.
+            Figures in SI by name: ``{"tip_x": 0.0691}``.
         """
         return {}
 
-    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {}
-    """Descriptions of the columns of `device_figures`: short name, and a sentence without full stop."""
+    figure_texts: ClassVar[Mapping[str, tuple[str, str, str]]] = {}
+    """Descriptions of `device_figures`: the unit in ``path.csv`` as their columns end in it ("mm"; "" for a number), short
+    name, and a sentence without full stop."""
+
+    @property
+    def figure_columns(self) -> dict[str, str]:
+        """Columns of ``path.csv`` with the device's own figures, by their names."""
+        return {name: f"{name}_{self.figure_texts[name][0]}".rstrip("_") for name in self.device_figures(self.probes)}
 
     @property
     def ratios(self) -> tuple[float, ...]:
@@ -832,17 +838,20 @@ class Finger(MirroredHalf, HeldTip):
     least_wall: float
     cell_size: float
 
-    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
-        "bend_angle_deg": ("bend angle", "rotation of the tip's face, positive towards the base"),
-        "tip_x_mm": ("tip place x", "x of the middle of the tip's lower edge, deformed, from the clamp"),
-        "tip_z_mm": ("tip place z", "z of the middle of the tip's lower edge, deformed, from the middle of the base"),
+    figure_texts: ClassVar[Mapping[str, tuple[str, str, str]]] = {
+        "bend_angle": ("deg", "bend angle", "rotation of the tip's face, positive towards the base"),
+        "tip_x": ("mm", "tip place x", "x of the middle of the tip's lower edge, deformed, from the clamp"),
+        "tip_z": (
+            "mm",
+            "tip place z",
+            "z of the middle of the tip's lower edge, deformed, from the middle of the base",
+        ),
     }
 
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
         """Return how the device is bent; see `Actuator.device_figures`."""
         low, high = (np.asarray(places[name]) for name in ("tip", "tip_above"))
-        x, _, z = (1e3 * float(value) for value in low)
-        return {"bend_angle_deg": bend_angle(low, high), "tip_x_mm": x, "tip_z_mm": z}
+        return {"bend_angle": bend_angle(low, high), "tip_x": float(low[0]), "tip_z": float(low[2])}
 
     def check_walls(self, names: Iterable[str], one: str, count: str) -> None:
         """Reject dimensions below `least_wall`, and a finger of impossible length: of one part's, times a number of parts."""
@@ -867,16 +876,15 @@ class Finger(MirroredHalf, HeldTip):
 
 
 def bend_angle(low: NDArray[np.float64], high: NDArray[np.float64]) -> float:
-    """Return the angle in degrees by which the tip's face has turned towards -z, right up to a whole turn and more, from its
+    """Return the angle in rad by which the tip's face has turned towards -z, right up to a whole turn and more, from its
     deformed ends in m from the clamp, shape (3,); ``high`` lay above ``low``.
 
     The face gives it except for whole turns. The line from the clamp to the tip gives those: in a circle it has turned half
     as far.
     """
     face = high - low
-    turned = math.degrees(math.atan2(face[0], face[2]))
-    line = -math.degrees(math.atan2(low[2], low[0]))
-    return turned + 360.0 * round((2.0 * line - turned) / 360.0)
+    turned, line = math.atan2(face[0], face[2]), -math.atan2(low[2], low[0])
+    return turned + math.tau * round((2.0 * line - turned) / math.tau)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

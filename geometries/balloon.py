@@ -213,12 +213,12 @@ class Balloon(Revolved):
         return {"apex": (0.0, 0.0, z + C), "ceiling": (0.0, 0.0, z + c), "equator": (A, 0.0, z)}
 
     figure_texts: ClassVar = {
-        "width_mm": ("width", "diameter of the outer surface at the undeformed equator, deformed")
+        "width": ("mm", "width", "diameter of the outer surface at the undeformed equator, deformed")
     }
 
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
         x, y, _ = places["equator"]
-        return {"width_mm": 2e3 * float((x * x + y * y) ** 0.5)}
+        return {"width": 2.0 * float((x * x + y * y) ** 0.5)}
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -102,12 +102,13 @@ class Beam(actuator.MirroredHalf):
         below = {} if self.part == "quarter" else {"tip_below": (self.length, 0.0, -half)}
         return {"tip": (self.length, 0.0, half), **below}
 
-    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
-        "tip_x_mm": (
+    figure_texts: ClassVar[Mapping[str, tuple[str, str, str]]] = {
+        "tip_x": (
+            "mm",
             "tip place x",
             "x of the middle of the tip's edge in the plane y = 0, deformed, from the clamped end",
         ),
-        "tip_z_mm": ("tip place z", "z of the middle of the tip's edge in the plane y = 0, deformed, from the axis"),
+        "tip_z": ("mm", "tip place z", "z of the middle of the tip's edge in the plane y = 0, deformed, from the axis"),
     }
 
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
@@ -115,7 +116,7 @@ class Beam(actuator.MirroredHalf):
         top = np.asarray(places["tip"])
         below = np.asarray(places.get("tip_below", top * (1.0, 1.0, -1.0)))
         x, _, z = 0.5 * (top + below)
-        return {"tip_x_mm": float(x) * 1e3, "tip_z_mm": float(z) * 1e3}
+        return {"tip_x": float(x), "tip_z": float(z)}
 
     @property
     def solid_volume(self) -> float:

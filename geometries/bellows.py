@@ -240,11 +240,11 @@ class Bellows(actuator.HeldTip, Revolved):
         crest = (self.outer_radius, 0.0, self.cap + (self.convolutions // 2 + 0.5) * self.pitch)
         return {"apex": (0.0, 0.0, self.height), "ceiling": (0.0, 0.0, self.height - self.cap), "crest": crest}
 
-    figure_texts: ClassVar = {"width_mm": ("width", "diameter of the outside at a crest in the middle, deformed")}
+    figure_texts: ClassVar = {"width": ("mm", "width", "diameter of the outside at a crest in the middle, deformed")}
 
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
         x, y, _ = places["crest"]
-        return {"width_mm": 2e3 * float((x * x + y * y) ** 0.5)}
+        return {"width": 2.0 * float((x * x + y * y) ** 0.5)}
 
 
 # ----------------------------------------------------------------------------------------------------------------------

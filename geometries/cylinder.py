@@ -189,14 +189,14 @@ class Cylinder(actuator.Sectioned, actuator.Halved):
     def pushed(self) -> str | None:
         return "end" if self.end == "free" else None
 
-    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
+    figure_texts: ClassVar[Mapping[str, tuple[str, str, str]]] = {
         "elongation_percent": (
-            "elongation", "rise of the end's rim over the device's height; the mean of two sides in a solid model",
+            "", "elongation", "rise of the end's rim over the device's height; the mean of two sides in a solid model",
         ),
-        "diameter_mm": ("diameter", "of the outside half way up the cavity"),
-        "bend_angle_deg": ("bend", "angle by which the end has turned towards x, in the plane y = 0"),
-        "twist_deg": ("twist", "angle by which the end has turned about the axis"),
-        "tip_x_mm": ("tip place x", "x of the middle of the end, from the axis as cast"),
+        "diameter": ("mm", "diameter", "of the outside half way up the cavity"),
+        "bend_angle": ("deg", "bend", "angle by which the end has turned towards x, in the plane y = 0"),
+        "twist": ("deg", "twist", "angle by which the end has turned about the axis"),
+        "tip_x": ("mm", "tip place x", "x of the middle of the end, from the axis as cast"),
     }  # fmt: skip
 
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
@@ -207,17 +207,17 @@ class Cylinder(actuator.Sectioned, actuator.Halved):
         now = {name: np.asarray(place, dtype=float) for name, place in places.items()}
         if self.dimension == 2:
             rise, diameter = now["rim"][2] - self.height, 2.0 * now["side"][0]
-            return {"elongation_percent": 100.0 * rise / self.height, "diameter_mm": diameter * 1e3}
+            return {"elongation_percent": 100.0 * rise / self.height, "diameter": diameter}
         rise = 0.5 * (now["rim"][2] + now["far_rim"][2]) - self.height
         across = now["rim"] - now["far_rim"]
         figures = {
             "elongation_percent": 100.0 * rise / self.height,
-            "diameter_mm": float(np.linalg.norm(now["side"] - now["far_side"])) * 1e3,
-            "bend_angle_deg": math.degrees(math.atan2(-across[2], across[0])),
+            "diameter": float(np.linalg.norm(now["side"] - now["far_side"])),
+            "bend_angle": math.atan2(-across[2], across[0]),
         }
         if self.section == "whole":
-            figures["twist_deg"] = math.degrees(math.atan2(across[1], across[0]))
-        return figures | {"tip_x_mm": now["end"][0] * 1e3}
+            figures["twist"] = math.atan2(across[1], across[0])
+        return figures | {"tip_x": now["end"][0]}
 
     @property
     def movable(self) -> tuple[str, ...]:

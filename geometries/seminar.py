@@ -150,32 +150,33 @@ class SeminarActuator(actuator.MirroredHalf, actuator.HeldTip):
     def pushed(self) -> str | None:
         return super().pushed if self.tip_radius > 0.0 else None
 
-    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
-        "tip_x_mm": ("tip place x", "x of the middle of the tip's edge, deformed, from the clamped base"),
-        "tip_z_mm": (
+    figure_texts: ClassVar[Mapping[str, tuple[str, str, str]]] = {
+        "tip_x": ("mm", "tip place x", "x of the middle of the tip's edge, deformed, from the clamped base"),
+        "tip_z": (
+            "mm",
             "tip place z",
             "z of the middle of the tip's edge, deformed, from the middle of the thickness; the rise is of its upper edge",
         ),
-        "lift_angle_deg": (
-            "lift angle", "of the line from the middle of the clamped base to the middle of the tip's edge",
+        "lift_angle": (
+            "deg", "lift angle", "of the line from the middle of the clamped base to the middle of the tip's edge",
         ),
-        "curvature_per_m": (
-            "curvature", "of the circle that leaves the base along x and passes through the tip",
+        "curvature": (
+            "per_m", "curvature", "of the circle that leaves the base along x and passes through the tip",
         ),
     }  # fmt: skip
 
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
         """Return how the slab is bent, from where its tip is; see `Actuator.device_figures`.
 
-        The tip is the middle of its edge. ``lift_angle_deg`` is the angle of the line from the base's middle to it,
-        ``curvature_per_m`` (1/m) that of the circle through it which leaves the base along x.
+        The tip is the middle of its edge. ``lift_angle`` is the angle of the line from the base's middle to it,
+        ``curvature`` that of the circle through it which leaves the base along x.
         """
         x, _, z = 0.5 * (np.asarray(places["tip"]) + np.asarray(places["tip_below"]))
         return {
-            "tip_x_mm": x * 1e3,
-            "tip_z_mm": z * 1e3,
-            "lift_angle_deg": math.degrees(math.atan2(z, x)),
-            "curvature_per_m": 2.0 * z / (x * x + z * z),
+            "tip_x": x,
+            "tip_z": z,
+            "lift_angle": math.atan2(z, x),
+            "curvature": 2.0 * z / (x * x + z * z),
         }
 
     @property

@@ -130,8 +130,8 @@ class SuctionCup(Revolved):
     def probes(self) -> Mapping[str, Vector]:
         return {"ceiling": (0.0, 0.0, self.depth), "rim": (self.radius, 0.0, 0.0), "top": (0.0, 0.0, self.height)}
 
-    figure_texts: ClassVar = {"sealed_mm": ("sealed diameter", "inner diameter of the lip, deformed")}
+    figure_texts: ClassVar = {"sealed": ("mm", "sealed diameter", "inner diameter of the lip, deformed")}
 
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
         x, y, _ = places["rim"]
-        return {"sealed_mm": 2e3 * math.hypot(x, y)}
+        return {"sealed": 2.0 * math.hypot(x, y)}

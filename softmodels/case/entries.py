@@ -274,7 +274,7 @@ class Probes:
         """Raise `ProbeError` for names whose columns already exist."""
         if self.faces and actuator.dimension == 2:
             raise ProbeError(f"angle {self.faces[0][0]}: faces of an axisymmetric section do not rotate; leave it out")
-        taken = {*actuator.device_figures(actuator.probes), *(f"max_stretch_{axis}_mm" for axis in "xyz")}
+        taken = {*actuator.figure_columns.values(), *(f"max_stretch_{axis}_mm" for axis in "xyz")}
         for column in (*self.columns(), *self.off_columns.values()):
             if column in taken:
                 raise ProbeError(f"{column} is already a column of path.csv; use another name in [points] or [angles]")

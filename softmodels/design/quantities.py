@@ -29,7 +29,7 @@ from softmodels.mechanics.body import BodyError, in_section, in_space
 from softmodels.mechanics.component import ComponentError, direction
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import face_load
-from softmodels.runs import state_values
+from softmodels.runs import fields, state_values
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -123,7 +123,7 @@ class DesignQuantity(abc.ABC):
     @staticmethod
     def named(device: Actuator, components: Sequence[Component]) -> tuple[str, list[str]]:
         """Return what its ``of`` may name, in words, and the names that a device with its parts has."""
-        return PROBE, [*device.probes, *device.device_figures(device.probes)]
+        return PROBE, [*device.probes, *device.figure_columns.values()]
 
     @abc.abstractmethod
     def measure(self, design: DesignedBody) -> Measure:
@@ -504,7 +504,7 @@ class DeviceFigure(DesignQuantity):
     def measure(self, design: DesignedBody) -> Measure:
         actuator = design.system.body.actuator
         places = {name: np.asarray(place) for name, place in actuator.probes.items()}
-        known = actuator.device_figures({name: (p[0], p[1], p[2]) for name, p in places.items()})
+        known = actuator.figure_columns.values()
         if self.of not in known:
             raise ValueError(
                 f"figure {self.of!r} is not defined for this device; "
@@ -513,7 +513,7 @@ class DeviceFigure(DesignQuantity):
 
         def value(rest: Mapping[str, Array], moved: Mapping[str, Array]) -> float:
             now = {name: rest[name] + moved[name] for name in rest}
-            return actuator.device_figures({name: (p[0], p[1], p[2]) for name, p in now.items()})[self.of]
+            return fields.device_columns(actuator, {name: (p[0], p[1], p[2]) for name, p in now.items()})[self.of]
 
         return PlacesMeasure(design, tuple(places), value)
 

@@ -28,7 +28,7 @@ from softmodels.mechanics import component, controls, newton
 from softmodels.path import schedule, stability, steps, supply
 from softmodels.path.supply import Reservoir
 from softmodels.runs import state_values, table
-from softmodels.runs.fields import OUTPUTS, Fields, Figures, OutputField, outputs, register_output
+from softmodels.runs.fields import OUTPUTS, Fields, Figures, OutputField, device_columns, outputs, register_output
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The first-order 95 % band of a path due to the errors of a fitted material.
@@ -88,8 +88,7 @@ class Band:
 
     def _columns(self) -> list[str]:
         actuator = self.fields.system.body.actuator
-        figures = actuator.device_figures(actuator.probes)
-        rises = [*(_named(f"{probe}_mm") for probe in actuator.probes), *map(_named, figures)]
+        rises = [*(_named(f"{probe}_mm") for probe in actuator.probes), *map(_named, actuator.figure_columns.values())]
         if self.kept == stability.DeadForce.name:
             return rises
         return ["pressure_ci95_cm", f"{table.at_rise(actuator.gauge)}_cm", "added_volume_ci95_ml", *rises]
@@ -136,14 +135,14 @@ class Band:
         shifts = fields.probes_moved(change)
         found = {_named(f"{name}_mm"): 1e3 * float(shift @ np.asarray(actuator.lift)) for name, shift in shifts.items()}
         if not all(np.isfinite(shift).all() for shift in shifts.values()):
-            return found | {_named(name): math.inf for name in actuator.device_figures(actuator.probes)}
+            return found | {_named(name): math.inf for name in actuator.figure_columns.values()}
         now = fields.probes_moved(w)
         ends = []
         for sign in (1.0, -1.0):
             places = {
                 name: np.asarray(actuator.probes[name]) + now[name] + sign * SMALL * shifts[name] for name in shifts
             }
-            ends.append(actuator.device_figures({name: (p[0], p[1], p[2]) for name, p in places.items()}))
+            ends.append(device_columns(actuator, {name: (p[0], p[1], p[2]) for name, p in places.items()}))
         return found | {_named(name): (ends[0][name] - ends[1][name]) / (2 * SMALL) for name in ends[0]}
 
 
@@ -281,13 +280,13 @@ def _rise_term(column: str, device: Actuator | None) -> table.ColumnText | None:
 
 def _figure_term(column: str, device: Actuator | None) -> table.ColumnText | None:
     """Return the description of a figure of the device or a part, or of one of several variables."""
-    texts = [
-        {} if device is None else device.figure_texts,
-        *(kind.figure_texts for kind in component.COMPONENTS.values()),
-    ]
+    if device is not None and column in device.figure_columns.values():
+        name = next(name for name, own in device.figure_columns.items() if own == column)
+        return table.described(column, device.figure_texts[name][1:])
+    texts = [kind.figure_texts for kind in component.COMPONENTS.values()]
     if exact := next((known[column] for known in texts if column in known), None):
         return table.described(column, exact)
-    parts = [table.Variable(pattern, "", *text) for known in texts[1:] for pattern, text in known.items()]
+    parts = [table.Variable(pattern, "", *text) for known in texts for pattern, text in known.items()]
     found = (one.described(column) for one in (*outputs(table.Variable), *parts) if one.title)
     return next((one for one in found if one is not None), None)
 

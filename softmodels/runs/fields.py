@@ -106,7 +106,7 @@ class Fields:
         added = (eq.volumes() - self._rest_volumes) * eq.volume_unit
         pressures = eq.pressures_at(state) * eq.stress_unit
         device = together(
-            actuator.device_figures({name: _place(actuator.probes[name], moved[name]) for name in moved}),
+            device_columns(actuator, {name: _place(actuator.probes[name], moved[name]) for name in moved}),
             self._gauges.figures(places, named, actuator.lift, self._normals(state.w)),
             *(term.figures(eq) for term in eq.potential.terms.values()),
             eq.dead.figures(eq.drives_at(state)[len(actuator.ratios) :]),
@@ -207,6 +207,15 @@ def together(*groups: Mapping[str, float]) -> dict[str, float]:
             )
         found |= group
     return found
+
+
+def device_columns(device: actuator.Actuator, places: Mapping[str, Vector]) -> dict[str, float]:
+    """Return the device's own figures at places of its probes, by their columns of ``path.csv`` in their units."""
+    columns = device.figure_columns
+    return {
+        columns[name]: table.UNITS.get(device.figure_texts[name][0], table.NUMBER).written(value)
+        for name, value in device.device_figures(places).items()
+    }
 
 
 def _place(start: Vector, shift: Array) -> Vector:

@@ -179,7 +179,7 @@ class Unit:
     si: str
     size: float = 1.0
 
-    def written(self, value: float, cm: float) -> float:
+    def written(self, value: float, cm: float = math.nan) -> float:
         """Return a value in SI in this unit, its own number if it was written in it; ``cm`` is Pa in one cm of the column."""
         if self.si == "rad":
             return math.degrees(value)

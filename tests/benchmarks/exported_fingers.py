@@ -20,6 +20,7 @@ from calculix_wedge import read_displacements
 
 import softmodels as sm
 from softmodels.case.load import steps_of
+from softmodels.runs.fields import device_columns
 
 FINGERS = {
     "PneuNet": (sm.PneuNet(chambers=2, cell_size=0.004), (6.0, 12.0)),
@@ -44,7 +45,7 @@ def by_calculix(case: sm.Case) -> list[dict[str, float]]:
         for name, place in case.actuator.probes.items():
             number = min(at, key=lambda node: np.linalg.norm(at[node] - 1e3 * np.array(place)))
             places[name] = 1e-3 * (at[number] + step[number])
-        found.append(case.actuator.device_figures(places))
+        found.append(device_columns(case.actuator, places))
     return found
 
 

@@ -144,8 +144,8 @@ def test_figures_of_a_bent_finger(turned):
     height = 0.01
     places = {"tip": (x, 0.0, z), "tip_above": (x + height * math.sin(angle), 0.0, z + height * math.cos(angle))}
     figures = finger.device_figures(places)
-    assert figures["bend_angle_deg"] == pytest.approx(turned, abs=1e-9)
-    assert figures["tip_x_mm"] == pytest.approx(1e3 * x) and figures["tip_z_mm"] == pytest.approx(1e3 * z)
+    assert math.degrees(figures["bend_angle"]) == pytest.approx(turned, abs=1e-9)
+    assert figures["tip_x"] == pytest.approx(x) and figures["tip_z"] == pytest.approx(z)
 
 
 def test_a_finger_may_be_wider_than_long(tmp_path):

@@ -177,8 +177,8 @@ def test_figures_of_a_bent_slab():
     radius, angle = 0.080, slab.length / 0.080
     place = radius * math.sin(angle), 0.0, radius * (1 - math.cos(angle))
     figures = slab.device_figures({"tip": place, "tip_below": place})
-    assert figures["curvature_per_m"] == pytest.approx(1 / radius, rel=1e-12)
-    assert figures["lift_angle_deg"] == pytest.approx(math.degrees(angle / 2), rel=1e-12)
+    assert figures["curvature"] == pytest.approx(1 / radius, rel=1e-12)
+    assert figures["lift_angle"] == pytest.approx(angle / 2, rel=1e-12)
 
 
 OWN = {

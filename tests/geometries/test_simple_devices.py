@@ -102,10 +102,10 @@ def test_figures_of_a_turned_and_stretched_tube():
         for name, (x, y, z) in tube.probes.items()
     }
     figures = tube.device_figures(twisted)
-    assert figures["elongation_percent"] == pytest.approx(10.0) and figures["twist_deg"] == pytest.approx(30.0)
-    assert figures["diameter_mm"] == pytest.approx(16.0) and figures["bend_angle_deg"] == pytest.approx(0.0)
+    assert figures["elongation_percent"] == pytest.approx(10.0) and figures["twist"] == pytest.approx(math.pi / 6)
+    assert figures["diameter"] == pytest.approx(0.016) and figures["bend_angle"] == pytest.approx(0.0)
     bent = {name: (c * x + s * z, y, -s * x + c * z) for name, (x, y, z) in tube.probes.items()}
-    assert tube.device_figures(bent)["bend_angle_deg"] == pytest.approx(30.0)
+    assert tube.device_figures(bent)["bend_angle"] == pytest.approx(math.pi / 6)
     for some in TUBES.values():
         assert set(some.device_figures(some.probes)) <= set(some.figure_texts)
 

@@ -135,7 +135,7 @@ def test_every_column_is_explained_with_its_unit(pressed, stretched):
         text = page(folder)
         assert all(f"<code>{column}</code>" in text for column in header)
     slab = SeminarActuator()
-    for column in slab.device_figures(slab.probes):
+    for column in slab.figure_columns.values():
         assert term(column, slab).text, column
 
 
