@@ -35,6 +35,7 @@ from softmodels.case.entries import (
     table_of,
 )
 from softmodels.case.load import (
+    CM,
     IN_TIME,
     ONE_REQUEST,
     STIFFNESS_RANGE,
@@ -49,7 +50,6 @@ from softmodels.case.load import (
 )
 from softmodels.common import errors, files, names, schema, tables, units
 from softmodels.common.names import checked
-from softmodels.common.units import quantity
 from softmodels.components.loads import Gravity
 from softmodels.materials import laws, silicones, specimens
 from softmodels.materials.laws import Material
@@ -723,23 +723,14 @@ def _doubt_pressures(pressures: Values | None, case: Case) -> None:
 def one_value(text: str, pascal_in_cm: float) -> tuple[str, float]:
     """Return whether a text such as ``"70 cm"`` is a ``"pressure"`` (Pa) or a ``"volume"`` (m3), and its value; else
     `CaseError`."""
-    number, unit = split_text(text)
-    if unit == "cm":
-        return "pressure", _scaled(number, "pressure") * pascal_in_cm
-    for what, si in (("pressure", "Pa"), ("volume", "m^3")):
-        if (factor := factor_of(unit, si)) is not None:
-            return what, _scaled(number, what) * factor
+    unit = split_text(text)[1]
+    for quantity, own, si in ((PRESSURE, CM, "Pa"), (VOLUME, "ml", "m^3")):
+        if unit == own or factor_of(unit, si) is not None:
+            return quantity, prescribed(quantity, [text], pascal_in_cm, falls=True).values[0]
     raise CaseError(
         f"{units.brief(text)} is neither a pressure nor a volume; write it like 70 cm, 7 kPa or 40 ml"
         + errors.meant(unit, ["cm", *units.FACTORS["Pa"], *units.FACTORS["m^3"]])
     )
-
-
-def _scaled(number: str, what: str) -> float:
-    try:
-        return quantity(number, "")
-    except units.UnitError as error:
-        raise CaseError(f"{what} {units.brief(number)}: {error}") from None
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -1,7 +1,8 @@
 """Entries of case fields: each field's entry defines its table, its option and its messages.
 
 An `Entry` reads a field from the tables of a case file or from the options of a command, and writes it. A new field is
-one line in `softmodels.case.case.Case`. First of all `Probes`, the points, angles and profile that a user asks for.
+one line in `softmodels.case.case.Case`, and one in `RequestOptions` for type checkers. First of all `Probes`, the points,
+angles and profile that a user asks for.
 """
 
 from __future__ import annotations

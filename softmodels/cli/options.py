@@ -36,7 +36,7 @@ from softmodels.case.entries import CaseError
 from softmodels.common import commands, errors, processes, units
 from softmodels.materials import silicones
 from softmodels.materials.laws import LAWS
-from softmodels.mechanics import mpi, solver
+from softmodels.mechanics import mpi
 from softmodels.mechanics.mpi import StartError
 from softmodels.runs import outcomes
 
@@ -244,6 +244,11 @@ def law_taken(values: Values) -> dict[str, object]:
     return {name: values.pop(name) for name in materials.material_options_of()}
 
 
+def case_option[Command: Callable[..., object]](one: entries.Option) -> Callable[[Command], Command]:
+    """Return an option of a field of a case."""
+    return registry.field_option(one.name, one.about, one.default, one.metavar)
+
+
 @dataclasses.dataclass(frozen=True)
 class CaseOptions:
     """The options that define a case of one device, and its silicone when none is given; None for the default law."""
@@ -256,10 +261,10 @@ class CaseOptions:
         groups = {name: list(entry.options()) for name, entry in case.entries().items()}
         first = groups.pop("steps")
         for option in reversed([option for group in groups.values() for option in group]):
-            command = registry.field_option(option.name, option.about, option.default, option.metavar)(command)
+            command = case_option(option)(command)
         command = registry.device_options(self.device)(material_options(command, self.silicone))
         for option in reversed(first):
-            command = registry.field_option(option.name, option.about, option.default, option.metavar)(command)
+            command = case_option(option)(command)
         return command
 
     def case(self, values: Values, kind: type[Case] = Case) -> Case:
@@ -476,8 +481,7 @@ def _named(args: list[str]) -> str | None:
 @click.option("--band", metavar="FILE|NAME", help="fitted.toml of a fitted material, instead of the case's [band]: "
               "adds the 95 % band from its errors to path.csv and the curves. Or a silicone's name: each of its sources "
               "is solved, and the curves show the band they span.")  # fmt: skip
-@click.option("--solver", type=commands.Choice(solver.METHODS), help="Linear solver, instead of the case's: direct "
-              "(factorisation), iterative (multigrid), or auto by the available memory.")  # fmt: skip
+@case_option(next(case.entries()["solver"].options()))
 @commands.options(commands.RunOptions)
 def run(file: Path, how: commands.RunOptions, material: str | None, band: str | None, solver: str | None) -> None:
     """Run a case FILE, such as the case.toml in a folder of results, or a device by its options.

@@ -18,7 +18,7 @@ import pytest
 
 import softmodels as sm
 from geometries import Actuator
-from softmodels.case.case import case_of
+from softmodels.case.case import RequestOptions, arguments, case_of
 from softmodels.case.load import steps_of
 from softmodels.common.errors import OWN
 from softmodels.common.names import span
@@ -459,6 +459,11 @@ def test_numbers_in_another_unit_are_warned_of(nothing_starts):
         case_of(DISK, LAW, "10 Pa"), case_of(DISK, LAW, 500.0), sm.Yeoh("14 kPa")
         assert sm.fit_curves.__name__ == "fit_curves"
         LawChoice.from_text("yeoh").material({"c1": 14.0, "c2": 0.0, "c3": 0.0})
+
+
+def test_calls_take_every_field_of_a_case():
+    assert set(RequestOptions.__annotations__) == set(arguments()) - {"actuator", "material"}
+    assert set(RequestOptions.__annotations__) < set(inspect.signature(sm.inflate).parameters)
 
 
 @pytest.mark.parametrize(
