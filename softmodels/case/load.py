@@ -142,7 +142,9 @@ class Load:
         if self.asked is None:
             return f"{value:{form}}"
         amount = _amount(1.0, self.asked.quantity, self.case.cm)
-        return f"{in_unit(value, amount.unit, amount):{form}} {amount.unit}"
+        as_typed = isinstance(value, units.Amount) and value.unit == amount.unit
+        number = units.as_amount(value).number if as_typed else value / amount
+        return f"{number:{form}} {amount.unit}"
 
     def check(self) -> None:
         """Raise `CaseError` if nothing is requested, or options contradict each other, and `SupplyError` for strokes that the
@@ -328,11 +330,6 @@ class Load:
                 f"an added volume of {largest / entries.ML:g} ml against a cavity of {cavity * 1e6:.4g} ml is out of range; "
                 f"give at most {VOLUME_RANGE:g} times the cavity volume"
             )
-
-
-def in_unit(value: float, unit: str, scale: float) -> float:
-    """Return a value in a unit of so many SI units: its own number where it was written in that unit."""
-    return value.number if isinstance(value, units.Amount) and value.unit == unit else value / scale
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -69,11 +69,9 @@ class StateLabels:
 
     def hides(self, column: str) -> bool:
         """Return whether to hide a column of ``path.csv``, because the device has no air in it."""
-        no_pressure, no_volume = (
-            not self.pressure and OF_PRESSURE.fullmatch(column),
-            not self.volume and OF_VOLUME.fullmatch(column),
-        )
-        return bool(no_pressure or no_volume)
+        variable = table.parsed(column)[0]
+        no_pressure = not self.pressure and OF_PRESSURE.fullmatch(variable)
+        return bool(no_pressure or (not self.volume and OF_VOLUME.fullmatch(variable)))
 
     @property
     def kept(self) -> tuple[str, str]:
@@ -82,8 +80,8 @@ class StateLabels:
         return ("pressure", "volume") if raised else ("load", "travel")
 
 
-OF_PRESSURE = re.compile(r"pressure(_\d+|_ci95|_at_\w+_ci95)*_(cm|Pa)")
-OF_VOLUME = re.compile(r"added_volume(_\d+|_ci95)*_ml")
+OF_PRESSURE = re.compile(r"pressure(_\d+|_ci95|_at_\w+_ci95)*")
+OF_VOLUME = re.compile(r"added_volume(_\d+|_ci95)*")
 
 INVALID = "invalid state"
 
