@@ -194,11 +194,9 @@ class Solved:
 
 def row_of(solved: Solved) -> table.Row:
     """Return the row of a state, on rank 0."""
-    cells: dict[str, table.Cell] = {}
-    for variable in every_variable():
-        if variable.value and (variable.present is None or variable.present(solved.case)):
-            cells |= variable.cells(variable.value(solved), solved.case.cm)
-    return table.Row(cells, solved.case.cm)
+    case = solved.case
+    present = (one for one in every_variable() if one.present is None or one.present(case))
+    return table.Row.of(((one, one.value(solved)) for one in present if one.value), case.cm)
 
 
 def every_variable() -> list[table.Variable]:

@@ -41,6 +41,11 @@ class Row(Mapping[str, float]):
         self.cm = units.pascal_per_cm() if cm is None else cm
         self._places, self._shown = _places(tuple(self.cells), self.cm)
 
+    @classmethod
+    def of(cls, values: Iterable[tuple[Variable, Cell | Mapping[str, Cell]]], cm: float) -> Row:
+        """Return a row of variables with their values in SI."""
+        return cls((item for variable, value in values for item in variable.cells(value, cm).items()), cm)
+
     def __reduce__(self) -> tuple[type[Row], tuple[dict[str, Cell], float]]:
         return Row, (self.cells, self.cm)
 
