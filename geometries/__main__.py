@@ -80,6 +80,8 @@ def _make(device: type[Actuator], output: Path | None, values: dict[str, Any]) -
         f"{device.__name__}: {mesh.cells} {kind} of order {actuator.mesh_order}, {mesh.nodes} nodes, "
         f"smallest quality {mesh.quality:.2f}"
     )
+    for remark in actuator.remarks:
+        click.echo(f"note: {remark}")
     if mesh.straight:
         click.echo(f"warning: {meshing.straight_text(mesh.straight)}")
     click.echo(

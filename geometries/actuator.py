@@ -408,6 +408,9 @@ class Actuator(Designable, Castable, Presented, ABC):
     def build(self) -> None:
         """Fill the current Gmsh model (m) with the shape, the physical groups and the cell sizes; do not mesh."""
 
+    remarks: ClassVar[tuple[str, ...]] = ()
+    """Sentences on what was changed to simulate it, which belong to each of its results."""
+
     @property
     def mesh_order(self) -> int:
         """Polynomial order of the cells' geometry: of a field ``order`` if the device has one, else 2."""

@@ -14,7 +14,7 @@ import tempfile
 import unicodedata
 import warnings
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -24,10 +24,14 @@ from numpy.typing import NDArray
 from geometries import abaqus, actuator, mesh_arrays, meshing, registry, revolved
 from geometries.actuator import Actuator, CutPlane, Hold, Vector
 from geometries.faces import FORMATS, UNITS, Colour, Faces, faces, point
+from geometries.inlets import Inlet, air_spaces, plugged
 from softmodels.common import errors, files, schema
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshingError
 from softmodels.common.lazy import gmsh, scipy
+
+Surface = tuple[Array, mesh_arrays.Ints]
+"""Corners (n, 3) in m and triangles (t, 3) of a closed surface."""
 
 OUTER = "outer"
 """Role of the faces that have no other."""
@@ -59,6 +63,11 @@ class ImportedPart(Actuator):
     surfaces: tuple[str, ...] = schema.list_field(
         (),
         "names for faces of the outside, which loads, clamps, sheets, contact and others may use, such as 'pad = coloured red'",
+    )
+    inlets: tuple[str, ...] = schema.list_field(
+        (),
+        "openings of the cavities to close with plugs of the part's material, each a point near it such as 'at 0, 0, 4 mm'; "
+        "found without being named where the cavities are not closed; 'none' leaves all open",
     )
     planes: tuple[str, ...] = schema.list_field(
         (), "symmetry planes through the origin where the part is cut, such as 'y = 0 mm' or 'normal 1, -1, 0'"
@@ -151,6 +160,41 @@ class ImportedPart(Actuator):
         return self.cavities == (NONE,)
 
     @property
+    def remarks(self) -> tuple[str, ...]:  # type: ignore[override]
+        return tuple(
+            f"the opening {plug.text} is closed by a plug {1e3 * plug.length:.2g} mm long; --inlets none leaves it open"
+            for plug in self.reading.plugs
+        )
+
+    @property
+    def may_be_open(self) -> bool:
+        """Whether openings are looked for: a part that is cut is open where it is cut."""
+        return not (self.airless or self.planes or self.inlets == (NONE,))
+
+    def to_close(self, inner: int, surface: Callable[[], Surface]) -> list[Inlet]:
+        """Return the openings to close in a part with a number of closed inner shells, whose closed surface (corners in m, and
+        triangles) is made only where it is needed; those of its air, or those that ``inlets`` names. GeometryError for one that
+        is not there."""
+        if not self.may_be_open or (inner >= self.cavity_count and not self.inlets):
+            return []
+        spaces = air_spaces(*surface())
+        points = [point("cavities", text) for text in self.cavities if re.match(r"\s*at\b", text)]
+        if points:
+            spaces = [space for space in spaces if any(space.holds(place) for place in points)]
+        found = [opening for space in spaces for opening in space.inlets]
+        if not self.inlets:
+            return found
+        named = []
+        for text in self.inlets:
+            place = np.array(point("inlets", text))
+            nearest = min(found, key=lambda opening: float(np.linalg.norm(place - opening.place)), default=None)
+            if nearest is None or np.linalg.norm(place - nearest.place) > nearest.reach + nearest.length:
+                places = "; ".join(opening.text for opening in found) or "none that looks like an inlet"
+                raise GeometryError(f"inlets has {text!r}; there is no opening. The openings found: {places}")
+            named.append(nearest)
+        return list(dict.fromkeys(named))
+
+    @property
     def fuller(self) -> str:
         return "a drawing of the whole part, without planes,"
 
@@ -213,13 +257,15 @@ def cavity_role(number: int) -> str:
 @dataclasses.dataclass(frozen=True)
 class Reading:
     """Contents of a file in m and m3, of the part as drawn: outward unit normals of the cut planes, the corner whose motion
-    is reported, volumes of the solid and of each cavity, and names of its solids, if there are several."""
+    is reported, volumes of the solid and of each cavity, names of its solids, if there are several, and the openings closed by
+    plugs."""
 
     normals: tuple[Vector, ...]
     gauge: Vector
     solid_volume: float
     cavity_volumes: tuple[float, ...]
     regions: tuple[str, ...] = ()
+    plugs: tuple[Inlet, ...] = ()
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -618,8 +664,9 @@ class Boundary(abc.ABC):
         file = self.part.file
         if not inner:
             raise GeometryError(
-                f"cavities is empty, and file {file} has no closed inner shell that could be the cavity: close its inlet where "
-                "it is drawn, name the planes of a part that is cut, or write cavities = ['none'] for a part without air"
+                f"cavities is empty, and file {file} has no closed inner shell that could be the cavity, and no inlet that "
+                "could be closed: close it where it is drawn, name the planes of a part that is cut, or write "
+                "cavities = ['none'] for a part without air"
             )
         if len(inner) > 1:
             middles = sorted(tuple(1e3 * self.box(shell).mean(axis=0)) for shell in inner)
@@ -693,6 +740,7 @@ class Solids(Boundary):
     def __init__(self, part: ImportedPart, regions: dict[str, list[int]], made: Sequence[Sequence[int]] = ()):
         low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
         self.extent, self.regions, self.made = float(np.linalg.norm(high - low)), regions, made
+        self.plugs: tuple[Inlet, ...] = ()
         super().__init__(part, 1e-5 * self.extent)  # Gmsh's boxes are wider by its tolerance
 
     @property
@@ -749,16 +797,18 @@ class Solids(Boundary):
         return bool(normal @ self.centre > 0)
 
 
-def glued(part: ImportedActuator) -> Solids:
-    """Return the solids of the current Gmsh model, read from a part's file, glued where they touch. GeometryError if there is
-    none, they overlap, or one touches no other."""
-    volumes = gmsh.model.getEntities(3)
-    if len(volumes) == 1:
+def glued(part: ImportedActuator, plugs: Sequence[tuple[int, int]] = ()) -> Solids:
+    """Return the solids of the current Gmsh model, read from a part's file, glued where they touch, with volumes ``plugs`` of
+    our own in the part's openings. GeometryError if there is none, they overlap, or one touches no other."""
+    volumes = [volume for volume in gmsh.model.getEntities(3) if volume not in plugs]
+    if len(volumes) == 1 and not plugs:
         return Solids(part, {MAIN: [volumes[0][1]]})
     if not volumes:
         raise GeometryError(f"file {part.file} holds no solid, but {len(gmsh.model.getEntities(2))} faces")
-    names = _names(part.file, volumes)
-    surfaces = gmsh.model.getEntities(2)
+    names = _names(part.file, volumes) if len(volumes) > 1 else [MAIN]
+    names += [names[0]] * len(plugs)
+    surfaces = [surface for surface in gmsh.model.getEntities(2) if surface not in _skin(plugs)]
+    volumes = [*volumes, *plugs]
     _, made = gmsh.model.occ.fragment(volumes, surfaces)
     gmsh.model.occ.synchronize()
     regions: dict[str, list[int]] = defaultdict(list)
@@ -775,6 +825,10 @@ def glued(part: ImportedActuator) -> Solids:
     solids = Solids(part, dict(regions), pieces)
     _check_touching(part, solids, owner)
     return solids
+
+
+def _skin(volumes: Sequence[tuple[int, int]]) -> set[tuple[int, int]]:
+    return set(gmsh.model.getBoundary(list(volumes), combined=False, oriented=False)) if volumes else set()
 
 
 def _names(file: str, volumes: list[tuple[int, int]]) -> list[str]:
@@ -845,6 +899,7 @@ def _read_step(part: ImportedActuator) -> Reading:
             solids.volume,
             volumes,
             tuple(solids.regions) if len(solids.regions) > 1 else (),
+            solids.plugs,
         )
 
 
@@ -873,7 +928,47 @@ def open_part(part: ImportedActuator, unit: str = "M") -> Solids:
         raise GeometryError(
             f"file {part.file} cannot be read as STEP ({str(error).strip() or 'no reason given'})"
         ) from None
-    return glued(part)
+    metre = {"M": 1.0, "MM": 1e3}[unit]
+    whole = glued(part)
+    found = part.to_close(len(whole.pieces(whole.every)) - 1, lambda: _surface(metre))
+    if not found:
+        return whole
+    plugs = [_plug(whole, opening, metre) for opening in found]
+    gmsh.model.occ.synchronize()
+    closed = glued(part, plugs)
+    closed.plugs = tuple(found)
+    return closed
+
+
+def _surface(metre: float) -> Surface:
+    """Return corners in m and triangles of the current model's surfaces, of which a metre has so many of its units."""
+    low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
+    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", FINE)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", float(np.linalg.norm(high - low)) / 20.0)
+    gmsh.model.mesh.generate(2)
+    tags, places, _ = gmsh.model.mesh.getNodes()
+    number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
+    number[tags.astype(np.int64)] = np.arange(len(tags))
+    corners = number[gmsh.model.mesh.getElementsByType(2)[1].astype(np.int64)].reshape(-1, 3)
+    gmsh.model.mesh.clear()
+    return places.reshape(-1, 3) / metre, corners
+
+
+def _plug(solids: Solids, opening: Inlet, metre: float) -> tuple[int, int]:
+    """Return a volume of the current model that fills an opening: what a somewhat wider cylinder has of the air there."""
+    occ = gmsh.model.occ
+    place, way = metre * np.array(opening.place), metre * opening.length * np.array(opening.axis)
+    cylinder = occ.addCylinder(*place, *way, metre * opening.cylinder)
+    left, _ = occ.cut([(3, cylinder)], [(3, tag) for tag in solids.tags], removeTool=False)
+    occ.synchronize()
+    middle = list(metre * np.array(opening.middle))
+    plug = next((volume for volume in left if gmsh.model.isInside(*volume, middle)), None)
+    occ.remove([volume for volume in left if volume != plug], recursive=True)
+    if plug is None:
+        raise GeometryError(
+            f"the opening {opening.text} cannot be closed; close it where it is drawn, or leave it open: inlets = ['none']"
+        )
+    return plug
 
 
 def _enclosed(solids: Solids, tags: mesh_arrays.Ints) -> float:
@@ -978,15 +1073,17 @@ Sets = list[tuple[str, Sequence[Any]]]
 OTHER_CELLS = ("hexahedron", "wedge", "pyramid", "voxel")
 
 
-def read_mesh(file: str, unit: float, cell_size: float) -> mesh_arrays.Tetrahedra:
-    """Read a mesh, in m, of which ``unit`` is metres in one of its lengths; an STL file is filled with cells of a longest
-    edge in m. GeometryError for no such file, not a mesh, or none of tetrahedra."""
+def read_mesh(
+    file: str, unit: float, cell_size: float, close: Callable[[Surface], Surface] = lambda surface: surface
+) -> mesh_arrays.Tetrahedra:
+    """Read a mesh, in m, of which ``unit`` is metres in one of its lengths; an STL file's surface is closed where it has
+    inlets, and filled with cells of a longest edge in m. GeometryError for no such file, not a mesh, or none of tetrahedra."""
     kind = Path(file).suffix.lower()
     if kind not in FORMATS:
         raise GeometryError(f"file is {file!r}; meshes are read from {', '.join(FORMATS)}, drawings from STEP")
     found = _by_meshio(file, FORMATS[kind])
     if kind == ".stl":
-        return _filled(file, found, unit, cell_size)
+        return _filled(file, close(_closed(file, found, unit)), cell_size)
     cells, blocks = _tetrahedra(file, found)
     sets = _physical_groups(file, found) if kind == ".msh" else list(found.cell_sets.items())
     faces, regions = _face_names(found, sets), _region_names(found, sets, blocks)
@@ -1206,11 +1303,10 @@ def _closed(file: str, found: Any, unit: float) -> tuple[NDArray[np.float64], me
     return points, triangles_of_all
 
 
-def _filled(file: str, found: Any, unit: float, cell_size: float) -> mesh_arrays.Tetrahedra:
+def _filled(file: str, surface: Surface, cell_size: float) -> mesh_arrays.Tetrahedra:
     """Return the solid between the surfaces of an STL file, meshed."""
-    points, triangles = _closed(file, found, unit)
     try:
-        nodes, cells = meshing.apart(_fill, points, triangles, cell_size)
+        nodes, cells = meshing.apart(_fill, *surface, cell_size)
     except MeshingError as error:
         raise GeometryError(
             f"the solid between the surfaces of {file} cannot be meshed ({error}); look for surfaces that touch or cross each "
@@ -1460,7 +1556,16 @@ def _parts_of(file: str, mesh: mesh_arrays.Tetrahedra) -> dict[str, str]:
 @functools.lru_cache(maxsize=8)
 def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra, Reading]:
     """Read the file and check every choice against it. Another digest, of another content, is another reading."""
-    mesh = read_mesh(part.file, UNITS[part.unit], part.cell_size)
+    plugs: list[Inlet] = []
+
+    def close(surface: Surface) -> Surface:
+        points, triangles = surface
+        edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]]])
+        shells = len(np.unique(actuator.joined(edges, len(points))[triangles[:, 0]]))
+        plugs.extend(part.to_close(shells - 1, lambda: surface))
+        return plugged(surface, plugs) if plugs else surface
+
+    mesh = read_mesh(part.file, UNITS[part.unit], part.cell_size, close)
     if not 1e-5 < mesh.extent < 10.0:
         raise GeometryError(
             f"file {part.file} spans {1e3 * mesh.extent:.4g} mm with unit {part.unit!r}; give the unit of its lengths"
@@ -1471,4 +1576,4 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
     normals = boundary.outward(roles)
     mesh = put_on_planes(mesh, roles, normals)
     volumes = cavity_volumes(part, mesh, roles)
-    return mesh, Reading(normals, gauge(part, mesh, roles), mesh.volume, volumes)
+    return mesh, Reading(normals, gauge(part, mesh, roles), mesh.volume, volumes, plugs=tuple(plugs))

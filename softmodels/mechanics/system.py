@@ -138,7 +138,9 @@ class System:
     @property
     def mesh_notes(self) -> list[str]:
         """Warnings about the mesh, which belong to every result that is computed on it."""
-        notes = [meshing.straight_text(self.body.straight)] if self.body.straight else []
+        notes = [*self.body.actuator.remarks]
+        if self.body.straight:
+            notes.append(meshing.straight_text(self.body.straight))
         if abs(error := self.volume_error) > VOLUME_WARNING:
             kind, amount = "less" if error < 0.0 else "more", f"{abs(error):.1%}"
             notes.append(

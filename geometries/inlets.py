@@ -1,0 +1,321 @@
+"""Openings of a part's air: bores through which a cavity reaches the outside, found on its surface and closed by plugs.
+
+The part's surface is sampled on a grid of voxels. A ball that rolls over the part from outside reaches all air but what lies
+behind a narrower way: what it does not reach is a pocket, and where the pocket meets the reached air is its mouth. A groove is
+a pocket too, but its mouth is long; the air behind a bore has mouths that are round and small for its volume.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometries.actuator import Vector
+from softmodels.common.arrays import Array
+from softmodels.common.errors import GeometryError
+from softmodels.common.lazy import pyvista, scipy
+
+VOXELS = 800_000
+"""Voxels of the grid, about."""
+SMALLEST_BALL = 1.4
+"""Radius of the smallest ball in voxels."""
+BALL_GROWTH = 1.15
+MAX_MOUTH_SHARE = 0.35
+"""Area of an air space's mouths over its volume to the power 2/3, above which it is a niche of the outside."""
+MAX_MOUTH_IN_BALLS = 2.2
+"""Area of one mouth over that of the ball's great circle, above which it is a groove's."""
+MIN_VOLUME_SHARE = 0.05
+"""Volume over that of the largest air space, below which a pocket is a hole for a screw or the like and stays open."""
+MIN_VOXELS_IN_POCKET = 60
+DIRECTIONS, MIN_DIRECTIONS = 12, 10
+"""Sectors around a bore's axis, and those of them that show a wall where it is a bore."""
+PLUG_LENGTH = 2.0
+"""Length of a plug over the bore's radius."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Inlet:
+    """A bore from the outside to an air space, and the plug in it: the middle of the plug's outer end (m), unit vector along
+    the bore's axis inwards, radius of the bore, farthest distance of its wall from the axis, and the plug's length (m)."""
+
+    place: Vector
+    axis: Vector
+    radius: float
+    reach: float
+    length: float
+
+    @property
+    def text(self) -> str:
+        """Radius and place, for a message."""
+        x, y, z = (round(1e3 * value, 1) + 0.0 for value in self.place)
+        return f"of {1e3 * self.radius:.2g} mm radius at ({x:g}, {y:g}, {z:g}) mm"
+
+    @property
+    def cylinder(self) -> float:
+        """Radius in m of a cylinder along its axis that fills the bore and ends within the wall around it."""
+        return 1.05 * self.reach + 0.05 * self.radius
+
+    @property
+    def middle(self) -> Vector:
+        """Middle of the plug."""
+        x, y, z = np.asarray(self.place) + 0.5 * self.length * np.asarray(self.axis)
+        return float(x), float(y), float(z)
+
+
+def plugged(surface: tuple[Array, NDArray[np.int64]], found: Sequence[Inlet]) -> tuple[Array, NDArray[np.int64]]:
+    """Return a closed surface, corners in m (n, 3) and triangles (t, 3), whose inlets are filled."""
+    import manifold3d
+
+    points, triangles = surface
+    size = float(np.ptp(points, axis=0).max())
+    turned = pyvista.PolyData.from_regular_faces(points / size, triangles).compute_normals(
+        point_normals=False, auto_orient_normals=True, consistent_normals=True, split_vertices=False
+    )  # files have triangles turned either way
+    part = manifold3d.Manifold(
+        manifold3d.Mesh64(np.array(turned.points, dtype=float), np.array(turned.regular_faces, dtype=np.uint64))
+    )
+    if part.is_empty():
+        raise GeometryError(
+            "the part's surface crosses itself, so its inlets cannot be closed; repair it where it was made"
+        )
+    for inlet in found:
+        first, second = _across(np.array(inlet.axis))
+        place = np.column_stack([first, second, inlet.axis, np.array(inlet.place) / size])
+        part += manifold3d.Manifold.cylinder(
+            inlet.length / size, inlet.cylinder / size, circular_segments=48
+        ).transform(place)
+    mesh = part.to_mesh64()
+    return size * np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class AirSpace:
+    """Air behind one or more openings: its volume in m3 with their bores, measured on voxels, and these."""
+
+    volume: float
+    inlets: tuple[Inlet, ...]
+    voxels: NDArray[np.bool_]
+    grid: Grid
+
+    def holds(self, place: Vector) -> bool:
+        """Return whether a point (m) lies in it."""
+        at = tuple(np.rint((np.asarray(place) - self.grid.origin) / self.grid.step).astype(int))
+        inside = all(0 <= i < n for i, n in zip(at, self.voxels.shape, strict=True))
+        return inside and bool(self.voxels[at])
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Grid:
+    """Voxels: the middle of the first one, their edge (m), and whether each is air."""
+
+    origin: Array
+    step: float
+    air: NDArray[np.bool_]
+
+    @classmethod
+    def around(cls, points: Array, triangles: NDArray[np.int64]) -> Grid:
+        """Return the voxels of a closed surface, with room for a ball of the largest radius on all sides."""
+        low, high = points.min(axis=0), points.max(axis=0)
+        room = largest_ball(points)
+        step = float(np.cbrt(np.prod(high - low + 2.0 * room) / VOXELS))
+        room += 3.0 * step
+        count = np.ceil((high - low + 2.0 * room) / step).astype(int) + 1
+        surface = pyvista.PolyData.from_regular_faces(points, triangles)
+        frame = pyvista.ImageData(dimensions=count, spacing=(step,) * 3, origin=low - room)
+        inside = surface.voxelize_binary_mask(reference_volume=frame)["mask"]
+        return cls(low - room, step, ~np.asarray(inside, dtype=bool).reshape(count, order="F"))
+
+    def at(self, voxels: NDArray[np.int64]) -> Array:
+        """Return the middles (n, 3) of voxels (n, 3) in m."""
+        return self.origin + self.step * voxels
+
+
+def largest_ball(points: Array) -> float:
+    """Return the radius in m of the largest opening that is looked for: a quarter of the part's least extent."""
+    return 0.25 * float(np.ptp(points, axis=0).min())
+
+
+def air_spaces(points: Array, triangles: NDArray[np.int64]) -> list[AirSpace]:
+    """Return the air spaces that bores connect with the outside of a closed surface, the largest one first: corners in m,
+    shape (n, 3), and triangles, shape (t, 3)."""
+    grid = Grid.around(points, triangles)
+    away = grid.step * scipy.ndimage.distance_transform_edt(grid.air)
+    candidates = []
+    radius, last = SMALLEST_BALL * grid.step, largest_ball(points)
+    while radius <= last:
+        candidates += _pockets(grid, away, radius)
+        radius *= BALL_GROWTH
+    found: list[_Pocket] = []
+    candidates.sort(key=lambda pocket: (-pocket.count, pocket.radius))
+    while candidates:
+        largest = candidates[0]
+        own = [other for other in candidates if largest.voxels[other.seed]]
+        # The tightest ball that finds all of it shows best where its mouths are.
+        found.append(min((p for p in own if p.count > 0.9 * largest.count), key=lambda pocket: pocket.radius))
+        candidates = [other for other in candidates if not largest.voxels[other.seed]]
+    if not found:
+        return []
+    most = found[0].count
+    wall = _Wall.of(points, triangles, grid.step)
+    return [
+        AirSpace(p.count * grid.step**3, tuple(wall.inlet(grid, p, mouth) for mouth in p.mouths), p.voxels, grid)
+        for p in found
+        if p.count >= MIN_VOLUME_SHARE * most
+    ]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Pocket:
+    """Air that a ball of a radius (m) does not reach, as voxels, their number and the deepest of them, and the voxels
+    (n, 3) at each of its mouths."""
+
+    radius: float
+    voxels: NDArray[np.bool_]
+    count: int
+    seed: tuple[int, ...]
+    mouths: list[NDArray[np.int64]]
+
+
+def _pockets(grid: Grid, away: Array, radius: float) -> list[_Pocket]:
+    """Return what a ball of a radius (m) does not reach and looks like an air space; ``away`` is the air's distance from the
+    part."""
+    label = scipy.ndimage.label
+    cores, _ = label(away > radius)
+    reached = grid.air & (scipy.ndimage.distance_transform_edt(cores != cores[0, 0, 0]) * grid.step <= radius)
+    hidden, count = label(grid.air & ~reached)
+    sizes = np.bincount(hidden.ravel(), minlength=count + 1)
+    # Where a voxel of a pocket has a reached one beside it, and how many faces they share.
+    touching = np.zeros(grid.air.shape, dtype=np.int8)
+    for axis in range(3):
+        for way in (1, -1):
+            touching += np.roll(reached, way, axis=axis)
+    touching[hidden == 0] = 0
+    shared = np.bincount(hidden.ravel(), touching.ravel(), minlength=count + 1)
+    # A face of voxels that a slanted plane cuts in steps is larger by 3/2 on average.
+    share = shared / 1.5 / np.maximum(sizes, 1) ** (2.0 / 3.0)
+    found = []
+    for number in np.flatnonzero((sizes >= MIN_VOXELS_IN_POCKET) & (share < MAX_MOUTH_SHARE) & (shared > 0)):
+        if number == 0:
+            continue
+        voxels = hidden == number
+        places, mouths = label(voxels & (touching > 0), structure=np.ones((3, 3, 3)))
+        areas = np.bincount(places.ravel(), touching.ravel())[1:] / 1.5 * grid.step**2
+        if mouths and areas.max() < MAX_MOUTH_IN_BALLS * np.pi * radius**2:
+            deepest = int(np.argmax(np.where(voxels, away, 0.0)))
+            seed = tuple(int(i) for i in np.unravel_index(deepest, voxels.shape))
+            parts = [np.argwhere(places == mouth) for mouth in range(1, mouths + 1)]
+            found.append(_Pocket(radius, voxels, int(sizes[number]), seed, parts))
+    return found
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Wall:
+    """Points all over a surface, shape (n, 3), and unit normals there."""
+
+    points: Array
+    normals: Array
+
+    @classmethod
+    def of(cls, points: Array, triangles: NDArray[np.int64], step: float) -> _Wall:
+        """Return points that lie about a step (m) apart."""
+        a, b, c = (points[triangles[:, i]] for i in range(3))
+        normal = np.cross(b - a, c - a)
+        length = np.linalg.norm(normal, axis=1)
+        longest = np.max([np.linalg.norm(e, axis=1) for e in (b - a, c - b, a - c)], axis=0)
+        pieces = np.maximum(np.ceil(longest / step), 1.0).astype(int)
+        places, normals = [], []
+        for n in np.unique(pieces):
+            own = (pieces == n) & (length > 0.0)
+            i, j = (index.ravel() for index in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
+            u, v = ((index[i + j < n] + 1.0 / 3.0) / n for index in (i, j))
+            grid = (1.0 - u - v)[None, :, None] * a[own, None] + u[None, :, None] * b[own, None]
+            grid = grid + v[None, :, None] * c[own, None]
+            places.append(grid.reshape(-1, 3))
+            normals.append(np.repeat(normal[own] / length[own, None], len(u), axis=0))
+        return cls(np.concatenate(places), np.concatenate(normals))
+
+    def inlet(self, grid: Grid, pocket: _Pocket, mouth: NDArray[np.int64]) -> Inlet:
+        """Return the bore at a mouth (voxels, shape (n, 3)) of a pocket, and its plug."""
+        centre, radius = grid.at(mouth).mean(axis=0), pocket.radius
+        inside = grid.at(np.argwhere(pocket.voxels))
+        inwards = inside[np.linalg.norm(inside - centre, axis=1) < 3.0 * radius].mean(axis=0) - centre
+        axis = inwards / np.linalg.norm(inwards)
+        for band, slant in ((0.4, 0.5), (0.3, 0.4), (0.25, 0.3), (0.2, 0.25), (0.2, 0.25), (0.2, 0.25)):
+            offset = self.points - centre
+            along = offset @ axis
+            across = np.linalg.norm(offset - along[:, None] * axis, axis=1)
+            # Walls of the bore, not the part's outside around its mouth, nor those of the chamber behind it.
+            near = (across < (1.0 + band) * radius + 0.5 * grid.step) & (-0.5 * radius < along) & (along < 2.5 * radius)
+            near &= np.abs(self.normals @ axis) < slant
+            if near.sum() < 2 * DIRECTIONS:
+                break
+            axis = _least(self.normals[near], axis)
+            plane = offset[near] - np.outer(offset[near] @ axis, axis)
+            middle, radius = _circle(plane, axis, radius)
+            centre = centre + middle
+        offset = self.points - centre
+        along = offset @ axis
+        start, stop, reach = self._bore(offset - np.outer(along, axis), along, axis, radius, grid.step)
+        inset = min(0.1 * radius, 0.1 * (stop - start))
+        length = min(PLUG_LENGTH * radius, stop - start - 2.0 * inset)
+        place = centre + (start + inset) * axis
+        return Inlet(_vector(place), _vector(axis), float(radius), float(reach), float(length))
+
+    def _bore(self, across: Array, along: Array, axis: Array, radius: float, step: float) -> tuple[float, float, float]:
+        """Return from where to where along its axis a bore has walls all around, and its farthest wall's distance, m."""
+        away = np.linalg.norm(across, axis=1)
+        near = (away < 1.35 * radius + step) & (np.abs(self.normals @ axis) < 0.5) & (np.abs(along) < 8.0 * radius)
+        first, second = _across(axis)
+        sector = ((np.arctan2(across[near] @ second, across[near] @ first) / np.pi + 1.0) * 0.5 * DIRECTIONS).astype(
+            int
+        )
+        bins = np.floor(along[near] / step).astype(int)
+        low = bins.min(initial=0)
+        seen = np.zeros((bins.max(initial=0) - low + 2, DIRECTIONS), dtype=bool)
+        seen[bins - low, np.minimum(sector, DIRECTIONS - 1)] = True
+        # A long triangle has points on a lattice of its own: a neighbour counts as well.
+        padded = np.pad(seen, ((1, 1), (0, 0)))
+        whole = (padded[:-2] | padded[1:-1] | padded[2:]).sum(axis=1) >= MIN_DIRECTIONS
+        if not whole.any():
+            return 0.0, PLUG_LENGTH * radius, 1.3 * radius
+        runs, _ = scipy.ndimage.label(whole)
+        start_bin = min(np.flatnonzero(whole), key=lambda i: abs(i + low))
+        own = np.flatnonzero(runs == runs[start_bin])
+        start, stop = (own[0] + low + 1) * step, (own[-1] + low) * step
+        if stop - start < step:
+            start, stop = (own[0] + low) * step, (own[-1] + low + 1) * step
+        part = (along[near] >= start) & (along[near] <= min(stop, start + PLUG_LENGTH * radius))
+        return start, stop, float(away[near][part].max(initial=radius))
+
+
+def _vector(values: Sequence[float] | Array) -> Vector:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+def _least(normals: Array, near: Array) -> Array:
+    """Return the direction that some normals (n, 3) are most square to, on the side of another."""
+    axis = np.linalg.eigh(normals.T @ normals)[1][:, 0]
+    return axis if axis @ near > 0.0 else -axis
+
+
+def _across(axis: Array) -> tuple[Array, Array]:
+    """Return two unit vectors square to an axis and each other."""
+    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    first /= np.linalg.norm(first)
+    return first, np.cross(axis, first)
+
+
+def _circle(points: Array, axis: Array, radius: float) -> tuple[Array, float]:
+    """Return the middle (3,) and radius of the circle nearest to points (n, 3) in the plane square to an axis."""
+    first, second = _across(axis)
+    x, y = points @ first, points @ second
+    terms = np.column_stack([2.0 * x, 2.0 * y, np.ones(len(x))])
+    a, b, c = np.linalg.lstsq(terms, x * x + y * y, rcond=None)[0]
+    found = float(np.sqrt(max(c + a * a + b * b, 0.0)))
+    if not 0.3 * radius < found < 2.0 * radius or np.hypot(a, b) > radius:
+        return np.zeros(3), radius
+    return a * first + b * second, found

@@ -1,0 +1,107 @@
+"""Openings of imported parts: found without being named, closed by plugs, or named, or left open."""
+
+import math
+
+import numpy as np
+import pytest
+
+from geometries import inlets
+from geometries.imported import ImportedActuator, ImportedMesh
+from softmodels.common.errors import GeometryError
+from tests.benchmarks.random_inlets import wrong
+from tests.support.open_parts import Bore, OpenPart, finger, random_part
+
+FORKED = OpenPart(
+    (40.0, 30.0, 20.0),
+    ((((8.0, 5.0, 4.0, 24.0, 20.0, 12.0)),),),
+    ((Bore((0.0, 15.0, 10.0), (1.0, 0.0, 0.0), 1.5, 12.0), Bore((20.0, 30.0, 10.0), (0.0, -0.8, 0.6), 1.0, 12.0)),),
+    holes=(Bore((3.0, 3.0, 0.0), (0.0, 0.0, 1.0), 0.9, 6.0),),
+)
+TWO = OpenPart(
+    (60.0, 24.0, 20.0),
+    (((5.0, 4.0, 4.0, 20.0, 16.0, 12.0),), ((44.0, 12.0, 10.0, 7.0),)),
+    ((Bore((0.0, 12.0, 10.0), (1.0, 0.0, 0.0), 1.2, 12.0),), (Bore((60.0, 12.0, 10.0), (-1.0, 0.0, 0.0), 1.0, 14.0),)),
+)
+
+
+def behind(volume: float, plugs) -> float:
+    """Volume in m3 of air of so many mm3, without its bores outside of the plugs' inner ends, of straight bores from x = 0."""
+    return volume * 1e-9 - sum(math.pi * p.radius**2 * (p.place[0] + p.length) for p in plugs)
+
+
+@pytest.fixture(scope="module")
+def open_finger(tmp_path_factory):
+    """A finger's STEP file, and the volume of its air in mm3 with the bore."""
+    file = tmp_path_factory.mktemp("finger") / "finger.step"
+    (volume,) = finger().write(file)
+    return file, volume
+
+
+def test_a_finger_with_an_inlet_is_closed(open_finger):
+    """The bore is found to a hundredth of a mm, and the cavity has the air behind the plug."""
+    file, volume = open_finger
+    part = ImportedActuator(file=str(file), support="x = 0 mm")
+    (plug,) = part.reading.plugs
+    assert plug.place[1:] == pytest.approx((8e-3, 4.5e-3), abs=1e-5) and 0.0 < plug.place[0] < 6e-4
+    assert plug.axis == pytest.approx((1.0, 0.0, 0.0), abs=2e-3) and plug.radius == pytest.approx(1.5e-3, rel=0.01)
+    assert part.cavity_volume == pytest.approx(behind(volume, [plug]), rel=1e-3)
+    assert part.remarks == (
+        "the opening of 1.5 mm radius at (0.4, 8, 4.5) mm is closed by a plug 3 mm long; --inlets none leaves it open",
+    )
+    named = ImportedActuator(file=str(file), support="x = 0 mm", inlets=("at 0, 8, 4.5 mm",))
+    assert named.cavity_volume == pytest.approx(part.cavity_volume, rel=1e-12)
+
+
+def test_what_cannot_be_closed_is_said(open_finger):
+    """An open part that is to stay open has no cavity; an inlet is named where there is none."""
+    file = str(open_finger[0])
+    with pytest.raises(GeometryError, match="no closed inner shell"):
+        ImportedActuator(file=file, support="x = 0 mm", inlets=("none",))
+    with pytest.raises(
+        GeometryError, match=r"there is no opening\. The openings found: of 1.5 mm radius at \(0.4, 8, 4.5\) mm"
+    ):
+        ImportedActuator(file=file, support="x = 0 mm", inlets=("at 30, 0, 0 mm",))
+    with pytest.raises(GeometryError, match="inlets"):
+        ImportedActuator(file=file, support="x = 0 mm", inlets=("somewhere",))
+
+
+def test_two_cavities_have_an_inlet_each(tmp_path):
+    """A point in the air of each names them; one of them alone closes only its own."""
+    volumes = TWO.write(tmp_path / "two.step")
+    points = ("at 15, 12, 10 mm", "at 44, 12, 10 mm")
+    part = ImportedActuator(file=str(tmp_path / "two.step"), cavities=points, support="z = 0 mm")
+    first, second = sorted(part.reading.plugs, key=lambda plug: plug.place[0])
+    assert part.reading.cavity_volumes[0] == pytest.approx(behind(volumes[0], [first]), rel=1e-3)
+    depth = 60e-3 - second.place[0] + second.length
+    expected = volumes[1] * 1e-9 - math.pi * second.radius**2 * depth
+    assert part.reading.cavity_volumes[1] == pytest.approx(expected, rel=2e-3)
+    with pytest.raises(GeometryError, match="2 closed inner shells"):
+        ImportedActuator(file=str(tmp_path / "two.step"), support="z = 0 mm")
+
+
+def test_a_cavity_with_two_bores_gets_two_plugs():
+    """One of them slanted; a blind hole beside them stays open."""
+    (space,) = inlets.air_spaces(*FORKED.surface())
+    straight, slanted = sorted(space.inlets, key=lambda inlet: -inlet.radius)
+    assert straight.radius == pytest.approx(1.5e-3, rel=0.02) and slanted.radius == pytest.approx(1e-3, rel=0.03)
+    assert np.dot(slanted.axis, (0.0, -0.8, 0.6)) > 0.995
+
+
+def test_a_surface_is_closed_as_a_drawing_is(open_finger, tmp_path):
+    """The same part as an STL file, some of its triangles turned inside out."""
+    import meshio
+
+    points, triangles = finger().surface()
+    triangles[::7] = triangles[::7, ::-1]
+    meshio.write_points_cells(tmp_path / "finger.stl", 1e3 * points, [("triangle", triangles)])
+    drawn = ImportedActuator(file=str(open_finger[0]), support="x = 0 mm")
+    part = ImportedMesh(file=str(tmp_path / "finger.stl"), support="x = 0 mm")
+    assert part.cavity_volume == pytest.approx(drawn.cavity_volume, rel=1e-2)  # the round bore is cut to facets twice
+    assert part.solid_volume == pytest.approx(drawn.solid_volume, rel=2e-3)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("seed", range(12))
+def test_openings_of_random_parts_are_found(seed):
+    """Chambers, balls, pairs joined by a channel, slanted bores, blind holes; `random_inlets` has 200 of them."""
+    assert wrong(random_part(seed)) == ""
