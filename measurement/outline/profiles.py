@@ -9,6 +9,7 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import map_coordinates
 from scipy.optimize import least_squares
 from scipy.special import betainc, ndtr
 from scipy.stats import chi2
@@ -297,19 +298,19 @@ def closing_size(line_px: float) -> int:
 
 def _smooth_light(brightness: Array, lit: Mask) -> Array:
     """Return a quadratic surface through the logarithm of the lit screen's light, relative to its median."""
-    rows, columns = np.mgrid[0 : lit.shape[0], 0 : lit.shape[1]]
-    u, v = 2.0 * columns / lit.shape[1] - 1.0, 2.0 * rows / lit.shape[0] - 1.0
-    terms = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=-1)
+    v, u = (2.0 * np.arange(count) / count - 1.0 for count in lit.shape)
     step = max(1, int(np.sqrt(lit.sum() / MOST_PIXELS)))
-    chosen = np.zeros_like(lit)
-    chosen[::step, ::step] = lit[::step, ::step]
-    value = np.log(np.maximum(brightness[chosen], 1e-4))
-    coefficients = np.linalg.lstsq(terms[chosen], value, rcond=None)[0]
-    for _ in range(2):  # dust and what lies beside the screen must not tilt it
-        residual = value - terms[chosen] @ coefficients
+    row, column = (step * at for at in np.nonzero(lit[::step, ::step]))
+    terms = np.column_stack([np.ones(len(row)), u[column], v[row], u[column] ** 2, u[column] * v[row], v[row] ** 2])
+    value = np.log(np.maximum(brightness[row, column], 1e-4))
+    near = np.ones(len(row), dtype=bool)
+    for _ in range(3):  # dust and what lies beside the screen must not tilt it
+        kept = terms * near[:, None]
+        coefficients = np.linalg.lstsq(kept.T @ terms, kept.T @ value, rcond=None)[0]
+        residual = value - terms @ coefficients
         near = np.abs(residual) < 2.5 * max(deviation(residual), 0.01)
-        coefficients = np.linalg.lstsq(terms[chosen][near], value[near], rcond=None)[0]
-    surface = terms @ coefficients
+    a, b, c, d, e, f = coefficients
+    surface = (a + c * v + f * v**2)[:, None] + (b * u + d * u**2)[None, :] + (e * v)[:, None] * u[None, :]
     return np.exp(np.clip(surface - np.median(surface[lit]), -2.0, 1.0))
 
 
@@ -398,10 +399,9 @@ class Ink:
     def places(self, points: Array) -> Array:
         """Return the places (..., 2) on the screen in m that pixels (..., 2) show."""
         x0, y0, x1, y1 = self.roi
-        flat = points.reshape(-1, 2)
-        return _bilinear(self.table, (flat - [x0, y0]) / [x1 - 1 - x0, y1 - 1 - y0] * float(CELLS)).reshape(
-            points.shape
-        )
+        cells = ((points - [x0, y0]) / [x1 - 1 - x0, y1 - 1 - y0] * float(CELLS)).reshape(-1, 2).T[::-1]
+        at = [map_coordinates(self.table[..., axis], cells, order=1, mode="nearest") for axis in (0, 1)]
+        return np.stack(at, axis=-1).reshape(points.shape)
 
     def drawn(self, points: Array, z: Array, width: Array) -> Array:
         """Return the rest (n, k), as a share of the edge's rise, that the ink leaves in n profiles across an edge after
@@ -425,17 +425,6 @@ class Ink:
             correlation = line.blur * ahead[near, axis] / (slope**2 * width[near])
             rest[near] += line.covariance(off[near], z[near], correlation[:, None])
         return rest / self(points)
-
-
-def _bilinear(table: Array, at: Array) -> Array:
-    at = np.clip(at, 0.0, float(CELLS))
-    cell = np.minimum(at.astype(np.int64), CELLS - 1)
-    u, v = (at - cell).T
-    i, j = cell[:, 1], cell[:, 0]
-    return (
-        table[i, j] * ((1 - u) * (1 - v))[:, None] + table[i, j + 1] * (u * (1 - v))[:, None]
-        + table[i + 1, j] * ((1 - u) * v)[:, None] + table[i + 1, j + 1] * (u * v)[:, None]
-    )  # fmt: skip
 
 
 HALF = 30
@@ -564,13 +553,13 @@ class EdgeShape:
         """Sum of the squares of which ``misfit`` is the mean; infinite where no shape was fitted."""
         return float("inf") if np.isnan(self.misfit) else (BINS - PARAMETERS) * self.misfit**2
 
-    def __call__(self, z: Array) -> Array:
-        """The step at distances z (...) in widths."""
-        return np.asarray(np.interp(z, nodes(), self.values))
-
-    def slope(self, z: Array) -> Array:
-        """Return its derivative there."""
-        return np.asarray(np.interp(z, nodes(), self._slopes))
+    def with_slope(self, z: Array) -> tuple[Array, Array]:
+        """Return the step at distances z (...) in widths, and its derivative there."""
+        at = np.clip((z + FAR) / STEP, 0.0, len(self.values) - 1.0)
+        left = np.minimum(at.astype(np.intp), len(self.values) - 2)
+        share = at - left
+        values, slopes = ((1.0 - share) * own[left] + share * own[left + 1] for own in (self.values, self._slopes))
+        return values, slopes
 
     @functools.cached_property
     def _slopes(self) -> Array:
@@ -760,8 +749,9 @@ def _blurred(values: Array, width: float) -> Array:
 # Steps of one shape through light profiles, by weighted least squares on all profiles at once.
 
 
-ROUNDS, REWEIGHTED = 14, (5, 9)
-"""Gauss-Newton steps, and those before which samples far off their curve are given less weight."""
+ROUNDS, REWEIGHTED, SETTLED = 14, (5, 9), 1e-7
+"""Gauss-Newton steps, those before which samples far off their curve are given less weight, and the step in px, or relative
+to light, below which they end."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -812,15 +802,16 @@ def fit_profiles(offsets: Array, profile: Array, weight: Array, shape: EdgeShape
     shape = gaussian() if shape is None else shape
     u, reach = offsets[None, :], offsets[-1]
     parameters = _first_guess(offsets, profile)
-    robust = np.ones_like(profile)
+    robust, terms = np.ones_like(profile), np.empty((*profile.shape, 5))
     for turn in range(ROUNDS):
         low, rise, slope, centre, width = parameters
         z = (u - centre[:, None]) / width[:, None]
-        phi = shape(z)
-        bell = shape.slope(z)
+        phi, bell = shape.with_slope(z)
         top = rise[:, None] + slope[:, None] * u
         residual = profile - low[:, None] - top * phi
-        terms = np.stack([np.ones_like(phi), phi, u * phi, -top * bell / width[:, None], -top * bell * z], axis=-1)
+        fall = -top * bell
+        for number, term in enumerate((1.0, phi, u * phi, fall / width[:, None], fall * z)):
+            terms[..., number] = term
         if turn in REWEIGHTED:
             scatter = np.maximum(deviations(residual, 1), 1e-4)
             robust = np.minimum(1.0, 2.5 * scatter[:, None] / np.maximum(np.abs(residual), 1e-12))
@@ -830,6 +821,8 @@ def fit_profiles(offsets: Array, profile: Array, weight: Array, shape: EdgeShape
         matrix = matrix + 1e-9 * np.trace(matrix, axis1=1, axis2=2)[:, None, None] * np.eye(5)
         step = np.linalg.solve(matrix, across @ residual[..., None])[..., 0]
         parameters = _stepped(parameters, np.where(np.isfinite(step), step, 0.0), reach)
+        if turn >= REWEIGHTED[-1] and np.abs(step).max() < SETTLED:
+            break
     low, rise, slope, centre, width = parameters
     return ProfileFit(low, rise, slope, centre, width, z, top, residual, weight * robust, weighted, matrix)
 
