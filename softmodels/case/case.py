@@ -691,12 +691,15 @@ def case_of(
     if isinstance(band := fields.get("band"), str | Path):
         fields["band"] = materials.band_of(band)
     case = Case(actuator=device, material=material, **fields)  # type: ignore[arg-type]
-    _doubt_pressures(pressures, case)
+    _doubt_numbers(pressures, case)
     return case
 
 
-def _doubt_pressures(pressures: Values | None, case: Case) -> None:
-    """Warn of pressures so small that their unit is doubtful."""
+def _doubt_numbers(pressures: Values | None, case: Case) -> None:
+    """Warn of pressures so small, and of values of components and supply so large, that their unit is doubtful."""
+    for part in (*case.components, *([case.supply] if case.supply else [])):
+        if text := schema.doubt_of(part):
+            names.doubt(text)
     given = [] if pressures is None else listed(pressures, "pressure")
     typed = [one for one in given if not isinstance(one, str)]
     highest = max(typed, key=abs, default=LEAST_PRESSURE) if len(typed) == len(given) else LEAST_PRESSURE
