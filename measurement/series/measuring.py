@@ -442,7 +442,7 @@ def outlines(
 
     Args:
         photos: The list, ``photos.csv``, or its rows.
-        setup: Camera and screen, or the file ``setup.toml`` that ``python -m measurement setup`` writes.
+        setup: Camera and screen, or the file ``setup.toml`` that ``softmodels measure setup`` writes.
         column: The water column that the list's lengths were read from.
         how: See `MeasuringOptions`.
 

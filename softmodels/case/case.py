@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import tomllib
 import types
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, TypedDict, Unpack
 
 from geometries import Actuator, faces, registry as geometry_table
 from geometries.actuator import changed, parameter, parameter_names
-from softmodels.case import materials
+from softmodels.case import load, materials
 from softmodels.case.entries import (
     MISSING,
     NO_PROBES,
@@ -434,12 +435,13 @@ class Case:
             raise CaseError(f"the case {error}") from None
 
     @classmethod
-    def from_file(cls, path: Path | str, instead: Tables | None = None) -> Case:
-        """Read a case file, optionally with some tables replaced; see `from_toml`. Messages name the file."""
+    def from_file(cls, path: Path | str, instead: Tables | None = None, changes: Iterable[str] = ()) -> Case:
+        """Read a case file with some tables replaced, and fields as of `with_changes`; see `from_toml`. Messages name the
+        file."""
         path = Path(path)
         _check_case_file(path)
         try:
-            return cls._from_tables({**tables.read_toml(path), **(instead or {})}, path.parent)
+            return cls._from_tables({**with_changes(tables.read_toml(path), changes), **(instead or {})}, path.parent)
         except tables.TomlError as error:
             raise CaseError(f"case file {path} {error}") from None
         except CaseError as error:
@@ -455,6 +457,34 @@ class Case:
             raise CaseError(str(error)) from None
         given = {name: value for name, value in read.items() if value is not MISSING}
         return cls(**{"name": given["actuator"].stem, "material": materials.DEFAULT, **given})
+
+
+def with_changes(table: Tables, changes: Iterable[str]) -> Tables:
+    """Return the tables of a case file with changed fields, each as ``"load.pressure=0:5 kPa"``: a text, or a value as TOML has
+    it. Another request takes the place of the file's. `CaseError` for a text without a field or a value."""
+    made = dict(table)
+    for text in changes:
+        name, equals, value = text.partition("=")
+        path = name.strip().split(".")
+        if not (equals and value.strip() and all(path)):
+            raise CaseError(
+                f"--set {text!r} is no change; write a field and its value, such as load.pressure='0:5 kPa'"
+            )
+        inner = made
+        for key in path[:-1]:
+            found = inner.get(key, {})
+            if not isinstance(found, Mapping):
+                raise CaseError(f"--set {name}: {key} is a value, not a table")
+            inner[key] = inner = dict(found)
+        if path[:-1] == ["load"] and path[-1] in load.request_keys():
+            kept = load.kept_with(path[-1])
+            for key in [key for key in inner if key not in kept]:
+                del inner[key]
+        try:
+            inner[path[-1]] = tomllib.loads(f"value = {value}")["value"]
+        except tomllib.TOMLDecodeError:
+            inner[path[-1]] = value.strip()
+    return made
 
 
 def _check_case_file(path: Path) -> None:
