@@ -9,7 +9,7 @@ from typing import Any
 
 from softmodels.common import commands
 
-with commands.stoppable("geometries"):
+with commands.stoppable("softmodels"):
     import click
 
     from geometries import ACTUATORS, meshing, registry
@@ -29,6 +29,7 @@ class DeviceCommands(commands.CommandGroup):
 
 
 @click.group(cls=DeviceCommands, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
+@commands.version_option
 @click.pass_context
 def main(context: click.Context) -> None:
     """Make the mesh of a soft actuator.
@@ -91,7 +92,7 @@ def _make(device: type[Actuator], output: Path | None, values: dict[str, Any]) -
 
 
 def _stop(sentence: str, status: int) -> None:
-    click.echo(f"Error: {commands.bounded(sentence)}", err=True)
+    commands.tell(sentence)
     sys.exit(status)
 
 

@@ -260,23 +260,8 @@ def triangle_tables(width: int) -> tuple[Array, Array, Array]:
     return np.stack(value, axis=1), np.stack(along, axis=1), np.stack(across, axis=1)
 
 
-_C = (5 - 5**0.5) / 20
-CELL_RULE = np.full((4, 4), _C) + (1 - 4 * _C) * np.eye(4)
-"""Integration over a tetrahedron with equal weights, exact to degree 2: barycentric coordinates of its points."""
 EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
 """Corners at the ends of a tetrahedron's edges, in the order of VTK and Abaqus."""
-
-
-def tetrahedron_slopes() -> tuple[Array, Array]:
-    """Return the values and slopes of the shape functions of ten nodes at the points of `CELL_RULE`, shapes (q, 10) and (q, 10,
-    3)."""
-    ways = np.vstack([-np.ones(3), np.eye(3)])  # of the barycentric coordinates
-    r = CELL_RULE
-    first, second = r[:, EDGES[:, 0]], r[:, EDGES[:, 1]]
-    values = np.hstack([r * (2 * r - 1), 4 * first * second])
-    corners = (4 * r - 1)[..., None] * ways
-    edges = 4 * (first[..., None] * ways[EDGES[:, 1]] + second[..., None] * ways[EDGES[:, 0]])
-    return values, np.concatenate([corners, edges], axis=1)
 
 
 def _volumes(points: Array, cells: Ints) -> Array:

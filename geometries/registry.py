@@ -78,7 +78,7 @@ def device_from(device: type[Actuator], values: Mapping[str, Any]) -> Actuator:
     known = list(schema.about(device))
     for name in given:
         if name not in known:
-            raise GeometryError(f"{name} is not a parameter of {device.__name__}; it has {', '.join(known)}")
+            raise GeometryError(f"{name} is not a parameter of {device.__name__}; {errors.known_are(name, known)}")
     return device.variant(variant, **given)
 
 

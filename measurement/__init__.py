@@ -25,7 +25,17 @@ if TYPE_CHECKING:
     from measurement.screen.calibration import calibrate as calibrate, setup_from_grid as setup_from_grid
     from measurement.screen.grid import GridError as GridError
     from measurement.screen.setup import Setup as Setup, SetupError as SetupError
-    from measurement.series.checks import Doubt as Doubt, Evidence as Evidence, register_check as register_check
+    from measurement.series.checks import (
+        CourseEvidence as CourseEvidence,
+        Doubt as Doubt,
+        EdgeEvidence as EdgeEvidence,
+        ListEvidence as ListEvidence,
+        OutlineEvidence as OutlineEvidence,
+        RunEvidence as RunEvidence,
+        ToneEvidence as ToneEvidence,
+        ZeroEvidence as ZeroEvidence,
+        register_check as register_check,
+    )
     from measurement.series.measuring import Measurement as Measurement, NoZero as NoZero, outlines as outlines
     from measurement.series.photo_list import (
         Column as Column,

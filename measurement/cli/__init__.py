@@ -1,4 +1,4 @@
-"""The commands of ``python -m measurement``: how they end, texts of their options as numbers, the progress bar.
+"""The commands of ``softmodels measure``: how they end, texts of their options as numbers, the progress bar.
 
 - `setup`: the commands ``calibrate`` and ``setup``. `photos`: the commands ``photos`` and ``demo``.
 """
@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from measurement.screen.setup import SetupError, magnification as factor_of
-from softmodels.common import commands, errors, files, processes, units
+from softmodels.common import commands, errors, files, units
 from softmodels.common.lazy import consoles, progress
 
 DONE, SOME_REFUSED = 0, 3
@@ -22,7 +22,7 @@ DONE, SOME_REFUSED = 0, 3
 
 def stop(sentence: str, status: int = commands.UNUSABLE) -> NoReturn:
     """End the program with a sentence on standard error."""
-    processes.say(f"Error: {commands.bounded(sentence)}", err=True)
+    commands.tell(sentence)
     sys.exit(status)
 
 

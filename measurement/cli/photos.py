@@ -25,7 +25,7 @@ from softmodels.common.folders import OwnFolderError
 @click.command()
 @click.argument("listing", metavar="PHOTOS.csv", type=click.Path(path_type=Path))
 @click.option("--setup", "setup_file", default=Path("setup.toml"), show_default=True, type=click.Path(path_type=Path),
-              help="Camera and screen, from python -m measurement setup.")  # fmt: skip
+              help="Camera and screen, from softmodels measure setup.")  # fmt: skip
 @click.option("-o", "--output", type=commands.FolderType(),
 help="Folder for the results.  [default: outlines; outlines-2 and so "
               "on if that holds others]")  # fmt: skip
@@ -236,7 +236,7 @@ def demo(output: Path | None, jobs: int | None, quiet: bool) -> None:
     for command, line in lines.items():
         words = list(map(str, line))
         if not quiet:
-            click.echo(f"$ python -m measurement {' '.join(words)}")
+            click.echo(f"$ softmodels measure {' '.join(words)}")
         status = _status(command, [*words[1:], *(more if command is photos else [])])
         if status != 0:
             sys.exit(status)

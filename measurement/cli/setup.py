@@ -62,7 +62,7 @@ from softmodels.common.folders import OwnFolderError
               help="Picture of the result.  [default: OUTPUT with the ending .png, or -overlay.png where that "
               "is taken]")  # fmt: skip
 def setup(photograph: Path, output: Path, overlay: Path | None, **given: Any) -> None:
-    """Find the screen's plane in a PHOTOGRAPH of its grid, of a board, or of known points.
+    """Find the screen's plane in a PHOTOGRAPH.
 
     Pixels (x, y) count from the upper left; on the screen X counts to the right and Z upwards.
 
@@ -204,7 +204,7 @@ def calibrate(photographs: tuple[Path, ...], pattern: str, pitch: str, output: P
     except CameraError as error:
         texts.stop(str(error), commands.FAILED)
     table = tomli_w.dumps({"camera": made.camera.as_table()})
-    texts.write_text(output, f"# A camera; made by python -m measurement calibrate.\n{table}")
+    texts.write_text(output, f"# A camera; made by softmodels measure calibrate.\n{table}")
     for path, why in made.refused.items():
         processes.say(f"{path}: refused, {why}", err=True)
     if not quiet:
@@ -272,7 +272,7 @@ def _camera_file(path: Path) -> Camera:
     except tables.TomlError as error:
         raise CameraError(f"the camera {path} {error}") from None
     if not isinstance(table.get("camera"), dict):
-        raise CameraError(f"{path} contains no camera; create it with python -m measurement calibrate")
+        raise CameraError(f"{path} contains no camera; create it with softmodels measure calibrate")
     return Camera.from_table(table["camera"])
 
 

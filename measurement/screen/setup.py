@@ -202,7 +202,7 @@ class Setup:
         if table.get("version", VERSION) != VERSION:
             raise SetupError(
                 f"the setup is of version {units.brief(table['version'])}, this program reads version {VERSION}; recreate it "
-                "with python -m measurement setup"
+                "with softmodels measure setup"
             )
         known = {"version"} | {field.name for field in dataclasses.fields(cls)}
         for name in table:
@@ -213,7 +213,7 @@ class Setup:
             others = table.keys() - {"version", *needed}
             return cls(**needed, **{name: _READ.get(name, _float)(table[name]) for name in others})  # type: ignore[arg-type]
         except KeyError as error:
-            raise SetupError(f"the setup has no field {error}; recreate it with python -m measurement setup") from None
+            raise SetupError(f"the setup has no field {error}; recreate it with softmodels measure setup") from None
         except CameraError as error:
             raise SetupError(f"the setup's camera cannot be used: {error}") from None
         except SetupError:
@@ -544,4 +544,4 @@ VERSION = 1
 FINEST_PITCH = 4.0
 """Pixels between two lines that can be told apart."""
 
-HEADER = "# Setup of a run of photographs, lengths in m and pixels as (x, y); made by python -m measurement setup.\n"
+HEADER = "# Setup of a run of photographs, lengths in m and pixels as (x, y); made by softmodels measure setup.\n"

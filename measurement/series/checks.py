@@ -1,8 +1,8 @@
-"""Every check of photographs: what each asks, what it may see (`Evidence`), and its answer (`Doubt`).
+"""Every check of photographs: what each asks, what it may see (its stage's evidence), and its answer (`Doubt`).
 
 A wrong answer that is called good is the worst that can happen here. So whatever would make an edge mean something else than
 the actuator's surface rejects the photograph, and what merely weakens it makes the outline untrusted. They stand below
-in the order in which they are asked; what no check computes is in the modules that `Evidence` names. Add by `register_check`.
+in the order in which they are asked; what no check computes is in the modules that the evidence names. Add by `register_check`.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import dataclasses
 import functools
 import itertools
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -35,20 +36,21 @@ from softmodels.common.arrays import Array
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Evidence:
-    """What checks may see; each number is computed when the first check asks for it.
+class EdgeEvidence:
+    """What checks may see of a photograph: its grid and its shadow's edge (``traced``)."""
 
-    Attributes:
-        traced: The photograph, its grid and its shadow's edge: from `EDGE` to `OUTLINE`.
-        zero: The zero plane: `ZERO` and `OUTLINE`.
-        run: The whole run: `LIST`, `RUN` and `COURSE`.
-        number: The photograph's number in it.
-    """
+    traced: edge.Traced
 
-    traced: edge.Traced = None  # type: ignore[assignment]
-    zero: ZeroLine = None  # type: ignore[assignment]
-    run: witness.Run = None  # type: ignore[assignment]
-    number: int = 0
+
+class ToneEvidence(EdgeEvidence):
+    """The same, once its tone was compared with another."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ZeroEvidence(EdgeEvidence):
+    """The photograph of the zero plane, and that plane; each number is computed when the first check asks for it."""
+
+    zero: ZeroLine
 
     @functools.cached_property
     def placed(self) -> Array:
@@ -160,9 +162,25 @@ class Evidence:
         return seen, lengths, self.traced.masked(0.5 * (px[1:] + px[:-1]))
 
 
-LIST, EDGE, TONE, ZERO, OUTLINE, RUN, COURSE = "list", "edge", "tone", "zero", "outline", "run", "course"
-"""When a check is asked: before anything is measured; of an edge; of one whose tone was compared with another; of the zero
-plane; of an outline above it; of all outlines of a run; and of those that are trusted after that."""
+class OutlineEvidence(ZeroEvidence):
+    """The same of an edge above the zero plane."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class RunEvidence:
+    """All outlines of a run, and the number of the photograph in question."""
+
+    run: witness.Run
+    number: int
+
+
+class ListEvidence(RunEvidence):
+    """The list, before anything is measured: its rows in ``run``."""
+
+
+class CourseEvidence(RunEvidence):
+    """The outlines that are trusted after all other checks."""
+
 
 FEWEST_POINTS = 40
 """Points that an edge or an outline needs."""
@@ -210,31 +228,30 @@ def unsure_of(ripple: tuple[int, float, float]) -> float:
     return abs(height) if abs(height) > STATED * scatter else 0.0
 
 
-type Check = Callable[[Evidence], Iterator[Doubt]]
+type Check = Callable[[Any], Iterator[Doubt]]
 """A question about a photograph, its docstring's first line: it yields what speaks against it, of which the first counts."""
 
-CHECKS: dict[str, names.Registry[Check]] = {
-    stage: names.Registry("check") for stage in (LIST, EDGE, TONE, ZERO, OUTLINE, RUN, COURSE)
-}
-"""Every check by its stage and its name, in the order in which they are asked."""
+STAGES = (ListEvidence, EdgeEvidence, ToneEvidence, ZeroEvidence, OutlineEvidence, RunEvidence, CourseEvidence)
+CHECKS: dict[type, names.Registry[Check]] = {stage: names.Registry("check") for stage in STAGES}
+"""Every check by the evidence that it is asked of and its name, in the order in which they are asked."""
 
 
-def register_check[C](stage: str = OUTLINE) -> Callable[[C], C]:
-    """Let a check be asked about every photograph at a stage, after those registered already; a decorator of a function."""
+def register_check[C](stage: type[EdgeEvidence | RunEvidence] = OutlineEvidence) -> Callable[[C], C]:
+    """Let a check be asked of every piece of evidence of a stage, after those registered already; a decorator of a function."""
     return CHECKS[stage].register
 
 
-def answers(stage: str, evidence: Evidence) -> Iterator[Doubt]:
-    """Yield the answers of a stage's checks that are doubts."""
-    for check in CHECKS[stage].values():
+def answers(evidence: EdgeEvidence | RunEvidence) -> Iterator[Doubt]:
+    """Yield the answers of the checks of this evidence that are doubts."""
+    for check in CHECKS[type(evidence)].values():
         yield from itertools.islice(check(evidence), 1)
 
 
-def doubts(stage: str, evidence: Evidence) -> tuple[str, ...]:
-    """Return what the checks of a stage have against a photograph, one sentence each; `Unmeasurable` if one of them
-    rejects it, although it is not to be used anyway, or leaves nothing to measure."""
+def doubts(evidence: EdgeEvidence) -> tuple[str, ...]:
+    """Return what the checks have against a photograph, one sentence each; `Unmeasurable` if one of them rejects it, although
+    it is not to be used anyway, or leaves nothing to measure."""
     found = []
-    for doubt in answers(stage, evidence):
+    for doubt in answers(evidence):
         if doubt.lasting or (doubt.rejects and not evidence.traced.anyway):
             raise pictures.Unmeasurable(str(doubt))
         found.append(str(doubt))
@@ -245,8 +262,8 @@ def doubts(stage: str, evidence: Evidence) -> tuple[str, ...]:
 # Before anything is measured.
 
 
-@register_check(LIST)
-def repeated(e: Evidence) -> Iterator[Doubt]:
+@register_check(ListEvidence)
+def repeated(e: ListEvidence) -> Iterator[Doubt]:
     """Is it another file than all others of the list?"""
     if same := e.run.repeated.get(e.run.rows[e.number].file):
         yield Doubt(same, rejects=True, lasting=True)
@@ -256,8 +273,8 @@ def repeated(e: Evidence) -> Iterator[Doubt]:
 # Of the photograph and its shadow's edge.
 
 
-@register_check(EDGE)
-def exposure(e: Evidence) -> Iterator[Doubt]:
+@register_check(EdgeEvidence)
+def exposure(e: EdgeEvidence) -> Iterator[Doubt]:
     """Is it neither too dark nor saturated?"""
     bright = float(np.percentile(e.traced.small.mean(axis=2), 90))
     if bright < 0.015:
@@ -277,8 +294,8 @@ SEEN, FEWEST_LINES = 0.4, 24
 """Least share of the grid's expected lines that must be visible, and least number of places where one was seen."""
 
 
-@register_check(EDGE)
-def movement(e: Evidence) -> Iterator[Doubt]:
+@register_check(EdgeEvidence)
+def movement(e: EdgeEvidence) -> Iterator[Doubt]:
     """Is the grid where the setup has it?
 
     An affine movement of its lines is the camera's or the screen's, and what it leaves of their shifts is noise, dust, or
@@ -322,8 +339,8 @@ SEVERAL_EDGES = "the shadow has several edges, from a second lamp, a reflection 
 ONE_LAMP = "use only one lamp, cover reflecting surfaces, and photograph it again"
 
 
-@register_check(EDGE)
-def sharp(e: Evidence) -> Iterator[Doubt]:
+@register_check(EdgeEvidence)
+def sharp(e: EdgeEvidence) -> Iterator[Doubt]:
     """Is enough of the edge clear, and sharp enough for half of the light to be a place?"""
     edge = e.traced.edge
     if len(edge.px) < FEWEST_POINTS:
@@ -349,8 +366,8 @@ BLANK, MOST_BLANK = 0.985, 0.1
 """Light of a channel from which it is taken as saturated, and share of the edge that may lie beside such light."""
 
 
-@register_check(EDGE)
-def saturation(e: Evidence) -> Iterator[Doubt]:
+@register_check(EdgeEvidence)
+def saturation(e: EdgeEvidence) -> Iterator[Doubt]:
     """Is the screen beside the edge darker than white?"""
     edge = e.traced.edge
     beside = e.traced.view.sample(edge.px + 3.0 * edge.width[:, None] * edge.normal)
@@ -367,8 +384,8 @@ UNEVEN, PIECES, LEAST_POINTS = 0.08, 12, 20
 of so many points at least."""
 
 
-@register_check(EDGE)
-def one_lamp(e: Evidence) -> Iterator[Doubt]:
+@register_check(EdgeEvidence)
+def one_lamp(e: EdgeEvidence) -> Iterator[Doubt]:
     """Does the light fall all the way from the screen's to the shadow's, alike along the edge?"""
     part = e.traced.edge.contrast / e.traced.coarse.colour.depth
     if np.median(part) < edge.PART:
@@ -392,8 +409,8 @@ BLURRED_PATCH, PATCH_NOISES = 0.12, 8.0
 """Logarithm of the width over its smooth course, and the same in its own scatter, from which a patch is blurred."""
 
 
-@register_check(EDGE)
-def drop(e: Evidence) -> Iterator[Doubt]:
+@register_check(EdgeEvidence)
+def drop(e: EdgeEvidence) -> Iterator[Doubt]:
     """Is the edge equally sharp along its length?"""
     more, scatter = edge.widest_patch(e.traced.edge, e.traced.scale)
     if not more <= max(BLURRED_PATCH, PATCH_NOISES * scatter):
@@ -402,8 +419,8 @@ def drop(e: Evidence) -> Iterator[Doubt]:
             "also shifts the edge, or a second object casts the shadow there")  # fmt: skip
 
 
-@register_check(EDGE)
-def thread(e: Evidence) -> Iterator[Doubt]:
+@register_check(EdgeEvidence)
+def thread(e: EdgeEvidence) -> Iterator[Doubt]:
     """Is the shadow free of thin things?"""
     if e.traced.touched:
         yield Doubt("a thin dark thing (hair, thread, tube, a speck) touches the shadow", f"take it away, {OR_MASK}")
@@ -413,8 +430,8 @@ MOST_NOISE = 50e-6
 """Greatest median standard error in m of the points of an edge."""
 
 
-@register_check(EDGE)
-def noise(e: Evidence) -> Iterator[Doubt]:
+@register_check(EdgeEvidence)
+def noise(e: EdgeEvidence) -> Iterator[Doubt]:
     """Is each point of the edge known, and well enough?"""
     traced = e.traced
     if not np.isfinite(traced.points).all():
@@ -435,8 +452,8 @@ OFF, OFF_NOISES = 25e-6, 8.0
 not trusted."""
 
 
-@register_check(EDGE)
-def flat(e: Evidence) -> Iterator[Doubt]:
+@register_check(EdgeEvidence)
+def flat(e: EdgeEvidence) -> Iterator[Doubt]:
     """Is the screen flat beside the edge?"""
     flat = e.traced.flatness
     off = flat.off * (flat.off >= np.maximum(OFF, OFF_NOISES * flat.noise))
@@ -449,8 +466,8 @@ def flat(e: Evidence) -> Iterator[Doubt]:
     )
 
 
-@register_check(TONE)
-def tone(e: Evidence) -> Iterator[Doubt]:
+@register_check(ToneEvidence)
+def tone(e: ToneEvidence) -> Iterator[Doubt]:
     """Does the edge's shape show how the file stores light, or would another tone do no harm?"""
     if e.traced.tone_error:
         yield Doubt(
@@ -467,8 +484,8 @@ BOWED = 20e-6
 """Bow in m of the surface from which the lamp or the body is not level."""
 
 
-@register_check(ZERO)
-def level(e: Evidence) -> Iterator[Doubt]:
+@register_check(ZeroEvidence)
+def level(e: ZeroEvidence) -> Iterator[Doubt]:
     """Does the light run along the undeformed surface?"""
     bow = e.bow
     if bow is None or bow.rise <= max(BOWED, 4.0 * bow.error):
@@ -501,7 +518,7 @@ it is no part of the body, and points of a piece that is one."""
 
 
 @register_check()
-def second_thing(e: Evidence) -> Iterator[Doubt]:
+def second_thing(e: OutlineEvidence) -> Iterator[Doubt]:
     """Does nothing but the membrane between the body's sides stand above the surface?
 
     A ball, a hand, a hose or a ruler beside the body makes a part of the edge lie off the surface too. So this is asked before
@@ -531,8 +548,8 @@ RIM_HEIGHT = 150e-6
 """Height in m up to which the shadow may meet the frame: a flat surface runs out of the picture, an actuator must not."""
 
 
-@register_check(OUTLINE)
-def rim(e: Evidence) -> Iterator[Doubt]:
+@register_check(OutlineEvidence)
+def rim(e: OutlineEvidence) -> Iterator[Doubt]:
     """Is there light all round the bulge?"""
     rim = e.traced.rim
     rim = rim[~e.traced.masked(e.traced.setup.to_pixels(rim))]
@@ -547,8 +564,8 @@ def rim(e: Evidence) -> Iterator[Doubt]:
             "widen setup --roi, or aim the camera so that light is seen all round the bulge", rejects=True)  # fmt: skip
 
 
-@register_check(OUTLINE)
-def top(e: Evidence) -> Iterator[Doubt]:
+@register_check(OutlineEvidence)
+def top(e: OutlineEvidence) -> Iterator[Doubt]:
     """Is its highest place that of a surface seen from the side?"""
     placed, above = e.placed, np.flatnonzero(e.above)
     if len(above) < FEWEST_POINTS:
@@ -572,8 +589,8 @@ MOST_MOVED = 200e-6
 """Distance in m of the surface beside the bulge from the zero plane from which nothing is measured."""
 
 
-@register_check(OUTLINE)
-def moved(e: Evidence) -> Iterator[Doubt]:
+@register_check(OutlineEvidence)
+def moved(e: OutlineEvidence) -> Iterator[Doubt]:
     """Is the body where it was at zero pressure?"""
     again = "photograph it at zero pressure again and list that, or correct setup --zero"
     if e.above.sum() < FEWEST_POINTS:
@@ -611,8 +628,8 @@ NARROWEST = 0.08
 """Least width at half height of what stands on the surface, as a share of the surface that is visible."""
 
 
-@register_check(OUTLINE)
-def membrane(e: Evidence) -> Iterator[Doubt]:
+@register_check(OutlineEvidence)
+def membrane(e: OutlineEvidence) -> Iterator[Doubt]:
     """Is the outline that of one membrane, and no second thing (hair, tube, drop, fibre, dust) on it or before it?
 
     Such a thing may show as a corner, by a small width, and as a bump: what it shows first is said.
@@ -648,8 +665,8 @@ UNCLEAR_TOP = 5.0
 """Standard error of the highest place over the outline's usual one from which something must be wrong there."""
 
 
-@register_check(OUTLINE)
-def clear_top(e: Evidence) -> Iterator[Doubt]:
+@register_check(OutlineEvidence)
+def clear_top(e: OutlineEvidence) -> Iterator[Doubt]:
     """Is the edge as clear at its highest place as elsewhere?"""
     error = e.error[e.above]
     own, usual = float(error[np.argmax(e.placed[e.above, 1])]), float(np.median(error))
@@ -659,8 +676,8 @@ def clear_top(e: Evidence) -> Iterator[Doubt]:
         )
 
 
-@register_check(OUTLINE)
-def zero_plane(e: Evidence) -> Iterator[Doubt]:
+@register_check(OutlineEvidence)
+def zero_plane(e: OutlineEvidence) -> Iterator[Doubt]:
     """Is the zero plane's photograph free of doubt, and stored as this one?"""
     found = [f"of the zero plane's photograph: {doubt}" for doubt in e.zero.doubts]
     if e.zero.tone and e.zero.tone != e.traced.tone:
@@ -676,8 +693,8 @@ LONGEST_DENT = 1e-3
 """Length in m from which it is one."""
 
 
-@register_check(OUTLINE)
-def dent(e: Evidence) -> Iterator[Doubt]:
+@register_check(OutlineEvidence)
+def dent(e: OutlineEvidence) -> Iterator[Doubt]:
     """Does the surface nowhere lie below the undeformed one between places where it does not?
 
     One that has sunk as a whole, or beside the bulge, is no dent.
@@ -703,8 +720,8 @@ TOP_GAP = 0.5e-3
 """Missing length in m that makes it untrusted where its highest place may lie in it."""
 
 
-@register_check(OUTLINE)
-def whole(e: Evidence) -> Iterator[Doubt]:
+@register_check(OutlineEvidence)
+def whole(e: OutlineEvidence) -> Iterator[Doubt]:
     """Was all of the outline measured?"""
     if len(e.kept) < FEWEST_POINTS:
         yield Doubt(
@@ -735,8 +752,8 @@ MOST_OVERHANG = 0.01
 """Share of the outline's points that may lie behind the one before."""
 
 
-@register_check(OUTLINE)
-def overhang(e: Evidence) -> Iterator[Doubt]:
+@register_check(OutlineEvidence)
+def overhang(e: OutlineEvidence) -> Iterator[Doubt]:
     """Can heights over x represent the outline?"""
     x, z = e.placed[e.kept].T
     error = e.error[e.kept]
@@ -747,8 +764,8 @@ def overhang(e: Evidence) -> Iterator[Doubt]:
         yield Doubt(f"{share:.0%} of the outline overhangs, which heights over x cannot represent")
 
 
-@register_check(OUTLINE)
-def grid(e: Evidence) -> Iterator[Doubt]:
+@register_check(OutlineEvidence)
+def grid(e: OutlineEvidence) -> Iterator[Doubt]:
     """Is there a grid that shows whether the camera has moved?"""
     if not e.traced.setup.grid_pitch:
         yield Doubt("without a grid in the setup, camera movements cannot be detected")
@@ -758,8 +775,8 @@ def grid(e: Evidence) -> Iterator[Doubt]:
 # Of all outlines of a run.
 
 
-@register_check(RUN)
-def copy(e: Evidence) -> Iterator[Doubt]:
+@register_check(RunEvidence)
+def copy(e: RunEvidence) -> Iterator[Doubt]:
     """Is its noise its own?"""
     if copied := e.run.copies.get(e.number):
         yield Doubt(copied, rejects=True)
@@ -771,8 +788,8 @@ OFF_SHARE = 0.2
 """Share of its own sinking, or change of scale, by which an outline may lie off the common course."""
 
 
-@register_check(RUN)
-def settling(e: Evidence) -> Iterator[Doubt]:
+@register_check(RunEvidence)
+def settling(e: RunEvidence) -> Iterator[Doubt]:
     """Does the surface beside the bulge sink as the other photographs show that the body does?"""
     common = e.run.sinking
     place = common.numbers.index(e.number)
@@ -808,8 +825,8 @@ CROWNED, CROWN_ERRORS = 0.06, 4.0
 """Change of the top's curvature, as a share of it, and in its own standard errors, that no smooth course of a run has."""
 
 
-@register_check(RUN)
-def crown(e: Evidence) -> Iterator[Doubt]:
+@register_check(RunEvidence)
+def crown(e: RunEvidence) -> Iterator[Doubt]:
     """Is its top as round as those of the other photographs lead one to expect?"""
     odd = e.run.odd_crown
     if odd is not None and odd.number == e.number and abs(odd.off) > max(CROWNED, CROWN_ERRORS * odd.error):
@@ -823,8 +840,8 @@ SCALE_BOUND = 10e-6
 """Error of the height in m that a change of scale may make unnoticed."""
 
 
-@register_check(RUN)
-def scaling(e: Evidence) -> Iterator[Doubt]:
+@register_check(RunEvidence)
+def scaling(e: RunEvidence) -> Iterator[Doubt]:
     """Do the body's sides lie as far apart as at zero pressure, or as the other photographs show that they give way?"""
     common = e.run.scaling
     place = common.numbers.index(e.number)
@@ -846,8 +863,8 @@ def scaling(e: Evidence) -> Iterator[Doubt]:
         yield Doubt(f"{lie}, unlike in the other photographs: the body was moved along the light for this one")
 
 
-@register_check(COURSE)
-def course(e: Evidence) -> Iterator[Doubt]:
+@register_check(CourseEvidence)
+def course(e: CourseEvidence) -> Iterator[Doubt]:
     """Do its height and pressure agree with those of the other photographs?"""
     if why := e.run.contradictions.get(e.number):
         yield Doubt(why)

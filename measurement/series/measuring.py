@@ -18,8 +18,7 @@ from measurement.outline.outline import Outline, OutlineError
 from measurement.outline.zero import ZeroLine, sides_of, with_known_body
 from measurement.pictures import TONES, Pixels, Unmeasurable, read_pixels
 from measurement.screen.setup import Setup
-from measurement.series import drawing, photo_list, witness
-from measurement.series.checks import CHECKS, COURSE, EDGE, LIST, OUTLINE, RUN, TONE, ZERO, Evidence, answers, doubts
+from measurement.series import checks, drawing, photo_list, witness
 from measurement.series.photo_list import Column, Photograph
 from measurement.series.witness import Refusal, Result
 from softmodels.common import processes
@@ -76,13 +75,13 @@ def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "",
     ):
         return first
     best.tone_error = moved
-    best.doubts += doubts(TONE, Evidence(best))
+    best.doubts += checks.doubts(checks.ToneEvidence(best))
     return best
 
 
 def _traced(image: Pixels, setup: Setup, tone: str, anyway: bool) -> edge.Traced:
     traced = edge.Traced(image, setup, tone, anyway=anyway)
-    traced.doubts = doubts(EDGE, Evidence(traced))
+    traced.doubts = checks.doubts(checks.EdgeEvidence(traced))
     return traced
 
 
@@ -100,7 +99,7 @@ def zero_of(traced: edge.Traced, raised: edge.Traced | None = None) -> ZeroLine:
     if raised is not None:
         again = traced.of_level(raised)
         if again.lift and again.edge.shape.chi_square <= traced.edge.shape.chi_square - profiles.DECISIVE:
-            again.tone_error, again.doubts = 0.0, doubts(EDGE, Evidence(again))
+            again.tone_error, again.doubts = 0.0, checks.doubts(checks.EdgeEvidence(again))
             traced = again
         elif raised.tone == traced.tone:
             hidden = again.edge.shape.hidden * again.width_px * again.scale
@@ -120,10 +119,10 @@ def zero_of(traced: edge.Traced, raised: edge.Traced | None = None) -> ZeroLine:
         tone=traced.tone,
         sides=sides,
     )
-    evidence = Evidence(traced, line)
+    evidence = checks.ZeroEvidence(traced, line)
     bow, lift = evidence.bow, traced.lift
     left = 0.0 if bow is None else bow.level_error
-    found = (*traced.doubts, *doubts(ZERO, evidence))
+    found = (*traced.doubts, *checks.doubts(evidence))
     if bow is not None and bow.by_depth(lift):
         # The lift goes with the body's chord along the light, so that the bow shows its mean too, which the shape underrates:
         # the middle between both is taken, and half of their difference as its error.
@@ -135,8 +134,8 @@ def zero_of(traced: edge.Traced, raised: edge.Traced | None = None) -> ZeroLine:
 
 def outline_of(traced: edge.Traced, zero: ZeroLine, pressure: float, pressure_error: float, source: str) -> Outline:
     """Return the outline above the surface; `Unmeasurable` if it is not that of an actuator on this surface."""
-    e = Evidence(traced, zero)
-    reasons = (*traced.doubts, *doubts(OUTLINE, e))
+    e = checks.OutlineEvidence(traced, zero)
+    reasons = (*traced.doubts, *checks.doubts(e))
     assert e.displaced is not None  # a check rejects that
     order = e.kept[np.argsort(e.placed[e.kept, 0], kind="stable")]
     x, z = e.placed[order].T
@@ -237,11 +236,11 @@ def measure_all(
         done(result)
 
     for k, (photo, name) in enumerate(zip(photographs, names, strict=True)):
-        if doubt := next(answers(LIST, Evidence(run=listed, number=k)), None):
+        if doubt := next(checks.answers(checks.ListEvidence(listed, k)), None):
             take(Result(photo, Refusal(str(doubt), photo.file), name))
         else:
             work.append((photo, name, setup, zero, tone, pictures))
-    known = {stage: checks.loaded for stage, checks in CHECKS.items()}
+    known = {stage: known.loaded for stage, known in checks.CHECKS.items()}
     if jobs <= 1 or len(work) <= 1 or processes.pickled(known) is None:
         for task in work:
             take(_measure_one(*task))
@@ -266,17 +265,17 @@ def judged(results: Sequence[Result]) -> list[Result]:
     """Reject or distrust what looks good by itself and is contradicted by the run's other photographs."""
     outcomes = [result.outcome for result in results]
     samples = {k: result.sample for k, result in enumerate(results) if result.sample is not None}
-    for stage in (RUN, COURSE):
-        for check in CHECKS[stage].values():
+    for stage in (checks.RunEvidence, checks.CourseEvidence):
+        for check in checks.CHECKS[stage].values():
             # Each check sees what the ones before it have left: who is rejected or not trusted is no witness.
             run = witness.Run(_outlines(outcomes), samples)
             for k, outline in run.outlines.items():
-                if doubt := next(check(Evidence(run=run, number=k)), None):
+                if doubt := next(check(stage(run, k)), None):
                     rejected = Refusal(str(doubt), results[k].photograph.file)
                     reasons = (*outline.reasons, str(doubt))
                     doubted = dataclasses.replace(outline, trusted=False, reasons=reasons)
                     outcomes[k] = rejected if doubt.rejects and not outline.anyway else doubted
-        if stage == RUN:
+        if stage is checks.RunEvidence:
             run = witness.Run(_outlines(outcomes))
             for k, off in run.unknown.items():
                 outcomes[k] = dataclasses.replace(run.outlines[k], error=np.hypot(run.outlines[k].error, off))
@@ -300,8 +299,8 @@ def measured_beside(task: tuple[Any, ...]) -> Result:
     user's program has registered, and what `_measure_one` takes."""
     cv2.setNumThreads(1)  # the processes share the cores already
     known, *arguments = task
-    for stage, checks in known.items():
-        CHECKS[stage].update(checks)
+    for stage, registered in known.items():
+        checks.CHECKS[stage].update(registered)
     return _measure_one(*arguments)
 
 
@@ -443,7 +442,7 @@ def outlines(
 
     Args:
         photos: The list, ``photos.csv``, or its rows.
-        setup: Camera and screen, or the file ``setup.toml`` that ``python -m measurement setup`` writes.
+        setup: Camera and screen, or the file ``setup.toml`` that ``softmodels measure setup`` writes.
         column: The water column that the list's lengths were read from.
         how: See `MeasuringOptions`.
 

@@ -18,7 +18,7 @@ from measurement.outline.outline import Outline
 from measurement.screen import calibration
 from measurement.screen.setup import PITCH_ERROR, Setup
 from measurement.series import measuring, photo_list
-from measurement.series.checks import Evidence
+from measurement.series.checks import OutlineEvidence
 from softmodels.app import replies
 from softmodels.common.arrays import Array
 
@@ -65,7 +65,7 @@ def trace(file: str, setup: str, pressure: float, tone: str, anyway: bool) -> re
             outline.height,
             outline.height_error,
             outline.reasons,
-            Evidence(found, line).error,
+            OutlineEvidence(found, line).error,
         )
     seen = BAND * max(1.0, max(known.camera.width, known.camera.height) / replies.PREVIEW) * found.scale
     usual = float(np.median(errors[~found.line.bridged]))

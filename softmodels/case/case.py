@@ -7,14 +7,15 @@ import functools
 import inspect
 import math
 import re
+import tomllib
 import types
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, TypedDict, Unpack
 
 from geometries import Actuator, faces, registry as geometry_table
 from geometries.actuator import changed, parameter, parameter_names
-from softmodels.case import materials
+from softmodels.case import load, materials
 from softmodels.case.entries import (
     MISSING,
     NO_PROBES,
@@ -419,12 +420,13 @@ class Case:
             raise CaseError(f"the case {error}") from None
 
     @classmethod
-    def from_file(cls, path: Path | str, instead: Tables | None = None) -> Case:
-        """Read a case file, optionally with some tables replaced; see `from_toml`. Messages name the file."""
+    def from_file(cls, path: Path | str, instead: Tables | None = None, changes: Iterable[str] = ()) -> Case:
+        """Read a case file with some tables replaced, and fields as of `with_changes`; see `from_toml`. Messages name the
+        file."""
         path = Path(path)
         _check_case_file(path)
         try:
-            return cls._from_tables({**tables.read_toml(path), **(instead or {})}, path.parent)
+            return cls._from_tables({**with_changes(tables.read_toml(path), changes), **(instead or {})}, path.parent)
         except tables.TomlError as error:
             raise CaseError(f"case file {path} {error}") from None
         except CaseError as error:
@@ -440,6 +442,34 @@ class Case:
             raise CaseError(str(error)) from None
         given = {name: value for name, value in read.items() if value is not MISSING}
         return cls(**{"name": given["actuator"].stem, "material": materials.DEFAULT, **given})
+
+
+def with_changes(table: Tables, changes: Iterable[str]) -> Tables:
+    """Return the tables of a case file with changed fields, each as ``"load.pressure=0:5 kPa"``: a text, or a value as TOML has
+    it. Another request takes the place of the file's. `CaseError` for a text without a field or a value."""
+    made = dict(table)
+    for text in changes:
+        name, equals, value = text.partition("=")
+        path = name.strip().split(".")
+        if not (equals and value.strip() and all(path)):
+            raise CaseError(
+                f"--set {text!r} is no change; write a field and its value, such as load.pressure='0:5 kPa'"
+            )
+        inner = made
+        for key in path[:-1]:
+            found = inner.get(key, {})
+            if not isinstance(found, Mapping):
+                raise CaseError(f"--set {name}: {key} is a value, not a table")
+            inner[key] = inner = dict(found)
+        if path[:-1] == ["load"] and path[-1] in load.request_keys():
+            kept = load.kept_with(path[-1])
+            for key in [key for key in inner if key not in kept]:
+                del inner[key]
+        try:
+            inner[path[-1]] = tomllib.loads(f"value = {value}")["value"]
+        except tomllib.TOMLDecodeError:
+            inner[path[-1]] = value.strip()
+    return made
 
 
 def _check_case_file(path: Path) -> None:
@@ -703,12 +733,15 @@ def case_of(
     if isinstance(band := fields.get("band"), str | Path):
         fields["band"] = materials.band_of(band)
     case = Case(actuator=device, material=material, **fields)  # type: ignore[arg-type]
-    _doubt_pressures(pressures, case)
+    _doubt_numbers(pressures, case)
     return case
 
 
-def _doubt_pressures(pressures: Values | None, case: Case) -> None:
-    """Warn of pressures so small that their unit is doubtful."""
+def _doubt_numbers(pressures: Values | None, case: Case) -> None:
+    """Warn of pressures so small, and of values of components and supply so large, that their unit is doubtful."""
+    for part in (*case.components, *([case.supply] if case.supply else [])):
+        if text := schema.doubt_of(part):
+            names.doubt(text)
     given = [] if pressures is None else listed(pressures, "pressure")
     typed = [one for one in given if not isinstance(one, str)]
     highest = max(typed, key=abs, default=LEAST_PRESSURE) if len(typed) == len(given) else LEAST_PRESSURE

@@ -366,6 +366,17 @@ def load_keys() -> dict[str, controls.RequestedValue]:
     return {key: asked for _, key, asked in load_quantities().values()}
 
 
+def request_keys() -> tuple[str, ...]:
+    """Return the keys of which a load has one."""
+    return ("pressure_cm", PRESSURE, "volume_ml", STROKE_KEY, *load_keys())
+
+
+def kept_with(key: str) -> tuple[str, ...]:
+    """Return the keys of a load that may stay where another request takes the place of its own."""
+    preload = ("on", PRELOAD, f"{PRELOAD}_{CM}") if key in load_keys() else ()
+    return (key, "rate", "hold", "cycles", DENSITY, "control", "load_unload", "inertia", *preload)
+
+
 def quantities() -> dict[str, str]:
     """Return the quantity of each key."""
     dead = {key: quantity for quantity, (_, key, _) in load_quantities().items()}
@@ -402,7 +413,7 @@ def steps_of(*, water_density: float | str = units.WATER_DENSITY, **load: object
     cm = units.pascal_per_cm(schema.Quantity("kg/m^3").settled(DENSITY, water_density))
     given = {key: value for key, value in load.items() if value is not None and not _empty(value)}
     in_time = {key: given.pop(key) for key in ("rate", "hold", "cycles") if key in given}
-    own = [key for key in ("pressure_cm", PRESSURE, "volume_ml", STROKE_KEY, *load_keys()) if key in given]
+    own = [key for key in request_keys() if key in given]
     if {"pressure_cm", PRESSURE} <= set(own):
         raise errors.FieldError("pressures are requested twice, as pressure and as pressure_cm; leave one of them out")
     dead = [key for key in load_keys() if key in own]

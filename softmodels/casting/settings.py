@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 import tomli_w
 
 from geometries import Actuator, registry
-from softmodels.case.case import Case
+from softmodels.case.case import Case, with_changes
 from softmodels.case.entries import CaseError
 from softmodels.common import errors, schema, units
 from softmodels.common.names import checked
@@ -263,7 +263,9 @@ class Asked:
         )
 
 
-def asked_of(device: Actuator | Case | str | Path, silicone: str | None = None, **settings: object) -> Asked:
+def asked_of(
+    device: Actuator | Case | str | Path, silicone: str | None = None, changes: Iterable[str] = (), **settings: object
+) -> Asked:
     """Return the request made from Python; `MouldError` or `CaseError` for invalid input.
 
     Settings are fields of `Workshop`, numbers in SI units (angles in degrees) or texts with a unit; a case file's table
@@ -275,7 +277,7 @@ def asked_of(device: Actuator | Case | str | Path, silicone: str | None = None, 
         return _asked(device.actuator, device.name, device, {}, silicone, settings)
     if not isinstance(device, str | Path):
         raise MouldError(f"a mould needs a device, a case or a case file, not {units.brief(device)}")
-    case, table = _read(Path(device))
+    case, table = _read(Path(device), changes)
     try:
         return _asked(case.actuator, case.name, case, table, silicone, settings)
     except MouldError as error:
@@ -336,11 +338,11 @@ def _product(name: object, case: Case | None) -> str:
     return product
 
 
-def _read(file: Path) -> tuple[Case, dict[str, object]]:
+def _read(file: Path, changes: Iterable[str]) -> tuple[Case, dict[str, object]]:
     """Return a case file and its table ``[mould]``; the load is ignored. `CaseError` or `MouldError` for a file that is
     none."""
     try:
-        tables = read_toml(file)
+        tables = dict(with_changes(read_toml(file), changes))
     except TomlError as error:
         raise CaseError(f"case file {file} {error}") from None
     table = tables.pop("mould", {})

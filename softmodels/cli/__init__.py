@@ -6,5 +6,6 @@
 - `material_commands`: fits, a material's curves and scores, named silicones.
 - `results`: opening and comparing results. `exports`: moulds, and cases for other programs.
 - `doctor`: the installation, and the bench on a page.
+- `completion`: the words of all commands, for shells.
 - `examples`: small files to try everything with, and the demonstration of the whole workflow.
 """

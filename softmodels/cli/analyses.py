@@ -233,12 +233,12 @@ class ModesOptions:
     no_pictures: bool = commands.flag_option("Draw nothing.")
 
 
-MODES_HELP = """Find the natural frequencies of a device at rest and while it is inflated, and their modes.
+MODES_HELP = """Find the natural frequencies and modes of a device.
 
-Vibrations are of small amplitude, without damping. They are found at every state of the path to the last pressure (0:40:
-steps chosen by the solver; 0:40:10: also every 10 cm), or at rest without one. --gravity makes the device hang under its
-weight, and sets the density; masses and rigid plates of a case file swing with the device. A symmetric slice has only modes
-with its symmetry.
+They are those at rest and while it is inflated. Vibrations are of small amplitude, without damping. They are found at every
+state of the path to the last pressure (0:40: steps chosen by the solver; 0:40:10: also every 10 cm), or at rest without one.
+--gravity makes the device hang under its weight, and sets the density; masses and rigid plates of a case file swing with the
+device. A symmetric slice has only modes with its symmetry.
 
 Results: modes.csv, with f1_Hz, f2_Hz ... over the pressure, nan of unstable modes; frequencies.png; shapes.png, the modes of
 the last state.
@@ -279,11 +279,14 @@ def _modes_of(device: type[Actuator]) -> click.Command:
               "with its numbers (yeoh:c1=8kPa,c2=90Pa), or a TOML file.")  # fmt: skip
 @click.option("--pressure-cm", "pressures", metavar="SERIES", help="Pressures in cm of the column, instead of the "
               "case's load: 0:40, 0:40:10 or 0,10,40; 0: at rest.")  # fmt: skip
+@options.set_option
 @commands.options(ModesOptions)
-def modes_command(file: Path, how: ModesOptions, material: str | None, pressures: str | None) -> None:
-    case = options.case_of_file(file, material, kind=simulation.AtRest)
+def modes_command(
+    file: Path, how: ModesOptions, material: str | None, pressures: str | None, changes: tuple[str, ...]
+) -> None:
+    case = options.case_of_file(file, material, changes, kind=simulation.AtRest)
     steps = None if pressures is None else load.steps_of(pressure_cm=pressures, water_density=case.water_density)
-    asked = {**vars(how), "material": material, "pressures": pressures}
+    asked = {**vars(how), "material": material, "pressures": pressures, "changes": changes}
     _find_modes(analyses.case_for_modes(case, steps), how, asked, [file])
 
 
@@ -408,6 +411,7 @@ USED_UP = 1e-2
 class GraspOptions:
     """The options of `grasp_command`."""
 
+    changes: tuple[str, ...] = options.set_field()
     fingers: int = commands.option(
         type=int, default=3, show_default=True, help="Number of equal fingers around the object."
     )
@@ -434,11 +438,11 @@ class GraspOptions:
 @click.argument("file", type=click.Path(path_type=Path))
 @commands.options(GraspOptions)
 def grasp_command(file: Path, how: GraspOptions) -> None:
-    """Close equal fingers around an object that is free in their plane, and load it.
+    """Close equal fingers around an object, and load it.
 
-    FILE is the case of one finger with a rigid cylinder that it presses on ([contact.NAME]); the others are its copies, turned
-    around the cylinder's axis. At each pressure, and then at each step of the load, displacement and rotation of the object
-    are those of equilibrium.
+    The object is free in their plane. FILE is the case of one finger with a rigid cylinder that it presses on ([contact.NAME]);
+    the others are its copies, turned around the cylinder's axis. At each pressure, and then at each step of the load,
+    displacement and rotation of the object are those of equilibrium.
 
     Results: grasp.csv, with pose, force of each finger, force closure (1: friction can balance any force and moment in the
     plane) and the load that friction can balance as the fingers press now (bears_N); grasp.png.
@@ -451,7 +455,8 @@ def grasp_command(file: Path, how: GraspOptions) -> None:
       softmodels grasp examples/grasp.toml --load 8mN
       softmodels grasp examples/grasp.toml --fingers 4 --load 5mN --direction x
     """
-    case, way = options.case_of_file(file, None), np.array(component.direction(how.direction, "--direction"))
+    case = options.case_of_file(file, None, how.changes)
+    way = np.array(component.direction(how.direction, "--direction"))
     comm = mpi.start()
     asked = {"file": file, **vars(how)}
     folder = mpi.kept_on_root(
@@ -537,6 +542,7 @@ SAMPLES = 32
 class LimitOptions:
     """The options of the command except those of devices and laws."""
 
+    changes: tuple[str, ...] = options.set_field()
     working_pressure: str | None = commands.option(metavar="PRESSURE",
     help="Working pressure, for the margin: cm of column (20), or "
                                           "with a unit (2kPa).")  # fmt: skip
@@ -587,7 +593,9 @@ class LimitRequest:
     ) -> LimitRequest:
         """Make it from the command's options, of a case file or else a device, and those of device and law, None where not
         given; `CaseError`, `GeometryError` or `MaterialError` for invalid input."""
-        case = None if file is None else simulation.AtRest.from_file(file)
+        if how.changes and file is None:
+            raise CaseError("--set changes a case FILE; give one, or use the options of the device")
+        case = None if file is None else simulation.AtRest.from_file(file, changes=how.changes)
         device, materials = _asked(kind, case, file, names, dict(values))
         for material in materials.values():
             specimens.check_rest(material)
@@ -625,13 +633,13 @@ def _working_cm(text: str | None, pascal_in_cm: float) -> float | None:
 def limit(
     kind: type[Actuator], case_file: Path | None, how: LimitOptions, material: tuple[str, ...], values: options.Values
 ) -> None:
-    """Find the largest pressure a device can take, and the place of its largest strain.
+    """Find the largest pressure a device can take.
 
-    With --vacuum it is the largest vacuum. The device is that of a case FILE or of the options below (as a section, unless
-    --section is given; --device NAME has those of another one); every --material adds a row. With --vary the limit's scatter
-    over fabrication tolerances is added: of any thickness or other length, and of the offset of the cavity, which on a disk
-    sits too high in a part of the same height (a thinner membrane over a thicker base). A sideways shift of a disk's core is
-    not sampled: by symmetry it has no first-order effect.
+    The place of its largest strain is printed too. With --vacuum it is the largest vacuum. The device is that of a case FILE or
+    of the options below (as a section, unless --section is given; --device NAME has those of another one); every --material
+    adds a row. With --vary the limit's scatter over fabrication tolerances is added: of any thickness or other length, and of
+    the offset of the cavity, which on a disk sits too high in a part of the same height (a thinner membrane over a thicker
+    base). A sideways shift of a disk's core is not sampled: by symmetry it has no first-order effect.
 
     Exit status: 0 done; 1 failed; 2 bad input; 3 no equilibrium under the preload.
 

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 class DesignOptions:
     """The options of `design`."""
 
+    changes: tuple[str, ...] = options.set_field()
     output: Path | None = commands.output_option(  # noqa: RUF009
         "Folder for the results.  [default: results/NAME; results/NAME-2 and so on if that holds another problem]"
     )
@@ -53,12 +54,12 @@ class DesignOptions:
 @click.argument("file", type=click.Path(path_type=Path))
 @commands.options(DesignOptions)
 def design(file: Path, how: DesignOptions) -> None:
-    """Find the device that best meets the objective of a problem FILE, within its limits.
+    """Find the device that best meets the objective in a FILE.
 
-    The file names a case, the parameters that may change with their bounds, an objective (maximise, minimise) or
-    a target motion (follow), and limits (keep). Every evaluated design is stored in iterates.csv and
-    in the folder iterates, whose cases can be run; design.toml is always the best so far. At the end the
-    best design's whole path is solved on a new mesh, and these values are reported.
+    The problem FILE names a case, the parameters that may change with their bounds,
+    an objective (maximise, minimise) or a target motion (follow), and limits (keep). Every evaluated design is stored in
+    iterates.csv and in the folder iterates, whose cases can be run; design.toml is always the best so far. At the end the best
+    design's whole path is solved on a new mesh, and these values are reported.
 
     \b
     Examples:
@@ -72,7 +73,7 @@ def design(file: Path, how: DesignOptions) -> None:
     are reported), or the given device has no state at a required pressure; 130 stopped.
     """
     try:
-        problem = DesignProblem.from_file(file)
+        problem = DesignProblem.from_file(file, how.changes)
         with commands.stoppable("softmodels", mpi.speaks):
             from softmodels.design import optimise
 
@@ -193,6 +194,7 @@ def _drawn(result: DesignResult, folder: model.DesignFolder | None, comm: MPI.Co
 class StudyOptions:
     """The options of `study_command`."""
 
+    changes: tuple[str, ...] = options.set_field()
     output: Path | None = commands.output_option(  # noqa: RUF009
         "Folder for the results.  [default: results/NAME; results/NAME-2 and so on if that holds another study]"
     )
@@ -209,7 +211,7 @@ class StudyOptions:
 @click.argument("file", type=click.Path(path_type=Path))
 @commands.options(StudyOptions)
 def study_command(file: Path, how: StudyOptions) -> None:
-    """Solve the case of a study FILE many times with some of its fields varied.
+    """Solve a case many times with some of its fields varied.
 
     The file names a case, how many samples there are and how they are drawn (latin-hypercube, sobol, saltelli, grid), and
     under [vary] the fields of the case file: "1.8:2.2 mm" (uniform), "2 mm +- 0.2 mm" (normal, 95 %), "1:2:0.25 mm" (steps),
@@ -231,7 +233,7 @@ def study_command(file: Path, how: StudyOptions) -> None:
         options.fail(
             "a study shares its samples among its own processes (--jobs, --scheduler); start it without mpirun"
         )
-    plan = study.StudyPlan.from_file(file)
+    plan = study.StudyPlan.from_file(file, how.changes)
     kept = study.open_folder(plan, how.output, how.resume, [file])
     assert kept.own is not None
     folder = kept.own.path

@@ -41,7 +41,10 @@ PACKAGES = {
 
 @options.command("doctor")
 def doctor() -> None:
-    """Check the installation: list versions and what is missing (MPI, compiler), and solve a small case."""
+    """Check the installation, and solve a small case.
+
+    Versions and what is missing (MPI, compiler) are listed.
+    """
     checks: list[tuple[str, Callable[[], str]]] = [
         ("python", lambda: f"{platform.python_version()} on {platform.system()} {platform.machine()}"),
         *((name, lambda name=name, module=module: _version(name, module)) for name, module in PACKAGES.items()),  # type: ignore[misc]
@@ -173,7 +176,9 @@ def _solve() -> str:
     "--lan", is_flag=True, help="Let other machines of the network connect with the key, such as a phone's camera."
 )
 def app(project: Path, port: int | None, no_browser: bool, lan: bool) -> None:
-    """Open the bench as a page in the browser: photographs, material, device, mould.
+    """Open the bench as a page in the browser.
+
+    The page has photographs, material, device and mould.
 
     Everything lies in the folder PROJECT (./project if not given) as plain files, which all other commands read. The page is
     served on this machine only, to those who hold the key in its address; it needs no network.

@@ -178,7 +178,9 @@ def compared(folder: Path, truth: DemoTruth) -> tuple[list[str], bool]:
 @click.option("--megapixels", type=click.FloatRange(1.0, 50.0), default=18.0, show_default=True,
               help="Size of the photographs; 18 is the thesis' camera.")  # fmt: skip
 def demo(output: Path | None, megapixels: float) -> None:
-    """Run the whole workflow: simulate a known silicone, photograph it, measure the photographs, fit, and compare.
+    """Run the whole workflow with a known silicone.
+
+    It is simulated and photographed, the photographs are measured, and a law is fitted and compared.
 
     Takes a few minutes with 18 megapixels. Exit status: 0 if every 95 % interval contains the truth, else 1.
     """
@@ -456,7 +458,9 @@ def creeping() -> tuple[DemoTruth, list[Array], list[str]]:
 @options.command("examples")
 @click.option("-o", "--output", default=Path("examples"), show_default=True, type=click.Path(path_type=Path))
 def examples(output: Path) -> None:
-    """Write small files to try every command with: photographs, boards, a tensile curve, a STEP part, cases.
+    """Write small files to try every command with.
+
+    They are photographs, boards, a tensile curve, a STEP part, and cases.
 
     Existing files are kept.
     Exit status: 0 written, 1 failed, 2 the folder cannot be written.

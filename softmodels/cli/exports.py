@@ -12,6 +12,7 @@ import click
 
 from geometries import registry
 from softmodels.api import calls
+from softmodels.case.case import Case
 from softmodels.casting.settings import Workshop, asked_of
 from softmodels.cli import options
 from softmodels.common import commands, processes, schema
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 class MouldOptions:
     """The options of the command except those of the workshop."""
 
+    changes: tuple[str, ...] = options.set_field()
     output: Path | None = commands.output_option(  # noqa: RUF009
         "Folder for the mould.  [default: results/NAME-mould, or results/NAME-mould-2 and so on]"
     )
@@ -38,13 +40,13 @@ class MouldOptions:
 
 
 def mould(file: Path, how: MouldOptions, settings: Mapping[str, object]) -> None:
-    """Make the mould of the device in a case FILE: cups and lids as STEP and STL, in mm, and a sheet for the bench.
+    """Make the mould of a device, and a sheet for the bench.
 
-    A device is cast in one piece or in several that are bonded, as its recipe says: a cup forms the outside of a piece, a
-    lid carries the cavity's core. An imported part is parted across --pull. Before any file is written, these are checked:
-    bodies watertight, no undercuts, nothing in the way, no wall or gap too fine for the printer, STL within --chord of the
-    exact surface, casts equal to the device.
-    The file needs no load; a table [mould] in it may hold the settings below.
+    Cups and lids come as STEP and STL, in mm. A device is cast in one piece or in several that are bonded, as its recipe says:
+    a cup forms the outside of a piece, a lid carries the cavity's core. An imported part is parted across --pull. Before any
+    file is written, these are checked: bodies watertight, no undercuts, nothing in the way, no wall or gap too fine for the
+    printer, STL within --chord of the exact surface, casts equal to the device. The file needs no load; a table [mould] in it
+    may hold the settings below.
 
     \b
     Examples:
@@ -55,11 +57,11 @@ def mould(file: Path, how: MouldOptions, settings: Mapping[str, object]) -> None
     \b
     Exit status: 0 done; 1 failed; 2 bad input; 130 stopped.
     """
-    asked = asked_of(file, how.silicone, **settings)
+    asked = asked_of(file, how.silicone, how.changes, **settings)
     files = [file, *map(Path, asked.device.files.values())]
     if not mpi.speaks():
         return
-    given = {"silicone": how.silicone, **settings}
+    given = {"silicone": how.silicone, "changes": how.changes, **settings}
     folder = commands.open_folder(how.output, Path("results") / f"{asked.name}-mould", "mould", given, files)
     from softmodels.casting import make
     from softmodels.casting.files import write_bodies, write_sheet
@@ -122,12 +124,13 @@ mould_command = _mould_command()
 @options.command("export")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Deck: NAME.inp.")
+@options.set_option
 @click.option("--quiet", is_flag=True, help="Print only errors.")
-def export_command(file: Path, output: Path, quiet: bool) -> None:
-    """Write the case FILE for CalculiX: the same mesh, silicones, supports, rigid parts, contact and loads.
+def export_command(file: Path, output: Path, changes: tuple[str, ...], quiet: bool) -> None:
+    """Write the case FILE for CalculiX.
 
-    It is solved by `ccx NAME`. Lengths in the deck are in mm, pressures in Pa. Cells have only displacements there: compare
-    the result with --formulation displacement.
+    It has the same mesh, silicones, supports, rigid parts and dead loads. It is solved by `ccx NAME`. Lengths in the deck are
+    in mm, pressures in Pa. Cells have only displacements there: compare the result with --formulation displacement.
 
     \b
     Examples:
@@ -142,7 +145,7 @@ def export_command(file: Path, output: Path, quiet: bool) -> None:
     if not mpi.speaks():
         return
     with options.unwritable(output):
-        deck = calls.export(file, output)
+        deck = calls.export(Case.from_file(file, changes=changes), output)
     if not quiet:
         steps, mesh = len(deck.pressures), deck.mesh
         processes.say(
@@ -165,7 +168,7 @@ def export_command(file: Path, output: Path, quiet: bool) -> None:
 @click.option("--face", default="", help="Face that is the tip.  [default: the device's own]")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def reduce_command(folder: Path, output: Path, kind: str, face: str, quiet: bool) -> None:
-    """Reduce the results in FOLDER to the device's tip, for robot simulators.
+    """Reduce results to the device's tip, for robot simulators.
 
     Over the pressures of the path up to the first limit point: position and rotation of the tip, added volume, their exact
     derivatives by the pressures, the compliance by force and moment on the tip, effective area, arc of constant curvature, and

@@ -169,6 +169,7 @@ def stretch_range(text: str) -> tuple[float, float]:
 class OutlineOptions:
     """How outlines are read."""
 
+    changes: tuple[str, ...] = options.set_field()
     untrusted: bool = commands.flag_option("Also use outlines that the measurement flags as untrusted.")
     height_datum: str | None = commands.option(
         type=commands.Choice(problem.HEIGHTS_FROM),
@@ -346,14 +347,15 @@ def read_prior(value: str, unit: str) -> problem.Change:
 @click.argument("files", metavar="[CASE.toml [OUTLINES...]]...", nargs=-1, type=click.Path(path_type=Path))
 @commands.options(FitGiven)
 def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
-    """Fit laws to measurements: parameters with 95 % intervals, and a material file for a simulation.
+    """Fit laws to measurements, with 95 % intervals.
 
-    With --tensile, to curves of test machines. With a CASE (such as the case.toml in a folder of results), to outlines of that
-    device at all pressures (files or folders that python -m measurement photos has made), alone or together with curves.
-    Systematic errors of the bench are fitted too, within plausible bounds: an offset and a unit of pressure, a leak, a unit
-    of length, the zero plane, the axis; and the thickness of the part (membrane of a disk), by default to 2 %. --fix leak
-    keeps one of them at its nominal value, --prior 'leak=0+-5%' or --prior membrane=6mm+-0.2mm sets an expected error.
-    Gravity, masses and forces of the case are taken as known; they act in every photograph, also at zero pressure.
+    The result is a material file for simulations. With --tensile laws are fitted to curves of test machines. With a CASE (such
+    as the case.toml in a folder of results), to outlines of that device at all pressures (files or folders that softmodels
+    measure photos has made), alone or together with curves. Systematic errors of the bench are fitted too, within plausible
+    bounds: an offset and a unit of pressure, a leak, a unit of length, the zero plane, the axis; and the thickness of the part
+    (membrane of a disk), by default to 2 %. --fix leak keeps one of them at its nominal value, --prior 'leak=0+-5%' or --prior
+    membrane=6mm+-0.2mm sets an expected error. Gravity, masses and forces of the case are taken as known; they act in every
+    photograph, also at zero pressure.
 
     With several CASEs, each followed by its OUTLINES, one material is fitted to all of them, as to parts of one cast. The
     errors of the bench are fitted per device: --fix leak applies to all of them, --fix disk.leak to the one whose case is
@@ -451,7 +453,7 @@ def _device_report(files: Sequence[Path], how: FitGiven) -> comparison.FitReport
         )
     devices = []
     for file, outlines in pairs:
-        devices.append((Case.from_file(file), outlines))
+        devices.append((Case.from_file(file, changes=how.changes), outlines))
         if how.heights is None and not outlines:
             raise shapes.OutlineFitError(
                 f"{file} describes only the device; add its outlines, or --heights heights.csv"
@@ -536,9 +538,10 @@ class CurveOptions(CurveFiles):
 @options.command("curve")
 @commands.options(CurveOptions)
 def curve(how: CurveOptions) -> None:
-    """Show materials in uniaxial tension, pure shear and equibiaxial tension, and as a balloon.
+    """Show the curves of materials in standard tests.
 
-    Each is drawn with its own Poisson's ratio. Where a law stops being stable, is said. Ogden's factors take commas:
+    The tests are uniaxial tension, pure shear and equibiaxial tension; with them comes the inflation of a balloon. Each is
+    drawn with its own Poisson's ratio. Where a law stops being stable, is said. Ogden's factors take commas:
     ogden:mu=0.63MPa,0.0012MPa,-0.01MPa,alpha=1.3,5,-2 and perhaps convention=2mu/alpha^2.
 
     \b
@@ -642,14 +645,15 @@ class ScoreOptions(OutlineOptions, CurveFiles):
 @click.argument("files", metavar="[CASE.toml OUTLINES...]", nargs=-1, type=click.Path(path_type=Path))
 @commands.options(ScoreOptions)
 def score(files: tuple[Path, ...], how: ScoreOptions) -> None:
-    """Score materials against held-out tensile curves, or against outlines of a device.
+    """Score materials against measurements held out of a fit.
 
-    The material is not fitted. For each measurement these are reported: the root mean square of predicted minus measured;
-    chi squared per value (1: within the measurement's error; 100: a law that is 10 standard errors off); the parts of it
-    explained by the errors of the measurement and of the material (from a fitted.toml: the 95 % region of its covariance, as in
-    the band of a run); the number of values within the 95 % band of the measurement's error; and the largest deviation.
-    With outlines, systematic errors of the bench (offset of the pressure, leak, zero plane) are fitted too, as in a fit.
-    A material with a memory is followed through the times of the whole test; FILE:TEST:RATE gives a rate if there are none.
+    The measurements are tensile curves, or outlines of a device. The material is not fitted. For each measurement these are
+    reported: the root mean square of predicted minus measured; chi squared per value (1: within the measurement's error; 100: a
+    law that is 10 standard errors off); the parts of it explained by the errors of the measurement and of the material (from a
+    fitted.toml: the 95 % region of its covariance, as in the band of a run); the number of values within the 95 % band of the
+    measurement's error; and the largest deviation. With outlines, systematic errors of the bench (offset of the pressure, leak,
+    zero plane) are fitted too, as in a fit. A material with a memory is followed through the times of the whole test;
+    FILE:TEST:RATE gives a rate if there are none.
 
     \b
     Examples:
@@ -707,7 +711,7 @@ def _materials(names: tuple[str, ...]) -> dict[str, Material]:
 
 
 def _device(files: tuple[Path, ...], how: ScoreOptions) -> tuple[MeasuredDevice, list[Outline]]:
-    device = MeasuredDevice.of(Case.from_file(files[0])).counting_from(how.height_datum or "")
+    device = MeasuredDevice.of(Case.from_file(files[0], changes=how.changes)).counting_from(how.height_datum or "")
     return device, shapes.read_outlines(files[1:], how.untrusted)
 
 
@@ -783,11 +787,12 @@ PLAIN = "*"
 @options.command("silicones")
 @click.argument("products", nargs=-1, metavar="[PRODUCT...]")
 def silicones(products: tuple[str, ...]) -> None:
-    """List the named silicones: shear modulus at small strain, stresses in uniaxial tension, range and source.
+    """List the named silicones with all their sources.
 
-    With a PRODUCT, such as ecoflex-00-30, where and how each of its sources was measured, and its density. A product's plain
-    name means the source with a star: of its sources in tension, from the softest to the stiffest by their secant modulus at
-    stretch 1.5, the middle one, and of an even number the stiffer of the two in the middle.
+    The list has the shear modulus at small strain, stresses in uniaxial tension, and range. With a PRODUCT, such as
+    ecoflex-00-30, where and how each of its sources was measured, and its density. A product's plain name means the source with
+    a star: of its sources in tension, from the softest to the stiffest by their secant modulus at stretch 1.5, the middle one,
+    and of an even number the stiffer of the two in the middle.
 
     \b
     Exit status: 0 done; 2 no such silicone.

@@ -71,6 +71,7 @@ def device_command(
     pressures are those of the help."""
     given = CaseOptions(device, device.silicone)
 
+    @commands.version_option
     @commands.options(commands.RunOptions)
     def run_device(how: commands.RunOptions, **values: object) -> None:
         execute(lambda: given.case(values), how)
@@ -87,17 +88,34 @@ def command_of(device: type[Actuator]) -> click.Command:
     return device_command(device, f"softmodels run {DEVICE} {device.__name__}", words)
 
 
+SET: dict[str, Any] = {
+    "multiple": True, "metavar": "FIELD=VALUE",
+    "help": "Change a field of the case file, such as load.pressure='0:5 kPa' or geometry.membrane=2mm; may be repeated.",
+}  # fmt: skip
+set_option = click.option("--set", "changes", **SET)
+
+
+def set_field() -> Any:
+    """Return the field of ``--set``."""
+    return commands.option("--set", **SET)
+
+
 def case_of_file(
-    file: Path, material: str | None, band: str | None = None, solver: str | None = None, kind: type[Case] = Case
+    file: Path,
+    material: str | None,
+    changes: Sequence[str],
+    band: str | None = None,
+    solver: str | None = None,
+    kind: type[Case] = Case,
 ) -> Case:
-    """Return a case file's case, as the class given, with the given material, band or solver."""
+    """Return a case file's case, as the class given, with changed fields, and the given material, band or solver."""
     more: dict[str, Mapping[str, object]] = {}
     if material is not None:
         more["material"] = materials.to_table(materials.material_from(material, {}))
     if band is not None:
         product = silicones.product_of(band) if silicones.silicone_called(band) else ""
         more["band"] = {"silicone": product} if product else {"file": str(Path(band).absolute())}
-    case = kind.from_file(file, more)
+    case = kind.from_file(file, more, changes)
     return case if solver is None else dataclasses.replace(case, solver=solver)
 
 
@@ -176,40 +194,19 @@ def write_into(folder: commands.ResultFolder, write: Callable[[Path], None], wha
 def _tell(message: str, only_here: bool = False) -> None:
     if only_here or mpi.speaks():
         with contextlib.suppress(OSError):  # stderr is closed
-            processes.say(f"softmodels: {commands.bounded(message)}", err=True)
-
-
-def _missing(error: click.MissingParameter) -> str:
-    """Return a message for missing arguments, with the examples of the command's help."""
-    context, said = error.ctx, error.format_message().rstrip(".")
-    if context is None or context.command.help is None:
-        return f"{said} (see --help)"
-    lines = [" ".join(line.split()) for line in context.command.help.partition("Examples:")[2].splitlines()]
-    examples = [line for line in lines if line.startswith("softmodels ")][:3]
-    if not examples:
-        return f"{said} (see {context.command_path} --help)"
-    return f"{said}; for example: {' | '.join(examples)} (softmodels examples writes files to begin with; see --help)"
+            commands.tell(message)
 
 
 def main(command: click.Command) -> None:
     """Run a click command; usage errors print one sentence on one rank; exit status 2."""
     if not mpi.speaks():
         sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  (help is printed once too, and the stream stays open)
-    with mpi.exits_together(), commands.written(_tell):
+    with mpi.exits_together(), commands.ending(_tell):
         try:
             materials.import_own_modules()
             command.main(standalone_mode=False)
         except materials.OwnModuleError as error:
             fail(str(error))
-        except (click.exceptions.Abort, KeyboardInterrupt):
-            fail("stopped by the user", commands.STOPPED)
-        except click.exceptions.NoArgsIsHelpError as error:
-            print(error.format_message())
-            sys.exit(2)
-        except click.MissingParameter as error:
-            fail(_missing(error))
-        except click.ClickException as error:
-            fail(f"{commands.usage_sentence(error)} (see --help)")
         finally:
             gc.unfreeze()  # for callers whose process continues
 
@@ -445,6 +442,10 @@ def by_device(made_for: Callable[[type[Actuator]], click.Command], text: str) ->
             made.params.insert(0, option("The device: {}."))
             return made.make_context(info_name, args, parent, **extra)  # type: ignore[arg-type]
 
+        def device_params(self) -> list[click.Parameter]:
+            """Return the parameters of all devices."""
+            return [param for kind in ACTUATORS.values() for param in made_for(kind).params]
+
         def _of_file(
             self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: object
         ) -> click.Context:
@@ -452,7 +453,7 @@ def by_device(made_for: Callable[[type[Actuator]], click.Command], text: str) ->
                 return super().make_context(info_name, args, parent, **extra)  # type: ignore[arg-type]
             except click.NoSuchOption as error:
                 given = error.option_name
-                if not any(given in param.opts for kind in ACTUATORS.values() for param in made_for(kind).params):
+                if not any(given in param.opts for param in self.device_params()):
                     raise
                 raise click.UsageError(
                     f"{given} goes with {DEVICE} NAME; what a case FILE requests and consists of stands in the file",
@@ -482,17 +483,27 @@ def _named(args: list[str]) -> str | None:
               "adds the 95 % band from its errors to path.csv and the curves. Or a silicone's name: each of its sources "
               "is solved, and the curves show the band they span.")  # fmt: skip
 @case_option(next(case.entries()["solver"].options()))
+@set_option
 @commands.options(commands.RunOptions)
-def run(file: Path, how: commands.RunOptions, material: str | None, band: str | None, solver: str | None) -> None:
-    """Run a case FILE, such as the case.toml in a folder of results, or a device by its options.
+def run(
+    file: Path,
+    how: commands.RunOptions,
+    material: str | None,
+    band: str | None,
+    solver: str | None,
+    changes: tuple[str, ...],
+) -> None:
+    """Run a case FILE, or a device by its options.
 
-    Results are written to --output, by default results/NAME with the case's name. Words after -- go to PETSc.
+    A case FILE is, for example, the case.toml in a folder of results. Results are written to --output, by default results/NAME
+    with the case's name. Words after -- go to PETSc.
 
     \b
     Examples:
       softmodels run results/disk/case.toml
+      softmodels run results/disk/case.toml --set load.pressure='0:5 kPa' --set geometry.membrane=2mm
       softmodels run lifted.toml --material results/fit/fitted.toml --band results/fit/fitted.toml
       softmodels run --device HollowDisk --pressure-cm 0:177 --section axisymmetric
       softmodels run --device HollowDisk --help
     """
-    execute(lambda: case_of_file(file, material, band, solver), how, [file])
+    execute(lambda: case_of_file(file, material, changes, band, solver), how, [file])

@@ -115,7 +115,9 @@ def draw_command(folder: Path, wanted: commands.DrawingOptions) -> None:
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Write a report as HTML to this file.")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def compare_command(folders: Sequence[Path], output: Path | None, quiet: bool) -> None:
-    """Compare the results in FOLDERS with those in the first: their cases, main figures, paths and outlines.
+    """Compare results with those in the first of the FOLDERS.
+
+    Their cases, main figures, paths and outlines are compared.
 
     Figures are compared at the highest load that all reach, and at the loads that all were asked for. Where a run has no state
     at such a load, its figures are interpolated between neighbouring states.
@@ -163,7 +165,9 @@ def compare_command(folders: Sequence[Path], output: Path | None, quiet: bool) -
 def line_command(
     folder: Path, value: str | None, points: int, output: Path | None, quiet: bool, **places: str | None
 ) -> None:
-    """Take the values along a line through the body of the results in FOLDER, such as the stress through a wall.
+    """Take the values along a line through the body.
+
+    FOLDER has the results; a line may show the stress through a wall.
 
     Places are in device coordinates of the undeformed body, with which the line moves. They may lie anywhere in the whole
     device, also where only a section or a slice of it is modelled.

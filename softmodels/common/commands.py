@@ -10,7 +10,6 @@ import errno
 import functools
 import gc
 import importlib
-import io
 import os
 import shlex
 import signal
@@ -345,26 +344,24 @@ class CommandGroup(click.Group):
 
 
 class LazyGroup(CommandGroup):
-    """A group that imports the module of a command when it is called; ``places`` has the first sentence of each command's help
-    by module and name, listed in an ``order``. ``speaks`` says whether this process of the ``program`` may print, where it is
-    stopped during an import."""
+    """A group that imports the module of a command when it is called; ``places`` has this module and the first sentence of its
+    help, by the heading under which help lists it and its name. ``speaks`` says whether this process of the ``program`` may
+    print, where it is stopped during an import."""
 
     def __init__(
         self,
         *,
         program: str,
-        places: Mapping[str, Mapping[str, str]],
-        order: Callable[[Iterable[str]], list[str]] = sorted,
+        places: Mapping[str, Mapping[str, tuple[str, str]]],
         speaks: Callable[[], bool] = lambda: True,
         **given: Any,
     ):
         super().__init__(**given)
-        self.program, self.order, self.speaks = program, order, speaks
-        self.texts = {name: text for texts in places.values() for name, text in texts.items()}
-        self.module_of = {name: module for module, texts in places.items() for name in texts}
+        self.program, self.places, self.speaks = program, places, speaks
+        self.module_of = {name: module for group in places.values() for name, (module, _) in group.items()}
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return self.order(self.texts)
+        return list(self.module_of)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in self.commands and cmd_name in self.module_of:
@@ -376,32 +373,38 @@ class LazyGroup(CommandGroup):
         return super().get_command(ctx, cmd_name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the list of commands into the group's help, without importing them."""
-        limit = formatter.width - 6 - max(map(len, self.texts))
-        rows = [
-            (name, click.Command(None, help=self.texts[name]).get_short_help_str(limit))
-            for name in self.list_commands(ctx)
-        ]
-        with formatter.section("Commands"):
-            formatter.write_dl(rows)
+        """Write the commands by group into the help, without importing them."""
+        widest = max(map(len, self.module_of))
+        for heading, group in self.places.items():
+            with formatter.section(heading):
+                formatter.write_dl([(name.ljust(widest), text) for name, (_, text) in group.items()])
 
 
-def run_command(command: click.Command, name: str) -> None:
-    """Run a click command of this name and exit: usage errors have status 2, Ctrl-C `STOPPED`, output that has nowhere to go
-    1."""
+version_option = click.version_option(version(), "-v", "--version", prog_name="softmodels")
+"""``-v`` and ``--version``."""
 
-    def tell(sentence: str) -> None:
-        processes.say(f"Error: {bounded(sentence)}", err=True)
 
+def tell(sentence: str, program: str = "softmodels") -> None:
+    """Print an error of a program to standard error; on a terminal its name is red, unless NO_COLOR is set."""
+    text = processes.wrapped(f"{program}: {bounded(sentence)}", processes.columns("stderr"))
+    if not os.environ.get("NO_COLOR") and sys.stderr.isatty() and os.environ.get("TERM") != "dumb":
+        text = click.style(f"{program}:", fg="red", bold=True) + text.removeprefix(f"{program}:")
+    print(text, file=sys.stderr, flush=True)
+
+
+@contextlib.contextmanager
+def ending(tell: Callable[[str], None] = tell) -> Iterator[None]:
+    """Exit with a sentence and a status where a click command ends with an error in here: usage errors have status 2, Ctrl-C
+    `STOPPED`, output that has nowhere to go and missing memory 1."""
     with written(tell):
         try:
-            sys.exit(command.main(prog_name=name, standalone_mode=False))
+            yield
+        except click.exceptions.NoArgsIsHelpError as error:
+            print(error.format_message())
+            sys.exit(UNUSABLE)
         except click.ClickException as error:
-            shown = io.StringIO()
-            if isinstance(error, click.NoSuchOption):
-                error = click.UsageError(usage_sentence(error), error.ctx)
-            error.show(shown)
-            click.echo(bounded(shown.getvalue()), err=True, nl=False)
+            missing = isinstance(error, click.MissingParameter)
+            tell(_missing(error) if missing else f"{usage_sentence(error)} (see --help)")  # type: ignore[arg-type]
             sys.exit(error.exit_code)
         except (click.exceptions.Abort, KeyboardInterrupt):
             tell("stopped by the user")
@@ -412,6 +415,24 @@ def run_command(command: click.Command, name: str) -> None:
                 "larger cells, fewer --jobs)"
             )
             sys.exit(FAILED)
+
+
+def _missing(error: click.MissingParameter) -> str:
+    """Return a message for missing arguments, with the examples of the command's help."""
+    context, said = error.ctx, error.format_message().rstrip(".")
+    if context is None or context.command.help is None:
+        return f"{said} (see --help)"
+    lines = [" ".join(line.split()) for line in context.command.help.partition("Examples:")[2].splitlines()]
+    examples = [line for line in lines if line.startswith("softmodels ")][:3]
+    if not examples:
+        return f"{said} (see {context.command_path} --help)"
+    return f"{said}; for example: {' | '.join(examples)} (softmodels examples writes files to begin with; see --help)"
+
+
+def run_command(command: click.Command, name: str) -> None:
+    """Run a click command of this name and exit."""
+    with ending():
+        sys.exit(command.main(prog_name=name, standalone_mode=False))
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -39,37 +39,21 @@ class ImplausibleWarning(UserWarning):
 
 
 def checked[T](thing: T) -> T:
-    """Make a function or constructor reject unknown, missing or too many arguments by an `ArgumentError`; a decorator.
+    """Make a function or constructor reject unknown, missing or too many arguments by an `ArgumentError`; a decorator."""
+    if not isinstance(thing, type):
+        return cast("T", _checked(cast("Callable[..., object]", thing), cast("Any", thing).__name__))
+    if "__init__" in vars(thing):
+        thing.__init__ = _checked(thing.__init__, thing.__name__)  # type: ignore[misc]
+    return thing
 
-    A class may have a property ``doubt``, a sentence on numbers that are implausible: it is warned of where a user's own code
-    calls, and not where the library does.
-    """
-    if isinstance(thing, type):
-        if "__init__" in vars(thing):
-            thing.__init__ = _constructor(thing, thing.__init__)  # type: ignore[misc]
-        return thing
-    function = cast("Callable[..., object]", thing)
-    name = function.__name__
 
+def _checked(function: Callable[..., Any], name: str) -> Callable[..., Any]:
     @functools.wraps(function)
     def call(*args: object, **kwargs: object) -> object:
         _refused(name, function, args, kwargs)
         return function(*args, **kwargs)
 
-    return cast("T", call)
-
-
-def _constructor(owner: type, function: Callable[..., None]) -> Callable[..., None]:
-    name = owner.__name__
-
-    @functools.wraps(function)
-    def make(self: Any, *args: object, **kwargs: object) -> None:
-        _refused(name, function, (self, *args), kwargs)
-        function(self, *args, **kwargs)
-        if type(self) is owner and (text := getattr(self, "doubt", "")) and not _called_by_us():
-            doubt(text)
-
-    return make
+    return call
 
 
 @functools.cache
@@ -87,13 +71,6 @@ def _refused(name: str, function: Callable[..., object], args: Sequence[object],
             signature = signature.replace(parameters=[*signature.parameters.values()][1:])
             args = args[1:]
         raise ArgumentError(_refusal(name, signature, args, kwargs)) from None
-
-
-def _called_by_us() -> bool:
-    """Return whether the call comes from this project's own modules, which read and fit numbers that nobody typed into
-    Python."""
-    module = str(sys._getframe(2).f_globals.get("__name__", ""))
-    return module.split(".")[0] in (*errors.OWN, "dataclasses")
 
 
 MAX_NAME_BYTES = 200

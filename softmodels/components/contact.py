@@ -23,7 +23,6 @@ import itertools
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence, Set
-from pathlib import Path
 from typing import ClassVar, Self
 
 import numpy as np
@@ -35,7 +34,7 @@ from geometries.faces import UNITS, FaceNumberError, faces as plane_faces
 from softmodels.common import errors, schema
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import Expr, fem, scipy, ufl
-from softmodels.components import pressing
+from softmodels.components import pressing, shapes
 from softmodels.mechanics import assembly, component, mpi
 from softmodels.mechanics.body import Body, in_section, in_space
 from softmodels.mechanics.component import Component, ComponentError, direction
@@ -96,18 +95,8 @@ class ContactPart(component.EnergyComponent):
 # kernel's radius, and twice differentiable everywhere. A sphere of radius r appears larger by a tenth of that squared over r.
 
 
-SHAPES = ("sphere", "cylinder", "capsule", "plane", "stl")
-ENDLESS = 1e3
-"""Half length of a cylinder in sizes of the device."""
-MAX_SHAPE_DEPTH = 0.05
-"""Penetration relative to the size at which a state is rejected: the device would pass through the shape."""
 MOST = 3.0
 """Largest accepted coefficient of friction: rubber on dry glass has 1 to 2."""
-type Numbers = tuple[Array, Array, float | None, float, float]
-"""Place of its middle, direction of its line, radius, half the line's length, and 1 or, of a hollow one, -1; in sizes.
-
-Of a plane a point, its normal, and no radius.
-"""
 
 
 @component.register_component
@@ -116,7 +105,7 @@ class RigidShape(ContactPart):
     """A rigid shape, and the faces in contact with it.
 
     Attributes:
-        shape: One of `SHAPES`.
+        shape: One of `shapes.SHAPES`.
         faces: Roles of the facets that it stops, such as ``"outer"`` or ``"top, outer"``; others pass through it.
         at: A point in m: the middle of a sphere or capsule, a point on a cylinder's axis or in a plane, where the origin of an
             STL file goes.
@@ -138,7 +127,7 @@ class RigidShape(ContactPart):
 
     shape: str = schema.choice_field(
         "sphere",
-        SHAPES,
+        tuple(shapes.SHAPES),
         "a sphere, a cylinder without ends, a capsule (a cylinder with round ends), a plane, or an STL file",
     )
     faces: str = schema.field_of(schema.Words(), "faces in contact with it, such as outer or 'top, outer'", "")
@@ -208,32 +197,23 @@ class RigidShape(ContactPart):
         self.check_stiffness()
         self._check_guide()
         self._check_friction()
-        if self.seal and (self.shape != "plane" or self.guide):
+        if self.file:
+            object.__setattr__(self, "file", errors.whole_path(self.file))
+        form = self.form
+        given = [name for name in ("radius", "length", "hollow", "file", "rounding") if getattr(self, name)]
+        if foreign := [name for name in given if not hasattr(form, name)]:
+            raise self.error(
+                f"shape = {self.shape!r} has no {' and no '.join(foreign)}; leave out {', '.join(foreign)}"
+            )
+        form.check()
+        if self.seal and (not isinstance(form, shapes.Plane) or self.guide):
             raise self.error("a cavity seals only on a fixed plane (shape = 'plane', without guide)")
-        if self.shape == "stl":
-            self._check_file()
-            return
-        if self.file or self.rounding:
-            raise self.error(f"a {self.shape} has no file and no rounding; only shape = 'stl' has")
-        if self.shape == "plane":
-            if self.radius or self.length or self.hollow:
-                raise self.error(
-                    "a plane has a point (at) and a normal to the device's side (along), and no radius, length "
-                    "or hollow"
-                )
-        elif self.radius <= 0.0:
-            raise self.error(f"a {self.shape} needs a radius above zero (radius = '5 mm')")
-        if len(self.along) != 3 or not any(self.along):
-            raise self.error(f"along = {list(self.along)} is not a direction; write three numbers, such as [0, 1, 0]")
-        if (self.length > 0.0) != (self.shape == "capsule"):
-            raise self.error("only a capsule has a length, above zero")
 
-    def _check_file(self) -> None:
-        if not self.file:
-            raise self.error("an STL shape needs its file (file = 'hand.stl')")
-        object.__setattr__(self, "file", errors.whole_path(self.file))
-        if self.radius or self.length:
-            raise self.error("the file defines the size of an STL shape; leave out radius and length")
+    @property
+    def form(self) -> shapes.Shape:
+        """Its geometry."""
+        kind = shapes.SHAPES[self.shape]
+        return kind(**{field.name: getattr(self, field.name) for field in dataclasses.fields(kind)})
 
     def _check_guide(self) -> None:
         if not self.guide:
@@ -280,10 +260,6 @@ class RigidShape(ContactPart):
         at = [place + by * (axis == name) for axis, place in zip(actuator.AXES, self.at, strict=True)]
         object.__setattr__(made, "at", tuple(at))
         return made
-
-    @property
-    def direction(self) -> Array:
-        return np.asarray(self.along) / np.linalg.norm(self.along)
 
     @property
     def weighs(self) -> float:
@@ -335,84 +311,26 @@ class RigidShape(ContactPart):
 
     @property
     def sealing(self) -> component.Sealing | None:
+        if not self.seal:
+            return None
         x, y, z = self.at
-        i, j, k = map(float, self.direction)
-        return component.Sealing(tuple(self.roles), (x, y, z), (i, j, k)) if self.seal else None
-
-    def half(self, size: float) -> float:
-        """Return half the length of the line in its middle, in sizes of the device."""
-        return {"cylinder": ENDLESS, "capsule": self.length / 2 / size}.get(self.shape, 0.0)
+        i, j, k = map(float, self.form.numbers(1.0)[1])
+        return component.Sealing(tuple(self.roles), (x, y, z), (i, j, k))
 
     def deepest(self, size: float) -> float:
         """Return the penetration relative to the size at which a state is rejected."""
-        return (
-            MAX_SHAPE_DEPTH if self.hollow or self.shape == "plane" else min(MAX_SHAPE_DEPTH, 0.5 * self.radius / size)
-        )
+        return self.form.deepest(size)
 
     def crossed(self, actuator: Actuator) -> list[Array]:
         """Return the normals of the cut planes that it crosses."""
         normals = [np.asarray(plane.normal, dtype=float) for plane in actuator.cut_planes]
-        if self.file:
-            points, _ = surface_of(self)
-            near = _same(points)
-            return [n for n in normals if (points @ n).min() < -near and (points @ n).max() > near]
-        if self.shape == "plane":
-            return normals
-        return [normal for normal in normals if abs(np.asarray(self.at) @ normal) < self.radius]
+        return [normal for normal in normals if self.form.crosses(normal)]
 
     def check_on(self, actuator: Actuator) -> None:
         component.check_on_mesh(self.where, actuator, self.roles)
-        if self.file:
-            self._check_file_on(actuator)
-        else:
-            self._check_round_on(actuator)
+        self.form.check_on(actuator)
         if self.guide:
             self._check_guide_on(actuator)
-
-    def _check_round_on(self, actuator: Actuator) -> None:
-        at, along = np.asarray(self.at), self.direction
-        if actuator.dimension == 2:
-            if np.abs(at[:2]).max() > 0.0 or (self.shape != "sphere" and abs(along[2]) < 1 - 1e-12):
-                raise self.error(
-                    "with an axisymmetric section the shape must be axisymmetric: at = ['0 mm', '0 mm', ...] "
-                    "and along = [0, 0, 1]"
-                )
-            return
-        for plane in actuator.cut_planes:
-            normal = np.asarray(plane.normal)
-            if self.shape == "plane":
-                if abs(float(along @ normal)) > 1e-9:
-                    raise self.error(
-                        f"the plane is not perpendicular to the cut plane {plane.name}, so it "
-                        f"breaks the symmetry; rotate it, or model the whole device"
-                    )
-                continue
-            beyond, lean = float(at @ normal), abs(float(along @ normal))
-            reach = self.radius + (0.0 if self.shape == "sphere" else self.half(1.0) * lean)
-            askew = self.shape != "sphere" and 1e-9 < lean < 1 - 1e-9
-            if -beyond < reach * (1 - 1e-9) and (abs(beyond) > 1e-9 * reach or askew):
-                if self.shape == "cylinder" and lean > 1 - 1e-9:
-                    continue
-                raise self.error(
-                    f"the {self.shape} crosses the cut plane {plane.name} asymmetrically; "
-                    f"put its centre on that plane, or model the whole device"
-                )
-
-    def _check_file_on(self, actuator: Actuator) -> None:
-        points, _ = surface_of(self)
-        if actuator.dimension == 2:
-            raise self.error("an axisymmetric section needs an axisymmetric shape; use the solid (section = 'solid')")
-        near = _same(points)
-        for plane in actuator.cut_planes:
-            n = np.asarray(plane.normal, dtype=float)
-            if (points @ n).max() <= near:
-                continue
-            image = points - 2 * np.outer(points @ n, n)
-            if scipy.spatial.cKDTree(points).query(image)[0].max() > near:
-                raise self.error(
-                    f"{self.file} crosses the cut plane {plane.name} and its vertices are "
-                    f"not mirror-symmetric; model the whole device"
-                )
 
     def _check_guide_on(self, actuator: Actuator) -> None:
         guide = self.gives_way
@@ -423,16 +341,6 @@ class RigidShape(ContactPart):
                 f"along {self.guide} the shape would leave its cut plane; use a guide "
                 f"in that plane, or {actuator.fuller}"
             )
-
-    def numbers(self, size: float) -> Numbers:
-        """Place, direction, radius, half length and side, in sizes of the device."""
-        return (
-            np.asarray(self.at) / size,
-            self.direction,
-            None if self.shape == "plane" else self.radius / size,
-            self.half(size),
-            -1.0 if self.hollow else 1.0,
-        )
 
     def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
         depth = 1e3 * figure(f"{self.label}_depth")
@@ -446,43 +354,6 @@ class RigidShape(ContactPart):
             standing = FileShapeTerm(self, setting) if self.file else SampledShapeTerm(self, setting)
             return (GuidedShapeTerm if self.guide else RubbingShapeTerm)(self, standing, setting)
         return FileShapeTerm(self, setting) if self.file else ShapeTerm(self, setting)
-
-
-Indices = npt.NDArray[np.int64]
-SAME = 1e-6
-"""Tolerance relative to an STL shape's extent for mirror images of its corners."""
-
-
-def surface_of(shape: RigidShape) -> tuple[Array, Indices]:
-    """Return the corners in m where they stand, shape (n, 3), and triangles of a shape's file, counter-clockwise from outside.
-    `ComponentError` if it cannot be read, is not closed, or its triangles turn different ways."""
-    try:
-        points, triangles = _read(shape.file, UNITS[shape.unit], Path(shape.file).stat().st_mtime_ns)
-    except OSError as error:
-        raise shape.error(f"file {shape.file} cannot be read ({errors.reason(error)})") from None
-    except GeometryError as error:
-        raise shape.error(f"{error}") from None
-    return points + np.asarray(shape.at), triangles
-
-
-@functools.lru_cache(maxsize=8)
-def _read(file: str, unit: float, changed: int) -> tuple[Array, Indices]:
-    from geometries import imported  # reads many formats, which a run without such a shape has no use for
-
-    points, triangles = imported.read_surfaces(file, unit)
-    edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    if len(np.unique(edges, axis=0)) < len(edges):
-        raise GeometryError(
-            f"the triangles of {file} are not consistently oriented; repair the file in the program that wrote it"
-        )
-    corners = points[triangles]
-    volume = float(np.einsum("ti,ti->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))) / 6
-    return points, triangles if volume > 0.0 else triangles[:, ::-1]
-
-
-def _same(points: Array) -> float:
-    """Return the distance in m below which places on a shape are the same."""
-    return SAME * float(np.linalg.norm(np.ptp(points, axis=0)))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -889,46 +760,6 @@ def shape_figures(
     return found | {f"{label}_depth_mm": max(depth, 0.0) * 1e3}
 
 
-SPECK = 1e-20
-"""Added to squared distances, in squared sizes: the distance from a line has no slope on the line itself."""
-
-
-def distance(x: Sequence[Array], numbers: Numbers) -> Array:
-    """Return the signed distance of a place, three components in sizes, below zero where it is stopped, from components and
-    numbers of NumPy or of UFL alike."""
-    at, along, radius, half, sign = numbers
-    v = [x[i] - at[i] for i in range(3)]
-    t = v[0] * along[0] + v[1] * along[1] + v[2] * along[2]
-    if radius is None:
-        return sign * t
-    t = (abs(t + half) - abs(t - half)) / 2  # no further than its ends
-    v = [v[i] - t * along[i] for i in range(3)]
-    return sign * ((v[0] ** 2 + v[1] ** 2 + v[2] ** 2 + SPECK) ** 0.5 - radius)
-
-
-def distances(places: Array, numbers: Numbers) -> Array:
-    """Return `distance` of places in sizes, shape (n, d)."""
-    return np.asarray(distance(list(in_space(places).T), numbers))
-
-
-def slopes(places: Array, numbers: Numbers) -> tuple[Array, Array, Array]:
-    """Return the distances of places in sizes, shape (n, d), their gradients (n, d), and their second derivatives (n, d, d)."""
-    at, along, radius, half, sign = numbers
-    v = in_space(places) - at
-    t = v @ along
-    shown = [0, 1, 2] if places.shape[1] == 3 else [0, 2]
-    if radius is None:
-        count, d = places.shape
-        return sign * t, np.tile(sign * along[shown], (count, 1)), np.zeros((count, d, d))
-    beside = np.abs(t) < half
-    v = v - np.clip(t, -half, half)[:, None] * along
-    far = np.sqrt((v**2).sum(axis=1) + SPECK)
-    way = v / far[:, None]
-    square = np.eye(3) - np.where(beside[:, None, None], np.outer(along, along), 0.0)
-    second = (square - way[:, :, None] * way[:, None, :]) / far[:, None, None]
-    return sign * (far - radius), sign * way[:, shown], sign * second[:, shown][:, :, shown]
-
-
 # ----------------------------------------------------------------------------------------------------------------------
 # Terms of a fixed shape: as a form, and as sums over samples where a shape moves, rubs, or comes from a file.
 
@@ -950,17 +781,19 @@ def penalty(d: Expr, onset: fem.Constant) -> Expr:
     return ufl.conditional(ufl.lt(d, onset), d**3 / (6 * onset), d**2 / 2 - onset * d / 2 + onset**2 / 6)
 
 
-def clear(numbers: Numbers, deepest: float, start: Array, end: Array) -> bool:
+def clear(numbers: shapes.Numbers, deepest: float, start: Array, end: Array) -> bool:
     """Return whether nodes can move between positions, shape (n, d) each, and sink no deeper than ``deepest`` into a shape."""
     way = (start + t * (end - start) for t in np.linspace(0.0, 1.0, WAY + 1)[1:])
-    return all(float(distances(places, numbers).min(initial=math.inf)) > -deepest for places in way)
+    return all(float(shapes.distances(places, numbers).min(initial=math.inf)) > -deepest for places in way)
 
 
 def check_rest(shape: RigidShape, body: Body) -> None:
     """Raise `ComponentError` for a shape that penetrates the undeformed device."""
     size = body.actuator.size
     points = body.mesh.geometry.x[:, : body.mesh.topology.dim]
-    deepest = mpi.largest(body.mesh.comm, -float(distances(points, shape.numbers(size)).min(initial=math.inf)))
+    deepest = mpi.largest(
+        body.mesh.comm, -float(shapes.distances(points, shape.form.numbers(size)).min(initial=math.inf))
+    )
     if deepest > NEAR:
         side = "outside of the hollow" if shape.hollow else "in the"
         raise shape.error(
@@ -977,7 +810,7 @@ class ShapeTerm(component.EnergyTerm):
         self.shape, self.body = shape, setting.body
         body, mesh, size = self.body, self.body.mesh, self.body.actuator.size
         self._check_rest(body)
-        self.numbers = shape.numbers(size)
+        self.numbers = shape.form.numbers(size)
         self._place = fem.Constant(mesh, self.numbers[0])
         others = (None if value is None else fem.Constant(mesh, value) for value in self.numbers[1:])
         constants = (self._place, *others)
@@ -985,7 +818,7 @@ class ShapeTerm(component.EnergyTerm):
         stiffness, onset, soft = (fem.Constant(mesh, float(value)) for value in (shape.stiffness, onset, soft))
         place = ufl.variable(ufl.SpatialCoordinate(mesh) + body.displacement(setting.displacement))
         components = [place[0], place[1], place[2]] if mesh.topology.dim == 3 else [place[0], 0.0, place[1]]
-        depth = ufl.max_value(-distance(components, constants), 0.0)
+        depth = ufl.max_value(-shapes.distance(components, constants), 0.0)
         energy = stiffness * (penalty(depth, onset) + HARDER / (6 * soft) * ufl.max_value(depth - soft, 0.0) ** 3)
         push = ufl.diff(energy, place)  # on the shape; the device gets the opposite force
         self.energies, self.pushes = [], []
@@ -1023,7 +856,7 @@ class ShapeTerm(component.EnergyTerm):
 
     def depth(self, equations: component.Equations) -> float:
         """Return the penetration of the faces, in sizes of the device; negative where none touches."""
-        return -float(distances(self.nodes.moved(equations.w.x.array), self.numbers).min())
+        return -float(shapes.distances(self.nodes.moved(equations.w.x.array), self.numbers).min())
 
     def admits(self, before: Array, after: Array) -> bool:
         size = self.body.actuator.size
@@ -1038,7 +871,7 @@ class _StandingPlane(RigidShape):
         return ONSET
 
     def deepest(self, size: float) -> float:
-        return ENDLESS
+        return shapes.ENDLESS
 
 
 class PlaneTerm(ShapeTerm):
@@ -1133,7 +966,7 @@ class SampledShapeTerm(StandingTerm[pressing.PressedByDistance]):
         check_rest(shape, setting.body)
         super().__init__(shape, setting)
         size = self.actuator.size
-        self.numbers, self.deepest = shape.numbers(size), shape.deepest(size)
+        self.numbers, self.deepest = shape.form.numbers(size), shape.deepest(size)
         self.penalty = pressing.HardeningPenalty(shape.stiffness, shape.onset, HARDENS * self.deepest, HARDER)
         self.move(self.nodes.places)
 
@@ -1141,7 +974,9 @@ class SampledShapeTerm(StandingTerm[pressing.PressedByDistance]):
         self.numbers = (at, *self.numbers[1:])
 
     def pressed(self, places: Array) -> pressing.PressedByDistance:
-        return pressing.PressedByDistance(self.surface, lambda x: slopes(x, self.numbers), self.penalty, SOON, places)
+        return pressing.PressedByDistance(
+            self.surface, lambda x: shapes.slopes(x, self.numbers), self.penalty, SOON, places
+        )
 
     def clear(self, start: Array, end: Array) -> bool:
         return clear(self.numbers, self.deepest, start, end)
@@ -1162,7 +997,9 @@ class FileShapeTerm(StandingTerm[pressing.PressedOn]):
 
     def __init__(self, shape: RigidShape, setting: component.FormContext):
         super().__init__(shape, setting)
-        size, (points, triangles) = self.actuator.size, surface_of(shape)
+        size, form = self.actuator.size, shape.form
+        assert isinstance(form, shapes.Stl)
+        points, triangles = form.surface
         self._at = np.asarray(shape.at) / size
         edges, measure = self.surface.edges, self.surface.measure
         radius = shape.rounding / size or ROUNDING * float(edges @ measure / measure.sum())
@@ -1177,9 +1014,9 @@ class FileShapeTerm(StandingTerm[pressing.PressedOn]):
         self.move(self.nodes.places)
         self._check_rest(points / size, triangles)
 
-    def _check_rest(self, points: Array, triangles: Indices) -> None:
+    def _check_rest(self, points: Array, triangles: shapes.Indices) -> None:
         chosen = self.nodes.places[:: max(1, len(self.nodes.places) // PROBED)]
-        inside = np.abs(_winding(chosen, points[triangles])) > 0.5
+        inside = np.abs(shapes.winding(chosen, points[triangles])) > 0.5
         if self._pressed.depth > NEAR or bool((inside != self.shape.hollow).any()):
             side = "outside of the hollow" if self.shape.hollow else "in the"
             raise self.shape.error(
@@ -1198,22 +1035,6 @@ class FileShapeTerm(StandingTerm[pressing.PressedOn]):
         looks = int(np.clip(np.ceil(farthest / (STRIDE * self.wall.radius)), 1, MOST_LOOKS))
         way = (self.surface.places(start + t * (end - start)) for t in np.linspace(0.0, 1.0, looks + 1)[1:])
         return all(float(self.wall.gaps(places).min(initial=np.inf)) > -limit for places in way)
-
-
-def _winding(places: Array, corners: Array) -> Array:
-    """Return how often a closed surface goes around places, shape (n,): the solid angle of its triangles, shape (t, 3, 3), over
-    4 pi.
-
-    Van Oosterom and Strackee 1983, doi 10.1109/TBME.1983.325207.
-    """
-    found = np.empty(len(places))
-    for number, place in enumerate(places):
-        a, b, c = np.moveaxis(corners - place, 1, 0)
-        la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
-        over = np.einsum("ti,ti->t", a, np.cross(b, c))
-        under = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb
-        found[number] = 2 * np.arctan2(over, under).sum() / (4 * np.pi)
-    return found
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -1381,7 +1202,7 @@ class SealingTerm(RubbingShapeTerm):
         assert body.seal is not None
         self.body, self.share, self._displacement = body, body.seal.share, setting.displacement
         self._edges = _seal_edges(shape, body, setting.w.function_space, nodes)
-        off = float(np.abs(distances(nodes.places, standing.numbers)).max())
+        off = float(np.abs(shapes.distances(nodes.places, standing.numbers)).max())
         if off > NEAR:
             size = self.actuator.size * 1e3
             raise shape.error(
@@ -1436,7 +1257,7 @@ class SealingTerm(RubbingShapeTerm):
 
     def _depths(self, places: Array) -> Array:
         """Return the depths of nodes at places, shape (n, d): below zero of those that do not touch."""
-        return -distances(places, self.standing.numbers)
+        return -shapes.distances(places, self.standing.numbers)
 
     # -- what a user reads -----------------------------------------------------------------------------------------------
 
@@ -1501,11 +1322,11 @@ class SealingTerm(RubbingShapeTerm):
 
 def _seal_edges(
     shape: RigidShape, body: Body, space: fem.FunctionSpace, nodes: assembly.FaceNodes
-) -> tuple[Indices, Indices]:
+) -> tuple[shapes.Indices, shapes.Indices]:
     """Return the numbers of the nodes of faces on the cavity's edge, and on all other edges."""
     tree = scipy.spatial.cKDTree(nodes.places)
 
-    def shared(roles: Sequence[str]) -> Indices:
+    def shared(roles: Sequence[str]) -> shapes.Indices:
         places = assembly.FaceNodes(body, space, roles).places if roles else np.empty((0, nodes.places.shape[1]))
         far, found = tree.query(places, distance_upper_bound=NEAR)
         return np.asarray(np.unique(found[np.isfinite(far)]), dtype=np.int64)
@@ -1526,7 +1347,7 @@ class _Ring:
     """Sealing faces at rest in pieces, halves of lines or quarters of triangles: nodes of each, shape (p, d), and matrices of
     int grad . grad between these, shape (p, d, d)."""
 
-    pieces: Indices
+    pieces: shapes.Indices
     conductances: Array
 
     @classmethod
@@ -1544,7 +1365,7 @@ class _Ring:
         return cls(pieces, np.einsum("fai,fbi->fab", edges, edges) / (4 * area)[:, None, None])
 
 
-def _share_dofs(body: Body, share: fem.Function, places: Array) -> tuple[Indices, Indices]:
+def _share_dofs(body: Body, share: fem.Function, places: Array) -> tuple[shapes.Indices, shapes.Indices]:
     """Return the local dofs of the share on the sealing faces, and the node that each is."""
     assert body.seal is not None
     space, fdim = share.function_space, body.mesh.topology.dim - 1

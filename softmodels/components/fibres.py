@@ -342,14 +342,6 @@ class Helix:
         return direction - ufl.dot(direction, normal) * normal
 
 
-def helix_at(places: Array, axis: Sequence[float], angle: float, hand: float = 1.0) -> Array:
-    """Return the direction of a `Helix` inside a solid, at places of shape (n, 3) in any unit: shape (n, 3)."""
-    unit = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
-    arm = np.cross(unit, places)
-    around = arm / np.maximum(np.linalg.norm(arm, axis=1), TINY**0.5)[:, None]
-    return np.asarray(math.cos(math.radians(angle)) * unit + hand * math.sin(math.radians(angle)) * around)
-
-
 def check_axis(where: str, axis: Sequence[float], angle: float) -> None:
     """Raise `ComponentError` for an invalid axis, or an angle out of range."""
     if len(axis) != 3 or not np.linalg.norm(axis) > 0.0:
@@ -581,20 +573,6 @@ def taut(x: Expr) -> Expr:
     e = 2 * ONSET
     square = ufl.conditional(ufl.lt(x, e), x**3 / (3 * e), x**2 - e * x + e**2 / 3)
     return ufl.conditional(ufl.lt(x, 0), 0, square)
-
-
-def slope_of(law: str, changes: npt.NDArray[np.float64], exponent: float, slack: bool) -> npt.NDArray[np.float64]:
-    """Return the derivative by x of a fibre law's energy over k, at changes x of squared length, shape (n,), as numbers;
-    ``exponent`` is b, ``slack`` fibres bear no compression."""
-    from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
-    from ufl.algorithms.apply_derivatives import apply_derivatives
-
-    found = []
-    for change in changes:
-        x = ufl.variable(ufl.as_ufl(float(change)))
-        energy = FIBRE_LAWS[law](ufl.as_ufl(1.0), taut(x) if slack else x**2, ufl.as_ufl(float(exponent)))
-        found.append(float(apply_derivatives(apply_algebra_lowering(ufl.diff(energy, x)))(())))
-    return np.array(found)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

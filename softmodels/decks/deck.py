@@ -6,29 +6,26 @@ import dataclasses
 import functools
 import io
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TextIO
 
 import numpy as np
 import numpy.typing as npt
 
-from geometries import Actuator, actuator, mesh_arrays
+from geometries import actuator, mesh_arrays
 from geometries.mesh_arrays import MeshArrays
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.materials import Region
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import scipy
-from softmodels.components import contact, fibres
-from softmodels.components.contact import Obstacle, RigidShape, Walls
-from softmodels.components.fibres import Fabric, Fibres, Sheet
+from softmodels.components.contact import Walls
 from softmodels.components.loads import FaceLoad, Mass
-from softmodels.components.pressing import HardeningPenalty, Penalty, Stand
 from softmodels.components.rigid import Clamp, Rigid
 from softmodels.materials.laws import Material
 from softmodels.mechanics import body, controls, regions
-from softmodels.mechanics.component import Component, gravity_of, names_in
+from softmodels.mechanics.component import names_in
 from softmodels.mechanics.system import System, nodal_forces
 from softmodels.path import steps
 
@@ -41,7 +38,6 @@ class Deck:
         pressures: Of each cavity in Pa, step by step, shape (steps, cavities).
         silicones: Its materials, the main one first.
         forces: Of all dead loads, on the slice, in N, shape (n, 3); None where there are none.
-        springs: Its contact, fibres and fabrics.
     """
 
     case: Case
@@ -50,7 +46,6 @@ class Deck:
     supports: Supports
     silicones: tuple[DeckSilicone, ...]
     forces: Array | None = None
-    springs: tuple[Springs, ...] = ()
 
     @property
     def walls(self) -> list[str]:
@@ -59,36 +54,8 @@ class Deck:
 
     @functools.cached_property
     def points(self) -> Array:
-        """Places in m of all nodes: the mesh's, those of rigid parts, then those of springs."""
-        return np.concatenate([self.mesh.points, self.supports.added, *(one.places for one in self.springs)])
-
-    @property
-    def grounds(self) -> Iterator[tuple[Springs, int]]:
-        """Each part's springs, and the number of the first of their nodes."""
-        number = len(self.mesh.points) + len(self.supports.added)
-        for one in self.springs:
-            yield one, number
-            number += len(one.places)
-
-    @functools.cached_property
-    def tied(self) -> list[Tie]:
-        """Displacements that depend on others."""
-        return [*self.supports.tied, *(tie for tie in self._of_springs if tie.terms)]
-
-    @functools.cached_property
-    def held(self) -> dict[int, mesh_arrays.Ints]:
-        """Held displacements: component (0 to 2) and nodes at which it vanishes, no node twice for a component."""
-        found = {}
-        for component in range(3):
-            still = [tie.node for tie in self._of_springs if tie.component == component and not tie.terms]
-            if nodes := [*self.supports.held.get(component, ()), *still]:
-                found[component] = np.array(nodes, dtype=np.int64)
-        return found
-
-    @functools.cached_property
-    def _of_springs(self) -> list[Tie]:
-        """Ties of the springs' nodes."""
-        return [tie for one, first in self.grounds for tie in one.ties(first)]
+        """Places in m of all nodes: the mesh's, then those of rigid parts."""
+        return np.concatenate([self.mesh.points, self.supports.added])
 
     @property
     def watched(self) -> dict[str, int]:
@@ -121,7 +88,6 @@ class Deck:
         ]
         if self.forces is not None:
             found.append(f"a first step applies {', '.join(acting(case))}, as forces on the nodes of this slice")
-        found += [f"{one.label}, {one.what}, from node {ground + 1}" for one, ground in self.grounds]
         found += [self.overlapping] if self.overlapping else []
         return [*found, *(remark for silicone in self.silicones for remark in silicone.remarks)]
 
@@ -140,21 +106,18 @@ def deck_of(case: Case, mesh: Path, system: System | None = None) -> Deck:
     arrays = mesh_arrays.read_arrays(mesh)
     if arrays.cells.shape[1] == 4:
         raise CaseError("the mesh has 4-node tetrahedra, which lock for silicone; use second-order cells")
-    forces, springs, freedoms = None, tuple[Springs, ...](), dict[str, regions.Freedom]()
+    forces, freedoms = None, dict[str, regions.Freedom]()
     if system is not None:
         forces = _by_node(arrays, *nodal_forces(system)) if acting(case) else None
-        pressed = pressing(system, arrays, case.components)
-        springs = (*pressed, *threads(arrays, case.components, system.length_unit))
         freedoms = {
             name: dataclasses.replace(motion.freedom, centre=motion.freedom.centre * system.length_unit)
             for name, motion in system.unknowns.moving.items()
         }
     supports = supports_of(case, arrays, freedoms)
-    _check_apart(supports, springs)
     # Other programs want each cell once: a region with a law of its own keeps all of its cells.
     arrays = arrays.parted([part.name for part in case.components if isinstance(part, Region)])
     silicones = silicones_of(case.material, case.components, arrays.regions)
-    return Deck(case, arrays, _pressures(case), supports, silicones, forces, springs)
+    return Deck(case, arrays, _pressures(case), supports, silicones, forces)
 
 
 def _pressures(case: Case) -> Array:
@@ -164,25 +127,9 @@ def _pressures(case: Case) -> Array:
     return np.outer([value for value in case.values if value], case.actuator.ratios)
 
 
-def _check_apart(supports: Supports, springs: tuple[Springs, ...]) -> None:
-    """Reject springs on nodes of a rotating rigid part: CalculiX 2.20 drops part of their motion in equations."""
-    for part in supports.rigged:
-        for one in springs:
-            if part.turn is not None and not one.nodes.isdisjoint(part.nodes.tolist()):
-                raise CaseError(
-                    f"{one.label} acts on nodes of the rotating rigid part {part.name}, which CalculiX "
-                    f"solves wrongly: guide the part (kind = 'guided'), or name other faces"
-                )
-
-
 def needs_equations(case: Case) -> bool:
-    """Return whether a deck needs the device's equations: dead loads, supports, rigid parts or contact."""
-    kinds = (Clamp, Rigid, RigidShape, Fibres, Fabric)
-    return (
-        bool(acting(case))
-        or contact.obstacle_of(case.components) is not None
-        or any(isinstance(part, kinds) for part in case.components)
-    )
+    """Return whether a deck needs the device's equations: dead loads, supports or rigid parts."""
+    return bool(acting(case)) or any(isinstance(part, Clamp | Rigid) for part in case.components)
 
 
 def _by_node(mesh: MeshArrays, places: Array, forces: Array) -> Array:
@@ -217,29 +164,23 @@ def check(case: Case) -> None:
     for silicone in others:
         silicone.check(f"region {silicone.name}: ")
     for what in _unknown(case):
-        raise CaseError(f"the case has {what}, which decks do not support; leave it out")
+        raise CaseError(
+            f"the case has {what}, which decks do not support; leave it out (decks carry silicones, regions, supports, "
+            "clamps, rigid parts, dead loads and pressures)"
+        )
 
 
 def _unknown(case: Case) -> Iterator[str]:
     """Yield the names of unsupported parts."""
-    if any(isinstance(part, Sheet) for part in case.components):
-        yield "a sheet"
     for part in case.components:
         named = [name for field in ("face", "faces", "on") for name in names_in(getattr(part, field, ""))]
         if not isinstance(part, LOADS) and not all(map(body.is_plain, named)):
             yield f"{part.where} on a piece of a face"
         if isinstance(part, Region) and part.within:
             yield f"{part.where} with cells chosen by within"
-        if isinstance(part, RigidShape):
-            if part.shape not in SHAPES:
-                yield f"{part.where} with a shape {part.shape!r} (springs support {', '.join(SHAPES)})"
-            if part.friction:
-                yield f"{part.where} with friction"
-        elif isinstance(part, Fabric) and not threaded(part):
-            yield f"{part.where} whose yarns contract each other or resist shear"
-        elif isinstance(part, Walls) and (part.automatic or part.off):
+        if isinstance(part, Walls) and (part.automatic or part.off):
             continue  # see `Deck.overlapping`
-        elif not isinstance(part, (Obstacle, Region, Clamp, Rigid, Fibres, Fabric, *LOADS)):
+        if not isinstance(part, (Region, Clamp, Rigid, *LOADS)):
             yield part.where
 
 
@@ -454,337 +395,6 @@ def solved(rows: Array) -> list[tuple[int, dict[int, float]]]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Springs of a deck: energies of one length at integration points, as `pressing` and `threads` make them.
-#
-# Each starts at a fixed node, or one that slides along a line, and ends at an extra node whose displacements are linear
-# combinations of those of a cell's or facet's nodes. Its force is the energy's derivative by the length, in a table: the only
-# error is interpolation.
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Slide:
-    """A line along a unit vector, shape (3,), on which the springs' beginning gives way (moved by ``carried`` per length), and
-    what holds it there: a spring's length in m, its ways in m, rising, shape (m,), and its forces then in N, shape (m,)."""
-
-    along: Array
-    carried: Array
-    length: float
-    ways: Array
-    forces: Array
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Springs:
-    """Springs of one part, which begin at one node and end at one node each; all these nodes are beside the mesh's.
-
-    Attributes:
-        what: What they are and where, a clause after the part's name.
-        ground, ends: Where they begin, shape (3,), and end, shape (k, 3), m.
-        terms: Of each end what its displacements are the sums of, by component; nothing of one that is held.
-        stretches, forces: Elongations in m, rising, and forces with which a spring pulls then, in N, shape (k, m) each.
-        slide: Where the beginning gives way; None where it stands still.
-    """
-
-    label: str
-    what: str
-    ground: Array
-    ends: Array
-    terms: list[tuple[Terms, Terms, Terms]]
-    stretches: Array
-    forces: Array
-
-    slide: Slide | None = None
-
-    @property
-    def nodes(self) -> set[int]:
-        """The mesh's nodes that move the ends."""
-        return {node for own in self.terms for terms in own for node, _ in terms}
-
-    @property
-    def places(self) -> Array:
-        """Positions in m of its own nodes, shape (k, 3): beginning, ends, and of a slide the moving point and its support."""
-        slide = [] if self.slide is None else [self.ground, self.ground - self.slide.length * self.slide.along]
-        return np.vstack([self.ground, self.ends, *slide])
-
-    def ties(self, first: int) -> list[Tie]:
-        """Return what moves its own nodes, ``first`` being the beginning's; a displacement without terms is held."""
-        found = [Tie(first + k, i, terms) for k, own in enumerate(self.terms, 1) for i, terms in enumerate(own)]
-        if self.slide is None:
-            return [*found, *(Tie(first, i, {}) for i in range(3))]
-        moving, along, carried = first + len(self.ends) + 1, self.slide.along, self.slide.carried
-        k = int(np.abs(along).argmax())
-        for i in range(3):
-            found.append(Tie(first, i, {(moving, k): carried[i] / along[k]} if abs(carried[i]) > 1e-12 else {}))
-            found.append(Tie(moving + 1, i, {}))
-            if i != k:
-                found.append(Tie(moving, i, {(moving, k): along[i] / along[k]} if abs(along[i]) > 1e-12 else {}))
-        return found
-
-    @property
-    def elements(self) -> Iterator[tuple[int, int, Array, Array]]:
-        """For each spring, the places of its ends among `places`, elongations in m and forces in N."""
-        for k, (stretches, forces) in enumerate(zip(self.stretches, self.forces, strict=True), 1):
-            yield 0, k, stretches, forces
-        if self.slide is not None:
-            yield len(self.ends) + 2, len(self.ends) + 1, self.slide.ways, self.slide.forces
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Contact as springs: one per integration point of the contact faces, with the same energy over penetration.
-#
-# Contact's energy is a function of the distance of integration points to a plane, a point or a line (see
-# `softmodels.components.contact` and `softmodels.components.contact`). That is the length of a spring from there to the point,
-# projected onto what is square to the plane or the line.
-
-
-SHAPES = ("sphere", "cylinder", "plane")
-"""Shapes whose distance is that of a point or a straight line, minus a radius."""
-ENTRIES, HARD_ENTRIES = 40, 20
-"""Table entries over the penetration in which contact sets in, and over that in which a shape stiffens."""
-SETTLED, LIFTED = 8.0, 80
-"""Range of lift of a weight, in units of its rounding length, and number of table entries over it."""
-AWAY = 10.0
-"""Table range on the open side, in sizes of the device."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class ContactStop:
-    """A contact obstacle, lengths in sizes of the device.
-
-    Attributes:
-        roles: The faces.
-        ground: The point that springs are fixed to, shape (3,).
-        onto: What integration points are projected with from there, shape (3, 3).
-        radius, sign: Length of a spring that touches; 1 where a shorter one presses, -1 where a longer one does.
-        penalty, depths: The energy, and penetrations at which its slope is written, rising from 0.
-        slide: On which it gives way, lengths in m; None where it stands still.
-    """
-
-    label: str
-    roles: list[str]
-    ground: Array
-    onto: Array
-    radius: float
-    sign: float
-    penalty: Penalty
-    depths: Array
-    slide: Slide | None = None
-
-
-def pressing(system: System, mesh: MeshArrays, components: Sequence[Component]) -> list[Springs]:
-    """Return the springs of a device's contact."""
-    size = system.body.actuator.size
-    plane = system.potential.terms.get(Obstacle.table)
-    stops = [_plane(plane)] if isinstance(plane, contact.PlaneTerm) else []
-    stops += [
-        _shape(part, system.body.actuator, gravity_of(components))
-        for part in components
-        if isinstance(part, RigidShape)
-    ]
-    return [_contact_springs(stop, mesh, size, system.stress_unit) for stop in stops]
-
-
-def _plane(term: contact.PlaneTerm) -> ContactStop:
-    depths = np.append(np.linspace(0.0, contact.ONSET, ENTRIES + 1), 0.5)
-    at, normal = term.numbers[:2]
-    ground = (at @ normal - 1.0) * normal  # a spring that touches is one size long
-    penalty = Penalty(term.shape.stiffness, contact.ONSET)
-    return ContactStop("the plane", term.shape.roles, ground, np.outer(normal, normal), 1.0, 1.0, penalty, depths)
-
-
-def _shape(shape: RigidShape, actuator: Actuator, gravity: Array) -> ContactStop:
-    size = actuator.size
-    at, along, radius, _, sign = shape.numbers(size)
-    onset, deepest = contact.ONSET_PRESSURE / shape.stiffness, shape.deepest(size)
-    penalty = HardeningPenalty(shape.stiffness, onset, contact.HARDENS * deepest, contact.HARDER)
-    depths = np.union1d(
-        np.linspace(0.0, onset, ENTRIES + 1), np.linspace(contact.HARDENS * deepest, deepest, HARD_ENTRIES + 1)
-    )
-    across = np.outer(along, along)
-    onto = np.eye(3) if shape.shape == "sphere" else np.eye(3) - across
-    if radius is None:  # a plane: a spring that touches is one size long
-        at, onto, radius = (at @ along - 1.0) * along, across, 1.0
-    slide = _slide(shape, actuator, onto, gravity) if shape.guide else None
-    return ContactStop(shape.label, shape.roles, at, onto, radius, sign, penalty, depths, slide)
-
-
-def _slide(shape: RigidShape, actuator: Actuator, onto: Array, gravity: Array) -> Slide:
-    """Return the guide of a movable shape, for the modelled slice."""
-    share, size = contact.copies_around(actuator, shape.crossed(actuator)), actuator.size
-    stand = Stand(shape.spring / share, shape.weight_against(gravity) / share, contact.ONSET * size)
-    ways = np.concatenate([[-0.9 * size], np.linspace(0.0, SETTLED * stand.onset, LIFTED + 1), [0.9 * size]])
-    forces = np.array([stand.force(float(way)) for way in ways])
-    return Slide(shape.gives_way, onto @ shape.gives_way, size, ways, forces)
-
-
-def _contact_springs(stop: ContactStop, mesh: MeshArrays, size: float, stress: float) -> Springs:
-    nodes = np.concatenate([mesh.triangles(role) for role in stop.roles])
-    values, along, across = mesh_arrays.triangle_tables(nodes.shape[1])
-    places, a, b = (np.einsum("qn,kni->kqi", table, mesh.points[nodes]) for table in (values, along, across))
-    areas = (np.linalg.norm(np.cross(a, b), axis=2) * mesh_arrays.WEIGHTS / 2).ravel()
-    ground = size * stop.ground
-    ends = ground + (places.reshape(-1, 3) - ground) @ stop.onto.T
-    lengths = np.linalg.norm(ends - ground, axis=1)
-    depths = np.concatenate([[-AWAY], stop.depths])
-    slopes = np.concatenate([[0.0], stop.penalty.rates(stop.depths)[1]])
-    order = np.argsort(-stop.sign * depths)
-    touching = np.maximum(size * (stop.radius - stop.sign * depths[order]), 1e-3 * size)
-    terms = [
-        (_row(stop.onto[0], own, value), _row(stop.onto[1], own, value), _row(stop.onto[2], own, value))
-        for own in nodes
-        for value in values
-    ]
-    forces = -stop.sign * stress * np.outer(areas, slopes[order])
-    what = "contact: springs to the integration points of the stopped faces"
-    return Springs(stop.label, what, ground, ends, terms, touching - lengths[:, None], forces, stop.slide)
-
-
-def _row(onto: Array, nodes: npt.NDArray[np.int64], values: Array) -> Terms:
-    """Return the linear combination for one displacement component of an end."""
-    components = np.flatnonzero(np.abs(onto) > 1e-12)
-    return {
-        (int(node), int(i)): float(onto[i] * value)
-        for node, value in zip(nodes, values, strict=True)
-        for i in components
-    }
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Fibres and yarns as springs: one per integration point and family, with the same energy over stretch.
-#
-# A fibre along a has an energy of |F a|, and F a is a sum of the displacements of a cell's nodes, on a face of a facet's. So it
-# is the length of a spring whose end moves by that sum (`softmodels.components.fibres`, `softmodels.components.fibres`). A
-# fabric's two families of yarns are such fibres if they neither contract each other nor resist shear.
-
-
-SMALLEST = 1e-4
-LONGEST, SHORTEST = 2.5, 0.3
-"""Range of stretch of the tables: strains grow from `SMALLEST` by a constant factor."""
-LONGER, SHORTER = 100, 40
-"""Entries of a table beyond a stretch of 1, and below."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Family:
-    """Threads in one direction.
-
-    Attributes:
-        where: The part's table, and its label, for messages and remarks.
-        roles, on_faces: Faces that they are laid on, or regions; the whole body if empty.
-        axis, angle: Of their direction, in degrees; see `softmodels.components.fibres.Helix`.
-        hand: -1 of the helix that winds the other way.
-        across: Whether they run square to that direction, in the face.
-        stiffness: In N/m on faces, in Pa else.
-        law, exponent, slack: See `softmodels.components.fibres.Fibres`.
-    """
-
-    label: str
-    roles: list[str]
-    on_faces: bool
-    axis: tuple[float, ...]
-    angle: float
-    stiffness: float
-    hand: float = 1.0
-    across: bool = False
-    law: str = "standard"
-    exponent: float = 1.0
-    slack: bool = False
-
-
-def threaded(part: object) -> list[Family]:
-    """Return the thread families of a part; empty if it is not made of threads only."""
-    if isinstance(part, Fibres):
-        on_faces = part.stiffness > 0.0
-        return [
-            Family(
-                part.label, names_in(part.on), on_faces, part.axis, part.angle, part.stiffness or part.modulus,
-                hand, False, part.law, part.exponent, part.slack,
-            )
-            for hand in (1.0, -1.0)[: part.helices]
-        ]  # fmt: skip
-    if isinstance(part, Fabric) and not part.poisson and not part.shear:
-        along = Family(part.label, names_in(part.on), True, part.axis, part.angle, part.along, slack=part.slack)
-        return [along, dataclasses.replace(along, stiffness=part.across, across=True)]
-    return []
-
-
-def threads(mesh: MeshArrays, components: Sequence[object], size: float) -> list[Springs]:
-    """Return the springs of a device's fibres and fabrics, as long as its size in m."""
-    return [_fibre_springs(family, mesh, size) for part in components for family in threaded(part)]
-
-
-def _fibre_springs(family: Family, mesh: MeshArrays, size: float) -> Springs:
-    nodes, places, normals, slopes, weights = (_on_faces if family.on_faces else _in_regions)(family, mesh)
-    along = fibres.helix_at(places, family.axis, family.angle, family.hand)
-    if normals is not None:
-        along -= np.einsum("ki,ki->k", along, normals)[:, None] * normals
-        if family.across:
-            along = np.cross(normals, along)
-    lengths = np.linalg.norm(along, axis=1)
-    laid = lengths > 1e-6  # the direction is undefined elsewhere
-    along = along[laid] / lengths[laid, None]
-    # contribution of each node's displacement to F a - a, in 1/m
-    factors = np.einsum("kni,ki->kn", slopes[laid], along)
-    terms = [_rows(own, size * one) for own, one in zip(nodes[laid], factors, strict=True)]
-    stretches = np.concatenate(
-        [
-            1 - np.geomspace(1 - SHORTEST, SMALLEST, SHORTER),
-            [1.0],
-            1 + np.geomspace(SMALLEST, LONGEST - 1, LONGER),
-        ]
-    )
-    slope = family.stiffness * fibres.slope_of(family.law, stretches**2 - 1, family.exponent, family.slack)
-    forces = np.outer(weights[laid], slope * 2 * stretches / size)
-    elongations = np.broadcast_to(size * (stretches - 1), forces.shape)
-    where = ", ".join(family.roles) or "the body"
-    what = f"threads: springs as long as a thread at the integration points of {where} is stretched"
-    return Springs(family.label, what, np.zeros(3), size * along, terms, elongations, forces)
-
-
-def _rows(nodes: mesh_arrays.Ints, factors: Array) -> tuple[Terms, Terms, Terms]:
-    """Return what the three components of an end's displacement are the sums of."""
-    pairs = [(int(node), float(factor)) for node, factor in zip(nodes, factors, strict=True) if abs(factor) > 1e-12]
-    x, y, z = ({(node, i): factor for node, factor in pairs} for i in range(3))
-    return x, y, z
-
-
-type Points = tuple[mesh_arrays.Ints, Array, Array | None, Array, Array]
-"""Per integration point: nodes, place, face normal, shape function gradients, volume or area."""
-
-
-def _on_faces(family: Family, mesh: MeshArrays) -> Points:
-    nodes = np.concatenate([mesh.triangles(role) for role in family.roles])
-    values, *tables = mesh_arrays.triangle_tables(nodes.shape[1])
-    places, a, b = (np.einsum("qn,kni->kqi", table, mesh.points[nodes]) for table in (values, *tables))
-    normals = np.cross(a, b)
-    areas = np.linalg.norm(normals, axis=2)
-    # The slopes along the face, square to its normal: with the inverse of the tangents and the normal.
-    inverse = np.linalg.inv(np.stack([a, b, normals], axis=2))
-    slopes = np.einsum("qnj,kqij->kqni", np.stack(tables, axis=2), inverse[..., :2])
-    k, q, n, _ = slopes.shape
-    whole = np.repeat(nodes, q, axis=0)
-    return (
-        whole,
-        places.reshape(-1, 3),
-        (normals / areas[..., None]).reshape(-1, 3),
-        slopes.reshape(k * q, n, 3),
-        (areas * mesh_arrays.WEIGHTS / 2).ravel(),
-    )
-
-
-def _in_regions(family: Family, mesh: MeshArrays) -> Points:
-    chosen = [mesh.regions[name] for name in family.roles] or [np.arange(len(mesh.cells))]
-    nodes = mesh.cells[np.concatenate(chosen)]
-    values, tables = mesh_arrays.tetrahedron_slopes()
-    places = np.einsum("qn,kni->kqi", values, mesh.points[nodes])
-    jacobians = np.einsum("qnj,kni->kqij", tables, mesh.points[nodes])
-    slopes = np.einsum("qnj,kqji->kqni", tables, np.linalg.inv(jacobians))
-    k, q, n, _ = slopes.shape
-    volumes = np.abs(np.linalg.det(jacobians)) / 24
-    return np.repeat(nodes, q, axis=0), places.reshape(-1, 3), None, slopes.reshape(k * q, n, 3), volumes.ravel()
-
-
-# ----------------------------------------------------------------------------------------------------------------------
 # Write a deck for CalculiX, which Abaqus also reads except for solver keywords. Lengths in mm, pressures in Pa, forces in uN.
 #
 # In metres the nodal forces are so small that CalculiX treats a residual as zero. C3D10 has displacements only: compare with
@@ -807,7 +417,7 @@ def calculix(deck: Deck) -> str:
     for text in (WRITTEN, *deck.remarks):
         out.write(f"** {text}\n")
     _write_mesh(deck, out)
-    for tie in deck.tied:
+    for tie in deck.supports.tied:
         terms = [(tie.node, tie.component, -1.0), *((*at, factor) for at, factor in tie.terms.items())]
         entries = [f"{node + 1}, {i + 1}, {factor:.12e}" for node, i, factor in terms]
         lines = [", ".join(entries[at : at + 4]) for at in range(0, len(entries), 4)]
@@ -817,16 +427,15 @@ def calculix(deck: Deck) -> str:
             name = f"RIGID_{one.name}".upper()
             out.write(_cards(f"*NSET, NSET={name}", one.nodes))
             out.write(f"*RIGID BODY, NSET={name}, REF NODE={one.place + 1}, ROT NODE={one.turn + 1}\n")
-    for component, nodes in deck.held.items():
+    for component, nodes in deck.supports.held.items():
         out.write(_cards(f"*NSET, NSET=HELD{component + 1}", nodes))
     out.write("*BOUNDARY\n")
-    for component in deck.held:
+    for component in deck.supports.held:
         out.write(f"HELD{component + 1}, {component + 1}, {component + 1}\n")
     for silicone in deck.silicones:
         out.write(f"*MATERIAL, NAME={silicone.name.upper()}\n{_calculix_law(silicone)}")
         sets = ["SOLID"] if len(deck.silicones) == 1 else [region.upper() for region in silicone.regions]
         out.writelines(f"*SOLID SECTION, ELSET={name}, MATERIAL={silicone.name.upper()}\n" for name in sets)
-    _write_springs(deck, out)
     if deck.forces is not None:
         _write_step(out, "*CLOAD\n" + _forces(deck.forces))
     for pressures in deck.pressures:
@@ -868,19 +477,6 @@ def _write_mesh(deck: Deck, out: TextIO) -> None:
     for role, nodes in mesh.nodes.items():
         out.write(_cards(f"*NSET, NSET=ON_{role.upper()}", nodes))
     out.write(_cards("*NSET, NSET=PROBES", deck.watched.values()))
-
-
-def _write_springs(deck: Deck, out: TextIO) -> None:
-    """Write each spring with its own table: elements, and forces in uN over elongations in mm."""
-    number = len(deck.mesh.cells)
-    for part, (one, first) in enumerate(deck.grounds, 1):
-        for begin, end, stretches, forces in one.elements:
-            name, number = f"SPRING{part}_{end}", number + 1
-            out.write(f"*ELEMENT, TYPE=SPRINGA, ELSET={name}\n{number}, {first + begin + 1}, {first + end + 1}\n")
-            # Blank lines are skipped: real numbers distinguish a table from the degrees of freedom of other springs.
-            pairs = zip(1e6 * forces, 1e3 * stretches, strict=True)
-            table = "".join(f"{force:.8e}, {stretch:.10e}\n" for force, stretch in pairs)
-            out.write(f"*SPRING, ELSET={name}, NONLINEAR\n{table}")
 
 
 def _calculix_law(silicone: DeckSilicone) -> str:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from geometries import Actuator
 from softmodels.case import entries, materials
-from softmodels.case.case import Case, of_shape, value_of, variable_names, varied
+from softmodels.case.case import Case, of_shape, value_of, variable_names, varied, with_changes
 from softmodels.common import errors, names, schema, tables, units
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import MPI
@@ -207,29 +207,34 @@ class DesignProblem:
             raise DesignError(f"the problem {error}") from None
 
     @classmethod
-    def from_file(cls, path: Path | str) -> DesignProblem:
-        """Read a problem file; the messages name it."""
+    def from_file(cls, path: Path | str, changes: Sequence[str] = ()) -> DesignProblem:
+        """Read a problem file, with changed fields of its case (`softmodels.case.case.with_changes`); the messages name it."""
         path = Path(path)
         try:
-            return cls._from_tables(tables.read_toml(path), path.parent)
+            return cls._from_tables(tables.read_toml(path), path.parent, changes)
         except tables.TomlError as error:
             raise DesignError(f"problem file {path} {error}") from None
         except DesignError as error:
             raise DesignError(f"{path}: {error}") from None
 
     @classmethod
-    def _from_tables(cls, tables: dict[str, object], folder: Path | None) -> DesignProblem:
-        for key in tables:
+    def _from_tables(
+        cls, problem: dict[str, object], folder: Path | None, changes: Sequence[str] = ()
+    ) -> DesignProblem:
+        for key in problem:
             if key not in TABLES:
                 raise DesignError(f"the problem has an unknown entry {key!r}; {errors.known_are(key, TABLES)}")
-        if "case" not in tables:
+        if "case" not in problem:
             raise DesignError('the problem has no case; give a case file, case = "slab.toml", or a [case] table')
-        values = {key: value for key, value in tables.items() if key != "case"}
-        case = tables["case"]
+        values = {key: value for key, value in problem.items() if key != "case"}
+        case, home = problem["case"], folder
         try:
-            written = case if isinstance(case, dict) else {}
+            if changes and not isinstance(case, dict):
+                file = _place(case, folder)
+                case, home = tables.read_toml(file), file.parent
+            written = with_changes(case, changes) if isinstance(case, dict) else {}
             if isinstance(case, dict):
-                case = Case._from_tables(dict(case), folder)
+                case = Case._from_tables(dict(written), home)
             return cls(**{"parameters": {}, **values}, case=case, folder=folder, bare=False, written=written)  # type: ignore[arg-type]
         except entries.INPUT_ERRORS as error:
             raise DesignError(str(error)) from None

@@ -28,7 +28,7 @@ import tomli_w
 from scipy import stats
 
 from softmodels.case import case, materials
-from softmodels.case.case import Case
+from softmodels.case.case import Case, with_changes
 from softmodels.case.entries import CaseError
 from softmodels.common import cards, errors, files, folders, names, processes, tables, units
 from softmodels.common.arrays import Array
@@ -274,8 +274,9 @@ class StudyPlan:
     responses: tuple[str, ...] = ()
 
     @classmethod
-    def from_file(cls, path: Path) -> StudyPlan:
-        """Read a study file; StudyError if it cannot be read, or makes no study."""
+    def from_file(cls, path: Path, changes: Sequence[str] = ()) -> StudyPlan:
+        """Read a study file, with fields of its case as of `with_changes`; StudyError if it cannot be read, or makes no
+        study."""
         try:
             table = tables.read_toml(path)
         except tables.TomlError as error:
@@ -293,9 +294,9 @@ class StudyPlan:
             raise StudyError(f'{path} varies nothing; write [vary] and below it "geometry.membrane" = "1.8:2.2 mm"')
         try:
             if isinstance(file, dict):
-                case = Case.from_toml(tomli_w.dumps(file), path.parent)
+                case = Case.from_toml(tomli_w.dumps(with_changes(file, changes)), path.parent)
             else:
-                case = Case.from_file(path.parent / file)
+                case = Case.from_file(path.parent / file, changes=changes)
         except CaseError as error:
             raise StudyError(str(error)) from None
         numbers = {key: table[key] for key in ("samples", "seed") if key in table}

@@ -326,16 +326,6 @@ class Material:
             )
 
     @property
-    def doubt(self) -> str:
-        """A sentence if its parameters are implausible; empty for silicones and stiffer materials."""
-        if self.shear_modulus_0 >= SOFTEST:
-            return self.misread
-        return (
-            f"{self.name}: the shear modulus is {self.shear_modulus_0:.4g} Pa, but silicones have 5 to 500 kPa; "
-            "numbers are in Pa, so write kPa as a text such as '14 kPa'"
-        )
-
-    @property
     def misread(self) -> str:
         """A sentence if its numbers look like those of another of its `conventions`; empty for most materials."""
         return ""

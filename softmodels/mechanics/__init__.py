@@ -1,7 +1,8 @@
 """A body, its potential, and the solver of its equilibrium.
 
-One Newton step is read in `potential` (energy, residual, tangent in UFL), `system` (assembled), `newton` (SNES, bordered
-equations, acceptance, factorisation) and `solver` (which calls it); `iterative` is multigrid for large models.
+One Newton step is read in `potential` (energy, residual, tangent in UFL), `tangent` (its products), `system` (assembled),
+`newton` (SNES, bordered equations, acceptance, factorisation) and `solver` (which calls it); `iterative` is multigrid for
+large models.
 
 - `body`: mesh and roles, dimensionless, with slip planes; parts of faces, and edges, by short texts.
 - `regions`: several materials, rigid parts and their unknowns, and what holds a body. `component`: what can be added to a

@@ -75,11 +75,6 @@ class Component(abc.ABC):
             raise self.error("a name must consist of letters, digits and '_', starting with a lower-case letter")
         self.check()
 
-    @property
-    def doubt(self) -> str:
-        """Return a sentence on an implausible value; empty if none."""
-        return schema.doubt_of(self)
-
     def check(self) -> None:  # noqa: B027
         """Check the fields for consistency; raise `ComponentError` if invalid."""
 

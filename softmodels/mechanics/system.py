@@ -23,7 +23,8 @@ from softmodels.mechanics import assembly, compiling, controls, mpi, regions
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body, BodyError, cell_measure, in_section
 from softmodels.mechanics.compiling import begin
 from softmodels.mechanics.component import Component, ComponentError
-from softmodels.mechanics.potential import Potential, TangentOperator, known_cells
+from softmodels.mechanics.potential import Potential
+from softmodels.mechanics.tangent import TangentOperator, known_cells
 
 
 class System:

@@ -59,11 +59,6 @@ class AirSupply:
         schema.settle(self, SupplyError)
         self.check()
 
-    @property
-    def doubt(self) -> str:
-        """Return a sentence on an implausible value; empty if none."""
-        return schema.doubt_of(self)
-
     def check(self) -> None:
         """Raise `SupplyError` for inconsistent fields."""
 

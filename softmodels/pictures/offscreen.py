@@ -18,7 +18,7 @@ from PIL import Image as Picture, ImageFilter
 from softmodels.common import commands
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import pyvista
-from softmodels.components import contact
+from softmodels.components import contact, shapes
 from softmodels.components.contact import RigidShape
 from softmodels.pictures.style import DPI, EDGE, INK, WARNING, WIDTH, Caption, Scale, subject
 from softmodels.runs import grid, labels
@@ -135,7 +135,7 @@ def _triple(vector: Array) -> tuple[float, float, float]:
     return x, y, z
 
 
-AROUND, ALONG = 48, 16
+AROUND = 48
 """Facets around a shape, and from an end to its middle."""
 
 
@@ -276,27 +276,16 @@ Image = npt.NDArray[np.uint8]
 # Rigid shapes in pictures: surfaces in rendered ones, outlines in sections.
 
 
-def profile(shape: RigidShape, reach: float) -> Array:
-    """Return half the outline of a shape by its axis: distance along it and radius in m, shape (n, 2). ``reach`` is half the
-    length in m of which a cylinder without ends is drawn, and the radius of a plane's disk."""
-    if shape.shape == "plane":
-        return np.array([[0.0, 0.0], [0.0, reach]])
-    if shape.shape == "cylinder":
-        return np.array([[-reach, shape.radius], [reach, shape.radius]])
-    angle = np.linspace(0.0, np.pi / 2, ALONG)
-    end = shape.radius * np.column_stack([np.sin(angle), np.cos(angle)])
-    shift = np.array([shape.length / 2, 0.0])
-    return np.concatenate([end[::-1] * (-1, 1) - shift, end + shift])
-
-
 def shape_surface(shape: RigidShape, reach: float) -> PolyData:
-    """Return the surface of a shape, in m."""
-    if shape.file:
-        return surface(*contact.surface_of(shape))
-    axis = shape.direction
+    """Return the surface of a shape, in m; see `shapes.Swept.profile`."""
+    form = shape.form
+    if isinstance(form, shapes.Stl):
+        return surface(*form.surface)
+    assert isinstance(form, shapes.Swept)
+    axis = form.axis
     first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     first /= np.linalg.norm(first)
-    points = profile(shape, reach) @ [axis, first]
+    points = form.profile(reach) @ [axis, first]
     pairs = np.column_stack([np.arange(len(points) - 1), np.arange(1, len(points))])
     swept = lines(points, pairs).extrude_rotate(resolution=AROUND, rotation_axis=tuple(axis), capping=False)
     return swept.triangulate().clean(polys_to_lines=False).translate(shape.at)
@@ -318,22 +307,24 @@ def shape_layers(states: States, step: float) -> list[Layer]:
     """Return the translucent surfaces of the shapes beside a device at a step; a cylinder and a plane extend slightly beyond
     it."""
     style: Style = {"color": WARNING, "opacity": 0.25, "smooth_shading": True}
-    skin, shapes, found = states.skin, shapes_of(states), list[Layer]()
-    if not shapes:
+    skin, rigid, found = states.skin, shapes_of(states), list[Layer]()
+    if not rigid:
         return found
     device = skin.device(skin.points(states.moved(states.main)))
-    for shape in shapes:
-        drawn, reach = shape, 1.1 * float(np.abs((device - np.asarray(shape.at)) @ shape.direction).max())
-        if shape.shape == "plane":
-            drawn, reach = below(shape, device)
+    for shape in rigid:
+        form, drawn, reach = shape.form, shape, 0.0
+        if isinstance(form, shapes.Plane):
+            drawn, reach = below(shape, form.axis, device)
+        elif isinstance(form, shapes.Swept):
+            reach = 1.1 * float(np.abs((device - np.asarray(shape.at)) @ form.axis).max())
         found.append((shape_surface(drawn, reach).translate(way(states, shape, step)), style))
     return found
 
 
-def below(plane: RigidShape, device: Array) -> tuple[RigidShape, float]:
+def below(plane: RigidShape, normal: Array, device: Array) -> tuple[RigidShape, float]:
     """Return a plane with its point next to the centre of a device, points of shape (n, 3), and its drawn
     radius."""
-    middle, normal = (device.min(axis=0) + device.max(axis=0)) / 2, plane.direction
+    middle = (device.min(axis=0) + device.max(axis=0)) / 2
     foot = np.round(middle - ((middle - np.asarray(plane.at)) @ normal) * normal, 12)  # no rounding beside the axis
     beside = device - foot
     beside = beside - np.outer(beside @ normal, normal)
@@ -344,8 +335,9 @@ def draw_outlines(axes: Axes, states: States, step: int) -> None:
     """Draw the outlines of shapes at a step into an axisymmetric section in millimetres, whose limits stay."""
     limits = axes.get_xlim(), axes.get_ylim()
     for shape in shapes_of(states):
-        line = profile(shape, 10.0)
-        side = np.sign(shape.direction[2]) if shape.shape != "sphere" else 1.0
+        form = shape.form
+        assert isinstance(form, shapes.Swept)
+        line, side = form.profile(10.0), 1.0 if isinstance(form, shapes.Sphere) else np.sign(form.axis[2])
         middle = shape.at[2] + way(states, shape, step)[2]
         axes.plot(1e3 * line[:, 1], 1e3 * (middle + side * line[:, 0]), color=WARNING, linewidth=1.5, linestyle="--")
     axes.set(xlim=limits[0], ylim=limits[1])

@@ -23,7 +23,7 @@ from softmodels.case.case import Case
 from softmodels.common import errors, units
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import scipy
-from softmodels.components import contact
+from softmodels.components import contact, shapes
 from softmodels.components.contact import RigidShape
 from softmodels.components.pressing import Grip, Rubbed
 from softmodels.mechanics import assembly, component, controls, mpi, newton
@@ -52,7 +52,7 @@ class Grasp:
         term = self.system.potential.terms[self.shape.label]
         assert isinstance(term, HeldTerm)
         self.case, self.term, self.steps = case, term, steps
-        self.axis = self.shape.direction
+        self.axis = self.shape.form.numbers(1.0)[1]
         self.angles = 2 * math.pi * np.arange(fingers) / fingers
         first = direction - (direction @ self.axis) * self.axis
         self.along = first / np.linalg.norm(first)
@@ -318,19 +318,20 @@ def turning(axis: Array, angle: float) -> Array:
 
 def check_grasp(case: Case, label: str, fingers: int, direction: Array) -> RigidShape:
     """Return the object among a case's components; `GraspError` if there is none, or it or the finger is unfit for this."""
-    shapes = [part for part in case.components if isinstance(part, RigidShape) and label in ("", part.label)]
-    if len(shapes) != 1:
+    objects = [part for part in case.components if isinstance(part, RigidShape) and label in ("", part.label)]
+    if len(objects) != 1:
         known = ", ".join(part.label for part in case.components if isinstance(part, RigidShape)) or "none"
         raise GraspError(
             f"a grasp needs one object, a [contact.name] with shape = 'cylinder'; the case has {known}: name it (--object)"
         )
-    shape = shapes[0]
-    if shape.shape != "cylinder" or shape.hollow or shape.guide:
+    shape = objects[0]
+    form = shape.form
+    if not isinstance(form, shapes.Cylinder) or form.hollow or shape.guide:
         raise GraspError(f"{shape.where}: the object of a grasp is a fixed cylinder around which the fingers stand")
     if not 2 <= fingers <= MOST_FINGERS:
         raise GraspError(f"{fingers} fingers: a grasp has 2 to {MOST_FINGERS} (--fingers)")
     if case.actuator.dimension == 2 or not any(
-        abs(np.asarray(plane.normal) @ shape.direction) > 1 - 1e-9 for plane in case.actuator.cut_planes
+        abs(np.asarray(plane.normal) @ form.axis) > 1 - 1e-9 for plane in case.actuator.cut_planes
     ):
         raise GraspError(
             f"{shape.where}: the fingers move in one plane; use a finger that a cut plane halves, and the cylinder's axis "
@@ -340,7 +341,7 @@ def check_grasp(case: Case, label: str, fingers: int, direction: Array) -> Rigid
         raise GraspError("the fingers of a grasp are turned around the object and have no weight; leave out [gravity]")
     if max(case.load.of(PRESSURE), default=0.0) <= 0.0:
         raise GraspError("a grasp needs pressures above 0 that close the fingers (pressure_cm = [5, 10])")
-    if np.linalg.norm(np.cross(direction, shape.direction)) < 1e-9 * np.linalg.norm(direction):
+    if np.linalg.norm(np.cross(direction, form.axis)) < 1e-9 * np.linalg.norm(direction):
         raise GraspError("the load must lie in the plane of the fingers, not along the object's axis (--direction)")
     return shape
 

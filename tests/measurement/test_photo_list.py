@@ -133,7 +133,7 @@ def test_broken_lists_are_bad_input_said_in_a_sentence(tmp_path, text):
         listed(tmp_path, text)
     done = CliRunner().invoke(main, ["photos", str(tmp_path / "photos.csv"), "-o", str(tmp_path / "out")])
     assert done.exit_code == 2
-    assert done.stderr.startswith("Error: ") and "Traceback" not in done.stderr
+    assert done.stderr.startswith("softmodels: ") and "Traceback" not in done.stderr
     assert not (tmp_path / "out").exists()
 
 

@@ -13,7 +13,7 @@ from measurement.camera import Camera
 from measurement.outline.outline import Outline
 from measurement.outline.zero import Displacement, Sides, ZeroLine, sides_of, with_known_body
 from measurement.screen.setup import Plane, Setup, SetupError
-from measurement.series.checks import Evidence, moved, scaling, settling
+from measurement.series.checks import RunEvidence, moved, scaling, settling
 from measurement.series.drawing import draw_heights
 from measurement.series.witness import Course, Run, course_of
 from tests.support.photographs.courses import COURSES, DAMAGES, Rows, damaged, run
@@ -189,7 +189,7 @@ def outline(height, sunk):
 
 def settling_doubts(outlines):
     sunk_run = Run(dict(enumerate(outlines)))
-    found = [next(settling(Evidence(run=sunk_run, number=k)), None) for k in range(len(outlines))]
+    found = [next(settling(RunEvidence(sunk_run, k)), None) for k in range(len(outlines))]
     return [doubt and str(doubt) for doubt in found]
 
 
@@ -294,7 +294,7 @@ def scaled_run(larger, heights=MEASURED_HEIGHTS):
 
 def scaling_doubts(outlines):
     scaled_run = Run(dict(enumerate(outlines)))
-    found = [next(scaling(Evidence(run=scaled_run, number=k)), None) for k in range(len(outlines))]
+    found = [next(scaling(RunEvidence(scaled_run, k)), None) for k in range(len(outlines))]
     return [doubt and str(doubt) for doubt in found]
 
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 import os
 import sys
 
-import click
 import pytest
 
 import softmodels.cli.run
-from measurement.__main__ import main as measurement
 from softmodels.__main__ import softmodels as whole_command
 from softmodels.disk import command
 from tests.support import runs
@@ -209,10 +207,3 @@ def test_bad_input_in_a_process_of_its_own(tmp_path):
 def test_bad_input_on_two_ranks_is_said_once(tmp_path):
     done = runs.disk(tmp_path / "disk", "--pressure-cm", "177:0", launcher=[mpirun(), "-n", "2"])
     assert done.status == 2 and done.out == "" and done.err.count("\n") == 1 and "falls from 177 to 0" in done.err
-
-
-def test_commands_are_listed_by_the_first_sentence_of_their_help():
-    for group in (whole_command, measurement):
-        context = click.Context(group)
-        for name, text in group.texts.items():
-            assert group.get_command(context, name).get_short_help_str(1000) == text

@@ -61,6 +61,7 @@ def test_every_command_on_pages_parses_and_finds_its_files(written, monkeypatch)
             rest = words[4:] if words[2] in ("--extra", "--group") else words[2:]
             if rest[0] == "mpirun":
                 rest = rest[3:]
+            rest = rest[: rest.index(">")] if ">" in rest else rest
             if rest == ["softmodels", "examples"] or rest[0] in ("pytest", "--with"):
                 continue
             if rest[:2] == ["python", "-m"] and rest[2].startswith("tests."):  # the checkout's own, with argparse

@@ -31,7 +31,6 @@ from softmodels.casting.facets import BETWEEN, arranged, laid_flat, print_estima
 from softmodels.casting.files import _pour_steps, _steps
 from softmodels.casting.make import _difference, _made, common_thickness, manifold_of
 from softmodels.casting.settings import Asked, MouldError, Workshop, asked_of
-from softmodels.components.fibres import helix_at
 from tests.support.campaigns import sampled
 from tests.support.moments import mirror_gap
 
@@ -150,7 +149,8 @@ def test_grooves_lie_where_the_fibres_are(tmp_path):
     place, path = np.array([[tube.outer_radius, 0.0, 0.0]]), []
     while place[0, 2] < 8e-3:
         path.append(place[0])
-        place = place + 1e-4 * helix_at(place, (0.0, 0.0, 1.0), 75.0)
+        around = np.cross([0.0, 0.0, 1.0], place) / np.linalg.norm(place[:, :2])
+        place = place + 1e-4 * (np.cos(np.radians(75)) * np.array([0.0, 0.0, 1.0]) + np.sin(np.radians(75)) * around)
         place[:, :2] *= tube.outer_radius / np.hypot(*place[0, :2])
     path = np.array([point for point in path if point[2] > 2e-3]) * [1 - 2e-4 / tube.outer_radius] * 1e3 / 0.99
     halves = [manifold_of(body.facets) for body in found.bodies if "cup" in body.name]

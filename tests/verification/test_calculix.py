@@ -1,4 +1,4 @@
-"""Cases solved by CalculiX from the decks that are exported: rigid parts, clamps, contact, fibres, cavities, dead loads.
+"""Cases solved by CalculiX from the decks that are exported: rigid parts, clamps, cavities, dead loads.
 
 Both programs have the same coarse mesh with displacements alone and the same energies; the rest is their own. The tests need
 `ccx` (apt-get install calculix-ccx) and are skipped without it.
@@ -21,8 +21,6 @@ pytestmark = pytest.mark.skipif(shutil.which("ccx") is None, reason="needs Calcu
 CALCULIX = "CalculiX 2.20 of the exported deck, same mesh"
 LAW = sm.Yeoh(14e3, 60.0, 0.0, 0.49)
 FINGER = sm.PneuNet(chambers=2, cell_size=0.008)
-ROD = sm.RigidShape("cylinder", "bottom", (0.012, 0.0, -0.0055), 0.004, along=(0.0, 1.0, 0.0), name="rod")
-BALL = sm.RigidShape("sphere", "outer", (0.0065, 0.01402, 0.010), 0.006, guide="y", spring=100.0, name="ball")
 
 
 def solved(folder, name, pressure, device=FINGER, **more):
@@ -64,60 +62,33 @@ def test_a_plate_that_turns_under_its_weight(tmp_path, figure):
 
 
 @pytest.mark.campaign
-def test_a_guided_plate_and_a_rod(tmp_path, figure):
-    """A tip guided askew to the axes, and a rigid cylinder under the bottom."""
+def test_a_guided_plate(tmp_path, figure):
+    """A tip guided askew to the axes."""
     plate = sm.Rigid("tip", kind="guided", direction=(0.28, 0.0, -0.96), name="plate")
-    row, found = solved(tmp_path, "guided", 12.0, components=(plate, ROD))
-    assert row["rod_depth_mm"] > 1e-3 and row["rod_force_z_N"] < 0.0
+    row, found = solved(tmp_path, "guided", 12.0, components=(plate,))
     moved = found["centre of plate"] / [row["plate_x_mm"], np.inf, row["plate_z_mm"]]
-    figure(CALCULIX, "way of a guided rigid plate, beside a rigid cylinder", moved[[0, 2]] - 1, 1e-4)
+    figure(CALCULIX, "way of a guided rigid plate", moved[[0, 2]] - 1, 1e-4)
+
+
+def test_a_clamp_that_slips(tmp_path, figure):
+    """A tip that slips only along z."""
+    row, found = solved(tmp_path, "clamped", 20.0, components=(sm.Clamp("tip", slip="z"),))
+    figure(CALCULIX, "rise of a clamped tip", probes_off(row, found), 8e-5)
 
 
 @pytest.mark.campaign
-def test_a_plane_that_does_not_lie_along_an_axis(tmp_path, figure):
-    plane = sm.RigidShape("plane", "bottom, tip", (0.012, 0.0, -0.0022), along=(-0.05, 0.0, 1.0), name="table")
-    row, found = solved(tmp_path, "table", 12.0, components=(plane,))
-    assert row["table_depth_mm"] > 1e-3
-    figure(CALCULIX, "rise of a tip on a rigid plane askew", probes_off(row, found), 1e-4)
-
-
-def test_a_clamp_that_slips_and_a_ball(tmp_path, figure):
-    """A tip that slips along z alone, and a rigid sphere on a spring beside the first chamber."""
-    row, found = solved(tmp_path, "clamped", 20.0, components=(sm.Clamp("tip", slip="z"), BALL))
-    assert row["ball_depth_mm"] > 1e-3 and row["ball_force_y_N"] > 0.0
-    figure(CALCULIX, "rise of a clamped tip, beside a rigid sphere on a spring", probes_off(row, found), 8e-5)
-
-
-@pytest.mark.campaign
-def test_a_membrane_with_a_plate_that_meets_a_plane(tmp_path, figure):
-    """A wedge: the plate rises to a bench above it, and the ring around bulges on; a rigid collar rises with it."""
+def test_a_membrane_with_a_plate(tmp_path, figure):
+    """A wedge whose plate and rigid collar rise."""
     device = sm.Membrane(
         radius=0.02, thickness=0.003, plate_radius=0.006, rings=(0.010, 0.013), ring_thickness=0.002, section="wedge",
         angle=30.0, cell_size=0.012,
     )  # fmt: skip
     components = (sm.Rigid("plate", name="plate"), sm.Rigid(region="ring1", name="collar"))
-    bench = sm.Obstacle("plate", "z = 4 mm")
-    row, found = solved(tmp_path, "bench", 25.0, device, components=(*components, bench))
-    assert row["contact_force_N"] > 0.0
+    row, found = solved(tmp_path, "plated", 25.0, device, components=components)
     for name in ("plate", "collar"):
         rise = found[f"centre of {name}"][2] / row[f"{name}_z_mm"] - 1
-        figure(CALCULIX, f"rise of a rigid {name}, the plate against a plane", rise, 5e-6)
-    figure(CALCULIX, "rise of a membrane with rigid parts, against a plane", probes_off(row, found, device), 1e-5)
-
-
-@pytest.mark.campaign
-def test_fibres_and_a_fabric(tmp_path, figure):
-    """Threads along a finger's bottom that bend it, and a fabric on its top."""
-    components = (
-        sm.Fibres("bottom", axis=(1.0, 0.0, 0.0), angle=0.0, helices=1, stiffness=300.0, name="threads"),
-        sm.Fabric("top", 200.0, 50.0, axis=(1.0, 0.0, 0.0), name="cloth"),
-    )
-    row, found = solved(tmp_path, "threads", 12.0, components=components)
-    bare = sm.run(sm.Case("bare", FINGER, LAW, steps=steps_of(pressure_cm=(12.0,)), formulation="displacement")).rows[
-        -1
-    ]
-    assert abs(row["tip_mm"] / bare["tip_mm"] - 1) > 0.1
-    figure(CALCULIX, "rise of a finger with fibres and a fabric", probes_off(row, found), 1e-4)
+        figure(CALCULIX, f"rise of a rigid {name}", rise, 5e-6)
+    figure(CALCULIX, "rise of a membrane with rigid parts", probes_off(row, found, device), 1e-5)
 
 
 @pytest.mark.campaign

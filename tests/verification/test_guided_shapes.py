@@ -11,8 +11,9 @@ import softmodels as sm
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.load import steps_of
-from softmodels.components.contact import RigidShape, slopes
+from softmodels.components.contact import RigidShape
 from softmodels.components.pressing import GivingWay, HardeningPenalty, PressedByDistance, Stand, Surface
+from softmodels.components.shapes import slopes
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.controls import volume_control

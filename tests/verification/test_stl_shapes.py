@@ -11,8 +11,8 @@ import pytest
 import softmodels as sm
 from softmodels.case.load import steps_of
 from softmodels.common.errors import FieldError
-from softmodels.components.contact import _winding
 from softmodels.components.pressing import FixedWall, Penalty, PressedOn, Surface
+from softmodels.components.shapes import winding
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.component import ComponentError
 from tests.support import stl_files
@@ -61,7 +61,7 @@ def test_the_gap_is_exact_on_a_flat_wall_and_known_on_a_ball():
     wall = FixedWall.of(points, triangles, 0.15)
     inscribed = 1 - np.linalg.norm(points[triangles].mean(axis=1), axis=1).mean()
     assert wall.gaps(np.array([[0.6, 0.0, 0.8]]))[0] == pytest.approx(inscribed - 0.1 * 0.15**2, abs=5e-4)
-    inside = _winding(np.array([[0.0, 0.1, 0.2], [0.0, 0.0, 1.2]]), points[triangles])
+    inside = winding(np.array([[0.0, 0.1, 0.2], [0.0, 0.0, 1.2]]), points[triangles])
     np.testing.assert_allclose(inside, [1.0, 0.0], atol=1e-12)
 
 

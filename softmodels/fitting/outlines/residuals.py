@@ -597,7 +597,7 @@ class Height:
 
 
 def read_heights(path: Path, untrusted: bool = False, exclude: Sequence[str] = ()) -> list[Height]:
-    """Read the ``heights.csv`` that ``python -m measurement photos`` writes; rejected and excluded photographs are left out.
+    """Read the ``heights.csv`` that ``softmodels measure photos`` writes; rejected and excluded photographs are left out.
 
     Raises `OutlineFitError` for no such table, a number that is none, or a height that is not trusted, unless ``untrusted``.
     """

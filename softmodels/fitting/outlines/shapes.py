@@ -232,7 +232,7 @@ def _shape(outline: Outline, part: slice, run: float) -> Shape:
 
 def _check_pressures(outlines: Sequence[Outline]) -> None:
     if not outlines:
-        raise OutlineFitError("nothing to fit to; give outlines that python -m measurement photos has made")
+        raise OutlineFitError("nothing to fit to; give outlines that softmodels measure photos has made")
     for outline in outlines:
         if not outline.pressure_error > 0.0:
             raise OutlineFitError(
@@ -613,10 +613,10 @@ def read_outlines(files: Sequence[Path], untrusted: bool = False, exclude: Seque
     for file in files:
         found = sorted(p for p in file.glob("*.csv") if p.name != "heights.csv") if file.is_dir() else [file]
         if not found:
-            raise OutlineFitError(f"the folder {file} holds no outlines; create them with python -m measurement photos")
+            raise OutlineFitError(f"the folder {file} holds no outlines; create them with softmodels measure photos")
         names += found
     if not names:
-        raise OutlineFitError("no measurements; give outlines made by python -m measurement photos")
+        raise OutlineFitError("no measurements; give outlines made by softmodels measure photos")
     outlines = []
     for name in names:
         try:
