@@ -34,7 +34,7 @@ from softmodels.runs import analyses, columns, formats, labels, notes, outcomes,
 from softmodels.runs.analyses import Limit
 from softmodels.runs.fields import OUTPUTS, OutputField, requestable
 from softmodels.runs.outcomes import RunError
-from softmodels.runs.simulation import InMemory, Simulation, Step
+from softmodels.runs.simulation import InMemory, Simulation
 from softmodels.runs.states import Line, States
 from softmodels.runs.table import PathTable, Row, band_of, parsed
 
@@ -822,7 +822,7 @@ def write_states(source: States, results: store.Results) -> None:
     """Store all states of a source in a prepared folder."""
     results.begin(source.points, source.cells, source.cell_name)
     for step, row in enumerate(source.rows):
-        results.add(row, source.fields(step), source.restart(step))
+        results.add(formats.StateRecord(row, source.fields(step), source.restart(step)))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -866,7 +866,9 @@ def _bracket(source: States, values: Array, wanted: float) -> tuple[int, int] | 
     return None
 
 
-def _between(simulation: Simulation, source: States, ends: tuple[int, int], asked: tuple[str, float]) -> Step:
+def _between(
+    simulation: Simulation, source: States, ends: tuple[int, int], asked: tuple[str, float]
+) -> formats.StateRecord:
     """Return the state at a value between two steps of a run."""
     fields, comm, (quantity, wanted) = simulation.fields, simulation.comm, asked
     passed = np.flatnonzero(source.rows["bifurcation"][: ends[0]]).tolist()
@@ -877,9 +879,9 @@ def _between(simulation: Simulation, source: States, ends: tuple[int, int], aske
     followed = source.case.quantity if quantity in source.rows.columns else quantity
     path = Continuation(simulation.solver, simulation.quantity(followed), start=simulation.model.hanging())
     solved = dict.fromkeys((step for step in range(ends[0] + 1) if step not in passed), 0.0)
-    path.recall = functools.partial(recording.recall, source, fields, comm, solved)
+    replay = functools.partial(recording.replay, source, fields, comm, solved)
     try:
-        path.resume(points)
+        path.resume(points, replay)
         tangent = path.corrector.tangent(after.state)
         before, after = path.last, dataclasses.replace(after, tangent=tangent)
         if quantity in source.rows.columns:

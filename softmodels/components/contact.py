@@ -1269,7 +1269,7 @@ class GuidedShapeTerm(assembly.AssembledTerm[pressing.GivingWay]):
         return self.standing.figures_of(equations, self._pressed.here) | {f"{self.shape.label}_travel_mm": travel}
 
 
-class RubbingShapeTerm(assembly.RememberingTerm[pressing.Rubbed]):
+class RubbingShapeTerm(assembly.HistoryTerm[pressing.Rubbed]):
     """The energy of contact with such a shape, and its friction; ``standing`` is its term without."""
 
     def __init__(self, shape: RigidShape, standing: StandingTerm, setting: component.FormContext):
@@ -1305,12 +1305,11 @@ class RubbingShapeTerm(assembly.RememberingTerm[pressing.Rubbed]):
             self.grip = self._pressed.kept()
         self.forget_state()  # the following calls use the current history
 
-    def remembered(self) -> pressing.Grip:
+    def save(self) -> pressing.Grip:
         return self.grip
 
-    def recall(self, remembered: object) -> None:
-        assert isinstance(remembered, pressing.Grip)
-        self.grip = remembered
+    def restore(self, saved: pressing.Grip) -> None:
+        self.grip = saved
         self.forget_state()
 
     def rest_rates(self, places: Array) -> Array:

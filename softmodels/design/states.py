@@ -15,7 +15,7 @@ import scipy.spatial
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import fem, ufl
 from softmodels.design import quantities, trials
-from softmodels.mechanics import assembly, controls, mpi, newton, sensitivity
+from softmodels.mechanics import assembly, component, controls, mpi, newton, sensitivity
 from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.path import continuation, schedule, stability
 from softmodels.path.continuation import Continuation, trace
@@ -47,19 +47,14 @@ class WorkingStates:
         self.newton = 0
         self.carried = False
         self._rest_volume = 0.0
-        self.followed: dict[trials.JudgedLoad, Followed] = {}
+        self.followed: dict[trials.JudgedLoad, PathDependence] = {}
         """Of states that depend on their path."""
         self._steps = STEPS
-        self._grips = [
-            term for term in self.system.potential.terms.values() if isinstance(term, assembly.RememberingTerm)
-        ]
+        self.depend_on_path = any(
+            isinstance(term, assembly.HistoryTerm) for term in self.system.potential.terms.values()
+        )
 
     # -- along the path -------------------------------------------------------------------------------------------------
-
-    @property
-    def depend_on_path(self) -> bool:
-        """Whether states depend on those before."""
-        return bool(self._grips)
 
     def trace(self, rates: Sensitivity, names: Sequence[str]) -> None:
         """Solve all states along paths from the undeformed state; DesignFailure if a load is not met. Where they depend on
@@ -101,15 +96,15 @@ class WorkingStates:
                     guess = here.w + (P - here.P) / (here.P - before.P) * (here.w - before.w)
                 before, here = here, self.solver.solve(control, guess, float(P))
                 self.newton += here.iterations
-                remembered, histories = tuple(term.remembered() for term in self._grips), rates.remembered()
+                checkpoint, histories = potential.checkpoint(), rates.remembered()
                 found = rates.step(here, control)[1] if rates.names else {}
                 potential.keep(here.w)
-            self.states[load], self.followed[load] = here, Followed(remembered, found, histories)
+            self.states[load], self.followed[load] = here, PathDependence(checkpoint, found, histories)
 
-    def recall(self, load: trials.JudgedLoad) -> None:
-        """Let friction remember what it did where the step to a load began."""
-        for term, remembered in zip(self._grips, self.followed[load].remembered, strict=True) if self._grips else ():
-            term.recall(remembered)
+    def restore_friction(self, load: trials.JudgedLoad) -> None:
+        """Restore friction to what it was where the step to a load began."""
+        if self.depend_on_path:
+            self.followed[load].checkpoint.restore()
 
     def _preloaded(self) -> State | None:
         """Return the state under the dead loads, from which the path begins; None without any."""
@@ -424,11 +419,11 @@ MOST_STEPS = 96
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Followed:
-    """What a state that depends on its path needs beside itself: what friction remembered where its step began, and of each
-    parameter the state's rate and how that changes."""
+class PathDependence:
+    """What a state that depends on its path needs beside itself: friction where its step began, and of each parameter the
+    state's rate and how that changes."""
 
-    remembered: tuple[object, ...]
+    checkpoint: component.Checkpoint
     rates: dict[str, sensitivity.Rate]
     histories: dict[str, list[Array]]
 
@@ -571,7 +566,7 @@ class Adjoint:
         return self._lambda.x.array.copy(), nodes
 
     def along_path(
-        self, measure: quantities.Measure, slopes: quantities.Slopes, followed: Followed, name: str
+        self, measure: quantities.Measure, slopes: quantities.Slopes, followed: PathDependence, name: str
     ) -> float:
         """Return the whole derivative of a quantity at the prepared state by a parameter, without the partial one at fixed
         unknowns, from the state's rate and that of what friction remembered where its step began."""

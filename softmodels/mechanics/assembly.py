@@ -211,19 +211,19 @@ class AssembledTerm[P: Pressing](component.EnergyTerm):
         return scipy.sparse.kron(self._known, np.ones((d, d), dtype=np.bool_), format="csr")
 
 
-class RememberingTerm[P: Pressing](AssembledTerm[P]):
+class HistoryTerm[P: Pressing](AssembledTerm[P]):
     """A term whose forces depend on what it remembers of the states before, and the derivatives of that: flat arrays, by places
     of the faces' nodes against what they press on."""
 
     remembers: ClassVar[bool] = True
 
     @abc.abstractmethod
-    def remembered(self) -> object:
-        """Return what it remembers of the last accepted state, a value for `recall`."""
+    def save(self) -> Any:
+        """Return what it remembers of the last accepted state; see `component.Checkpoint`."""
 
     @abc.abstractmethod
-    def recall(self, remembered: object) -> None:
-        """Go back to what it remembered."""
+    def restore(self, saved: Any) -> None:
+        """Return to what `save` has given."""
 
     @abc.abstractmethod
     def rest_rates(self, places: Array) -> Array:

@@ -25,8 +25,8 @@ import dataclasses
 import itertools
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
-from typing import ClassVar, Protocol, Self
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -382,6 +382,35 @@ def column_texts(*columns: tuple[str, str, str]) -> dict[str, tuple[str, str]]:
 def gravity_of(components: Sequence[Component]) -> Array:
     """Acceleration of gravity in m/s2, shape (3,), in device coordinates; zero where no component is one."""
     return next((part.acceleration for part in components if part.acceleration is not None), np.zeros(3))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What depends on earlier states, saved before a step that may fail.
+
+
+class HistoryDependent(Protocol):
+    """A part that depends on earlier states: silicone's memory, friction, motion."""
+
+    def save(self) -> Any:
+        """Return what it has of the earlier states, a value that later steps do not change."""
+
+    def restore(self, saved: Any) -> None:
+        """Return to what `save` has given."""
+
+
+class Checkpoint:
+    """The saved histories of parts; `restore` brings them back, as often as needed."""
+
+    def __init__(self, saved: Sequence[tuple[HistoryDependent, object]]):
+        self._saved = saved
+
+    @classmethod
+    def save(cls, parts: Iterable[HistoryDependent]) -> Checkpoint:
+        return cls([(part, part.save()) for part in parts])
+
+    def restore(self) -> None:
+        for part, saved in self._saved:
+            part.restore(saved)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

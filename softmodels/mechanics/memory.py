@@ -284,12 +284,12 @@ class History:
         found = self.at_points(self._stress, 9)
         return found.reshape(*found.shape[:2], 3, 3)
 
-    def copied(self) -> tuple[Array, float]:
-        """Return a copy of all that is remembered, for `restore`."""
+    def save(self) -> tuple[Array, float]:
+        """Return a copy of all that is remembered; see `component.Checkpoint`."""
         return self.values.x.array.copy(), self._creep
 
-    def restore(self, kept: tuple[Array, float]) -> None:
-        self.values.x.array[:], self._creep = kept
+    def restore(self, saved: tuple[Array, float]) -> None:
+        self.values.x.array[:], self._creep = saved
         self.prepare()
 
 
@@ -505,10 +505,10 @@ class Motion:
         """Kinetic energy, dimensionless."""
         return self.unit / 2 * mpi.total(self.comm, float(self._v @ self._times(self._v)))
 
-    def copied(self) -> dict[str, object]:
-        """Return all that is known of the last state, for `restore`: arrays are replaced, never changed."""
+    def save(self) -> dict[str, object]:
+        """Return all that is known of the last state (arrays are replaced, never changed); see `component.Checkpoint`."""
         return dict(self.__dict__)
 
-    def restore(self, kept: dict[str, object]) -> None:
-        self.__dict__.update(kept)
+    def restore(self, saved: dict[str, object]) -> None:
+        self.__dict__.update(saved)
         self.begin(0.0)

@@ -28,9 +28,6 @@ from softmodels.mechanics.body import Body
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.regions import Regions, constants
 
-type Remembered = tuple[npt.NDArray[np.float64] | None, list[tuple[npt.NDArray[np.float64], float]], dict[str, object]]
-"""A state's dofs, what each history remembers there and has dissipated, and what its motion was."""
-
 
 class Potential:
     """Pi of a body, with its functions and constants, whose values can change without recompiling.
@@ -259,23 +256,22 @@ class Potential:
         self.pass_time(0.0)
         self.w.x.array[:] = here
 
-    def remembered(self) -> Remembered | None:
-        """Return a copy of all that the silicone remembers and of its motion, for `forget`."""
-        if not self.histories and not self.motion:
-            return None
-        before = self.before.x.array.copy() if self.histories else None
-        return before, [history.copied() for history in self.histories], self.motion.copied() if self.motion else {}
+    def checkpoint(self) -> component.Checkpoint:
+        """Save all that depends on earlier states: friction, motion, what the silicone remembers."""
+        parts: list[component.HistoryDependent] = [
+            term for term in self.terms.values() if isinstance(term, assembly.HistoryTerm)
+        ]
+        parts += [self.motion] if self.motion else []
+        parts += [self, *self.histories] if self.histories else []
+        return component.Checkpoint.save(parts)
 
-    def forget(self, since: Remembered | None) -> None:
-        """Go back to what `remembered` has copied."""
-        if since is None:
-            return
-        if self.motion:
-            self.motion.restore(since[2])
-        if since[0] is not None:
-            self.before.x.array[:], self.step.value, self._looked_at = since[0], 0.0, None
-        for history, kept in zip(self.histories, since[1], strict=True):
-            history.restore(kept)
+    def save(self) -> tuple[npt.NDArray[np.float64], float]:
+        """Return where the step begins, and the length of the step that led there."""
+        return self.before.x.array.copy(), self.taken
+
+    def restore(self, saved: tuple[npt.NDArray[np.float64], float]) -> None:
+        self.before.x.array[:], self.taken = saved
+        self.step.value, self._looked_at = 0.0, None
 
     @property
     def relaxation(self) -> float:

@@ -63,7 +63,7 @@ class Sensitivity:
     @functools.cached_property
     def _grips(self) -> list[GripDirection]:
         terms = self.solver.system.potential.terms.items()
-        return [GripDirection(self, label, term) for label, term in terms if isinstance(term, assembly.RememberingTerm)]
+        return [GripDirection(self, label, term) for label, term in terms if isinstance(term, assembly.HistoryTerm)]
 
     @functools.cached_property
     def _moving(self) -> tuple[fem.Function, list[fem.Form], list[list[fem.Form]], fem.Form]:
@@ -549,7 +549,7 @@ class LawHistory:
 class GripDirection:
     """The same of friction on a rigid shape: how what its samples remember changes with where they are on the shape."""
 
-    def __init__(self, sensitivity: Sensitivity, label: str, term: assembly.RememberingTerm):
+    def __init__(self, sensitivity: Sensitivity, label: str, term: assembly.HistoryTerm):
         self.label, self.term, self._known = label, term, sensitivity
         self._values: Array | None = None
         self.turn(None, None)

@@ -8,6 +8,7 @@ states.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -16,8 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
-from softmodels.common.lazy import fem, meshes, scipy, ufl
-from softmodels.mechanics import assembly, compiling, component, controls, memory, mpi, newton
+from softmodels.common.lazy import scipy
+from softmodels.components import creases
+from softmodels.mechanics import assembly, component, controls, memory, mpi, newton
 from softmodels.mechanics.controls import Control
 from softmodels.mechanics.solver import TANGENT_TOLERANCE, Solver
 from softmodels.mechanics.system import State, System
@@ -44,103 +46,121 @@ SHORTEST_STEP = 1e-3  # relative to the first step: shorter steps do not fix the
 LARGEST_GROWTH = 60.0  # cavity volumes at which a path under volume or arc-length control ends
 
 
-@dataclasses.dataclass
+@dataclasses.dataclass(frozen=True, eq=False)
 class Continuation:
-    """Continuation of a load path: requested quantity, control, and step length.
+    """Continuation of a load path: its settings, which never change, and with ``history`` all that changes along the path.
 
     Args:
         solver: The device.
-        requested: What the requested values are of.
+        quantity: What the requested values are of.
         control: What is followed, one of `CONTROLS`; "auto" follows what is requested, and the volume where it softens.
         largest_step: Longest step in units of the requested quantity, for a curve with enough points to draw.
         largest_growth: Cavity volumes at which a path to a pressure is given up.
         start: Where the path begins; the undeformed state if None.
         report: Takes sentences on what is going on.
         release: Whether a device that is lost is released, to go on from where it comes to rest; see `come_to_rest`.
-        recall: Lets parts remember what they do where a path goes on.
-
-    Attributes:
-        trail: Its last points, once it has begun; with it ``plane``, its scales, and ``corrector``, which finds its states.
-        snaps: How often the device has been released.
     """
 
     solver: Solver
-    requested: PathQuantity = dataclasses.field(default_factory=Pressure)
+    quantity: PathQuantity = dataclasses.field(default_factory=Pressure)
     control: str = "auto"
     largest_step: float = math.inf
     largest_growth: float = LARGEST_GROWTH
     start: State | None = None
     report: Callable[[str], None] = lambda text: None
     release: bool = False
-    recall: Callable[[], None] = lambda: None
+    history: PathHistory = dataclasses.field(default_factory=lambda: PathHistory())
 
     def __post_init__(self) -> None:
         if self.control not in CONTROLS:
             raise ValueError(f"control {self.control!r} is not one of {', '.join(CONTROLS)}")
-        self.snaps, self._ahead, self._released_at = 0, AHEAD, math.inf
 
     def begin(self) -> Point:
         """Return the path's first point; sets the scales of the plane in which arc lengths are measured."""
-        solver = self.solver
+        solver, history = self.solver, self.history
         rest = solver.system.rest()
         V_scale = float(np.abs(solver.system.coupling.shares) @ solver.system.scales())
         start = rest if self.start is None else self.start
         solver.system.potential.keep(start.w, anew=self.start is None)
-        self.trail = PathHistory(solver)  # before factorising, because making the mass matrix takes memory
+        stability = self.stability  # before factorising, because making the mass matrix takes memory
         moves = solver.system.potential.motion is not None
         if moves:
             tangent = at_once(start)
         else:
             solver.factorise(start)
             tangent = solver.tangent(start, Control(1 / V_scale, 1.0, 0.0), tight(solver))
-        self.V0, self.plane = start.V, ArcLengthMetric.of(V_scale, tangent.compliance)
-        self.requested = self.requested.counted(self.V0, rest.V)
-        known = (Pressure(), AddedVolume(rest.V), ArcLength(self.plane), self.requested)
-        self._known: dict[str, ContinuationParameter] = {one.name: one for one in known}
-        self.trail.line = self.requested.name if self.control == "auto" else self.control
-        self.corrector = Corrector(solver, self.trail, self.plane)
-        if not self.requested.starts_forward(start, tangent):  # the path starts at an unstable state
+        history.V0, history.plane = start.V, ArcLengthMetric.of(V_scale, tangent.compliance)
+        history.requested = requested = self.quantity.counted(start.V, rest.V)
+        known = (Pressure(), AddedVolume(rest.V), ArcLength(self.plane), requested)
+        history.parameters = {parameter.name: parameter for parameter in known}
+        history.points, history.modes, history.line = [], [], self.first_line
+        if not requested.starts_forward(start, tangent):  # the path starts at an unstable state
             tangent = -tangent
-        self.trail.stability.start()
-        signature = Signature() if moves else self.trail.stability.signature(exact=True)
+        stability.start()
+        signature = Signature() if moves else stability.signature(exact=True)
         step, stiffest = self.first_step, self.plane.felt(tangent.compliance)
-        first = Point(start, tangent, False, False, step, self.trail.line, stiffest, signature)
+        first = Point(start, tangent, False, False, step, history.line, stiffest, signature)
         return self.keep(first)
 
-    def resume(self, points: Sequence[Point]) -> None:
+    def resume(self, points: Sequence[Point], replay: Callable[[], None]) -> None:
         """Go on from points of an earlier trace, in order: bifurcations, and behind others the last one or two that were
-        solved for. Of their tangents the changes of P and V count, the rest is found again; so is the last state, from what
-        was stored of it."""
+        solved for; ``replay`` restores the histories there. Of their tangents the changes of P and V count, the rest is found
+        again; so is the last state, from what was stored of it."""
         self.begin()
-        self.recall()
+        replay()
         landed = max((k for k, point in enumerate(points) if point.jump), default=0)
         points = points[landed:]  # what lies before a jump predicts nothing behind it
-        solver, trail, stability = self.solver, self.trail, self.trail.stability
-        trail.modes += [Mode(stability.mass, point.mode) for point in points if point.mode is not None]
-        trail.points = [point for point in points if point.mode is None][-2:]
-        trail.line = trail.last.line
-        lines = [self.plane.stiffened(one.stiffest).square_to(one.tangent, one.state) for one in trail.points]
-        found = solver.solve(lines[-1], trail.last.state.w, trail.last.state.P)
-        trail.points[-1] = dataclasses.replace(trail.last, state=dataclasses.replace(trail.last.state, w=found.w))
-        solver.factorise(trail.last.state)
+        solver, history, stability = self.solver, self.history, self.stability
+        history.modes = [Mode(stability.mass, point.mode) for point in points if point.mode is not None]
+        last = [point for point in points if point.mode is None][-2:]
+        history.line = last[-1].line
+        lines = [self.plane.stiffened(one.stiffest).square_to(one.tangent, one.state) for one in last]
+        found = solver.solve(lines[-1], last[-1].state.w, last[-1].state.P)
+        last[-1] = dataclasses.replace(last[-1], state=dataclasses.replace(last[-1].state, w=found.w))
+        solver.factorise(last[-1].state)
         stability.lowest()
         eigenvalues = (abs(point.signature.lowest) for point in points)
         stability.largest = max([stability.largest, *(value for value in eigenvalues if math.isfinite(value))])
-        tangents = [solver.tangent(one.state, line) for one, line in zip(trail.points, lines, strict=True)]
-        trail.points = [
-            dataclasses.replace(one, tangent=found) for one, found in zip(trail.points, tangents, strict=True)
+        history.points = [
+            dataclasses.replace(one, tangent=solver.tangent(one.state, line))
+            for one, line in zip(last, lines, strict=True)
         ]
 
     def keep(self, point: Point) -> Point:
-        return self.trail.keep(point)
+        """Make a point the last one, which friction and silicone remember."""
+        self.solver.system.potential.keep(point.state.w)
+        return self.history.add(point)
+
+    @property
+    def stability(self) -> Stability:
+        return Stability.of(self.solver)
+
+    @functools.cached_property
+    def corrector(self) -> Corrector:
+        """What finds its states, once it has begun."""
+        return Corrector(self.solver, self.history)
+
+    @property
+    def requested(self) -> PathQuantity:
+        """The requested quantity, counted from the path's beginning."""
+        return self.history.requested
+
+    @property
+    def plane(self) -> ArcLengthMetric:
+        return self.history.plane
 
     @property
     def last(self) -> Point:
-        return self.trail.last
+        return self.history.last
+
+    @property
+    def first_line(self) -> str:
+        """Name of what a path follows where it begins."""
+        return self.quantity.name if self.control == "auto" else self.control
 
     @property
     def followed(self) -> ContinuationParameter:
-        return self._known[self.trail.line]
+        return self.history.parameters[self.history.line]
 
     @property
     def direct(self) -> bool:
@@ -150,7 +170,7 @@ class Continuation:
     @property
     def first_step(self) -> float:
         """Length of the first step in the control."""
-        return self.followed.first_step(self.plane, self.V0)
+        return self.followed.first_step(self.plane, self.history.V0)
 
     def value(self, state: State) -> float:
         """Return the requested quantity at a state."""
@@ -242,16 +262,16 @@ class Continuation:
         if not self.requested.starts_forward(state, tangent):
             tangent = -tangent
         stiffest = min(self.last.stiffest, self.plane.felt(tangent.compliance))
-        signature = self.trail.stability.signature(exact=True)
-        return Point(state, tangent, False, False, self.first_step, self.trail.line, stiffest, signature)
+        signature = self.stability.signature(exact=True)
+        return Point(state, tangent, False, False, self.first_step, self.history.line, stiffest, signature)
 
     def ahead(self, value: float) -> float:
         """Return how far beyond a requested value, at which it is lost, a device is released: ten times as far as the last time
         where it has come less far since then, else a tenth."""
-        unit = self.requested.first_step(self.plane, self.V0)
-        slow = abs(value - self._released_at) < 10.0 * self._ahead * unit
-        self._released_at, self._ahead = value, 10.0 * self._ahead if slow else max(self._ahead / 10.0, AHEAD)
-        return self._ahead * unit
+        unit, history = self.requested.first_step(self.plane, self.history.V0), self.history
+        slow = abs(value - history.released_at) < 10.0 * history.ahead * unit
+        history.released_at, history.ahead = value, 10.0 * history.ahead if slow else max(history.ahead / 10.0, AHEAD)
+        return history.ahead * unit
 
     def let_go(self, goal: float, end: PathEnd) -> Point:
         """Let the device go at its last point, where the path was lost for a reason; return where it comes to rest.
@@ -265,7 +285,7 @@ class Continuation:
         state = come_to_rest(self, self.requested.curve(value), last.state, end.cause.clause if end.cause else str(end))
         if state is None:
             raise end
-        self.trail.line = self.requested.name if self.control == "auto" else self.control
+        self.history.line = self.first_line
         landed = self.at(self.requested.exactly(state, value))
         return dataclasses.replace(landed, requested=value == goal, jump=True)
 
@@ -302,7 +322,7 @@ class Continuation:
         """Return the point a ``share`` ahead, or at the value ``goal`` if given; `NoConvergence` if this branch has none."""
         last = self.last
         line = self.followed.ahead(last.state, last.tangent, share) if goal is None else self.requested.curve(goal)
-        state = self.corrector.solve(line, self.trail.points)
+        state = self.corrector.solve(line, self.history.points)
         self.corrector.check_branch(state, line)
         state = state if goal is None else self.requested.exactly(state, goal)
         count = state.iterations - self.solver.system.assembled.slack
@@ -327,18 +347,18 @@ class Continuation:
         softened = a * t.V + b * t.P  # the same here; both are the derivative of the quantity by the volume
         if self.direct and not stiffest < SOFTENING * softened:
             self.follow(AddedVolume.name)
-        elif self.trail.line == AddedVolume.name and stiffest < SOFTENING / 2 * softened:
+        elif self.history.line == AddedVolume.name and stiffest < SOFTENING / 2 * softened:
             self.follow(self.requested.name)
 
     def follow(self, line: str) -> None:
         """Switch the control, by its name, with a step of about the same length."""
-        if line == self.trail.line:
+        if line == self.history.line:
             return
         self.report(f"control switched to {line}")
-        s, t, now, new = self.last.state, self.last.tangent, self.followed, self._known[line]
+        s, t, now, new = self.last.state, self.last.tangent, self.followed, self.history.parameters[line]
         step = abs(self.last.step * new.rate(s, t) / now.rate(s, t))
-        self.trail.line, step = line, min(step, new.largest_step(s, self.plane))
-        self.trail.points[-1] = dataclasses.replace(self.last, step=step, line=line)
+        self.history.line, step = line, min(step, new.largest_step(s, self.plane))
+        self.history.points[-1] = dataclasses.replace(self.last, step=step, line=line)
 
     @property
     def by_volume(self) -> bool:
@@ -359,13 +379,19 @@ class Continuation:
 PAST_LIMIT = 0.1  # how far `auto` continues past a limit point, relative to the volume added up to it
 
 
-def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = ()) -> Iterator[Point]:
+def trace(
+    path: Continuation,
+    goals: Sequence[float],
+    start: Sequence[Point] = (),
+    replay: Callable[[], None] = lambda: None,
+) -> Iterator[Point]:
     """Follow a device through the requested values, in rising order, and yield every point of the path.
 
     Args:
         path: What to follow, and how.
         goals: Requested values (dimensionless), rising, none below 0.
         start: The last points of an interrupted trace, to go on from; goals at or below them are taken as done.
+        replay: Restores the histories at these points; see `Continuation.resume`.
 
     Yields:
         Points along the path; those requested are marked, and so are limit points.
@@ -375,7 +401,7 @@ def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = (
     """
     left = list(goals)
     if start:
-        path.resume(start)
+        path.resume(start, replay)
         done = path.value(path.last.state)
         left = [goal for goal in left if goal > done * (1 + 1e-12)]
     else:
@@ -393,7 +419,7 @@ def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = (
         before = path.last
         step = before.step
         if passed.limit is not None and path.ends_at_limit:
-            step = min(step, PAST_LIMIT / 2 * (passed.limit.state.V - path.V0))
+            step = min(step, PAST_LIMIT / 2 * (passed.limit.state.V - path.history.V0))
         try:
             stops, leak = path.stops(step, left, passed.level)
         except PathEnd as lost_there:
@@ -404,7 +430,7 @@ def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = (
         for stop in stops:
             if stop.mode is not None:
                 # Interpolated, and K is singular: not used to predict the next state.
-                path.trail.modes.append(Mode(path.trail.stability.mass, stop.mode))
+                path.history.modes.append(Mode(path.stability.mass, stop.mode))
                 yield stop
                 continue
             here = path.keep(dataclasses.replace(stop, step=stops[-1].step))
@@ -417,9 +443,9 @@ def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = (
 
 def _check_end(path: Continuation, passed: PassedLimits) -> None:
     """Raise `PathEnd` if the path is far enough past its limit point, or has grown too large."""
-    added = path.last.state.V - path.V0
+    added = path.last.state.V - path.history.V0
     limit = passed.limit
-    if limit is not None and path.ends_at_limit and added > (1 + PAST_LIMIT) * (limit.state.V - path.V0):
+    if limit is not None and path.ends_at_limit and added > (1 + PAST_LIMIT) * (limit.state.V - path.history.V0):
         raise PathEnd("the pressure has a limit point", limit)
     if not path.by_volume and added > path.largest_growth * path.plane.V_scale:
         why = f"the cavity has grown {path.largest_growth:g}-fold without reaching the requested value"
@@ -522,33 +548,41 @@ def _sum(points: Sequence[Point], values: Array, slopes: Array) -> tuple[Array, 
 # ----------------------------------------------------------------------------------------------------------------------
 # The end of a path: its last two points, from which the next is predicted.
 
+AHEAD = 0.01
+"""How far beyond the last state a device is released at least, in first steps."""
 
+
+@dataclasses.dataclass
 class PathHistory:
-    """The end of a path of a device.
+    """All that changes along a path.
 
     Attributes:
         points: The last one or two, in order.
         modes: Those of the bifurcations that the path has passed: a state with much of one lies on another branch.
         line: Name of what the path follows.
+        snaps: How often the device has been released.
+        released_at, ahead: The value at which it was released last, and how far beyond it, in first steps.
+        V0, plane: Set where the path begins: the volume there, and the scales of arc lengths.
+        requested, parameters: Set there too: the requested quantity, and what may be followed, by name.
     """
 
-    def __init__(self, solver: Solver):
-        self.solver, self.stability = solver, Stability.of(solver)
-        self.points: list[Point] = []
-        self.modes: list[Mode] = []
-        self.line = ""
+    points: list[Point] = dataclasses.field(default_factory=list)
+    modes: list[Mode] = dataclasses.field(default_factory=list)
+    line: str = ""
+    snaps: int = 0
+    released_at: float = math.inf
+    ahead: float = AHEAD
+    V0: float = dataclasses.field(init=False)
+    plane: ArcLengthMetric = dataclasses.field(init=False)
+    requested: PathQuantity = dataclasses.field(init=False)
+    parameters: dict[str, ContinuationParameter] = dataclasses.field(init=False)
 
     @property
     def last(self) -> Point:
         return self.points[-1]
 
-    def keep(self, point: Point) -> Point:
-        """Make a point the last one, which friction and silicone remember."""
-        self.solver.system.potential.keep(point.state.w)
-        return self.add(point)
-
     def add(self, point: Point) -> Point:
-        """Make a point the last one that they remember already; what lies before a jump predicts nothing behind it."""
+        """Make a point the last one; what lies before a jump predicts nothing behind it."""
         if point.jump:
             self.points, self.modes = [], []
         self.points = [*self.points[-1:], point]
@@ -592,39 +626,44 @@ class Emptied(newton.NoConvergence):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Drawn:
-    """The energy stored in a state, magnitudes of all drivers there and what they work on, shape (k,)."""
+class LoadedState:
+    """A state with its loads, dimensionless: magnitudes of all drivers there and what they work on, shape (k,), and the stored
+    energy; ``number`` counts the program's steps up to it."""
 
     state: State
-    energy: float
     drives: Array
     driven: Array
+    energy: float = math.nan
+    number: int = 0
 
     @classmethod
-    def at(cls, system: System, state: State) -> Drawn:
+    def at(cls, system: System, state: State, number: int = 0) -> LoadedState:
         system.load(state)
-        return cls(state, system.stored_energy(), system.drives_at(state), system.driven())
+        return cls(state, system.drives_at(state), system.driven(), system.stored_energy(), number)
 
 
 class Corrector:
-    """Newton's method along a path, from its last points, with the scales of volume and pressure."""
+    """Newton's method along a path, from its last points."""
 
-    def __init__(self, solver: Solver, trail: PathHistory, plane: ArcLengthMetric):
-        self.solver, self.trail, self.plane = solver, trail, plane
-        self.stability = trail.stability
-        self._drawn: Drawn | None = None
+    def __init__(self, solver: Solver, history: PathHistory):
+        self.solver, self.history, self.stability = solver, history, Stability.of(solver)
+        self._loaded: LoadedState | None = None
+
+    @property
+    def plane(self) -> ArcLengthMetric:
+        return self.history.plane
 
     def tangent(self, state: State, tolerance: float = TANGENT_TOLERANCE) -> controls.Tangent:
         """Return the tangent at a state, oriented forwards; scaled along the last direction, so it is regular at
         limit points."""
-        if not self.trail.points:
+        if not self.history.points:
             return self.solver.tangent(state, Control(1 / self.plane.V_scale, 1.0, 0.0), tolerance)
-        last = self.trail.last
+        last = self.history.last
         line = self.plane.stiffened(last.stiffest).square_to(last.tangent, last.state)
         # If nothing moves, a guess would consist of rounding errors, so solve without one.
         locked = self.plane.locked(last.tangent.compliance)
         creeping = bool(self.solver.system.potential.histories)
-        guess = None if locked else predict_direction(self.trail.points, state, line, creeping)
+        guess = None if locked else predict_direction(self.history.points, state, line, creeping)
         found = self.solver.tangent(state, line, tolerance, guess)
         if locked or creeping or self.solver.system.direction > 0:
             return found
@@ -636,7 +675,7 @@ class Corrector:
         Where a shell snaps back, pressure and volume turn back at nearly the same state: their plane shows a cusp, and orients
         the tangent wrongly. Motions from one branch to another, or back to where an event is located, are not along the path.
         """
-        step = state.w - self.trail.last.state.w
+        step = state.w - self.history.last.state.w
         if not mpi.largest(self.solver.system.comm, float(np.abs(step).max(initial=0.0))):
             return False
         motion = Mode(self.stability.mass, step)
@@ -645,7 +684,7 @@ class Corrector:
             size = motion.size(w)
             return motion.share(w) / size if size > 0.0 else 0.0
 
-        return cosine(found.w) < -ALONG and cosine(self.trail.last.tangent.w) > ALONG
+        return cosine(found.w) < -ALONG and cosine(self.history.last.tangent.w) > ALONG
 
     def solve(self, line: controls.Curve, around: Sequence[Point]) -> State:
         """Return the state on a line, guessed by the cubic through one or two points and their tangents. Past a bifurcation
@@ -656,7 +695,7 @@ class Corrector:
         """
         w, P = predict(around, line)
         state = self.solve_from(line, w, P, around[-1].state)
-        for mode in self.trail.modes:
+        for mode in self.history.modes:
             if abs(mode.share(state.w - w)) > LARGEST_MODE_SHARE * mode.size(w - around[-1].state.w):
                 raise newton.NoConvergence("Newton converged to another branch")
         return state
@@ -678,7 +717,7 @@ class Corrector:
     def point(self, state: State, requested: bool = False, limit: bool = False, step: float | None = None) -> Point:
         """Return the point of a state near the last one, with tangent and signature, factorised if these need it, and with the
         last point's ``step`` if None is given."""
-        solver, last = self.solver, self.trail.last
+        solver, last = self.solver, self.history.last
         if solver.system.potential.motion:
             return dataclasses.replace(last, state=state, tangent=at_once(state), requested=requested)
         stale = solver.stale
@@ -701,7 +740,7 @@ class Corrector:
             signature = Signature(negative, self.stability.critical_lowest(state, negative))
         else:
             signature = self.stability.signature(stale, negative)
-        return Point(state, tangent, requested, limit, step, self.trail.line, stiffest, signature)
+        return Point(state, tangent, requested, limit, step, self.history.line, stiffest, signature)
 
     def check_whole(self, state: State, since: State | None = None) -> None:
         """Reject a converged state that is inverted, or behind a wall as seen from another one, by default the last; see
@@ -709,7 +748,7 @@ class Corrector:
         system = self.solver.system
         if (system.volumes() <= 0.0).any():
             raise Emptied("a cavity would collapse to zero volume")
-        if not system.potential.admits((since or self.trail.last.state).w, state.w):
+        if not system.potential.admits((since or self.history.last.state).w, state.w):
             raise newton.NoConvergence("a wall passed through an obstacle")
 
     def check_branch(self, state: State, line: controls.Curve) -> None:
@@ -721,8 +760,8 @@ class Corrector:
             NoConvergence: It lies there.
             Emptied: A cavity's walls have passed through each other, which no short step mends.
         """
-        s, t = self.trail.last.state, self.trail.last.tangent
-        system, plane = self.solver.system, self.plane.stiffened(self.trail.last.stiffest)
+        s, t = self.history.last.state, self.history.last.tangent
+        system, plane = self.solver.system, self.plane.stiffened(self.history.last.stiffest)
         self.check_whole(state)
         if plane.product((state.V - s.V, state.P - s.P), (t.V, t.P)) <= 0.0:
             raise newton.NoConvergence("Newton converged to another branch")
@@ -739,12 +778,12 @@ class Corrector:
         Raises:
             NoConvergence: It lost some.
         """
-        system, last = self.solver.system, self.trail.last
+        system, last = self.solver.system, self.history.last
         if system.potential.remembers or system.body.seal:
             return
-        known = self._drawn
-        before = known if known is not None and known.state is last.state else Drawn.at(system, last.state)
-        after = self._drawn = Drawn.at(system, point.state)
+        known = self._loaded
+        before = known if known is not None and known.state is last.state else LoadedState.at(system, last.state)
+        after = self._loaded = LoadedState.at(system, point.state)
         moved, gained = after.driven - before.driven, after.energy - before.energy
         chord = 0.5 * float((before.drives + after.drives) @ moved)
         scale = 0.5 * float((np.abs(before.drives) + np.abs(after.drives)) @ np.abs(moved))
@@ -889,39 +928,6 @@ SNAPPED = component.PathFailure(
 )
 
 
-def folded(cells: float, place: str, at: str) -> component.PathFailure:
-    """Return the end of a path at which only a few cells fold, around an undeformed place with its unit; ``at`` is a clause
-    that begins with a comma on what it is at, empty inside."""
-    few = "one cell" if cells < 1.5 else f"{cells:.0f} cells"
-    return component.PathFailure(
-        f"{few} of the mesh would fold at {place} of the undeformed device{at}, and the requested quantity turns "
-        f"back there: a mesh fold at a sharp edge, not a limit of the device",
-        "Round that edge (--fillet, --rounding or --clamp-rounding, as the device has it), add contact to the faces "
-        "beside it, or use larger cells there (--cell-size, fewer cells --through); the states up to here are not "
-        "affected",
-        snaps=True,
-        of_mesh=True,
-    )
-
-
-CREASED = 0.647**2
-"""Product of a surface's smaller stretch squared and its larger one below which neo-Hookean silicone folds into itself (Hong,
-Zhao and Suo 2009, doi 10.1063/1.3211917)."""
-
-
-def creased(stretch: float, least: float, place: str, at: str, closed: bool) -> component.PathFailure:
-    """Return the end of a path at which the surface creases, or at which it has done so and the crease is ``closed``; the rest
-    is as for `folded`."""
-    what, first = ("is folded onto itself", "Round") if closed else ("creases", "Stay below, or round")
-    return component.PathFailure(
-        f"the silicone's surface {what} at {place} of the undeformed device{at}: it is compressed to a stretch of "
-        f"{stretch:.2f}, and creases from about {least:.2f} on",
-        f"{first} that edge more (--fillet, --rounding or --clamp-rounding, as the device has it), so that its surface is "
-        "compressed less; smaller cells there (--cell-size) resolve the fold",
-        snaps=True,
-    )
-
-
 # ----------------------------------------------------------------------------------------------------------------------
 # Diagnose a path on which no step converges: the device is locked, snaps back, or fails locally.
 #
@@ -940,16 +946,6 @@ ASTRAY = 2.0
 """Step length relative to the predicted one above which Newton has converged to another branch."""
 TOLERANCE = 1e-10
 """Relative tolerance of the directions, whose local part may be a thousandth of the whole motion."""
-FEW = (6.0, 0.1)
-"""Maximum number and fraction of cells in a motion that counts as a mesh fold."""
-CLOSED = math.radians(150.0)
-"""Angle by which a facet turns from one end to the other where it is folded onto itself; a quadratic one turns by 180 degrees
-at most, and one beside a held edge by 130 without a crease."""
-NEAR_CORNERS = 0.9
-"""Where on its way from the middle of a facet to a corner its turn is taken: on the axis itself a hoop is 0 / 0, and in a sharp
-corner that is blown up a cell's own corner may turn over."""
-PART = 1e-3
-"""Share of the largest part that a cell has of a motion, above which it takes part."""
 FALLING = 2
 """Consecutive decreases after which the requested quantity counts as turned back."""
 
@@ -966,7 +962,7 @@ def _cause_of(
     if isinstance(failure, Emptied):
         return EMPTIED
     system = corrector.solver.system
-    system.load(corrector.trail.last.state)
+    system.load(corrector.history.last.state)
     for term in system.potential.terms.values():
         if cause := term.breakdown(system):
             return cause
@@ -974,14 +970,14 @@ def _cause_of(
         part = snapping(corrector, requested)
     except newton.NoConvergence:
         part = None
-    system.load(corrector.trail.last.state)
+    system.load(corrector.history.last.state)
     if part is None:
-        return crease(system)
-    fold = Concentration(system, part)
+        return creases.find_crease(system)
+    fold = creases.MotionConcentration(system, part)
     if not fold.local:
         return SNAPPED
-    system.load(corrector.trail.last.state)
-    return crease(system, fold.part) or folded(fold.cells, *fold.place)
+    system.load(corrector.history.last.state)
+    return creases.find_crease(system, fold.part) or creases.fold_failure(fold.cells, *fold.place)
 
 
 def snapping(corrector: Corrector, requested: PathQuantity) -> Array | None:
@@ -991,7 +987,7 @@ def snapping(corrector: Corrector, requested: PathQuantity) -> Array | None:
     Raises:
         NoConvergence: There are no states near beyond it.
     """
-    last, points = corrector.trail.last, corrector.trail.points
+    last, points = corrector.history.last, corrector.history.points
     value = requested.value(last.state.V, last.state.P)
     if len(points) < 2 or not requested.rate(last.state, last.tangent) > 0.0:  # the first point has no predecessor
         return None
@@ -1027,7 +1023,7 @@ class Ahead:
 
     def __init__(self, corrector: Corrector):
         self.solver, self._mass = corrector.solver, corrector.stability.mass
-        before, last = corrector.trail.points
+        before, last = corrector.history.points
         self._whole = self._direction(before.state, self._measure(before.tangent.w))
         self.state, self.tangent = last.state, self._direction(last.state, self._measure(last.tangent.w))
         self._amount = abs(self._part().share(last.state.w - before.state.w))
@@ -1075,91 +1071,6 @@ class Ahead:
         rate = self.solver.tangent_along(state, along.image, TOLERANCE)
         length = self._measure(rate.w).length
         return controls.Tangent(rate.w / length, rate.P / length, rate.V / length)
-
-
-class Concentration:
-    """Effective number of cells in a motion (local dofs), by its squared gradient: a fold moves the rest only rigidly. w is
-    overwritten.
-
-    ``cells`` is (sum e)^2 / sum e^2 of the cells' integrals e: 1 where one has all of it, all of them where all have as much.
-    """
-
-    def __init__(self, system: System, shape: Array):
-        self.system, body = system, system.body
-        system.w.x.array[:] = shape[: system.dofs]
-        test = ufl.TestFunction(fem.functionspace(body.mesh, ("DG", 0)))
-        slope = body.deformation_gradient(system.potential.displacement) - ufl.Identity(3)
-        form = system.form(ufl.inner(slope, slope) * test * body.hoop * body.measures()[0])
-        self._shares = fem.assemble_vector(form).array[: len(system.cells)]
-        whole, squares = (mpi.total(system.comm, float((self._shares**k).sum())) for k in (1, 2))
-        self.cells = whole**2 / squares if squares else math.inf
-
-    @property
-    def local(self) -> bool:
-        """Whether the motion is local: in a few of many cells."""
-        return self.cells <= min(FEW[0], FEW[1] * mpi.total(self.system.comm, float(len(self.system.cells))))
-
-    @property
-    def part(self) -> npt.NDArray[np.bool_]:
-        """Which cells take part, shape (cells,)."""
-        return np.asarray(self._shares > PART * mpi.largest(self.system.comm, float(self._shares.max(initial=0.0))))
-
-    @property
-    def place(self) -> tuple[str, str]:
-        """The place of the cell with the largest part."""
-        mine = int(self._shares.argmax()) if len(self._shares) else 0
-        return place_of(self.system, mine, float(self._shares[mine]) if len(self._shares) else -math.inf)
-
-
-def place_of(system: System, cell: int, amount: float) -> tuple[str, str]:
-    """Return the undeformed centre in mm of a cell, and its faces: of the rank with the largest amount, the same on all."""
-    body, comm, found = system.body, system.comm, ("", "")
-    topology, d = body.mesh.topology, body.mesh.topology.dim
-    topology.create_connectivity(d - 1, 0)
-    if amount == mpi.largest(comm, amount):
-        middle = meshes.compute_midpoints(body.mesh, d, np.array([cell], dtype=np.int32)) * system.length_unit
-        place = ", ".join(f"{x:.4g}" for x in body.actuator.device_points(middle)[0] * 1e3)
-        links, corners = topology.connectivity(d - 1, 0).links, set(topology.connectivity(d, 0).links(cell).tolist())
-        faces = [
-            role
-            for role in body.faces
-            if any(not corners.isdisjoint(links(facet).tolist()) for facet in body.entities[role][1])
-        ]
-        found = (f"({place}) mm", f", where it is at {' and '.join(faces)}" if faces else "")
-    return next(one for one in comm.allgather(found) if one[0])
-
-
-def crease(system: System, cells: npt.NDArray[np.bool_] | None = None) -> component.PathFailure | None:
-    """Return the end of a path where a surface of some cells, a mask of shape (cells,), is compressed until it creases in the
-    loaded state, at the most compressed one; None if none is. Without a mask it is that of the cells on whose surface a crease
-    has closed already, within one facet, which no contact can see."""
-    body, topology, d = system.body, system.body.mesh.topology, system.body.mesh.topology.dim
-    F, N = body.deformation_gradient(system.potential.displacement), body.normal
-    area = ufl.dot(ufl.cofac(F), N)
-    both, product = ufl.inner(F, F) - ufl.inner(F * N, F * N), ufl.inner(area, area)
-    smaller = ufl.sqrt((both - ufl.sqrt(ufl.max_value(both**2 - 4 * product, 0.0))) / 2)
-    values = ufl.as_vector([smaller, ufl.sqrt(product) / smaller, *(area[k] / ufl.sqrt(product) for k in range(3))])
-    middle = np.full(d - 1, 1 / d)
-    places = np.vstack([middle, middle + NEAR_CORNERS * (np.vstack([np.zeros(d - 1), np.eye(d - 1)]) - middle)])
-    topology.create_connectivity(d, d - 1)
-    exterior = fem.IntegralType.exterior_facet
-    pairs = fem.compute_integration_domains(exterior, topology, body.outer_facets).reshape(-1, 2)
-    at = (
-        fem.Expression(values, places, jit_options=compiling.JIT)
-        .eval(body.mesh, pairs)
-        .reshape(len(pairs), len(places), 5)
-    )
-    smaller, larger, normals = at[:, 0, 0], at[:, 0, 1], at[..., 2:]
-    if cells is not None:
-        of = cells[pairs[:, 0]]
-    else:
-        of = np.einsum("fpi,fqi->fpq", normals, normals).min(axis=(1, 2), initial=1.0) < math.cos(CLOSED)
-    found = zip(smaller[of].tolist(), larger[of].tolist(), pairs[of, 0].tolist(), strict=True)
-    mine = min(((a**2 * b, a, b, cell) for a, b, cell in found), default=(math.inf, 1.0, 1.0, 0))
-    product, stretch, other, _ = min(system.comm.allgather(mine))
-    if product >= CREASED:
-        return None
-    return creased(stretch, math.sqrt(CREASED / other), *place_of(system, mine[-1], -mine[0]), closed=cells is None)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -1330,8 +1241,6 @@ def _far(known: list[Known], scale: float) -> list[Known]:
 # perhaps more sharply than any step follows, but a real device jumps to the next stable state and goes on from it.
 
 
-AHEAD = 0.01
-"""How far beyond the last state a device is released at least, in first steps."""
 MOST_SNAPS = 30
 """Maximum number of times that a device is released on one path."""
 CRUMPLED = component.PathFailure(
@@ -1364,9 +1273,9 @@ def come_to_rest(path: Continuation, curve: controls.Curve, state: State, why: s
     """
     if path.solver.system.potential.motion:
         return None
-    if path.snaps == MOST_SNAPS:
+    if path.history.snaps == MOST_SNAPS:
         raise PathEnd(why, cause=CRUMPLED)
-    path.snaps += 1
+    path.history.snaps += 1
     path.report(f"{why}; letting the device go there")
     try:
         return creep(path, curve, state)
@@ -1448,8 +1357,8 @@ class Branch:
         self.path, self.start, self.sign = path, bifurcation, sign
         assert bifurcation.mode is not None
         self.shape = bifurcation.mode
-        self.mode = Mode(path.trail.stability.mass, self.shape)
-        path.trail.points, path.trail.modes, path.trail.line = [], [], ArcLength.name
+        self.mode = Mode(path.stability.mass, self.shape)
+        path.history.points, path.history.modes, path.history.line = [], [], ArcLength.name
 
     def amount(self, w: npt.NDArray[np.float64]) -> float:
         """Return the amount of the mode in dofs (shape as `State.w`) relative to the bifurcation, along the chosen
@@ -1469,7 +1378,7 @@ class Branch:
     def next(self) -> Point:
         """Return the state with `GROWTH` times as much of the mode as the last."""
         path, last = self.path, self.path.last.state
-        points = path.trail.points
+        points = path.history.points
         before = points[0].state if len(points) > 1 else self.start.state
         old, new = self.amount(before.w), self.amount(last.w)
         ahead = (GROWTH - 1) * new / (new - old)
@@ -1481,10 +1390,10 @@ class Branch:
         solver.factorise(dataclasses.replace(at, w=guess, P=P))
         state = solver.solve_along(self.mode.image, at.w, self.sign * amount, guess, P)
         solver.factorise(state)
-        signature = path.trail.stability.signature(exact=True)
+        signature = path.stability.signature(exact=True)
         t = path.corrector.tangent(state)
         tangent = t if self.sign * self.mode.share(t.w) > 0 else -t
-        step = self._distance(path.last.state, state) if path.trail.points else path.first_step
+        step = self._distance(path.last.state, state) if path.history.points else path.first_step
         return dataclasses.replace(
             self.start, state=state, tangent=tangent, mode=None, line="mode", step=step, signature=signature,
             stiffest=abs(tangent.compliance),
@@ -1530,7 +1439,7 @@ def follow(path: Continuation, bifurcation: Point, sign: int = 1, farthest: floa
     try:
         yield path.keep(branch.first())
         for _ in range(MOST_AMOUNTS):
-            known, found = path.trail.points, branch.next()
+            known, found = path.history.points, branch.next()
             yield path.keep(found)
             if ends(found):
                 return
@@ -1538,7 +1447,7 @@ def follow(path: Continuation, bifurcation: Point, sign: int = 1, farthest: floa
                 break
     except newton.NoConvergence as failure:
         raise PathEnd(str(failure)) from failure
-    path.trail.modes = [branch.mode]
+    path.history.modes = [branch.mode]
     for _ in range(MOST_POINTS):
         stops, leak = path.stops(min(path.last.step, 0.5))
         for stop in stops:

@@ -45,9 +45,11 @@ class Cycle:
     the curve."""
 
     def __init__(self, path: Continuation, most: float):
+        path = dataclasses.replace(
+            path, control=stability.ArcLength.name, largest_growth=continuation.FREE_GROWTH, release=False
+        )
         self.path, self.most = path, most
         self.lost: stability.PathEnd | None = None
-        path.control, path.largest_growth, path.release = stability.ArcLength.name, continuation.FREE_GROWTH, False
         self.parts = _stable_parts(self._curve(path, most), path)
         if not self.parts:
             raise self.lost or stability.PathEnd("there is no stable state")
@@ -58,7 +60,7 @@ class Cycle:
             points.extend(continuation.trace(path, [goal]))
         except stability.PathEnd as end:
             self.lost = end
-        return points or list(path.trail.points)
+        return points or list(path.history.points)
 
     def along(self, here: int, goals: Sequence[float], way: int) -> Generator[stability.Point, None, int]:
         """Yield points from the part ``here`` through the goals, up (1) or down (-1); return the last part."""
@@ -112,7 +114,7 @@ class Cycle:
         """Return the stable part on which a device comes to rest that is released at a pressure from the end of another;
         None if it does not."""
         path, state, why = self.path, edge.state, "no stable state was met behind the end of a stable part"
-        path.trail.add(edge)  # the last state, if this fails
+        path.history.add(edge)  # the last state, if this fails
         if edge.limit:
             system, rate = path.solver.system, edge.tangent.w
             push = way * NUDGE / mpi.largest(system.comm, float(np.abs(rate[: system.n]).max(initial=0.0)))
@@ -127,9 +129,8 @@ class Cycle:
         """Return the stable part that leads up (1) or down (-1) from where the device is at rest."""
         path = self.path
         quantity, goal = (path.requested, self.most) if way > 0 else (Fall(rest.P), rest.P)
-        one = dataclasses.replace(path, requested=quantity, start=rest)
+        one = dataclasses.replace(path, quantity=quantity, start=rest, history=continuation.PathHistory())
         points = self._curve(one, goal)
-        one.requested = path.requested
         if way < 0:
             points = [dataclasses.replace(point, tangent=-point.tangent, requested=False) for point in points[::-1]]
         alone = CyclePart((points[0 if way > 0 else -1],), one, buckles=False)  # where the curve is lost at once
@@ -173,8 +174,8 @@ def _state(part: CyclePart, P: float) -> stability.Point:
         return dataclasses.replace(known, requested=True)
     for before, after in itertools.pairwise(part.points):
         if before.state.P <= P <= after.state.P:
-            part.path.trail.points = [before, after]  # the curve's last points predict nothing here
-            return part.path.between(before, after, P)
+            part.path.history.points = [before, after]  # the curve's last points predict nothing here
+            return part.path.corrector.between(stability.Pressure(), before, after, P)
     nearest = min(part.points, key=lambda point: abs(point.state.P - P))  # rounding puts P beyond the part's end
     return dataclasses.replace(nearest, requested=True)
 
@@ -383,7 +384,7 @@ def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Ite
         step = left if step > 0.99 * left else min(step, left / 2) if step > left / 2 else step
         share = 1.0 if step == left else (time + step) / duration
         last = path.last
-        since = potential.remembered()
+        checkpoint = potential.checkpoint()
         try:
             potential.pass_time(step)
             if motion and not motion.last / SHAKEN < step < motion.last * SHAKEN:
@@ -398,13 +399,13 @@ def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Ite
             point = corrector.point(state, requested=share == 1.0)
             drive.check(point, first)
         except newton.NoConvergence as failure:
-            potential.forget(since)
+            checkpoint.restore()
             step, shrunk = step / 2, True
             if step < _shortest(path, drive, time):
                 raise drive.ended(path, time, step, failure) from failure
             continue
         earlier, time = (step, last.state), duration if share == 1.0 else time + step
-        path.trail.add(point)
+        path.history.add(point)
         yield share, point
         _check_growth(path)
         step = min(wanted, step) if shrunk else wanted
@@ -449,7 +450,7 @@ def _none(path: Continuation, pressure: float, step: float) -> bool:
     """Return whether there is no equilibrium at a pressure at the end of a step: over growing volumes the pressure of the
     equilibria has a maximum below it."""
     potential, solver, last = path.solver.system.potential, path.solver, path.last.state
-    since = potential.remembered()
+    checkpoint = potential.checkpoint()
     potential.pass_time(step)
     state, growth = last, GROWTH
     try:
@@ -463,7 +464,7 @@ def _none(path: Continuation, pressure: float, step: float) -> bool:
     except newton.NoConvergence:
         pass
     finally:
-        potential.forget(since)
+        checkpoint.restore()
     return False
 
 
@@ -502,23 +503,12 @@ class HangingEnd(stability.PathEnd):
         )
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class StageEnd:
-    """The end of a stage of a number; dimensionless: the state, magnitudes of all drivers there and what they work on, shape
-    (k,)."""
-
-    number: int
-    state: State
-    drives: Array
-    driven: Array
-
-
-def at_rest(solver: Solver) -> StageEnd:
+def at_rest(solver: Solver) -> continuation.LoadedState:
     """Return the undeformed state without loads."""
-    system = solver.system
-    state = system.rest()
-    driven = system.driven()
-    return StageEnd(0, state, np.zeros(len(driven)), driven)  # independent of the coupling of an earlier path
+    rest = continuation.LoadedState.at(solver.system, solver.system.rest())
+    return dataclasses.replace(
+        rest, drives=np.zeros_like(rest.drives)
+    )  # independent of the coupling of an earlier path
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -533,7 +523,7 @@ class Stage:
         duration: Time in s that it takes.
     """
 
-    start: StageEnd
+    start: continuation.LoadedState
     coupling: controls.Coupling
     requested: stability.PathQuantity
     goal: float
@@ -541,7 +531,7 @@ class Stage:
 
     @classmethod
     def between(
-        cls, start: StageEnd, change: Array, held: Sequence[int], volumes: Array, duration: float = 0.0,
+        cls, start: continuation.LoadedState, change: Array, held: Sequence[int], volumes: Array, duration: float = 0.0,
         before: Array | None = None,
     ) -> Stage:  # fmt: skip
         """Return a stage that changes either magnitudes or, of the drivers ``held``, their conjugates, by ``change``, shape
@@ -585,18 +575,11 @@ class Stage:
             yield path.value(point.state) / self.goal, point
 
 
-def stopped(solver: Solver, point: stability.Point, number: int) -> StageEnd:
-    """Return the end of a stage of this number at a point."""
-    system = solver.system
-    system.load(point.state)
-    return StageEnd(number, point.state, system.drives_at(point.state), system.driven())
-
-
 def hang(
     solver: Solver,
     targets: Sequence[tuple[str, Array]],
     report: Callable[[str], None] = lambda text: None,
-) -> StageEnd:
+) -> continuation.LoadedState:
     """Apply the preload to the undeformed state, one magnitude after the other, such as the dead loads and then a pressure.
     The coupling of the drivers is changed.
 
@@ -620,11 +603,11 @@ def hang(
         except (stability.PathEnd, newton.NoConvergence) as failure:
             end = failure if isinstance(failure, stability.PathEnd) else stability.PathEnd(str(failure))
             raise HangingEnd(end, what, come[-1][0] if come else 0.0) from failure
-        here = stopped(solver, come[-1][1], here.number)
+        here = continuation.LoadedState.at(solver.system, come[-1][1].state)
     return here
 
 
-def inflate_from(solver: Solver, hung: StageEnd) -> State:
+def inflate_from(solver: Solver, hung: continuation.LoadedState) -> State:
     """Couple the cavities by the device's pressure ratios from the preloaded state, with constant dead loads; return the start
     of P."""
     system = solver.system
@@ -633,7 +616,7 @@ def inflate_from(solver: Solver, hung: StageEnd) -> State:
     return solver.couple(system.inflating(dead), hung.state, hung.drives)
 
 
-def load_from(solver: Solver, hung: StageEnd, driver: int) -> State:
+def load_from(solver: Solver, hung: continuation.LoadedState, driver: int) -> State:
     """Couple the drivers so that P is one dead load's magnitude, all others constant; return the start of P."""
     change = np.zeros(len(hung.drives))
     change[driver] = 1.0
@@ -657,8 +640,8 @@ def follow(
     solver: Solver,
     steps: Steps,
     settings: Settings = DEFAULT,
-    begin: StageEnd | None = None,
-    hung: StageEnd | None = None,
+    begin: continuation.LoadedState | None = None,
+    hung: continuation.LoadedState | None = None,
 ) -> Iterator[tuple[float, stability.Point]]:
     """Follow a device at rest through a program, which drives each of its cavities, or none of them, and dead loads. The
     coupling of its cavities is changed.
@@ -698,12 +681,12 @@ def follow(
         point = yield from _told(
             stage.follow(solver, settings.control, settings.report, settings.tolerance), number, begin, bool(first)
         )
-        here = stopped(solver, point, number)
+        here = continuation.LoadedState.at(solver.system, point.state, number)
         before = row
 
 
 def _told(
-    points: Iterator[tuple[float, stability.Point]], number: int, begin: StageEnd | None, at_rest: bool
+    points: Iterator[tuple[float, stability.Point]], number: int, begin: continuation.LoadedState | None, at_rest: bool
 ) -> Generator[tuple[float, stability.Point], None, stability.Point]:
     """Yield how far a program has come at a stage's points, and these; return the last one.
 
@@ -723,8 +706,8 @@ def supply(
     steps: Steps,
     gas: Gas,
     settings: Settings = DEFAULT,
-    begin: StageEnd | None = None,
-    hung: StageEnd | None = None,
+    begin: continuation.LoadedState | None = None,
+    hung: continuation.LoadedState | None = None,
 ) -> Iterator[tuple[float, stability.Point]]:
     """Follow a device that gas is supplied to in time, by the steps of its source, perhaps with those of the valve; see
     `follow`. A jump of the source leaves the device where it is.
@@ -757,7 +740,7 @@ def supply(
             continue
         filling = Filling(gas, (sources[number - 1], sources[number]), duration, rest, largest)
         point = yield from _told(march(path, filling, settings.tolerance), number, begin, bool(first))
-        here = stopped(solver, point, number)
+        here = continuation.LoadedState.at(solver.system, point.state, number)
 
 
 def source_at(steps: Steps, come: float) -> Source:

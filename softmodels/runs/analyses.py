@@ -179,7 +179,7 @@ def _held(case: Case, body: Body, material: Material, relaxed: Limit, hold: floa
         model.release()
 
 
-def _search(model: Model, hung: schedule.StageEnd | None = None) -> Limit:
+def _search(model: Model, hung: continuation.LoadedState | None = None) -> Limit:
     """Return the first limit of a device; ``hung``: its `Model.preload`, where it is known."""
     path, fields = model.continuation(hung=hung), model.fields
     kind, why, last, passed = "none", "", None, list[tuple[float, float]]()

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.common import files
+from softmodels.common.arrays import Array
 from softmodels.path import stability
 from softmodels.runs import table
 
@@ -50,6 +51,16 @@ def restart_of(point: stability.Point) -> Restart:
         "turn": point.turn, "step": point.step, "line": point.line, "stiffest": point.stiffest,
         "tangent": [point.tangent.P, point.tangent.V], "signature": dataclasses.asdict(point.signature),
     }  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class StateRecord:
+    """What is stored of a state: its row of the table, on all ranks, nodal fields by name in SI units, shape (n,), (n, 3) or
+    (n, 3, 3), with the ``mode`` at a bifurcation, on rank 0, and its restart data."""
+
+    row: table.Row
+    fields: Mapping[str, Array]
+    restart: Restart
 
 
 # ----------------------------------------------------------------------------------------------------------------------

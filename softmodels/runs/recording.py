@@ -24,12 +24,12 @@ from softmodels.common.lazy import MPI
 from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics import controls, mpi
 from softmodels.mechanics.system import State
-from softmodels.path import schedule, stability, steps
+from softmodels.path import continuation, stability, steps
 from softmodels.runs import columns, formats, labels, notes, outcomes, store, table
 from softmodels.runs.fields import Fields
 from softmodels.runs.notes import events
 from softmodels.runs.outcomes import RunError
-from softmodels.runs.simulation import FROM_REST, Begun, Listener, PathEnded, Simulation, Step, solve_sources
+from softmodels.runs.simulation import FROM_REST, Begun, Listener, PathEnded, Simulation, solve_sources
 from softmodels.runs.states import States
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -79,7 +79,7 @@ def check_values(case: Case, results: store.Results) -> None:
             raise RunError(f"{text}; resume with the run's own values, or run without --resume", outcomes.BAD_INPUT)
 
 
-def last_stop(case: Case, results: store.Results, fields: Fields, comm: MPI.Comm) -> schedule.StageEnd:
+def last_stop(case: Case, results: store.Results, fields: Fields, comm: MPI.Comm) -> continuation.LoadedState:
     """Return the end of a program's step that the stored states end with."""
     last, row, record = mpi.on_root(
         comm, lambda: (len(results.stored) - 1, results.rows[-1], results.stored[-1].restart)
@@ -90,7 +90,7 @@ def last_stop(case: Case, results: store.Results, fields: Fields, comm: MPI.Comm
     dead = [row[table.parsed(load.column)[0]] for load in system.dead.loads] / system.dead.units
     system.load(state)
     drives = np.concatenate([pressures[: len(system.body.actuator.ratios)], dead])
-    return schedule.StageEnd(round(row["load_step"]), state, drives, system.driven())
+    return continuation.LoadedState(state, drives, system.driven(), number=round(row["load_step"]))
 
 
 def stopped_at(case: Case, results: store.Results, value: float) -> bool:
@@ -110,7 +110,7 @@ def stored_points(results: store.Results, fields: Fields, comm: MPI.Comm) -> lis
     return [stored_point(results, fields, comm, i, records[i], i in branching) for i in chosen]
 
 
-def recall(results: store.Results | States, fields: Fields, comm: MPI.Comm, steps: Mapping[int, float]) -> None:
+def replay(results: store.Results | States, fields: Fields, comm: MPI.Comm, steps: Mapping[int, float]) -> None:
     """Restore what friction, silicone and motion remember, by going through stored steps, whose times in s are given."""
     potential, last = fields.system.potential, 0.0
     for step, time in steps.items() if potential.remembers else ():
@@ -443,20 +443,15 @@ def _begin(simulation: Simulation, results: store.Results) -> None:
 
 
 def _store(
-    steps: Iterable[Step],
+    steps: Iterable[formats.StateRecord],
     results: store.Results,
     comm: MPI.Comm,
     begun: Callable[[store.Results], None] = lambda results: None,
 ) -> None:
     for number, step in enumerate(steps):
-
-        def add(step: Step = step, first: bool = number == 0) -> None:
-            assert step.fields is not None
-            results.add(step.row, step.fields, step.restart)
-            if first:
-                begun(results)
-
-        mpi.on_root(comm, add)
+        mpi.on_root(comm, functools.partial(results.add, step))
+        if number == 0:
+            mpi.on_root(comm, lambda: begun(results))
 
 
 def _begun(simulation: Simulation, results: store.Results) -> Begun:
@@ -468,15 +463,15 @@ def _begun(simulation: Simulation, results: store.Results) -> Begun:
     solved = mpi.on_root(
         comm, lambda: {i: row.get("time") for i, row in enumerate(results.rows) if not row["bifurcation"]}
     )
-    again = functools.partial(recall, results, fields, comm, solved)
+    again = functools.partial(replay, results, fields, comm, solved)
     if case.program:
         stop = last_stop(case, results, fields, comm)
         simulation.listener.say(f"resuming from step {stop.number} of the program")
-        return Begun(rows, stop=stop, recall=again)
+        return Begun(rows, stop=stop, replay=again)
     left = mpi.on_root(comm, lambda: [not stopped_at(case, results, value) for value in case.values])
     points = stored_points(results, fields, comm)
     simulation.listener.say(f"resuming from step {len(rows) - 1}")
-    return Begun(rows, left, points, recall=again)
+    return Begun(rows, left, points, replay=again)
 
 
 def _record_branch(simulation: Simulation, results: store.Results) -> None:

@@ -50,14 +50,14 @@ class Begun:
         left: Which of the case's requested values are still to come.
         points: The points to go on from; see `Continuation.resume`.
         stop: The same of a program: the end of its last complete step.
-        recall: Lets parts remember what they do after those states; called where the path has begun.
+        replay: Restores the histories at those states; called where the path has begun.
     """
 
     rows: table.PathTable = dataclasses.field(default_factory=table.PathTable)
     left: Sequence[bool] = ()
     points: Sequence[stability.Point] = ()
-    stop: schedule.StageEnd | None = None
-    recall: Callable[[], None] = lambda: None
+    stop: continuation.LoadedState | None = None
+    replay: Callable[[], None] = lambda: None
 
 
 FROM_REST = Begun()
@@ -142,7 +142,7 @@ class Simulation:
         if weak := specimens.weakness(self.case.material):
             say(f"warning: {weak}; results at larger stretches are invalid")
 
-    def steps(self, begun: Begun = FROM_REST) -> Iterator[Step]:
+    def steps(self, begun: Begun = FROM_REST) -> Iterator[formats.StateRecord]:
         """Solve state by state, through all requested values that are not ``begun``.
 
         Raises:
@@ -151,7 +151,7 @@ class Simulation:
         """
         yield from self._reported(self._program(begun) if self.case.program else self._load_path(begun))
 
-    def _reported(self, steps: Iterator[Step]) -> Iterator[Step]:
+    def _reported(self, steps: Iterator[formats.StateRecord]) -> Iterator[formats.StateRecord]:
         """Yield the same steps; notify the listener of each, and stop between steps if asked to."""
         for step in steps:
             yield step
@@ -159,16 +159,19 @@ class Simulation:
                 self.listener.step(step.row, step.row.cell(self.case.column))
             self._stop_if_asked()
 
-    def _load_path(self, begun: Begun) -> Iterator[Step]:
+    def _load_path(self, begun: Begun) -> Iterator[formats.StateRecord]:
         case, count = self.case, len(begun.rows)
         last = begun.rows[-1] if begun.rows else None
         goals = self._goals()
         self._path = path = self._continuation(goals[-1])
-        path.start, path.recall = self.model.hanging(self.listener.say), begun.recall
         self._check_volumes(path.start)
         if begun.rows and not case.load_unload:
             goals = [goal for goal, wanted in zip(goals, begun.left, strict=True) if wanted]
-        points = schedule.cycle(path, goals) if case.load_unload else continuation.trace(path, goals, begun.points)
+        points = (
+            schedule.cycle(path, goals)
+            if case.load_unload
+            else continuation.trace(path, goals, begun.points, begun.replay)
+        )
         try:
             for number, point in enumerate(points):
                 if case.load_unload and number < count:
@@ -215,12 +218,14 @@ class Simulation:
         return supply.control(eq.rest().V * eq.volume_unit, eq.stress_unit, eq.volume_unit)
 
     def _continuation(self, last: float) -> Continuation:
-        case = self.case
-        path = Continuation(self.solver, self.quantity(case.quantity), case.control, last / FEWEST_STEPS)
-        path.report, path.release = lambda text: self.listener.say(f"  {text}"), True
-        return path
+        case, say = self.case, self.listener.say
+        quantity = self.quantity(case.quantity)
+        return Continuation(
+            self.solver, quantity, case.control, last / FEWEST_STEPS, start=self.model.hanging(say),
+            report=lambda text: say(f"  {text}"), release=True,
+        )  # fmt: skip
 
-    def _program(self, begun: Begun) -> Iterator[Step]:
+    def _program(self, begun: Begun) -> Iterator[formats.StateRecord]:
         """Follow the device's program."""
         case, rows = self.case, table.PathTable(begun.rows)
         come = float(begun.stop.number) if begun.stop else 0.0
@@ -228,7 +233,7 @@ class Simulation:
             say = self.listener.say
             hung = self.model.preload(say)
             self.model.set_in_motion()
-            begun.recall()
+            begun.replay()
             settings = schedule.Settings(case.control, say, case.time_tolerance)
             gas = self.quantity(supply.Gas.name) if case.supply else None
             if isinstance(gas, supply.Gas):
@@ -250,12 +255,12 @@ class Simulation:
         """Whether `steps` has passed a bifurcation, from which `branch` can start."""
         return bool(self._bifurcations)
 
-    def branch(self) -> Iterator[Step]:
+    def branch(self) -> Iterator[formats.StateRecord]:
         """Follow the branch at the first bifurcation, after `steps`, as far as it
         converges; report its end to the listener."""
         yield from self._reported(self._branch())
 
-    def _branch(self) -> Iterator[Step]:
+    def _branch(self) -> Iterator[formats.StateRecord]:
         assert self._path is not None
         start = self._bifurcations[0]
         value = self._path.value(start.state) * self.model.unit_of(self.case.quantity) / self.case.load.scale
@@ -280,7 +285,7 @@ class Simulation:
         if self.stopped():
             raise RunError(outcomes.INTERRUPTED, outcomes.STOPPED)
 
-    def step_of(self, point: stability.Point, number: int, come: float = 0.0) -> Step:
+    def step_of(self, point: stability.Point, number: int, come: float = 0.0) -> formats.StateRecord:
         """Return a point of the path in SI units; ``come`` is the number of program steps taken."""
         case, fields = self.case, self.fields
         figures = fields.figures(point.state)
@@ -293,7 +298,7 @@ class Simulation:
             self.comm,
             lambda: columns.row_of(columns.Solved(case, fields, point, figures, nodal or {}, number, come, band)),
         )
-        return Step(row, nodal, formats.restart_of(point))
+        return formats.StateRecord(row, nodal or {}, formats.restart_of(point))
 
 
 def _own_words() -> bool:
@@ -308,23 +313,23 @@ class InMemory(States):
         self._comm, grid = simulation.comm, simulation.fields.grid
         # Only rank 0 has the whole grid.
         points, cells, self._mesh = mpi.on_root(self._comm, lambda: (grid.points, grid.cells, mesh()))
-        kept: list[dict[str, Array]] = []
-        super().__init__(simulation.case, (), (points, cells, grid.cell_name), lambda step, name: kept[step][name])
-        self.mesh_notes, self._fields = simulation.model.notes, kept
-        self._restarts: list[formats.Restart] = []
+        records: list[formats.StateRecord] = []
+        grid_of_all = points, cells, grid.cell_name
+        super().__init__(simulation.case, (), grid_of_all, lambda step, name: records[step].fields[name])
+        self.mesh_notes, self._records = simulation.model.notes, records
 
-    def add(self, step: Step) -> None:
-        """Keep a state."""
-        self.rows.append(step.row)
-        self._fields.append(mpi.on_root(self._comm, lambda: step.fields or {}))
-        self._restarts.append(step.restart)
+    def add(self, record: formats.StateRecord) -> None:
+        """Store a state."""
+        self.rows.append(record.row)
+        fields = mpi.on_root(self._comm, lambda: record.fields)
+        self._records.append(dataclasses.replace(record, fields=fields))
 
     def fields(self, step: int, names: Sequence[str] | None = None) -> Mapping[str, Array]:
-        there = self._fields[step]
+        there = self._records[step].fields
         return there if names is None else {name: there[name] for name in names}
 
     def restart(self, step: int) -> formats.Restart:
-        return self._restarts[step]
+        return self._records[step].restart
 
     def mesh(self) -> bytes:
         return self._mesh
@@ -522,7 +527,7 @@ class Model(cards.Shown):
             raise RunError(f"the path could not be followed ({failure})") from failure
 
     def continuation(
-        self, quantity: str = "pressure", control: str = "auto", hung: schedule.StageEnd | None = None
+        self, quantity: str = "pressure", control: str = "auto", hung: continuation.LoadedState | None = None
     ) -> Continuation:
         """The path to pressures or added volumes, not begun yet; its values are dimensionless. ``hung``: see `hanging`."""
         return Continuation(self.solver, stability.DIRECT[quantity], control, start=self.hanging(hung=hung))
@@ -530,7 +535,7 @@ class Model(cards.Shown):
     # -- preload ------------------------------------------------------------------------------------------------------
 
     def hanging(
-        self, report: Callable[[str], None] = lambda text: None, hung: schedule.StageEnd | None = None
+        self, report: Callable[[str], None] = lambda text: None, hung: continuation.LoadedState | None = None
     ) -> State | None:
         """The state in which the device hangs under its preload (``hung``, where it is known), from which the path to
         requested values starts; None without dead loads, `RunError` if there is none. ``report`` takes sentences on what is
@@ -543,7 +548,7 @@ class Model(cards.Shown):
             return schedule.inflate_from(self.solver, hung)
         return schedule.load_from(self.solver, hung, len(self.case.actuator.ratios) + self.driven_load)
 
-    def preload(self, report: Callable[[str], None] = lambda text: None) -> schedule.StageEnd | None:
+    def preload(self, report: Callable[[str], None] = lambda text: None) -> continuation.LoadedState | None:
         """The state under all loads that act before the first requested value, its drivers not coupled, see `hanging`;
         `RunError` if there is none."""
         case, system, dead = self.case, self.system, self.system.dead
@@ -855,16 +860,6 @@ class Silent:
 
 class PathEnded(RunError):
     """A requested value is not on the path, or the continuation failed; the states so far are valid."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Step:
-    """One state of a run: its row of the table, on all ranks, its nodal fields by name, SI units, as `Fields.nodal` gives
-    them, with the ``mode`` at a bifurcation, on rank 0, and numbers that a restart needs beside these."""
-
-    row: table.Row
-    fields: dict[str, Array] | None
-    restart: formats.Restart
 
 
 # ----------------------------------------------------------------------------------------------------------------------

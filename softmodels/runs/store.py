@@ -202,22 +202,24 @@ class Results:
             f"{text} (format {self.format}, not {FORMAT}){without}; {'update softmodels' if later else OLDER}"
         )
 
-    def add(self, row: table.Row, fields: Mapping[str, npt.NDArray[np.float64]], restart: formats.Restart) -> None:
-        """Store one step: its row of ``path.csv``, nodal fields (n,), (n, 3) or (n, 3, 3), and its restart data."""
+    def add(self, record: formats.StateRecord) -> None:
+        """Store one state."""
+        cells, restart = record.row.cells, record.restart
         flat = {
-            name: values if values.ndim < 3 else values.reshape(-1, formats.TENSOR) for name, values in fields.items()
+            name: values if values.ndim < 3 else values.reshape(-1, formats.TENSOR)
+            for name, values in record.fields.items()
         }
         self.steps.mkdir(exist_ok=True)
 
         def fill(file: h5py.File) -> None:
             for name, values in flat.items():
                 file[name] = values
-            file.attrs[formats.ROW], file.attrs[formats.RESTART] = json.dumps(row.cells), json.dumps(restart)
+            file.attrs[formats.ROW], file.attrs[formats.RESTART] = json.dumps(cells), json.dumps(restart)
 
         path = self.steps / f"{len(self.stored):04d}.h5"
         replace_hdf5(path, fill)
         self.stored.append(
-            formats.StoredStep(f"{self.steps.name}/{path.name}", "", row.cells, restart.copy(), formats.shapes_of(flat))
+            formats.StoredStep(f"{self.steps.name}/{path.name}", "", cells, restart.copy(), formats.shapes_of(flat))
         )
         known = dict(enumerate(self.stored))
         self.later = {step: self.later[step] for step in not_passed(self.later | known) if step not in known}

@@ -113,9 +113,9 @@ def test_a_cycle_whose_curve_is_lost_is_the_same(balloon, ridden, monkeypatch, a
     points, top = ridden
     cut, path = lose_curves(monkeypatch, again), Continuation(balloon)
     found = list(cycle(path, [0.5 * top, top]))
-    assert cut[0] > 10 and path.snaps >= 1 + again
+    assert cut[0] > 10 and path.history.snaps >= 1 + again
     landed = [point for point in found if point.jump][: 1 + again]
-    first = AHEAD * path.requested.first_step(path.plane, path.V0)
+    first = AHEAD * path.requested.first_step(path.plane, path.history.V0)
     at = [point.state.P for point in landed]
     further = [min(on * first, top - P) for on, P in zip((1.0, 10.0), at, strict=False)][:again]  # not beyond the top
     assert np.diff(at) == pytest.approx(further, rel=1e-6)
@@ -132,7 +132,7 @@ def test_a_device_that_snaps_too_often_is_said_to_crumple(balloon, ridden, monke
     with pytest.raises(PathEnd) as end:
         points.extend(cycle(path, [ridden[1]]))
     assert end.value.cause is continuation.CRUMPLED and not end.value.physical
-    assert path.snaps == 1 and points[-1].jump and points[-1].stable_under_pressure
+    assert path.history.snaps == 1 and points[-1].jump and points[-1].stable_under_pressure
 
 
 def test_a_pressure_beyond_a_part_by_rounding_is_that_of_its_end(ridden):
