@@ -31,8 +31,8 @@ from softmodels.runs.analyses import Limit, NaturalFrequencies
 from softmodels.runs.outcomes import RunError
 from softmodels.runs.simulation import (
     AtRest,
-    InMemory,
     Listener,
+    MemoryStates,
     PathEnded,
     Silent,
     Simulation,
@@ -61,7 +61,7 @@ def inflate(
     cycles: int = 0,
     time_tolerance: float = steps.TOLERANCE,
     inertia: bool = False,
-    spectral_radius: float = memory.RADIUS,
+    spectral_radius: float = memory.SPECTRAL_RADIUS,
     strokes: Values | None = None,
     steps: Sequence[Step] = (),
     supply: supply.AirSupply | None = None,
@@ -312,8 +312,8 @@ def modes(
         RunError: No state was found, or not its modes.
         MeshingError, MeshFileError: The device cannot be meshed.
     """
-    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= analyses.MOST_MODES:
-        raise CaseError(f"count is {count!r}; it must be a whole number of modes from 1 to {analyses.MOST_MODES}")
+    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= analyses.MAX_MODES:
+        raise CaseError(f"count is {count!r}; it must be a whole number of modes from 1 to {analyses.MAX_MODES}")
     closed, how = names.flag("sealed", sealed), {"components": components, "solver": solver}
     if pressures is None or not any(prescribed(steps.PRESSURE, pressures, units.pascal_per_cm()).values):
         case: Case = AtRest("modes", device, material, **how)  # type: ignore[arg-type]
@@ -332,14 +332,14 @@ def solve_in_memory(simulation: Simulation, branch: bool) -> Run:
     """Solve a case that is not prepared yet, perhaps with the first branch, and keep its states; all ranks call it. `RunError`
     if no state under load was found."""
     case, comm, ended = simulation.case, simulation.comm, outcomes.Ended()
-    states: InMemory | None = None
-    aside: InMemory | None = None
+    states: MemoryStates | None = None
+    aside: MemoryStates | None = None
     try:
         with notes.sentences(), temporary_folder(comm) as folder:
             mesh = folder / f"{case.name}.msh"
             simulation.write_mesh(mesh)
             simulation.prepare(mesh)
-            states = InMemory(simulation, mesh.read_bytes)
+            states = MemoryStates(simulation, mesh.read_bytes)
             try:
                 for step in simulation.steps():
                     states.add(step)
@@ -360,12 +360,12 @@ def solve_in_memory(simulation: Simulation, branch: bool) -> Run:
     return Run(states, ended, comm, None if aside is None else Run(aside, outcomes.Ended(), comm))
 
 
-def _branch(simulation: Simulation, states: InMemory) -> InMemory | None:
+def _branch(simulation: Simulation, states: MemoryStates) -> MemoryStates | None:
     """Return the states of the branch at the first bifurcation; None if there is none to be found."""
     if not simulation.bifurcates:
         simulation.listener.say(notes.no_branch(simulation.case, states.rows))
         return None
-    aside = InMemory(simulation, states.mesh)
+    aside = MemoryStates(simulation, states.mesh)
     for step in simulation.branch():
         aside.add(step)
     return aside if aside.rows else None
@@ -386,7 +386,7 @@ def solve_in_folder(place: recording.ResultsPlace, case: Case, comm: MPI.Comm, l
 
 def run_of(folder: Path, ended: outcomes.Ended, comm: MPI.Comm | None = None) -> Run:
     """Return the run in a folder, with the branch that leaves it; `ResultsError` or `CaseError` if it cannot be read."""
-    source = states.StoredStates(folder)
+    source = states.FolderStates(folder)
     aside = source.branch_states()
     return Run(source, ended, comm, None if aside is None else Run(aside, outcomes.Ended(), comm))
 

@@ -297,7 +297,8 @@ class RigidShape(ContactPart):
         if (
             self.mass
             and not self.spring
-            and self.weight_against(gravity) <= component.ALONG * self.mass * float(np.linalg.norm(gravity))
+            and self.weight_against(gravity)
+            <= component.IN_PLANE_TOLERANCE * self.mass * float(np.linalg.norm(gravity))
         ):
             raise self.error(
                 f"gravity along ({', '.join(f'{x:.3g}' for x in gravity)}) m/s^2 does not press the mass "
@@ -416,9 +417,9 @@ class RigidShape(ContactPart):
 
     def _check_guide_on(self, actuator: Actuator) -> None:
         guide = self.gives_way
-        if actuator.dimension == 2 and abs(guide[2]) < 1 - component.ALONG:
+        if actuator.dimension == 2 and abs(guide[2]) < 1 - component.IN_PLANE_TOLERANCE:
             raise self.error("with an axisymmetric section the guide must be z or -z")
-        if any(abs(float(normal @ guide)) > component.ALONG for normal in self.crossed(actuator)):
+        if any(abs(float(normal @ guide)) > component.IN_PLANE_TOLERANCE for normal in self.crossed(actuator)):
             raise self.error(
                 f"along {self.guide} the shape would leave its cut plane; use a guide "
                 f"in that plane, or {actuator.fuller}"
@@ -786,7 +787,7 @@ class WallTerm(assembly.AssembledTerm[pressing.Pressed]):
     def pressed(self, places: Array) -> pressing.Pressed:
         return pressing.Pressed(self.pairs, self.penalty, places)
 
-    def admits(self, before: Array, after: Array) -> bool:
+    def is_admissible(self, before: Array, after: Array) -> bool:
         return not passes(self.pairs, self.nodes.moved(before), self.nodes.moved(after))
 
     def figures(self, equations: component.Equations) -> dict[str, float]:
@@ -1025,7 +1026,7 @@ class ShapeTerm(component.EnergyTerm):
         """Return the penetration of the faces, in sizes of the device; negative where none touches."""
         return -float(distances(self.nodes.moved(equations.w.x.array), self.numbers).min())
 
-    def admits(self, before: Array, after: Array) -> bool:
+    def is_admissible(self, before: Array, after: Array) -> bool:
         size = self.body.actuator.size
         return clear(self.numbers, self.shape.deepest(size), self.nodes.moved(before), self.nodes.moved(after))
 
@@ -1112,7 +1113,7 @@ class StandingTerm[P: pressing.PressedSamples](assembly.AssembledTerm[P]):
         self.put(np.asarray(part.at) / self.actuator.size)
         self.forget_state()
 
-    def admits(self, before: Array, after: Array) -> bool:
+    def is_admissible(self, before: Array, after: Array) -> bool:
         return self.clear(self.nodes.moved(before), self.nodes.moved(after))
 
     def figures(self, equations: component.Equations) -> dict[str, float]:
@@ -1258,7 +1259,7 @@ class GuidedShapeTerm(assembly.AssembledTerm[pressing.GivingWay]):
     def harder_here(self) -> Array:
         return self._pressed.harder()
 
-    def admits(self, before: Array, after: Array) -> bool:
+    def is_admissible(self, before: Array, after: Array) -> bool:
         start, end = self.nodes.moved(before), self.nodes.moved(after)
         moved = [places - self.pressed(places).s * self.along for places in (start, end)]
         return self.standing.clear(*moved)
@@ -1297,8 +1298,8 @@ class RubbingShapeTerm(assembly.HistoryTerm[pressing.Rubbed]):
     def whole_stiffness_here(self) -> scipy.sparse.csr_array:
         return self._pressed.whole_stiffness
 
-    def keep(self, w: Array, anew: bool = False) -> None:
-        if anew:
+    def commit(self, w: Array, reset: bool = False) -> None:
+        if reset:
             self._begin(self.nodes.moved(w))
         else:
             self._take(w)
@@ -1330,8 +1331,8 @@ class RubbingShapeTerm(assembly.HistoryTerm[pressing.Rubbed]):
         np.add.at(found, surface.facets[surface.owner[on]], np.einsum("sa,si->sai", surface.shapes[on], pulls))
         return found
 
-    def admits(self, before: Array, after: Array) -> bool:
-        return self.standing.admits(before, after)
+    def is_admissible(self, before: Array, after: Array) -> bool:
+        return self.standing.is_admissible(before, after)
 
     def figures(self, equations: component.Equations) -> dict[str, float]:
         self._take(equations.w.x.array)
@@ -1390,7 +1391,7 @@ class SealingTerm(RubbingShapeTerm):
         self._ring = _Ring.of(standing.surface)
         self._dofs, self._of_dofs = _share_dofs(body, self.share, nodes.places)
         self._settled = np.full(len(nodes.places), np.nan)
-        self.settle_at(nodes.places)
+        self.update_lagged_at(nodes.places)
 
     def stiffness_here(self) -> scipy.sparse.csr_array:
         found = super().stiffness_here()
@@ -1411,10 +1412,10 @@ class SealingTerm(RubbingShapeTerm):
 
     # -- the share of the pressure -------------------------------------------------------------------------------------
 
-    def settle(self, w: Array) -> bool:
-        return self.settle_at(self.nodes.moved(w))
+    def update_lagged(self, w: Array) -> bool:
+        return self.update_lagged_at(self.nodes.moved(w))
 
-    def settle_at(self, places: Array) -> bool:
+    def update_lagged_at(self, places: Array) -> bool:
         """Set the share of the pressure with the nodes at places, shape (n, d); return whether it has changed."""
         n, (inside, outside), depth = len(places), self._edges, self._depths(places)
         if depth.max() <= 0.0 and self._settled[0] >= 0.0:

@@ -140,13 +140,13 @@ class SheetTerm(component.EnergyTerm):
     def stiffness(self) -> float:
         return float(self._pa.value)
 
-    def tangent(self, foresight: component.MixedPointStress) -> list[ufl.Form]:
+    def tangent(self, mixed_points: component.MixedPointStress) -> list[ufl.Form]:
         body, w = self._setting.body, self._setting.w
-        displacements = self._setting.displacement, foresight.displacement
+        displacements = self._setting.displacement, mixed_points.displacement
         C, known = (surface_metric(body.deformation_gradient(u), self._normal) for u in displacements)
         stress = membrane_stress(known)
-        predicted = stress + ufl.derivative(stress, foresight.known, foresight.move)
-        return [self._integral(membrane_tangent(C, w, predicted, foresight.test, foresight.trial))]
+        predicted = stress + ufl.derivative(stress, mixed_points.known, mixed_points.move)
+        return [self._integral(membrane_tangent(C, w, predicted, mixed_points.test, mixed_points.trial))]
 
 
 def surface_metric(F: Expr, N: Expr) -> Expr:
@@ -284,17 +284,17 @@ class StrainTerm(component.EnergyTerm):
         first = ufl.diff(self.density(x), x)
         return first, ufl.diff(first, x)
 
-    def tangent(self, foresight: component.MixedPointStress) -> list[ufl.Form]:
+    def tangent(self, mixed_points: component.MixedPointStress) -> list[ufl.Form]:
         """Return the second derivatives of `energies`, with predicted stress; see `EnergyTerm.tangent`."""
-        w, test, trial = self.setting.w, foresight.test, foresight.trial
+        w, test, trial = self.setting.w, mixed_points.test, mixed_points.trial
         forms = []
         for place in self.where:
             strains = self._strains(self.setting.displacement, place)
             along = ufl.derivative(strains, w, test)
             _, stiffness = self.stress(strains)
-            known = self._strains(foresight.displacement, place)
+            known = self._strains(mixed_points.displacement, place)
             stress, slope = self.stress(known)
-            predicted = stress + ufl.dot(slope, ufl.derivative(known, foresight.known, foresight.move))
+            predicted = stress + ufl.dot(slope, ufl.derivative(known, mixed_points.known, mixed_points.move))
             second = ufl.inner(ufl.dot(stiffness, ufl.derivative(strains, w, trial)), along)
             forms.append(self.integral(second + ufl.inner(predicted, ufl.derivative(along, w, trial)), place))
         return forms

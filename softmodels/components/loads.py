@@ -339,7 +339,7 @@ class Moment(FaceLoad):
         if actuator.dimension == 2:
             raise self.error(f"an axisymmetric section cannot take a moment; use {actuator.fuller}")
         for plane in actuator.cut_planes:
-            if 1 - abs(float(np.dot(self.vector, plane.normal))) > component.ALONG:
+            if 1 - abs(float(np.dot(self.vector, plane.normal))) > component.IN_PLANE_TOLERANCE:
                 across = ", ".join(f"{x:g}" for x in plane.normal)
                 raise self.error(
                     f"its forces are not symmetric about the symmetry plane normal to "

@@ -47,7 +47,7 @@ from softmodels.design.quantities import (
     Slopes,
     TargetMeasure,
 )
-from softmodels.design.states import Adjoint, Bifurcations, Known, Transfer, WorkingStates
+from softmodels.design.states import Adjoint, Bifurcations, DesignStates, Transfer, WorkingStates
 from softmodels.design.trials import (
     PRESSURE,
     DesignError,
@@ -83,7 +83,7 @@ class MeshedDesign:
         forks = any(isinstance(part, OfBifurcation) for part in question.parts)
         self.bifurcations = Bifurcations(design, self.adjoint) if forks else None
         self.states = WorkingStates(design, question.loads, question.highest, self.bifurcations)
-        self._stable: tuple[Case, Known] | None = None
+        self._stable: tuple[Case, DesignStates] | None = None
         """The last evaluated design, and its states."""
 
     @classmethod
@@ -155,7 +155,7 @@ class MeshedDesign:
         if states.depend_on_path:
             self._retrace(case, start, first)
             return
-        way, step, earlier = 0.0, 1.0, list[tuple[float, Known]]()
+        way, step, earlier = 0.0, 1.0, list[tuple[float, DesignStates]]()
         while way < 1.0:
             goal = min(way + step, 1.0)
             try:
@@ -173,7 +173,7 @@ class MeshedDesign:
                 raise
             earlier, way = [(way, here)], goal
 
-    def _retrace(self, case: Case, start: Case, first: Known) -> None:
+    def _retrace(self, case: Case, start: Case, first: DesignStates) -> None:
         """Solve the states of a case along the whole path, on the current mesh."""
         self.show(case)
         try:
@@ -193,7 +193,7 @@ class MeshedDesign:
             self.show(before)
             raise PoorMesh("the quality of the moved mesh is too low")
 
-    def _restore(self, case: Case, known: Known) -> None:
+    def _restore(self, case: Case, known: DesignStates) -> None:
         self.show(case)
         self.states.known = known
 

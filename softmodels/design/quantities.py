@@ -605,7 +605,7 @@ class _StiffnessMeasure(Measure):
         system = self.system
         check_apart(self.design, "stiffness")
         load = self.design.face_load(self._role)
-        system.unknowns.push(self.design.answer(load), self._z.x.array)
+        system.unknowns.to_dofs(self.design.answer(load), self._z.x.array)
         self._z.x.scatter_forward()
         return self._measure.slopes(state)
 

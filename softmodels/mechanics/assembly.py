@@ -60,7 +60,7 @@ class AssembledTerm[P: Pressing](component.EnergyTerm):
 
     def coupled(self) -> scipy.sparse.csr_array:
         """Return which nodes are or soon may be coupled: booleans, shape (n, n), symmetric."""
-        return self._pressed.coupled(SOON)
+        return self._pressed.coupled(NEAR_GAP_RATIO)
 
     def harder_here(self) -> Array | None:
         """Return the derivative of the forces by a common factor on all spring constants and weights, (n, d); or None."""
@@ -527,7 +527,7 @@ def _nodes_of_facets(topology: Sequence[Sequence[Sequence[int]]], d: int) -> lis
 
 CONTACT_SLACK = 3
 """Extra Newton iterations that do not shorten the steps, because every step changes the contact points."""
-SOON = 0.2
+NEAR_GAP_RATIO = 0.2
 """Gap below which nodes are coupled in the matrix pattern before they touch, relative to a contact's near distance."""
 
 
@@ -560,7 +560,7 @@ class Pressing(Protocol):
 
 
 Ints = npt.NDArray[np.int32]
-TAG = 1709
+MESSAGE_TAG = 1709
 """Tag of the messages by which ranks exchange their shared unknowns."""
 
 
@@ -642,7 +642,7 @@ def _numbering(space: fem.FunctionSpace, part: Ints, region: Ints) -> tuple[comm
         ghosts.append(vector.array[n + away])
         owners.append(old.owners[away])
     behind = np.concatenate(ghosts).astype(np.int64)
-    return common.IndexMap(comm, n + extra, behind, np.concatenate(owners), TAG), new
+    return common.IndexMap(comm, n + extra, behind, np.concatenate(owners), MESSAGE_TAG), new
 
 
 def known_to_all(space: fem.FunctionSpace, dofs: Ints) -> Ints:

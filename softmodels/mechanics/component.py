@@ -296,7 +296,7 @@ class EnergyTerm:
     Attributes:
         energies: UFL integrals of the slice, lengths in sizes of the device and stresses in shear moduli of the silicone:
             a stiffness in Pa is multiplied by `FormContext.per_pascal`, once, so that fits know its derivative.
-        remembers: Whether its forces depend on the states before; see `keep`.
+        remembers: Whether its forces depend on the states before; see `commit`.
     """
 
     energies: list[ufl.Form]
@@ -320,7 +320,7 @@ class EnergyTerm:
         """Stiffness in Pa of a term with predicted stress in Newton's matrix, for a face in Pa times size; 0 for others."""
         return 0.0
 
-    def tangent(self, foresight: MixedPointStress) -> list[ufl.Form] | None:
+    def tangent(self, mixed_points: MixedPointStress) -> list[ufl.Form] | None:
         """Return the second derivatives of `energies`, one for each, if their stress is predicted; None for the plain ones. A
         stiff term that is turned needs it, see `softmodels.mechanics.potential.Potential.predict_stress`."""
         return None
@@ -338,7 +338,7 @@ class EnergyTerm:
         else None."""
         return None
 
-    def settle(self, w: Array) -> bool:
+    def update_lagged(self, w: Array) -> bool:
         """Adjust to a converged state's w (owned entries, perhaps more behind) what its forces take as given during a solve;
         return whether that has changed."""
         return False
@@ -351,11 +351,11 @@ class EnergyTerm:
         """Return the end of a path in the loaded state, in which `margin` is 0."""
         return None
 
-    def keep(self, w: Array, anew: bool = False) -> None:
-        """Accept a converged state's w (owned entries, perhaps more behind), and update the history to it; ``anew`` where a
+    def commit(self, w: Array, reset: bool = False) -> None:
+        """Accept a converged state's w (owned entries, perhaps more behind), and update the history to it; ``reset`` where a
         path begins there, and nothing of before counts."""
 
-    def admits(self, before: Array, after: Array) -> bool:
+    def is_admissible(self, before: Array, after: Array) -> bool:
         """Return whether a step between two states' w is admissible, the same on all ranks."""
         return True
 
@@ -517,7 +517,7 @@ def check_regions(where: str, actuator: Actuator, names: Sequence[str]) -> None:
 # Directions of loads: parse them, and check them against a device's symmetry.
 
 
-ALONG = 1e-9
+IN_PLANE_TOLERANCE = 1e-9
 """Cosine up to which a direction lies in a plane."""
 
 
@@ -546,12 +546,12 @@ def direction(text: str, where: str) -> Vector:
 
 def check_direction(vector: Vector, actuator: Actuator, where: str) -> None:
     """Raise `ComponentError` for a direction across the axis of a section, or out of a cut plane."""
-    if actuator.dimension == 2 and abs(vector[2]) < 1 - ALONG:
+    if actuator.dimension == 2 and abs(vector[2]) < 1 - IN_PLANE_TOLERANCE:
         raise ComponentError(
             f"{where}: an axisymmetric section takes loads along its axis, z or -z; for others use {actuator.fuller}"
         )
     for plane in actuator.cut_planes if actuator.dimension == 3 else ():
-        if abs(float(np.dot(vector, plane.normal))) > ALONG:
+        if abs(float(np.dot(vector, plane.normal))) > IN_PLANE_TOLERANCE:
             across = ", ".join(f"{x:g}" for x in plane.normal)
             raise ComponentError(
                 f"{where}: its direction leaves the symmetry plane normal to ({across}) of the "

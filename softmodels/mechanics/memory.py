@@ -53,14 +53,14 @@ class History:
         self.memory: Memory = region.material.memory
         mesh = body.mesh
         branches, softening = self.memory.branches, self.memory.softening
-        self.size = SIX * len(branches) + (softening is not None)
+        self.size = COMPONENTS * len(branches) + (softening is not None)
         element = basix.ufl.quadrature_element(
             mesh.basix_cell(), value_shape=(self.size,), degree=QUADRATURE_DEGREE, scheme="default"
         )
         space = fem.functionspace(mesh, element)
         self.values = fem.Function(space)
         self.places = np.array(space.dofmap.list)[region.cells]
-        self._starts = [0, *itertools.accumulate(SIX + 1 + bool(one.spring) for one in branches)]
+        self._starts = [0, *itertools.accumulate(COMPONENTS + 1 + bool(one.spring) for one in branches)]
         self.width = self._starts[-1] + (softening is not None)
         wider = basix.ufl.quadrature_element(
             mesh.basix_cell(), value_shape=(self.width,), degree=QUADRATURE_DEGREE, scheme="default"
@@ -122,7 +122,11 @@ class History:
         """Return what the energy of a step from Cbar C0 to C takes of branch k's beginning, the branch's Cv at the end, the
         error of its stress there, and what it dissipates in the step."""
         flow = self.flows[k]
-        Cv, G, x = [self.values[SIX * k + i] for i in range(SIX)], self.moduli[k], self.step / self.times[k]
+        Cv, G, x = (
+            [self.values[COMPONENTS * k + i] for i in range(COMPONENTS)],
+            self.moduli[k],
+            self.step / self.times[k],
+        )
         rate = memory.fluidity(C0, Cv, flow, memory.InUfl) if flow else 1.0
         H, b = memory.step_of(C0, Cv, x * rate, memory.InUfl)
         begin = [*H, b]
@@ -147,8 +151,8 @@ class History:
     def _begun_of(self, k: int) -> tuple[list[Expr], Expr, list[tuple[Expr, Expr]], Expr]:
         """Return H, b, the spring's terms and their shift of a branch's step, as `memory.step_stress` takes them."""
         at, flow = self._starts[k], self.flows[k]
-        H, b = [self.begun[at + i] for i in range(SIX)], self.begun[at + SIX]
-        return (H, b, flow.spring, self.begun[at + SIX + 1]) if flow and flow.spring else (H, b, [], 0.0)
+        H, b = [self.begun[at + i] for i in range(COMPONENTS)], self.begun[at + COMPONENTS]
+        return (H, b, flow.spring, self.begun[at + COMPONENTS + 1]) if flow and flow.spring else (H, b, [], 0.0)
 
     def _creeping(self) -> tuple[Expr, Expr]:
         """Return what the branches add to ``density``, and to ``curved`` beside that.
@@ -159,7 +163,7 @@ class History:
         none = ufl.as_ufl(0.0)
         scale = self._fixed.J ** (-2 / 3)
         C = memory.six(scale * self._fixed.C)
-        stress, stiffness = [none] * SIX, [[none] * (p + 1) for p in range(SIX)]
+        stress, stiffness = [none] * COMPONENTS, [[none] * (p + 1) for p in range(COMPONENTS)]
         for k in range(len(self.flows)):
             G, begun = self.moduli[k], self._begun_of(k)
             stress = [s + G * one for s, one in zip(stress, memory.step_stress(C, *begun), strict=True)]
@@ -183,7 +187,9 @@ class History:
         C = memory.six(strain.J ** (-2 / 3) * strain.C)
         for k, flow in enumerate(self.flows):
             spring = flow.spring if flow else ()
-            found += self.moduli[k] * memory.stored(C, [self.values[SIX * k + i] for i in range(SIX)], spring)
+            found += self.moduli[k] * memory.stored(
+                C, [self.values[COMPONENTS * k + i] for i in range(COMPONENTS)], spring
+            )
         return found
 
     @functools.cached_property
@@ -240,7 +246,7 @@ class History:
         """Return ``begun`` of a step of no length, which is ``values``, shape (points, size)."""
         begun = np.zeros((len(values), self.width))
         for k, start in enumerate(self._starts[:-1]):
-            begun[:, start : start + SIX] = values[:, SIX * k : SIX * (k + 1)]
+            begun[:, start : start + COMPONENTS] = values[:, COMPONENTS * k : COMPONENTS * (k + 1)]
         if self.memory.softening is not None:
             begun[:, -1] = values[:, -1]
         return begun
@@ -248,8 +254,8 @@ class History:
     def at_points(self, expression: fem.Expression, width: int) -> Array:
         """Return the values of an expression, shape (cells, points, width)."""
         found, cells = np.empty((*self.places.shape, width)), self.region.cells
-        for first in range(0, len(cells), AT_ONCE):
-            some = slice(first, first + AT_ONCE)
+        for first in range(0, len(cells), MAX_CELLS_AT_ONCE):
+            some = slice(first, first + MAX_CELLS_AT_ONCE)
             found[some] = expression.eval(self.body.mesh, cells[some]).reshape(-1, *found.shape[1:])
         return found
 
@@ -293,24 +299,24 @@ class History:
         self.prepare()
 
 
-SIX = len(memory.IDENTITY)
-AT_ONCE = 4096
+COMPONENTS = len(memory.IDENTITY)
+MAX_CELLS_AT_ONCE = 4096
 """Number of cells whose expressions are evaluated at once: of all together what they need would take gigabytes."""
 
-FLOW = ("onset", "exponent", "least", "growth", "growth_exponent")
+FLOW_PARAMETERS = ("onset", "exponent", "least", "growth", "growth_exponent")
 
 
 def _constants(mesh: meshes.Mesh, branch: memory.Branch) -> types.SimpleNamespace:
     """Return what `memory.fluidity` takes of a branch, as constants."""
     spring = [tuple(fem.Constant(mesh, value) for value in term) for term in branch.spring]
     return types.SimpleNamespace(
-        **{name: fem.Constant(mesh, float(getattr(branch, name))) for name in FLOW}, spring=spring
+        **{name: fem.Constant(mesh, float(getattr(branch, name))) for name in FLOW_PARAMETERS}, spring=spring
     )
 
 
 def _numbers(flow: types.SimpleNamespace, branch: memory.Branch) -> list[tuple[fem.Constant, npt.NDArray[np.inexact]]]:
     """Return these constants with their values of a branch."""
-    found = [(getattr(flow, name), np.asarray(getattr(branch, name))) for name in FLOW]
+    found = [(getattr(flow, name), np.asarray(getattr(branch, name))) for name in FLOW_PARAMETERS]
     for constants, term in zip(flow.spring, branch.spring, strict=True):
         found += zip(constants, map(np.asarray, term), strict=True)
     return found
@@ -340,17 +346,17 @@ def _numbers(flow: types.SimpleNamespace, branch: memory.Branch) -> list[tuple[f
 # beta = (1 - am + af)^2/4. All are of second order; rho = 1 is the trapezoidal rule.
 
 
-RADIUS = 0.9
+SPECTRAL_RADIUS = 0.9
 """Default of the spectral radius: what one step leaves of a vibration that it is far too long for."""
-LARGEST_RADIUS = 0.99
+MAX_SPECTRAL_RADIUS = 0.99
 """Largest one of a run: at 1 the pressure-like unknown of incompressible silicone keeps every error for ever, and after some
 tens of periods the steps become short."""
-FRESH, FIRST = 1e-2, 1e-3
+STEP_RATIO_AFTER_JUMP, FIRST_STEP_RATIO = 1e-2, 1e-3
 """First step after a jump of a pressure or force, over the last one; and the first of all, over the stage and over the time in
 which a shear wave crosses the device."""
-SMALL = 1e-2
+MIN_DISPLACEMENT_SCALE = 1e-2
 """Displacement (rms), in sizes of the device, below which errors do not count over the displacement itself."""
-FADING = 0.95
+SCALE_DECAY_PER_STEP = 0.95
 """What is left of the scale of errors and forces from one step to the next: within a vibration both pass zero, and neither the
 step nor the accuracy of Newton's method should follow."""
 
@@ -365,7 +371,9 @@ class Motion:
     left of those before, and of their rounding errors: in short steps they come from small differences of places.
     """
 
-    def __init__(self, system: component.Equations, inertia: assembly.Inertia, density: float, radius: float = RADIUS):
+    def __init__(
+        self, system: component.Equations, inertia: assembly.Inertia, density: float, radius: float = SPECTRAL_RADIUS
+    ):
         self.comm, self.n = system.comm, system.n
         self.radius = radius
         self._am, self._af = (2 * radius - 1) / (radius + 1), radius / (radius + 1)
@@ -463,19 +471,19 @@ class Motion:
         doi 10.1002/eqe.4290200907), rms over the mass; and not less than what is left of the last steps' errors.
         """
         off = self._step**2 * abs(self._beta - 1 / 6) * self._rms(self._mean_at_end(self.accelerated(w)) - self._a)
-        error = off / max(self.size, self._rms(self._displacement(w)), SMALL)
+        error = off / max(self.size, self._rms(self._displacement(w)), MIN_DISPLACEMENT_SCALE)
         longer = (self._step / self.last) ** 3 if self.last else 0.0
         # Rounded, so that the steps do not depend on the rounding errors of a state.
-        return float(f"{max(error, FADING * self._recent * min(longer, 1.0)):.2g}")
+        return float(f"{max(error, SCALE_DECAY_PER_STEP * self._recent * min(longer, 1.0)):.2g}")
 
     def _mean_at_end(self, acceleration: Array) -> Array:
         """Return a where the step ends."""
         am, af = self._am, self._af
         return ((1 - af) * acceleration + af * self._acceleration - am * self._a) / (1 - am)
 
-    def keep(self, w: Array, anew: bool = False) -> None:
+    def commit(self, w: Array, reset: bool = False) -> None:
         """Accept a state: the end of the step, or, without one, a place where the device is put with its velocities."""
-        if anew:
+        if reset:
             self._reset(w)
         elif not self._step:
             self._w = self._displacement(w)
@@ -483,7 +491,9 @@ class Motion:
             self._recent = self.error(w)
             acceleration, step = self.accelerated(w), self._step
             forces = self.unit * self._times(acceleration)
-            self._strong = FADING * max(math.sqrt(mpi.total(self.comm, float(forces @ forces))), self._strong)
+            self._strong = SCALE_DECAY_PER_STEP * max(
+                math.sqrt(mpi.total(self.comm, float(forces @ forces))), self._strong
+            )
             a = self._mean_at_end(acceleration)
             self._v = self._v + step * ((1 - self._gamma) * self._a + self._gamma * a)
             self._a = acceleration if self.fresh else a
@@ -497,8 +507,8 @@ class Motion:
 
     def first_step(self, duration: float) -> float:
         """Return the length in s of the first step of a stage."""
-        step = (self.last or FIRST * duration) * (FRESH if self.fresh else 1.0)
-        return max(step, FIRST * math.sqrt(self.unit))
+        step = (self.last or FIRST_STEP_RATIO * duration) * (STEP_RATIO_AFTER_JUMP if self.fresh else 1.0)
+        return max(step, FIRST_STEP_RATIO * math.sqrt(self.unit))
 
     @property
     def kinetic(self) -> float:

@@ -116,7 +116,7 @@ class Potential:
         self.energies += added
         self.free_energies = [*self.stored(free), *added] if self.histories else self.energies
         sloped = [*self.stored(densities), *added] if self.histories else self.energies
-        self.internal = [self.let_move(ufl.derivative(energy, self.w, self._test)) for energy in sloped]
+        self.internal = [self.unfreeze_history(ufl.derivative(energy, self.w, self._test)) for energy in sloped]
         self.forces = [*self.internal, *([-pressures] if self.volumes else [])]
         # The stress of sheets and fibres predicted from another state, only in Newton's matrix; see `predict_stress`.
         self._known, self._move = (fem.Function(self.space) for _ in range(2))
@@ -175,12 +175,12 @@ class Potential:
         if self.histories:
             curved = [ufl.derivative(energy, self.w, self._test) for energy in self.energies]
             forces = [*curved, *forces[len(curved) :]]
-        found = [self.let_move(ufl.derivative(force, self.w, trial)) for force in forces]
+        found = [self.unfreeze_history(ufl.derivative(force, self.w, trial)) for force in forces]
         for number, predicted in self.predicted_tangents(trial).items():
             found[number] = predicted
         return found
 
-    def let_move[T: (ufl.Form, Expr)](self, of: T) -> T:
+    def unfreeze_history[T: (ufl.Form, Expr)](self, of: T) -> T:
         """Return a form or expression with w in place of what its derivatives took for a constant: kernels compute it once
         then."""
         from ufl.algorithms import expand_derivatives, replace
@@ -191,31 +191,31 @@ class Potential:
         """Return those of `tangent` that are not second derivatives of their energies, by index."""
         found: dict[int, ufl.Form] = {}
         y = self._vector_part(self._known)
-        at, foresight = len(self.regions), component.MixedPointStress(self._known, y, self._move, self._test, trial)
+        at, mixed_points = len(self.regions), component.MixedPointStress(self._known, y, self._move, self._test, trial)
         for term in self.terms.values():
-            if (seconds := term.tangent(foresight)) is not None:
+            if (seconds := term.tangent(mixed_points)) is not None:
                 found |= dict(enumerate(seconds, at))
             at += len(term.energies)
         return found
 
-    def admits(self, before: npt.NDArray[np.float64], after: npt.NDArray[np.float64]) -> bool:
+    def is_admissible(self, before: npt.NDArray[np.float64], after: npt.NDArray[np.float64]) -> bool:
         """Return whether a step from one state's w to another's is admissible: no wall passes through an
         obstacle."""
-        return all(term.admits(before, after) for term in self.terms.values())
+        return all(term.is_admissible(before, after) for term in self.terms.values())
 
-    def settle(self, w: npt.NDArray[np.float64]) -> bool:
+    def update_lagged(self, w: npt.NDArray[np.float64]) -> bool:
         """Adjust to a state's w what solves take as given; return whether that has changed by as much as matters."""
-        changed = [term.settle(w) for term in self.terms.values()]
+        changed = [term.update_lagged(w) for term in self.terms.values()]
         return any(changed)
 
-    def keep(self, w: npt.NDArray[np.float64], anew: bool = False) -> None:
-        """Accept a converged state's w; see `softmodels.mechanics.component.EnergyTerm.keep`."""
+    def commit(self, w: npt.NDArray[np.float64], reset: bool = False) -> None:
+        """Accept a converged state's w; see `softmodels.mechanics.component.EnergyTerm.commit`."""
         for term in self.terms.values():
-            term.keep(w, anew)
+            term.commit(w, reset)
         if self.motion:
-            self.motion.keep(w, anew)
+            self.motion.commit(w, reset)
         if self.histories:
-            self._remember(w, anew)
+            self._remember(w, reset)
 
     @property
     def remembers(self) -> bool:
@@ -240,15 +240,15 @@ class Potential:
         found = [history.trial() for history in self.histories]
         return max(error for error, _ in found), max(size for _, size in found)
 
-    def _remember(self, w: npt.NDArray[np.float64], anew: bool) -> None:
+    def _remember(self, w: npt.NDArray[np.float64], reset: bool) -> None:
         """Let the silicone remember an accepted state; from here on no time passes until `pass_time`."""
         here = self.w.x.array.copy()
         self.w.x.array[: len(w)] = w[: len(here)]
-        self.taken = math.inf if anew else float(self.step.value)
-        if not anew and w is not self._looked_at:  # by identity, which is the same on all ranks
+        self.taken = math.inf if reset else float(self.step.value)
+        if not reset and w is not self._looked_at:  # by identity, which is the same on all ranks
             self.memory_error(w)
         for history in self.histories:
-            if anew:
+            if reset:
                 history.begin()
             else:
                 history.advance()
@@ -456,7 +456,7 @@ class QuadratureTangent:
 
         integral, w, mixed = only_integral(energy), potential.w, potential.mixed
         on_faces = integral.integral_type() == "exterior_facet"
-        second = potential.let_move(second_derivatives(integral.integrand(), w, on_faces, mixed))
+        second = potential.unfreeze_history(second_derivatives(integral.integrand(), w, on_faces, mixed))
         cell = basix.CellType.triangle if on_faces else basix.CellType.tetrahedron
         points, weights = basix.make_quadrature(cell, integral.metadata()["quadrature_degree"])
         self._expression = fem.Expression(second, points, jit_options=compiling.JIT)

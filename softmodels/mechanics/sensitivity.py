@@ -89,14 +89,14 @@ class Sensitivity:
             NoConvergence: The linear solver failed: the line touches the path.
         """
         self.solver.factorise(state)
-        along = self.solver.tangent(state, control, TOLERANCE)
+        along = self.solver.tangent(state, control, ADJOINT_TOLERANCE)
         return along, {name: self.rate(state, control, name) for name in names}
 
     def value(self, name: str) -> float:
         """Return the present value of a parameter; see `force`."""
         eq = self.solver.system
         where, _, own = name.rpartition(".")
-        if where == regions.RATIO:
+        if where == regions.RATIO_PREFIX:
             return eq.ratios[int(own)]
         if (part := self._part(where)) is not None:
             return part.number(own)
@@ -108,7 +108,7 @@ class Sensitivity:
         eq, (where, _, own) = self.solver.system, name.rpartition(".")
         part = self._part(where)
         if part is not None and part.variable.get(own) == "m":
-            return DEPTH * eq.length_unit
+            return CONTACT_DEPTH * eq.length_unit
         return abs(self.value(name)) or (eq.stress_unit if own in eq.material.parameters else 1.0)
 
     @contextlib.contextmanager
@@ -118,7 +118,7 @@ class Sensitivity:
         where, _, own = name.rpartition(".")
         part, material, ratios = self._part(where), eq.material, list(eq.ratios)
         components = [one.nudged(own, by) if one is part else one for one in eq.components]
-        if where == regions.RATIO:
+        if where == regions.RATIO_PREFIX:
             ratios[int(own)] += by
         elif part is None:
             material = specimens.nudged(material, own, by)
@@ -141,7 +141,7 @@ class Sensitivity:
         the first cavity's pressure."""
         eq = self.solver.system
         where, _, own = name.rpartition(".")
-        if where == regions.RATIO:
+        if where == regions.RATIO_PREFIX:
             share = eq.direction * np.eye(len(eq.ratios))[int(own)]
             change = np.concatenate([share, np.zeros(len(eq.dead.forms))])
             w, here = eq.w.x.array, eq.volumes()
@@ -255,7 +255,7 @@ class Sensitivity:
         gap = rise - control.volume_coefficient * opened - control.pressure_coefficient * state.P * dmu / mu
         eq.assembled.whole = True
         try:
-            moved = self.solver.linear_response(-force, gap, TOLERANCE)
+            moved = self.solver.linear_response(-force, gap, ADJOINT_TOLERANCE)
         finally:
             eq.assembled.whole = False
         return Rate(moved.w, moved.P * mu + state.P * dmu, (moved.V + opened) * eq.volume_unit, X)
@@ -738,7 +738,7 @@ def _stiffness(body: Body) -> fem.Function:
 # gradient by all parameters costs one transposed E: a boundary covector, and its products with db/dtheta.
 
 
-STEP = 1e-6
+SHAPE_STEP = 1e-6
 """Step of the central differences of boundary positions, relative to the device's size (or to 1 for numbers and angles)."""
 
 
@@ -843,7 +843,7 @@ class MeshMotion:
 
     def _velocity(self, name: str) -> Array:
         device, value = self.device, actuator.parameter(self.device, name)
-        step = STEP * max(abs(value), 0.1 * scale_of(device, name))
+        step = SHAPE_STEP * max(abs(value), 0.1 * scale_of(device, name))
         ends = []
         for sign in (1.0, -1.0):
             try:
@@ -908,8 +908,8 @@ def scale_of(device: Actuator, name: str) -> float:
     return device.size if actuator.is_length(device, name) else 1.0
 
 
-TOLERANCE = 1e-10  # of the linear solves
-DEPTH = 0.02
+ADJOINT_TOLERANCE = 1e-10  # of the linear solves
+CONTACT_DEPTH = 0.02
 """Of a contact, in sizes."""
 _STEP = 1e-30  # into the complex plane: exact to rounding
 

@@ -220,7 +220,7 @@ class System:
         b = self._vector.x.array
         for bc in self.bcs:
             bc.set(b, alpha=0.0)
-        self.unknowns.pull(b)
+        self.unknowns.restrict(b)
         return b[: self.n]
 
     def internal_forces(self) -> Array:
@@ -255,7 +255,7 @@ class System:
     def tangent_product(self, x: Array, y: Array) -> None:
         """Put the current state's tangent times x into y, without assembling the matrix."""
         d = self.potential.direction.x
-        self.unknowns.push(x, d.array)
+        self.unknowns.to_dofs(x, d.array)
         for bc in self.bcs:
             bc.set(d.array, alpha=0.0)
         d.scatter_forward()
@@ -267,7 +267,7 @@ class System:
         if self.potential.motion:
             self.potential.motion.add_product(d.array, b.array)
         y[:] = self._by_unknowns()
-        self.unknowns.stiffen(x, y, self.residual)
+        self.unknowns.add_geometric_stiffness(x, y, self.residual)
         for bc in self.bcs:  # held dofs: the identity, as in the assembled matrix
             dofs, owned = bc.dof_indices()
             y[dofs[:owned]] = x[dofs[:owned]]
@@ -306,14 +306,14 @@ class System:
     def load(self, state: State) -> None:
         """Make ``state`` the current state of the functions."""
         self.w.x.array[:] = state.w[: self.dofs]
-        self.unknowns.take(self.w.x.array)
-        self.potential.settle(state.w)
+        self.unknowns.set_dofs(self.w.x.array)
+        self.potential.update_lagged(state.w)
         self.potential.predict_stress(state.w)
         self._set_pressures(state.P, state.w[self.dofs :])
 
     def set_iterate(self, owned: Array, scalars: Array) -> None:
         """Make unknowns, P and the held cavities' pressures the current state of the functions."""
-        self.unknowns.place(owned, self.w.x.array)
+        self.unknowns.set_reduced(owned, self.w.x.array)
         self.w.x.scatter_forward()
         self._set_pressures(float(scalars[0]), scalars[1:])
 
@@ -450,26 +450,26 @@ class Unknowns:
     def __init__(self, n: int):
         self.n = n
 
-    def begin(self, w: Array) -> Array:
+    def to_reduced(self, w: Array) -> Array:
         """Set the state of local dofs w as the base of rotations; return its q, shape (n,)."""
         return w[: self.n]
 
-    def take(self, w: Array) -> None:
+    def set_dofs(self, w: Array) -> None:
         """Set the state of local dofs w."""
 
-    def place(self, q: Array, w: Array) -> None:
+    def set_reduced(self, q: Array, w: Array) -> None:
         """Set the state q, and put its dofs into w."""
         w[: self.n] = q
 
-    def push(self, q: Array, w: Array) -> None:
+    def to_dofs(self, q: Array, w: Array) -> None:
         """Put into w the change of the dofs for a change q of the unknowns."""
         w[: self.n] = q
 
-    def nearest(self, w: Array) -> Array:
+    def project(self, w: Array) -> Array:
         """Return the change of the unknowns whose change of the dofs is closest to w, shape (n,)."""
         return w[: self.n]
 
-    def pull(self, b: Array) -> None:
+    def restrict(self, b: Array) -> None:
         """Convert owned entries conjugate to w into those conjugate to q."""
 
     def matrix(self, whole: PETSc.Mat, fill: Callable[[], None]) -> PETSc.Mat:
@@ -484,7 +484,7 @@ class Unknowns:
         """Return T^T M T of another matrix; an earlier result is updated if a part has rotated."""
         return whole
 
-    def stiffen(self, q: Array, y: Array, forces: Callable[[], Array]) -> None:
+    def add_geometric_stiffness(self, q: Array, y: Array, forces: Callable[[], Array]) -> None:
         """Add the second derivatives' part of the tangent times q to y; see `reduce`."""
 
 
@@ -505,8 +505,8 @@ class RigidUnknowns(Unknowns):
         self.idle = np.setdiff1d(followers, np.concatenate([*mine, np.empty(0, int)])).astype(np.int32)
         self._curvatures: list[Array] | None = None
 
-    def begin(self, w: Array) -> Array:
-        self.take(w)
+    def to_reduced(self, w: Array) -> Array:
+        self.set_dofs(w)
         q = w[: self.n].copy()
         q[self.idle] = 0.0
         for motion, (rank, slots) in zip(self.motions, self.slots, strict=True):
@@ -514,7 +514,7 @@ class RigidUnknowns(Unknowns):
                 q[slots] = motion.values
         return q
 
-    def take(self, w: Array) -> None:
+    def set_dofs(self, w: Array) -> None:
         self._curvatures = None
         for motion in self.motions:
             motion.take(w)
@@ -525,19 +525,19 @@ class RigidUnknowns(Unknowns):
             return [values for values in own if values is not None]
         return [self.comm.bcast(values, root=rank) for values, (rank, _) in zip(own, self.slots, strict=True)]
 
-    def place(self, q: Array, w: Array) -> None:
+    def set_reduced(self, q: Array, w: Array) -> None:
         self._curvatures = None
         w[: self.n] = q
         for motion, values in zip(self.motions, self._values(q), strict=True):
             motion.set(values)
             w[motion.dofs] = motion.displacements()
 
-    def push(self, q: Array, w: Array) -> None:
+    def to_dofs(self, q: Array, w: Array) -> None:
         w[: self.n] = q
         for motion, values in zip(self.motions, self._values(q), strict=True):
             w[motion.dofs] = motion.rates() @ values
 
-    def nearest(self, w: Array) -> Array:
+    def project(self, w: Array) -> Array:
         q = w[: self.n].copy()
         q[self.idle] = 0.0
         for motion, (rank, slots) in zip(self.motions, self.slots, strict=True):
@@ -546,7 +546,7 @@ class RigidUnknowns(Unknowns):
                 q[slots] = values
         return q
 
-    def pull(self, b: Array) -> None:
+    def restrict(self, b: Array) -> None:
         for motion, (rank, slots) in zip(self.motions, self.slots, strict=True):
             work = motion.work(b)
             b[motion.dofs[motion.owned]] = 0.0
@@ -622,7 +622,7 @@ class RigidUnknowns(Unknowns):
             self._curvatures = [motion.curvature(b) for motion in self.motions]
         return self._curvatures
 
-    def stiffen(self, q: Array, y: Array, forces: Callable[[], Array]) -> None:
+    def add_geometric_stiffness(self, q: Array, y: Array, forces: Callable[[], Array]) -> None:
         for second, (rank, slots) in zip(self._second(forces), self.slots, strict=False):
             if rank == self.comm.rank:
                 y[slots] += second @ q[slots]
@@ -689,7 +689,9 @@ def unknowns_of(
         motion = motions[part.label] = regions.RigidMotion(comm, freedom, body.skew, dofs, places, dofs[:, 0] < n)
         if mpi.any_rank(comm, bool(np.isin(dofs, taken).any())):
             raise ComponentError(f"{part.where} touches another rigid part; merge them")
-        if mpi.any_rank(comm, bool((np.isin(dofs, still)[..., None] & (np.abs(motion.rates()) > regions.STILL)).any())):
+        if mpi.any_rank(
+            comm, bool((np.isin(dofs, still)[..., None] & (np.abs(motion.rates()) > regions.HELD_TOLERANCE)).any())
+        ):
             raise ComponentError(
                 f"{part.where} touches the device's support along an edge, so it cannot move; guide it along a free "
                 "direction of the support, or use kind = 'held'"

@@ -38,12 +38,14 @@ from softmodels.path.stability import (
 )
 
 CONTROLS = ("auto", "pressure", "volume", "arc-length")
-QUICK, SLOW = 3, 6  # Newton iterations up to which steps grow, above which they shrink
+FAST_ITERATIONS, SLOW_ITERATIONS = 3, 6  # Newton iterations up to which steps grow, above which they shrink
 STEP_GROWTH = 1.7
-SOFTENING = 4.0  # growth of dV/dP (or dV/dS) over its minimum at which `auto` switches to volume control
-OPENING_STEP = 0.05  # relative to the first step tried: a seal that opens in a longer one is approached in shorter ones
-SHORTEST_STEP = 1e-3  # relative to the first step: shorter steps do not fix the cause of failure
-LARGEST_GROWTH = 60.0  # cavity volumes at which a path under volume or arc-length control ends
+VOLUME_CONTROL_SOFTENING = 4.0  # growth of dV/dP (or dV/dS) over its minimum at which `auto` switches to volume control
+SEAL_OPENING_STEP = (
+    0.05  # relative to the first step tried: a seal that opens in a longer one is approached in shorter ones
+)
+MIN_STEP_RATIO = 1e-3  # relative to the first step: shorter steps do not fix the cause of failure
+MAX_GROWTH = 60.0  # cavity volumes at which a path under volume or arc-length control ends
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -65,7 +67,7 @@ class Continuation:
     quantity: PathQuantity = dataclasses.field(default_factory=Pressure)
     control: str = "auto"
     largest_step: float = math.inf
-    largest_growth: float = LARGEST_GROWTH
+    largest_growth: float = MAX_GROWTH
     start: State | None = None
     report: Callable[[str], None] = lambda text: None
     release: bool = False
@@ -81,7 +83,7 @@ class Continuation:
         rest = solver.system.rest()
         V_scale = float(np.abs(solver.system.coupling.shares) @ solver.system.scales())
         start = rest if self.start is None else self.start
-        solver.system.potential.keep(start.w, anew=self.start is None)
+        solver.system.potential.commit(start.w, reset=self.start is None)
         stability = self.stability  # before factorising, because making the mass matrix takes memory
         moves = solver.system.potential.motion is not None
         if moves:
@@ -100,7 +102,7 @@ class Continuation:
         signature = Signature() if moves else stability.signature(exact=True)
         step, stiffest = self.first_step, self.plane.felt(tangent.compliance)
         first = Point(start, tangent, False, False, step, history.line, stiffest, signature)
-        return self.keep(first)
+        return self.commit(first)
 
     def resume(self, points: Sequence[Point], replay: Callable[[], None]) -> None:
         """Go on from points of an earlier trace, in order: bifurcations, and behind others the last one or two that were
@@ -126,9 +128,9 @@ class Continuation:
             for one, line in zip(last, lines, strict=True)
         ]
 
-    def keep(self, point: Point) -> Point:
+    def commit(self, point: Point) -> Point:
         """Make a point the last one, which friction and silicone remember."""
-        self.solver.system.potential.keep(point.state.w)
+        self.solver.system.potential.commit(point.state.w)
         return self.history.add(point)
 
     @property
@@ -209,9 +211,9 @@ class Continuation:
                 what = f"what lies on a step of at most {step:.3g}"
                 self.report(f"{what} was not located ({failure}); halving the step")
                 step = min(step, self._longest()) / 2
-                if step < SHORTEST_STEP * self.first_step:
+                if step < MIN_STEP_RATIO * self.first_step:
                     why = "a limit point or a requested value on the way was not located"
-                    raise lost(self.corrector, self.requested, why, failure) from failure
+                    raise failed_path(self.corrector, self.requested, why, failure) from failure
 
     def _with_values(self, here: Point, stops: list[Point], goals: Sequence[float], level: float) -> list[Point]:
         """Return the points of a step with those where the device lands and has requested values, up to the last value; the
@@ -270,10 +272,13 @@ class Continuation:
         where it has come less far since then, else a tenth."""
         unit, history = self.requested.first_step(self.plane, self.history.V0), self.history
         slow = abs(value - history.released_at) < 10.0 * history.ahead * unit
-        history.released_at, history.ahead = value, 10.0 * history.ahead if slow else max(history.ahead / 10.0, AHEAD)
+        history.released_at, history.ahead = (
+            value,
+            10.0 * history.ahead if slow else max(history.ahead / 10.0, MIN_RELEASE),
+        )
         return history.ahead * unit
 
-    def let_go(self, goal: float, end: PathEnd) -> Point:
+    def release_device(self, goal: float, end: PathEnd) -> Point:
         """Let the device go at its last point, where the path was lost for a reason; return where it comes to rest.
 
         Raises:
@@ -301,7 +306,7 @@ class Continuation:
             share = left if hit else left / math.ceil(left / step - 1e-9) if direct and left < 3 * step else step
             try:
                 point = self._stepped(share, goal if hit else None, step)
-                closest = max(OPENING_STEP * begun, 2 * SHORTEST_STEP * self.first_step)
+                closest = max(SEAL_OPENING_STEP * begun, 2 * MIN_STEP_RATIO * self.first_step)
                 if share > closest and self._open_terms(point.state):
                     raise newton.NoConvergence(
                         "a seal opens"
@@ -310,13 +315,13 @@ class Continuation:
             except newton.NoConvergence as failure:
                 self.report(f"no convergence with step {share:.3g} ({failure}); halving the step")
                 step = share / 2
-                shortest = SHORTEST_STEP * self.first_step
+                shortest = MIN_STEP_RATIO * self.first_step
                 if self.may_follow_volume and direct and step < max(0.02 * self.last.step, shortest):
                     self.follow(AddedVolume.name)  # which passes a limit point: that distinguishes it from a failure
                     step, direct = self.last.step, False
                 elif step < shortest:
                     why = "no step converged, down to a thousandth of the first one"
-                    raise lost(self.corrector, self.requested, why, failure) from failure
+                    raise failed_path(self.corrector, self.requested, why, failure) from failure
 
     def _stepped(self, share: float, goal: float | None, step: float) -> Point:
         """Return the point a ``share`` ahead, or at the value ``goal`` if given; `NoConvergence` if this branch has none."""
@@ -326,7 +331,7 @@ class Continuation:
         self.corrector.check_branch(state, line)
         state = state if goal is None else self.requested.exactly(state, goal)
         count = state.iterations - self.solver.system.assembled.slack
-        change = STEP_GROWTH if count <= QUICK else 1.0 if count < SLOW else 0.6
+        change = STEP_GROWTH if count <= FAST_ITERATIONS else 1.0 if count < SLOW_ITERATIONS else 0.6
         following = max(step, share) * change if change > 1 else share * change
         point = self.corrector.point(state, requested=goal is not None, step=following)
         self.corrector.check_work(point)
@@ -345,9 +350,9 @@ class Continuation:
         a, b = self.requested.slopes(s.V, s.P)
         stiffest = (a + b / self.last.stiffest) * t.V
         softened = a * t.V + b * t.P  # the same here; both are the derivative of the quantity by the volume
-        if self.direct and not stiffest < SOFTENING * softened:
+        if self.direct and not stiffest < VOLUME_CONTROL_SOFTENING * softened:
             self.follow(AddedVolume.name)
-        elif self.history.line == AddedVolume.name and stiffest < SOFTENING / 2 * softened:
+        elif self.history.line == AddedVolume.name and stiffest < VOLUME_CONTROL_SOFTENING / 2 * softened:
             self.follow(self.requested.name)
 
     def follow(self, line: str) -> None:
@@ -410,7 +415,7 @@ def trace(
         yield dataclasses.replace(first, requested=requested)
         by_volume = any(isinstance(one, AddedVolume) for one in (path.requested, path.followed))
         if by_volume and first.stiffest <= path.plane.felt(0.0):
-            raise PathEnd("the supports prevent any change", cause=LOCKED)
+            raise PathEnd("the supports prevent any change", cause=DEVICE_LOCKED)
         left = left[1:] if requested else left
     passed = PassedLimits.among(start, path.requested)
     while left:
@@ -426,14 +431,14 @@ def trace(
             end = passed.ended(lost_there, path.requested)
             if not (path.release and end.snaps):
                 raise end from lost_there
-            stops, leak = [path.let_go(left[0], end)], None
+            stops, leak = [path.release_device(left[0], end)], None
         for stop in stops:
             if stop.mode is not None:
                 # Interpolated, and K is singular: not used to predict the next state.
                 path.history.modes.append(Mode(path.stability.mass, stop.mode))
                 yield stop
                 continue
-            here = path.keep(dataclasses.replace(stop, step=stops[-1].step))
+            here = path.commit(dataclasses.replace(stop, step=stops[-1].step))
             passed.add(here, path.value(here.state), rising=before.tangent.P > 0)
             yield here
         left = left[sum(stop.requested for stop in stops) :]
@@ -456,7 +461,7 @@ def _check_end(path: Continuation, passed: PassedLimits) -> None:
 # Predictor of the continuation: the next state and the tangent there, from the last points and their tangents.
 
 
-LONGEST = 3.0
+MAX_PREDICTION_RATIO = 3.0
 """Maximum prediction distance, in distances between the last two points, for the cubic rather than the last tangent."""
 MIN_RELATIVE_DISTANCE = 1e-2
 """Minimum distance of a new state for predicting the tangent; closer, its change is rounding."""
@@ -519,7 +524,7 @@ def _agree(places: Array, rates: Array, at: float) -> bool:
     if len(places) < 2 or rates[0] * rates[1] <= 0.0:
         return False
     apart = places[1] - places[0]
-    return bool(apart != 0.0 and abs(at - places[1]) <= LONGEST * abs(apart))
+    return bool(apart != 0.0 and abs(at - places[1]) <= MAX_PREDICTION_RATIO * abs(apart))
 
 
 def _weights(places: Array, at: float) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
@@ -548,7 +553,7 @@ def _sum(points: Sequence[Point], values: Array, slopes: Array) -> tuple[Array, 
 # ----------------------------------------------------------------------------------------------------------------------
 # The end of a path: its last two points, from which the next is predicted.
 
-AHEAD = 0.01
+MIN_RELEASE = 0.01
 """How far beyond the last state a device is released at least, in first steps."""
 
 
@@ -571,7 +576,7 @@ class PathHistory:
     line: str = ""
     snaps: int = 0
     released_at: float = math.inf
-    ahead: float = AHEAD
+    ahead: float = MIN_RELEASE
     V0: float = dataclasses.field(init=False)
     plane: ArcLengthMetric = dataclasses.field(init=False)
     requested: PathQuantity = dataclasses.field(init=False)
@@ -593,19 +598,19 @@ class PathHistory:
 # Corrector of the continuation: solve for states on a control's curve from the predictor, and between two points.
 
 
-LARGEST_MODE_SHARE = 0.5
+MAX_MODE_SHARE = 0.5
 """Amplitude of a bifurcation's mode in the predictor's error, relative to the step, above which the state is on another
 branch."""
-FARTHEST = 4.0
+MAX_TRAVEL_RATIO = 4.0
 """Maximum travel of a dead load in one step, relative to the predicted one."""
-LOST, ROUNDED = 0.25, 1e-9
+MAX_MISSING_WORK, ENERGY_ROUNDING = 0.25, 1e-9
 """Share of a step's work that may be missing in the stored energy, and rounding of that energy."""
-STEEPEST = 3.0
+MAX_CUBIC_SLOPE = 3.0
 """Slope at the ends of a cubic, over its chord's, up to which it rises throughout (Fritsch and Carlson 1980, doi
 10.1137/0717021)."""
-MOST_SECANTS = 25
+MAX_SECANTS = 25
 """Maximum secant iterations to locate a value between two points."""
-ALONG = 0.9
+MIN_DIRECTION_COSINE = 0.9
 """Cosine between a motion and a tangent from which the motion is along the path."""
 
 
@@ -621,7 +626,7 @@ def at_once(state: State) -> controls.Tangent:
     return controls.Tangent(np.zeros_like(state.w), 1.0, 0.0)
 
 
-class Emptied(newton.NoConvergence):
+class CavityCollapsed(newton.NoConvergence):
     """A cavity has negative volume: its walls have passed through each other."""
 
 
@@ -684,7 +689,7 @@ class Corrector:
             size = motion.size(w)
             return motion.share(w) / size if size > 0.0 else 0.0
 
-        return cosine(found.w) < -ALONG and cosine(self.history.last.tangent.w) > ALONG
+        return cosine(found.w) < -MIN_DIRECTION_COSINE and cosine(self.history.last.tangent.w) > MIN_DIRECTION_COSINE
 
     def solve(self, line: controls.Curve, around: Sequence[Point]) -> State:
         """Return the state on a line, guessed by the cubic through one or two points and their tangents. Past a bifurcation
@@ -696,7 +701,7 @@ class Corrector:
         w, P = predict(around, line)
         state = self.solve_from(line, w, P, around[-1].state)
         for mode in self.history.modes:
-            if abs(mode.share(state.w - w)) > LARGEST_MODE_SHARE * mode.size(w - around[-1].state.w):
+            if abs(mode.share(state.w - w)) > MAX_MODE_SHARE * mode.size(w - around[-1].state.w):
                 raise newton.NoConvergence("Newton converged to another branch")
         return state
 
@@ -720,7 +725,7 @@ class Corrector:
         solver, last = self.solver, self.history.last
         if solver.system.potential.motion:
             return dataclasses.replace(last, state=state, tangent=at_once(state), requested=requested)
-        stale = solver.stale
+        stale = solver.needs_update
         # At a limit point K is singular: no usable preconditioner, and a signature of rounding errors.
         stale = (stale or self.stability.wants(state)) and not (limit and solver.bordered.factorisations)
         if stale:
@@ -747,8 +752,8 @@ class Corrector:
         `check_branch`."""
         system = self.solver.system
         if (system.volumes() <= 0.0).any():
-            raise Emptied("a cavity would collapse to zero volume")
-        if not system.potential.admits((since or self.history.last.state).w, state.w):
+            raise CavityCollapsed("a cavity would collapse to zero volume")
+        if not system.potential.is_admissible((since or self.history.last.state).w, state.w):
             raise newton.NoConvergence("a wall passed through an obstacle")
 
     def check_branch(self, state: State, line: controls.Curve) -> None:
@@ -767,7 +772,7 @@ class Corrector:
             raise newton.NoConvergence("Newton converged to another branch")
         if not (line.needs_volume or system.drives_cavities):
             predicted = t.V * (state.P - s.P) / t.P if t.P else math.inf
-            if abs(state.V - s.V) > FARTHEST * abs(predicted):
+            if abs(state.V - s.V) > MAX_TRAVEL_RATIO * abs(predicted):
                 raise newton.NoConvergence("the travel was too large for one step")
 
     def check_work(self, point: Point) -> None:
@@ -787,9 +792,9 @@ class Corrector:
         moved, gained = after.driven - before.driven, after.energy - before.energy
         chord = 0.5 * float((before.drives + after.drives) @ moved)
         scale = 0.5 * float((np.abs(before.drives) + np.abs(after.drives)) @ np.abs(moved))
-        scale = max(scale, abs(gained), ROUNDED * max(abs(after.energy), self.plane.V_scale))
+        scale = max(scale, abs(gained), ENERGY_ROUNDING * max(abs(after.energy), self.plane.V_scale))
         missing = [abs(gained - chord - bulge) for bulge in self._bulges(last, point)]
-        if missing and min(missing) > LOST * scale:
+        if missing and min(missing) > MAX_MISSING_WORK * scale:
             raise newton.NoConvergence("the stored energy has not changed by the work done: the state has leapt")
 
     def _bulges(self, before: Point, after: Point) -> list[float]:
@@ -799,7 +804,11 @@ class Corrector:
         dV, dP, found = t.V - s.V, t.P - s.P, []
         if dV * a.V > 0.0 and dV * b.V > 0.0:
             found.append(dV**2 * (a.P / a.V - b.P / b.V) / 12)
-        if dP * a.P > 0.0 and dP * b.P > 0.0 and max(abs(a.V / a.P), abs(b.V / b.P)) * abs(dP) <= STEEPEST * abs(dV):
+        if (
+            dP * a.P > 0.0
+            and dP * b.P > 0.0
+            and max(abs(a.V / a.P), abs(b.V / b.P)) * abs(dP) <= MAX_CUBIC_SLOPE * abs(dV)
+        ):
             found.append(dP**2 * (b.V / b.P - a.V / a.P) / 12)
         return found
 
@@ -850,7 +859,7 @@ class Corrector:
         f_low, f_high = f(low), f(high)
         scale = max(abs(f_low), abs(f_high))
         best, side = low, 0
-        for _ in range(MOST_SECANTS):
+        for _ in range(MAX_SECANTS):
             V = (low.state.V * f_high - high.state.V * f_low) / (f_high - f_low)
             state = self.solve(controls.volume_control(V), (low, high))
             best = dataclasses.replace(high, state=state, tangent=self.tangent(state, tight(self.solver)))
@@ -910,17 +919,17 @@ class PassedLimits:
 # Physical ends of a path besides limit points: no equilibrium exists beyond them.
 
 
-EMPTIED = component.PathFailure(
+CAVITY_COLLAPSES = component.PathFailure(
     "a cavity collapses to zero volume, so that its walls would pass through each other",
     "Reduce the load, or use a stiffer silicone or thicker walls; where the cavity's walls are not in contact yet, enable that "
     "([walls] with faces = 'cavity')",
 )
-LOCKED = component.PathFailure(
+DEVICE_LOCKED = component.PathFailure(
     "the requested volume or travel cannot change at any pressure or force: the supports prevent any change",
     "Support less of the device; a fully supported cavity in incompressible silicone (poisson = 0.5) keeps its volume "
     "and takes only a pressure",
 )
-SNAPPED = component.PathFailure(
+DEVICE_SNAPS_BACK = component.PathFailure(
     "the device snaps back: pressures and forces have a limit point, and their volumes and travels turn "
     "back there too, so neither can be raised further",
     "Stay below, or remove the cause of the snap-back",
@@ -936,21 +945,21 @@ SNAPPED = component.PathFailure(
 # part, which is regular there, as near a bifurcation (`Branch`).
 
 
-MOST_STATES = 24
+MAX_DIAGNOSIS_STATES = 24
 """Number of states computed beyond the last one."""
 SNAP_STEP_GROWTH = 1.5
 """Growth factor from one step to the next."""
-HALVINGS = 10
+MAX_HALVINGS = 10
 """Reduction factor of a failed step."""
-ASTRAY = 2.0
+MAX_STEP_OVERSHOOT = 2.0
 """Step length relative to the predicted one above which Newton has converged to another branch."""
-TOLERANCE = 1e-10
+DIRECTION_TOLERANCE = 1e-10
 """Relative tolerance of the directions, whose local part may be a thousandth of the whole motion."""
-FALLING = 2
+DECREASES_PAST_TURN = 2
 """Consecutive decreases after which the requested quantity counts as turned back."""
 
 
-def lost(corrector: Corrector, requested: PathQuantity, why: str, failure: newton.NoConvergence) -> PathEnd:
+def failed_path(corrector: Corrector, requested: PathQuantity, why: str, failure: newton.NoConvergence) -> PathEnd:
     """Return the end of a path that could not be continued from its last point, with its cause if that is physical; the path's
     factorisation is not kept."""
     return PathEnd(f"{why} ({failure})", cause=_cause_of(corrector, requested, failure))
@@ -959,8 +968,8 @@ def lost(corrector: Corrector, requested: PathQuantity, why: str, failure: newto
 def _cause_of(
     corrector: Corrector, requested: PathQuantity, failure: newton.NoConvergence
 ) -> component.PathFailure | None:
-    if isinstance(failure, Emptied):
-        return EMPTIED
+    if isinstance(failure, CavityCollapsed):
+        return CAVITY_COLLAPSES
     system = corrector.solver.system
     system.load(corrector.history.last.state)
     for term in system.potential.terms.values():
@@ -975,7 +984,7 @@ def _cause_of(
         return creases.find_crease(system)
     fold = creases.MotionConcentration(system, part)
     if not fold.local:
-        return SNAPPED
+        return DEVICE_SNAPS_BACK
     system.load(corrector.history.last.state)
     return creases.find_crease(system, fold.part) or creases.fold_failure(fold.cells, *fold.place)
 
@@ -991,13 +1000,13 @@ def snapping(corrector: Corrector, requested: PathQuantity) -> Array | None:
     value = requested.value(last.state.V, last.state.P)
     if len(points) < 2 or not requested.rate(last.state, last.tangent) > 0.0:  # the first point has no predecessor
         return None
-    ahead, fallen, unstable = Ahead(corrector), 0, _unstable(requested, last)
-    for _ in range(MOST_STATES):
+    ahead, fallen, unstable = StatesBeyond(corrector), 0, _unstable(requested, last)
+    for _ in range(MAX_DIAGNOSIS_STATES):
         ahead.step()
         now = requested.value(ahead.state.V, ahead.state.P)
         fallen = fallen + 1 if now < value else 0
         value = now
-        if fallen == FALLING:
+        if fallen == DECREASES_PAST_TURN:
             # If Newton has only converged to another branch, no direction is unstable.
             corrector.solver.factorise(ahead.state)
             signature = corrector.stability.signature(exact=True)
@@ -1011,7 +1020,7 @@ def _unstable(requested: PathQuantity, point: Point) -> int:
     return point.signature.negative_eigenvalues - int(requested.rate(point.state, point.tangent) * point.tangent.P < 0)
 
 
-class Ahead:
+class StatesBeyond:
     """States beyond a path's last two points, controlled by the motion of the snapping part; `NoConvergence` if the path has
     no direction there.
 
@@ -1031,13 +1040,13 @@ class Ahead:
     def step(self) -> None:
         """Solve for the next state; `NoConvergence` if there is none near."""
         state, rate, part = self.state, self.tangent, self._part()
-        for _ in range(HALVINGS):
+        for _ in range(MAX_HALVINGS):
             far = self._amount / part.share(rate.w)
             try:
                 found = self.solver.solve_along(
                     part.image, state.w, self._amount, state.w + far * rate.w, state.P + far * rate.P
                 )
-                near = self._measure(found.w - state.w).length < ASTRAY * far
+                near = self._measure(found.w - state.w).length < MAX_STEP_OVERSHOOT * far
                 if near and (self.solver.system.volumes() > 0.0).all():
                     self.state, self.tangent = found, self._direction(found, part)
                     self._amount *= SNAP_STEP_GROWTH
@@ -1068,7 +1077,7 @@ class Ahead:
     def _direction(self, state: State, along: Mode) -> controls.Tangent:
         """Return the path's direction at a state, towards more of a measure, its dofs of unit length."""
         self.solver.factorise(state)
-        rate = self.solver.tangent_along(state, along.image, TOLERANCE)
+        rate = self.solver.tangent_along(state, along.image, DIRECTION_TOLERANCE)
         length = self._measure(rate.w).length
         return controls.Tangent(rate.w / length, rate.P / length, rate.V / length)
 
@@ -1081,20 +1090,20 @@ class Ahead:
 # the path continues smoothly, and another branch crosses it. At an extremum of the volume K is regular.
 
 
-Known = tuple[float, Point]
+EigenvalueSample = tuple[float, Point]
 """An eigenvalue and its state."""
 
-DEEPEST = 10
+MAX_BISECTIONS = 10
 """Maximum bisections of an interval with several events; closer ones are reported as one."""
-SPREADS = (0.5, 0.2, 0.08)
+EIGENVALUE_SAMPLE_POSITIONS = (0.5, 0.2, 0.08)
 """Sampling positions of the eigenvalue around its expected root, relative to the interval's farther end.
 
 Not closer: a mesh without the device's symmetry bends the path towards the branch where K is nearly singular, and a nearby
 state would contain some of the mode and give the imperfect mesh's eigenvalue instead of the device's. The eigenvalue is a
 smooth function of the volume, so the rest is interpolated."""
-TOO_NEAR = 3e-3
+MIN_EIGENVALUE_RATIO = 3e-3
 """Eigenvalue, relative to the largest on the path, below which a state is not used for the interpolation."""
-SAMPLES = 4
+MAX_INTERPOLATION_POINTS = 4
 """Number of states whose eigenvalues are interpolated."""
 
 
@@ -1119,11 +1128,11 @@ def events(
     which a run that is resumed could not follow.
     """
     solver, stability = corrector.solver, corrector.stability
-    kept = solver.kept.base, stability.modes
+    kept = solver.lagged.base, stability.modes
     found = changes(corrector, before, after, report)
     if turn := own_limit(corrector, requested, before, after):
         found = sorted([*turn, *found], key=lambda point: abs(point.state.V - before.state.V))
-    if solver.kept.base is not kept[0] or stability.modes is not kept[1]:
+    if solver.lagged.base is not kept[0] or stability.modes is not kept[1]:
         solver.factorise(after.state)
         stability.lowest()
     return found
@@ -1152,7 +1161,7 @@ def changes(
     gained = unexplained(before, after)
     if gained == 0:
         return [limit(corrector, before, after)] if turned else []
-    if (turned or abs(gained) > 1) and depth < DEEPEST:
+    if (turned or abs(gained) > 1) and depth < MAX_BISECTIONS:
         try:
             middle = corrector.middle(before, after)
         except newton.NoConvergence as failure:
@@ -1184,7 +1193,7 @@ def bifurcation(corrector: Corrector, before: Point, after: Point) -> Point:
     known = [(f_low, before), (f_high, after)]
     scale = max(stability.largest, abs(f_low), abs(f_high))
     start, width = before.state.V, after.state.V - before.state.V
-    for spread in SPREADS:
+    for spread in EIGENVALUE_SAMPLE_POSITIONS:
         root = _root(known, scale)
         reach = max(abs(root - start), abs(root - after.state.V))
         for V in (root - spread * reach, root + spread * reach):
@@ -1206,30 +1215,30 @@ def bifurcation(corrector: Corrector, before: Point, after: Point) -> Point:
     return dataclasses.replace(point, mode=mode, limit=False, requested=False, signature=signature)
 
 
-def _root(known: list[Known], scale: float) -> float:
+def _root(known: list[EigenvalueSample], scale: float) -> float:
     """Return the volume at which the eigenvalue is zero, by interpolation through the states far enough
     from it."""
     far = _far(known, scale)
     (_, low), (_, high) = _around(far)
     middle = (low.state.V + high.state.V) / 2
-    used = sorted(far, key=lambda entry: abs(entry[1].state.V - middle))[:SAMPLES]
+    used = sorted(far, key=lambda entry: abs(entry[1].state.V - middle))[:MAX_INTERPOLATION_POINTS]
     through = scipy.interpolate.BarycentricInterpolator(
         [point.state.V for _, point in used], [value for value, _ in used]
     )
     return float(scipy.optimize.brentq(through, low.state.V, high.state.V, xtol=1e-13 * abs(middle)))
 
 
-def _around(known: list[Known]) -> tuple[Known, Known]:
+def _around(known: list[EigenvalueSample]) -> tuple[EigenvalueSample, EigenvalueSample]:
     return next((a, b) for a, b in itertools.pairwise(known) if a[0] * b[0] <= 0)
 
 
-def _far(known: list[Known], scale: float) -> list[Known]:
+def _far(known: list[EigenvalueSample], scale: float) -> list[EigenvalueSample]:
     """Return the states, by rising volume, that are far enough from the singular one; all of them, if these lie on
     one side."""
     every = sorted(
         {point.state.V: (value, point) for value, point in known}.values(), key=lambda entry: entry[1].state.V
     )
-    far = [entry for entry in every if abs(entry[0]) > TOO_NEAR * scale]
+    far = [entry for entry in every if abs(entry[0]) > MIN_EIGENVALUE_RATIO * scale]
     return far if len({value > 0 for value, _ in far}) == 2 else every
 
 
@@ -1241,19 +1250,19 @@ def _far(known: list[Known], scale: float) -> list[Known]:
 # perhaps more sharply than any step follows, but a real device jumps to the next stable state and goes on from it.
 
 
-MOST_SNAPS = 30
+MAX_SNAPS = 30
 """Maximum number of times that a device is released on one path."""
-CRUMPLED = component.PathFailure(
-    f"the device crumples: it has snapped {MOST_SNAPS} times, each time into further folds",
+DEVICE_CRUMPLES = component.PathFailure(
+    f"the device crumples: it has snapped {MAX_SNAPS} times, each time into further folds",
     "Stay below, or use smaller cells (--cell-size), which resolve the folds; the device came to rest in each state up to here",
     of_mesh=True,
 )
-FIRST_CREEP, LAST_CREEP, SHORTEST_CREEP = 0.3, 1e4, 1e-4
+FIRST_CREEP_STEP, LAST_CREEP_STEP, MIN_CREEP_STEP = 0.3, 1e4, 1e-4
 """First step of a device that is released, the one from which on it rests, and the shortest, in times that a shear wave takes
 to cross the device."""
-MOST_CREEP = 1000
+MAX_CREEP_STEPS = 1000
 """Maximum number of steps until it rests."""
-FREE_GROWTH = 500.0
+MAX_FREE_GROWTH = 500.0
 """Cavity volumes at which a device that moves freely has burst, and at which the search for another stable part ends: a balloon
 of eight times its radius."""
 
@@ -1273,16 +1282,16 @@ def come_to_rest(path: Continuation, curve: controls.Curve, state: State, why: s
     """
     if path.solver.system.potential.motion:
         return None
-    if path.history.snaps == MOST_SNAPS:
-        raise PathEnd(why, cause=CRUMPLED)
+    if path.history.snaps == MAX_SNAPS:
+        raise PathEnd(why, cause=DEVICE_CRUMPLES)
     path.history.snaps += 1
     path.report(f"{why}; letting the device go there")
     try:
         return creep(path, curve, state)
     except newton.NoConvergence as failure:
         path.report(f"it finds no state of rest ({failure})")
-        if isinstance(failure, Emptied):
-            raise PathEnd(why, cause=EMPTIED) from failure
+        if isinstance(failure, CavityCollapsed):
+            raise PathEnd(why, cause=CAVITY_COLLAPSES) from failure
         return None
 
 
@@ -1295,17 +1304,17 @@ def creep(path: Continuation, curve: controls.Curve, state: State) -> State:
     no time.
 
     Raises:
-        NoConvergence: It does not come to rest; `Emptied` if a cavity collapses.
+        NoConvergence: It does not come to rest; `CavityCollapsed` if a cavity collapses.
     """
     system, potential = path.solver.system, path.solver.system.potential
     motion = memory.Motion(
         system, assembly.Inertia((1.0,) * len(system.matter)), system.stress_unit / system.length_unit**2
     )
-    potential.motion, step = motion, FIRST_CREEP
+    potential.motion, step = motion, FIRST_CREEP_STEP
     try:
-        for _ in range(MOST_CREEP):
-            motion.keep(state.w, anew=True)
-            motion.begin(step if step < LAST_CREEP else 0.0)
+        for _ in range(MAX_CREEP_STEPS):
+            motion.commit(state.w, reset=True)
+            motion.begin(step if step < LAST_CREEP_STEP else 0.0)
             try:
                 found = path.corrector.solve_from(curve, state.w, state.P, state)
                 path.corrector.check_whole(found, state)
@@ -1313,17 +1322,17 @@ def creep(path: Continuation, curve: controls.Curve, state: State) -> State:
                     raise newton.NoConvergence("a saddle")
             except newton.NoConvergence:
                 step /= 2.0
-                if step < SHORTEST_CREEP:
+                if step < MIN_CREEP_STEP:
                     raise
                 continue
             state = found
-            potential.keep(state.w)
-            if step >= LAST_CREEP:
+            potential.commit(state.w)
+            if step >= LAST_CREEP_STEP:
                 return state
-            if abs(state.V) > FREE_GROWTH * path.plane.V_scale:
+            if abs(state.V) > MAX_FREE_GROWTH * path.plane.V_scale:
                 break
-            quick, slow = found.iterations <= QUICK, found.iterations >= SLOW
-            step = LAST_CREEP if not found.iterations else step * (2.0 if quick else 1.0 if slow else 1.3)
+            quick, slow = found.iterations <= FAST_ITERATIONS, found.iterations >= SLOW_ITERATIONS
+            step = LAST_CREEP_STEP if not found.iterations else step * (2.0 if quick else 1.0 if slow else 1.3)
     finally:
         potential.motion = None
     raise newton.NoConvergence("the device did not come to rest")
@@ -1338,15 +1347,15 @@ def creep(path: Continuation, curve: controls.Curve, state: State) -> State:
 # two states predict the third, arc-length control takes over.
 
 
-AMOUNTS = (0.05, 0.1, 0.02, 0.2, 0.01)
+MODE_AMPLITUDES = (0.05, 0.1, 0.02, 0.2, 0.01)
 """Amounts of the mode tried in turn for the first state, as largest displacement relative to the device's size."""
-GROWTH = 1.3
+AMPLITUDE_GROWTH = 1.3
 """Factor between prescribed amounts of the mode."""
-MOST_AMOUNTS = 14
+MAX_AMPLITUDES = 14
 """Maximum number of prescribed amounts before arc-length control takes over."""
-FORETOLD = 0.2
+MAX_PREDICTION_ERROR = 0.2
 """Relative error of a predicted amount below which arc-length control takes over."""
-MOST_POINTS = 60
+MAX_BRANCH_POINTS = 60
 
 
 class Branch:
@@ -1368,7 +1377,7 @@ class Branch:
     def first(self) -> Point:
         """Return the first state on the branch; `NoConvergence` if no amount of the mode led to one."""
         at = self.start.state
-        for amount in AMOUNTS:
+        for amount in MODE_AMPLITUDES:
             try:
                 return self._given(amount, at.w + self.sign * amount * self.shape, at.P)
             except newton.NoConvergence as failure:
@@ -1376,13 +1385,15 @@ class Branch:
         raise newton.NoConvergence("no converged state on the branch")
 
     def next(self) -> Point:
-        """Return the state with `GROWTH` times as much of the mode as the last."""
+        """Return the state with `AMPLITUDE_GROWTH` times as much of the mode as the last."""
         path, last = self.path, self.path.last.state
         points = path.history.points
         before = points[0].state if len(points) > 1 else self.start.state
         old, new = self.amount(before.w), self.amount(last.w)
-        ahead = (GROWTH - 1) * new / (new - old)
-        return self._given(GROWTH * new, last.w + ahead * (last.w - before.w), last.P + ahead * (last.P - before.P))
+        ahead = (AMPLITUDE_GROWTH - 1) * new / (new - old)
+        return self._given(
+            AMPLITUDE_GROWTH * new, last.w + ahead * (last.w - before.w), last.P + ahead * (last.P - before.P)
+        )
 
     def _given(self, amount: float, guess: npt.NDArray[np.float64], P: float) -> Point:
         """Return the state with the given amplitude of the mode, its tangent towards larger ones."""
@@ -1414,7 +1425,7 @@ class Branch:
             return False
         amount = self.amount(new.w)
         error = self.amount(predict(known, line)[0]) - amount
-        return abs(error) <= FORETOLD * abs(amount - self.amount(s.w))
+        return abs(error) <= MAX_PREDICTION_ERROR * abs(amount - self.amount(s.w))
 
 
 def follow(path: Continuation, bifurcation: Point, sign: int = 1, farthest: float = float("inf")) -> Iterator[Point]:
@@ -1423,7 +1434,7 @@ def follow(path: Continuation, bifurcation: Point, sign: int = 1, farthest: floa
     It ends at the value ``farthest`` of the path's quantity, and where a cavity has grown or shrunk too far.
 
     Yields:
-        The branch's points, limit points and further bifurcations among them; at most `MOST_POINTS`.
+        The branch's points, limit points and further bifurcations among them; at most `MAX_BRANCH_POINTS`.
 
     Raises:
         PathEnd: The branch could be followed no further.
@@ -1433,14 +1444,14 @@ def follow(path: Continuation, bifurcation: Point, sign: int = 1, farthest: floa
     def ends(point: Point) -> bool:
         value, growth = path.value(point.state), abs(point.state.V) / path.plane.V_scale
         least = 0.05 if system.drives_cavities else -1.0  # the travel of a dead load may be zero
-        return value >= farthest or value <= 0.0 or not least < growth < LARGEST_GROWTH
+        return value >= farthest or value <= 0.0 or not least < growth < MAX_GROWTH
 
     branch = Branch(path, bifurcation, sign)
     try:
-        yield path.keep(branch.first())
-        for _ in range(MOST_AMOUNTS):
+        yield path.commit(branch.first())
+        for _ in range(MAX_AMPLITUDES):
             known, found = path.history.points, branch.next()
-            yield path.keep(found)
+            yield path.commit(found)
             if ends(found):
                 return
             if branch.predicted(known, found):
@@ -1448,10 +1459,10 @@ def follow(path: Continuation, bifurcation: Point, sign: int = 1, farthest: floa
     except newton.NoConvergence as failure:
         raise PathEnd(str(failure)) from failure
     path.history.modes = [branch.mode]
-    for _ in range(MOST_POINTS):
+    for _ in range(MAX_BRANCH_POINTS):
         stops, leak = path.stops(min(path.last.step, 0.5))
         for stop in stops:
-            yield stop if stop.bifurcation else path.keep(dataclasses.replace(stop, step=stops[-1].step))
+            yield stop if stop.bifurcation else path.commit(dataclasses.replace(stop, step=stops[-1].step))
         if leak:
             raise leak
         if ends(stops[-1]):

@@ -46,7 +46,7 @@ class Cycle:
 
     def __init__(self, path: Continuation, most: float):
         path = dataclasses.replace(
-            path, control=stability.ArcLength.name, largest_growth=continuation.FREE_GROWTH, release=False
+            path, control=stability.ArcLength.name, largest_growth=continuation.MAX_FREE_GROWTH, release=False
         )
         self.path, self.most = path, most
         self.lost: stability.PathEnd | None = None
@@ -97,7 +97,9 @@ class Cycle:
     def _snapped(self, here: int, edge: stability.Point, P: float, way: int) -> int:
         """Return the part that a device snaps to at a pressure from the end of another, up (1) or down (-1)."""
         options = range(here + way, len(self.parts) if way > 0 else -1, way) if edge.limit else ()
-        found = next((k for k in options if self._part(k, way).leads_on(P, way, APART * self.path.plane.P_scale)), None)
+        found = next(
+            (k for k in options if self._part(k, way).leads_on(P, way, MIN_ADVANCE * self.path.plane.P_scale)), None
+        )
         if found is None and (rest := self._released(edge, P, way)) is not None:
             self.parts.insert(found := here + 1 if way > 0 else here, rest)
         if found is None and edge.limit:
@@ -106,7 +108,7 @@ class Cycle:
         if found is None:
             why = "the curve of its stable states ends"
             if way > 0 and self.parts[here].buckles:
-                raise stability.PathEnd(why, cause=BUCKLED)
+                raise stability.PathEnd(why, cause=DEVICE_BUCKLES)
             raise self.lost or stability.PathEnd(why)
         return found
 
@@ -117,7 +119,7 @@ class Cycle:
         path.history.add(edge)  # the last state, if this fails
         if edge.limit:
             system, rate = path.solver.system, edge.tangent.w
-            push = way * NUDGE / mpi.largest(system.comm, float(np.abs(rate[: system.n]).max(initial=0.0)))
+            push = way * NUDGE_DISPLACEMENT / mpi.largest(system.comm, float(np.abs(rate[: system.n]).max(initial=0.0)))
             state = dataclasses.replace(state, w=state.w + push * rate)
         rest = continuation.come_to_rest(path, controls.pressure_control(P), dataclasses.replace(state, P=P), why)
         if rest is None:
@@ -189,29 +191,29 @@ def _state(part: CyclePart, P: float) -> stability.Point:
 # with every accepted state. With inertia (`softmodels.mechanics.memory`) a lost equilibrium is no end.
 
 
-FEWEST_STEPS = 12
+MIN_STEPS_PER_STAGE = 12
 """Usual minimum number of steps of a stage, for smooth curves."""
-SAFETY, SHORTER, LONGER = 0.8, 0.2, 2.5
+SAFETY_FACTOR, MIN_STEP_CHANGE, MAX_STEP_CHANGE = 0.8, 0.2, 2.5
 """Share of the step that would just meet the tolerance, and the least and the most by which a step changes."""
-LOCATED = 1e-3
-"""Error of the time at which an equilibrium is lost, over the time since the stage began; `FIRST` at least."""
-FIRST = 1e-5
+LOSS_TIME_TOLERANCE = 1e-3
+"""Error of the time at which an equilibrium is lost, over the time since the stage began; `FIRST_STEP_RATIO` at least."""
+FIRST_STEP_RATIO = 1e-5
 """Step that is short enough for any memory, over the stage, or over the silicone's shortest relaxation time in a longer one."""
-SEEN = 10.0
+MAX_RELAXATION_TIMES = 10.0
 """First step of a stage, over the shortest relaxation time, unless the step before was longer. Of a stress that fades within a
 much longer one nothing is left at its end, where the error is estimated, and what it dissipates would be taken for many times
 too much."""
-FIRST_CHANGE = 1e-3
+FIRST_GAS_SHARE = 1e-3
 """Gas that comes in the first step, over what brings the largest pressure into a rigid cavity."""
-SHORTEST = 1e-9
+MIN_STEP_RATIO = 1e-9
 """Shortest step with gas that comes, over the stage."""
-SNAPPING = 0.05
+SNAP_THROUGH_RATE = 0.05
 """Rate of the gas along the path, over its parts, below which a snap-through with that gas is what ends it."""
-SHAKEN = 1.25
+REFACTORISATION_STEP_CHANGE = 1.25
 """Change of the step from which on K with the mass needs a new factorisation."""
-KEPT = 1.6
+MIN_INERTIA_STEP_CHANGE = 1.6
 """With inertia, the change of the step that is not worth it: vibrations keep their energy best in equal steps."""
-GROWTH, MOST_GROWTH = 1e-3, 1.0
+FIRST_PROBED_GROWTH, MAX_PROBED_GROWTH = 1e-3, 1.0
 """First and last volume, over the cavity's, that a lost equilibrium is looked for at beyond its last state."""
 
 
@@ -239,7 +241,7 @@ class Drive(Protocol):
     def begin(self, path: Continuation, first: stability.Point) -> float:
         """Begin at the first point of a path; return the length of the first step in s."""
 
-    def solved(self, path: Continuation, time: float, step: float, end: bool, earlier: Earlier | None) -> State:
+    def solved(self, path: Continuation, time: float, step: float, end: bool, earlier: PreviousStep | None) -> State:
         """Return the state at the end of a step that begins at a time, the stage's own end if ``end``."""
 
     def error(self, state: State) -> float:
@@ -255,7 +257,7 @@ class Drive(Protocol):
         """Return the end of a path of which not even the shortest step converged."""
 
 
-Earlier = tuple[float, State]
+PreviousStep = tuple[float, State]
 """Length of the step before, and the state where it began."""
 
 
@@ -264,23 +266,23 @@ class Ramp:
 
     recovers = False
 
-    def __init__(self, rise: float, duration: float, fewest: int = FEWEST_STEPS):
+    def __init__(self, rise: float, duration: float, fewest: int = MIN_STEPS_PER_STAGE):
         self.rise, self.duration, self.fewest = rise, duration, fewest
 
     def begin(self, path: Continuation, first: stability.Point) -> float:
         self.start, self.by_pressure = path.value(first.state), isinstance(path.requested, stability.Pressure)
-        self.first = FIRST * min(self.duration, path.solver.system.potential.relaxation)
+        self.first = FIRST_STEP_RATIO * min(self.duration, path.solver.system.potential.relaxation)
         return self.duration / self.fewest
 
     def _value(self, time: float) -> float:
         return self.start + self.rise * time / self.duration
 
-    def solved(self, path: Continuation, time: float, step: float, end: bool, earlier: Earlier | None) -> State:
+    def solved(self, path: Continuation, time: float, step: float, end: bool, earlier: PreviousStep | None) -> State:
         value = self.start + self.rise if end else self._value(time + step)
         last, requested = path.last, path.requested
         w, P = last.state.w, last.state.P
         if earlier is not None:
-            ratio = min(step / earlier[0], LONGER)
+            ratio = min(step / earlier[0], MAX_STEP_CHANGE)
             w, P = w + ratio * (w - earlier[1].w), P + ratio * (P - earlier[1].P)
         elif self.rise:
             ratio = (value - path.value(last.state)) / requested.rate(last.state, last.tangent)
@@ -295,7 +297,7 @@ class Ramp:
             raise newton.NoConvergence("no stable state")
 
     def shortest(self, time: float) -> float:
-        return max(LOCATED * time, self.first)
+        return max(LOSS_TIME_TOLERANCE * time, self.first)
 
     def ended(self, path: Continuation, time: float, step: float, failure: newton.NoConvergence) -> stability.PathEnd:
         if (
@@ -312,13 +314,13 @@ class Filling:
     over a duration in s, and leaks; ``rest`` is gas at rest, dimensionless. The error of the gas counts over what brings the
     largest gauge pressure of the source, in Pa, into a rigid cavity, or over what has come so far, if that is more."""
 
-    recovers, fewest = True, FEWEST_STEPS
+    recovers, fewest = True, MIN_STEPS_PER_STAGE
 
     def __init__(self, gas: Gas, sources: tuple[Source, Source], duration: float, rest: float, largest: float):
         self.gas, self.sources, self.duration, self.rest, self.largest = gas, sources, duration, rest, largest
         self.scale = 0.0
         self.curve: GasStep
-        self.earlier: Earlier | None = None
+        self.earlier: PreviousStep | None = None
 
     def _grow(self, state: State) -> None:
         """Let the scale of the gas grow with what has come."""
@@ -327,13 +329,17 @@ class Filling:
 
     def begin(self, path: Continuation, first: stability.Point) -> float:
         self._grow(first.state)
-        come = max(abs(self.gas.flow(self._source(t), first.state.P)[0]) for t in (0.0, FIRST * self.duration))
-        return float(min(self.duration / FEWEST_STEPS, FIRST_CHANGE * self.scale / come if come else math.inf))
+        come = max(
+            abs(self.gas.flow(self._source(t), first.state.P)[0]) for t in (0.0, FIRST_STEP_RATIO * self.duration)
+        )
+        return float(
+            min(self.duration / MIN_STEPS_PER_STAGE, FIRST_GAS_SHARE * self.scale / come if come else math.inf)
+        )
 
     def _source(self, time: float) -> Source:
         return self.sources[0].toward(self.sources[1], min(time / self.duration, 1.0))
 
-    def solved(self, path: Continuation, time: float, step: float, end: bool, earlier: Earlier | None) -> State:
+    def solved(self, path: Continuation, time: float, step: float, end: bool, earlier: PreviousStep | None) -> State:
         last = path.last
         sources = self._source(time), self.sources[1] if end else self._source(time + step)
         self.curve, self.earlier = self.gas.step(last, sources, step), earlier
@@ -353,11 +359,13 @@ class Filling:
         self._grow(point.state)
 
     def shortest(self, time: float) -> float:
-        return SHORTEST * self.duration
+        return MIN_STEP_RATIO * self.duration
 
     def ended(self, path: Continuation, time: float, step: float, failure: newton.NoConvergence) -> stability.PathEnd:
         t, (a, b) = path.last.tangent, self.gas.slopes(path.last.state.V, path.last.state.P)
-        if not path.solver.system.potential.motion and a * t.V + b * t.P <= SNAPPING * (abs(a * t.V) + abs(b * t.P)):
+        if not path.solver.system.potential.motion and a * t.V + b * t.P <= SNAP_THROUGH_RATE * (
+            abs(a * t.V) + abs(b * t.P)
+        ):
             why = (
                 "the device snaps through with the gas that tubes and cavity hold, faster than any flow; a smaller dead volume "
                 "holds less"
@@ -373,11 +381,11 @@ def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Ite
     first = path.begin()
     yield 0.0, first
     potential, corrector, duration = path.solver.system.potential, path.corrector, drive.duration
-    motion, first_step = potential.motion, FIRST * min(duration, potential.relaxation)
+    motion, first_step = potential.motion, FIRST_STEP_RATIO * min(duration, potential.relaxation)
     time, step, errors, shrunk = 0.0, drive.begin(path, first), _Errors(path, drive, tolerance), False
-    step = min(step, max(SEEN * potential.relaxation, potential.taken))
+    step = min(step, max(MAX_RELAXATION_TIMES * potential.relaxation, potential.taken))
     step = min(step, motion.first_step(duration)) if motion else step
-    earlier: Earlier | None = None
+    earlier: PreviousStep | None = None
     while time < duration:
         left = duration - time
         step = min(step, duration / drive.fewest)
@@ -387,15 +395,20 @@ def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Ite
         checkpoint = potential.checkpoint()
         try:
             potential.pass_time(step)
-            if motion and not motion.last / SHAKEN < step < motion.last * SHAKEN:
-                path.solver.kept.worn = True  # K has mass: it is factorised anew for a much longer or shorter step
+            if (
+                motion
+                and not motion.last / REFACTORISATION_STEP_CHANGE < step < motion.last * REFACTORISATION_STEP_CHANGE
+            ):
+                path.solver.lagged.exhausted = (
+                    True  # K has mass: it is factorised anew for a much longer or shorter step
+                )
             state = drive.solved(path, time, step, share == 1.0, earlier)
             wanted = step * errors.change(state)
-            if wanted < SAFETY * step and step > min(first_step, _shortest(path, drive, time)):
+            if wanted < SAFETY_FACTOR * step and step > min(first_step, _shortest(path, drive, time)):
                 step = wanted
                 continue
             corrector.check_whole(state)
-            potential.keep(state.w)
+            potential.commit(state.w)
             point = corrector.point(state, requested=share == 1.0)
             drive.check(point, first)
         except newton.NoConvergence as failure:
@@ -426,24 +439,30 @@ class _Errors:
         found = self._change(max(error / self.largest if self.largest else 0.0, self.drive.error(state)), math.sqrt)
         if motion := self.potential.motion:
             found = min(found, self._change(motion.error(state.w), math.cbrt))
-            found = 1.0 if SAFETY <= found < KEPT else found
+            found = 1.0 if SAFETY_FACTOR <= found < MIN_INERTIA_STEP_CHANGE else found
         return found
 
     def _change(self, error: float, root: Callable[[float], float]) -> float:
         """Return the same for an error, and the root of it that grows as the step."""
-        return LONGER if error == 0.0 else min(LONGER, max(SHORTER, SAFETY * root(self.tolerance / error)))
+        return (
+            MAX_STEP_CHANGE
+            if error == 0.0
+            else min(MAX_STEP_CHANGE, max(MIN_STEP_CHANGE, SAFETY_FACTOR * root(self.tolerance / error)))
+        )
 
 
 def _shortest(path: Continuation, drive: Drive, time: float) -> float:
     """Return the length in s of a step that is not halved any more."""
-    return SHORTEST * drive.duration if path.solver.system.potential.motion else drive.shortest(time)
+    return MIN_STEP_RATIO * drive.duration if path.solver.system.potential.motion else drive.shortest(time)
 
 
 def _check_growth(path: Continuation) -> None:
     """Raise `PathEnd` for a moving device that has grown far beyond any stable state."""
     growth = path.last.state.V / path.plane.V_scale
-    if growth > continuation.FREE_GROWTH and path.solver.system.potential.motion:
-        raise stability.PathEnd(f"the cavity has grown {continuation.FREE_GROWTH:g}-fold and finds no state of rest")
+    if growth > continuation.MAX_FREE_GROWTH and path.solver.system.potential.motion:
+        raise stability.PathEnd(
+            f"the cavity has grown {continuation.MAX_FREE_GROWTH:g}-fold and finds no state of rest"
+        )
 
 
 def _none(path: Continuation, pressure: float, step: float) -> bool:
@@ -452,9 +471,9 @@ def _none(path: Continuation, pressure: float, step: float) -> bool:
     potential, solver, last = path.solver.system.potential, path.solver, path.last.state
     checkpoint = potential.checkpoint()
     potential.pass_time(step)
-    state, growth = last, GROWTH
+    state, growth = last, FIRST_PROBED_GROWTH
     try:
-        while growth < MOST_GROWTH:
+        while growth < MAX_PROBED_GROWTH:
             found = solver.solve(controls.volume_control(last.V * (1.0 + growth)), state.w, state.P)
             if pressure <= found.P:
                 return False
@@ -479,7 +498,7 @@ POINTS_PER_STAGE = 4
 """Minimum number of points per stage, for smooth curves."""
 
 
-class HangingEnd(stability.PathEnd):
+class PreloadFailure(stability.PathEnd):
     """No equilibrium exists under the preload: ``what`` was being applied, a clause, and ``share`` of it was reached."""
 
     def __init__(self, end: stability.PathEnd, what: str, share: float):
@@ -575,7 +594,7 @@ class Stage:
             yield path.value(point.state) / self.goal, point
 
 
-def hang(
+def apply_preload(
     solver: Solver,
     targets: Sequence[tuple[str, Array]],
     report: Callable[[str], None] = lambda text: None,
@@ -602,25 +621,27 @@ def hang(
             come.extend(stage.follow(solver, "auto", report))
         except (stability.PathEnd, newton.NoConvergence) as failure:
             end = failure if isinstance(failure, stability.PathEnd) else stability.PathEnd(str(failure))
-            raise HangingEnd(end, what, come[-1][0] if come else 0.0) from failure
+            raise PreloadFailure(end, what, come[-1][0] if come else 0.0) from failure
         here = continuation.LoadedState.at(solver.system, come[-1][1].state)
     return here
 
 
-def inflate_from(solver: Solver, hung: continuation.LoadedState) -> State:
+def inflate_from(solver: Solver, preloaded: continuation.LoadedState) -> State:
     """Couple the cavities by the device's pressure ratios from the preloaded state, with constant dead loads; return the start
     of P."""
     system = solver.system
     cavities = len(system.body.actuator.ratios)
-    dead = hung.drives[cavities:]
-    return solver.couple(system.inflating(dead), hung.state, hung.drives)
+    dead = preloaded.drives[cavities:]
+    return solver.couple(system.inflating(dead), preloaded.state, preloaded.drives)
 
 
-def load_from(solver: Solver, hung: continuation.LoadedState, driver: int) -> State:
+def load_from(solver: Solver, preloaded: continuation.LoadedState, driver: int) -> State:
     """Couple the drivers so that P is one dead load's magnitude, all others constant; return the start of P."""
-    change = np.zeros(len(hung.drives))
+    change = np.zeros(len(preloaded.drives))
     change[driver] = 1.0
-    return solver.couple(controls.Coupling.by_pressure(hung.drives, change, (), hung.driven), hung.state, hung.drives)
+    return solver.couple(
+        controls.Coupling.by_pressure(preloaded.drives, change, (), preloaded.driven), preloaded.state, preloaded.drives
+    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -633,15 +654,15 @@ class Settings:
     tolerance: float = TOLERANCE
 
 
-DEFAULT = Settings()
+DEFAULT_SETTINGS = Settings()
 
 
 def follow(
     solver: Solver,
     steps: Steps,
-    settings: Settings = DEFAULT,
+    settings: Settings = DEFAULT_SETTINGS,
     begin: continuation.LoadedState | None = None,
-    hung: continuation.LoadedState | None = None,
+    preloaded: continuation.LoadedState | None = None,
 ) -> Iterator[tuple[float, stability.Point]]:
     """Follow a device at rest through a program, which drives each of its cavities, or none of them, and dead loads. The
     coupling of its cavities is changed.
@@ -651,7 +672,7 @@ def follow(
         steps: The program.
         settings: How.
         begin: The end of a step to go on from; where it hangs if None.
-        hung: Where it hangs under the loads that the program does not change; the undeformed state if None.
+        preloaded: Where it hangs under the loads that the program does not change; the undeformed state if None.
 
     Yields:
         How far the program has come (1.5 is half way through the second step), and its point.
@@ -660,16 +681,16 @@ def follow(
         PathEnd: A step's values are not on the path that leads there.
     """
     eq = solver.system
-    hung = hung or at_rest(solver)
+    preloaded = preloaded or at_rest(solver)
     eq.load(eq.rest())
     rest = eq.driven()
-    rest[len(eq.volumes()) :] = hung.driven[len(eq.volumes()) :]
-    values, held = in_drivers(solver, steps, hung.drives)
-    first, here = int(begins_at_rest(steps)), begin or hung
+    rest[len(eq.volumes()) :] = preloaded.driven[len(eq.volumes()) :]
+    values, held = in_drivers(solver, steps, preloaded.drives)
+    first, here = int(begins_at_rest(steps)), begin or preloaded
     # A held volume counts from the undeformed cavity, a travel from the preloaded state, and 0 means the preloaded state
     # for both; all other values are magnitudes.
-    before = hung.drives.copy()
-    before[held] = (hung.driven - rest)[held]
+    before = preloaded.drives.copy()
+    before[held] = (preloaded.driven - rest)[held]
     values[:, held] = np.where(values[:, held] == 0.0, before[held], values[:, held])
     changed = np.ones(len(before))  # a hold before anything changes
     for number, (step, row) in enumerate(zip(steps[first:], values[first:], strict=True), 1):
@@ -705,9 +726,9 @@ def supply(
     solver: Solver,
     steps: Steps,
     gas: Gas,
-    settings: Settings = DEFAULT,
+    settings: Settings = DEFAULT_SETTINGS,
     begin: continuation.LoadedState | None = None,
-    hung: continuation.LoadedState | None = None,
+    preloaded: continuation.LoadedState | None = None,
 ) -> Iterator[tuple[float, stability.Point]]:
     """Follow a device that gas is supplied to in time, by the steps of its source, perhaps with those of the valve; see
     `follow`. A jump of the source leaves the device where it is.
@@ -715,7 +736,7 @@ def supply(
     Raises:
         PathEnd: The device snaps through, or no step was found.
     """
-    here, first = begin or hung or at_rest(solver), int(begins_at_rest(steps))
+    here, first = begin or preloaded or at_rest(solver), int(begins_at_rest(steps))
     numbers = range(1, last_number(steps) + 1)
     sources = [source_at(steps, float(number)) for number in (0, *numbers)]
     times = [time_at(steps, float(number)) for number in (0, *numbers)]
@@ -784,14 +805,14 @@ def in_drivers(
 # from there on the way back.
 
 
-NUDGE = 0.01
+NUDGE_DISPLACEMENT = 0.01
 """Largest displacement, in sizes of the device, by which it is pushed off a limit point."""
 
-APART = 1e-6
+MIN_ADVANCE = 1e-6
 """Least way on in pressure, in the device's scale, of a part that a device snaps to: one on which it was released may be the
 same as the one before, and ends at the same limit point."""
 
-BUCKLED = component.PathFailure(
+DEVICE_BUCKLES = component.PathFailure(
     "the device buckles: its stable states end at a bifurcation, and none was found in which it would come to rest",
     "Stay below; smaller cells (--cell-size) may resolve the folds into which it collapses",
 )

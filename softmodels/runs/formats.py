@@ -70,9 +70,9 @@ class StateRecord:
 # or is behind a link. Results never use these, so they are rejected: they would expose the bytes of other files.
 
 
-LARGEST = 1 << 50
+MAX_FILE_SIZE = 1 << 50
 """Size limit of a results file: none."""
-NUMBERS = "fiu"
+NUMBER_KINDS = "fiu"
 """Kinds of numpy's types that fields have."""
 
 
@@ -83,7 +83,7 @@ class ForeignDataError(ValueError):
 @contextlib.contextmanager
 def opened(path: Path) -> Iterator[h5py.File]:
     """Open a results file for reading; `OSError` if it is not a regular file, or not HDF5."""
-    files.check_file(path, LARGEST)
+    files.check_file(path, MAX_FILE_SIZE)
     with h5py.File(path, "r") as file:
         yield file
 
@@ -105,7 +105,7 @@ def inside(group: h5py.Group, path: str) -> Any:
     if isinstance(place, h5py.Dataset):
         if place.external is not None or place.is_virtual:
             raise ForeignDataError(f"{path} takes its values from other files; these are not read")
-        if place.dtype.kind not in NUMBERS or place.size * place.dtype.itemsize > place.id.get_storage_size():
+        if place.dtype.kind not in NUMBER_KINDS or place.size * place.dtype.itemsize > place.id.get_storage_size():
             raise ForeignDataError(
                 f"{path} is compressed, or holds fewer numbers than declared; results are stored uncompressed"
             )

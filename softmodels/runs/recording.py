@@ -29,8 +29,8 @@ from softmodels.runs import columns, formats, labels, notes, outcomes, store, ta
 from softmodels.runs.fields import Fields
 from softmodels.runs.notes import events
 from softmodels.runs.outcomes import RunError
-from softmodels.runs.simulation import FROM_REST, Begun, Listener, PathEnded, Simulation, solve_sources
-from softmodels.runs.states import States
+from softmodels.runs.simulation import FROM_REST, Listener, PathEnded, RunStart, Simulation, solve_sources
+from softmodels.runs.states import StoredStates
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Resume an interrupted run: check that the case matches the stored results, and load the states to continue from.
@@ -110,19 +110,19 @@ def stored_points(results: store.Results, fields: Fields, comm: MPI.Comm) -> lis
     return [stored_point(results, fields, comm, i, records[i], i in branching) for i in chosen]
 
 
-def replay(results: store.Results | States, fields: Fields, comm: MPI.Comm, steps: Mapping[int, float]) -> None:
+def replay(results: store.Results | StoredStates, fields: Fields, comm: MPI.Comm, steps: Mapping[int, float]) -> None:
     """Restore what friction, silicone and motion remember, by going through stored steps, whose times in s are given."""
     potential, last = fields.system.potential, 0.0
     for step, time in steps.items() if potential.remembers else ():
         potential.pass_time(time - last)
         if potential.motion and time == last:
             potential.motion.jump()
-        potential.keep(stored_state(results, fields, comm, step, 0.0, 0.0).w)
+        potential.commit(stored_state(results, fields, comm, step, 0.0, 0.0).w)
         last = time
 
 
 def stored_point(
-    results: store.Results | States,
+    results: store.Results | StoredStates,
     fields: Fields,
     comm: MPI.Comm,
     step: int,
@@ -145,7 +145,7 @@ def stored_point(
 
 
 def stored_state(
-    results: store.Results | States, fields: Fields, comm: MPI.Comm, step: int, P: float, V: float
+    results: store.Results | StoredStates, fields: Fields, comm: MPI.Comm, step: int, P: float, V: float
 ) -> State:
     """A stored step's state."""
     return fields.state(results.fields(step, ("displacement", "p")) if mpi.is_root(comm) else None, P, V)
@@ -454,12 +454,12 @@ def _store(
             mpi.on_root(comm, lambda: begun(results))
 
 
-def _begun(simulation: Simulation, results: store.Results) -> Begun:
+def _begun(simulation: Simulation, results: store.Results) -> RunStart:
     """Return the state from which a resumed run continues."""
     case, fields, comm = simulation.case, simulation.fields, simulation.comm
     rows = mpi.on_root(comm, lambda: results.rows)
     if case.load_unload:
-        return Begun(rows)
+        return RunStart(rows)
     solved = mpi.on_root(
         comm, lambda: {i: row.get("time") for i, row in enumerate(results.rows) if not row["bifurcation"]}
     )
@@ -467,11 +467,11 @@ def _begun(simulation: Simulation, results: store.Results) -> Begun:
     if case.program:
         stop = last_stop(case, results, fields, comm)
         simulation.listener.say(f"resuming from step {stop.number} of the program")
-        return Begun(rows, stop=stop, replay=again)
+        return RunStart(rows, stop=stop, replay=again)
     left = mpi.on_root(comm, lambda: [not stopped_at(case, results, value) for value in case.values])
     points = stored_points(results, fields, comm)
     simulation.listener.say(f"resuming from step {len(rows) - 1}")
-    return Begun(rows, left, points, replay=again)
+    return RunStart(rows, left, points, replay=again)
 
 
 def _record_branch(simulation: Simulation, results: store.Results) -> None:

@@ -38,11 +38,11 @@ from softmodels.path.stability import Stability
 from softmodels.runs import columns, formats, notes, outcomes, table
 from softmodels.runs.fields import Fields, Figures, check_requested
 from softmodels.runs.outcomes import RunError
-from softmodels.runs.states import States
+from softmodels.runs.states import StoredStates
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Begun:
+class RunStart:
     """Stored data from which a run is resumed.
 
     Attributes:
@@ -60,9 +60,9 @@ class Begun:
     replay: Callable[[], None] = lambda: None
 
 
-FROM_REST = Begun()
+FROM_REST = RunStart()
 
-FEWEST_STEPS = 12
+MIN_STEPS = 12
 """Minimum number of steps to the last requested value, for smooth curves."""
 
 
@@ -142,7 +142,7 @@ class Simulation:
         if weak := specimens.weakness(self.case.material):
             say(f"warning: {weak}; results at larger stretches are invalid")
 
-    def steps(self, begun: Begun = FROM_REST) -> Iterator[formats.StateRecord]:
+    def steps(self, begun: RunStart = FROM_REST) -> Iterator[formats.StateRecord]:
         """Solve state by state, through all requested values that are not ``begun``.
 
         Raises:
@@ -159,7 +159,7 @@ class Simulation:
                 self.listener.step(step.row, step.row.cell(self.case.column))
             self._stop_if_asked()
 
-    def _load_path(self, begun: Begun) -> Iterator[formats.StateRecord]:
+    def _load_path(self, begun: RunStart) -> Iterator[formats.StateRecord]:
         case, count = self.case, len(begun.rows)
         last = begun.rows[-1] if begun.rows else None
         goals = self._goals()
@@ -213,33 +213,33 @@ class Simulation:
     def quantity(self, name: str) -> stability.PathQuantity:
         """Return a requested quantity by its name; the stroke is that of the case's supply."""
         eq, supply = self.solver.system, self.case.supply
-        if supply is None or name in stability.DIRECT:
-            return stability.DIRECT[name]
+        if supply is None or name in stability.QUANTITIES:
+            return stability.QUANTITIES[name]
         return supply.control(eq.rest().V * eq.volume_unit, eq.stress_unit, eq.volume_unit)
 
     def _continuation(self, last: float) -> Continuation:
         case, say = self.case, self.listener.say
         quantity = self.quantity(case.quantity)
         return Continuation(
-            self.solver, quantity, case.control, last / FEWEST_STEPS, start=self.model.hanging(say),
+            self.solver, quantity, case.control, last / MIN_STEPS, start=self.model.path_start(say),
             report=lambda text: say(f"  {text}"), release=True,
         )  # fmt: skip
 
-    def _program(self, begun: Begun) -> Iterator[formats.StateRecord]:
+    def _program(self, begun: RunStart) -> Iterator[formats.StateRecord]:
         """Follow the device's program."""
         case, rows = self.case, table.PathTable(begun.rows)
         come = float(begun.stop.number) if begun.stop else 0.0
         try:
             say = self.listener.say
-            hung = self.model.preload(say)
+            preloaded = self.model.preload(say)
             self.model.set_in_motion()
             begun.replay()
             settings = schedule.Settings(case.control, say, case.time_tolerance)
             gas = self.quantity(supply.Gas.name) if case.supply else None
             if isinstance(gas, supply.Gas):
-                points = schedule.supply(self.solver, case.steps, gas, settings, begun.stop, hung)
+                points = schedule.supply(self.solver, case.steps, gas, settings, begun.stop, preloaded)
             else:
-                points = schedule.follow(self.solver, case.steps, settings, begun.stop, hung)
+                points = schedule.follow(self.solver, case.steps, settings, begun.stop, preloaded)
             for come, point in points:
                 step = self.step_of(point, len(rows), come)
                 rows.append(step.row)
@@ -306,7 +306,7 @@ def _own_words() -> bool:
     return bool(PETSc.Options().getAll())
 
 
-class InMemory(States):
+class MemoryStates(StoredStates):
     """States of a prepared simulation in memory, identical on all ranks; its mesh's file is read on rank 0."""
 
     def __init__(self, simulation: Simulation, mesh: Callable[[], bytes]):
@@ -479,7 +479,7 @@ class Model(cards.Shown):
             RunError: There is no such equilibrium on the path, or it was not found.
         """
         if pressure is None and volume is None:
-            state = self.hanging() or self.system.rest()
+            state = self.path_start() or self.system.rest()
             return Equilibrium(self, state)
         *_, last = self.path(None if pressure is None else [pressure], None if volume is None else [volume])
         return last
@@ -527,29 +527,31 @@ class Model(cards.Shown):
             raise RunError(f"the path could not be followed ({failure})") from failure
 
     def continuation(
-        self, quantity: str = "pressure", control: str = "auto", hung: continuation.LoadedState | None = None
+        self, quantity: str = "pressure", control: str = "auto", preloaded: continuation.LoadedState | None = None
     ) -> Continuation:
-        """The path to pressures or added volumes, not begun yet; its values are dimensionless. ``hung``: see `hanging`."""
-        return Continuation(self.solver, stability.DIRECT[quantity], control, start=self.hanging(hung=hung))
+        """The path to pressures or added volumes, not begun yet; its values are dimensionless. see `path_start`."""
+        return Continuation(
+            self.solver, stability.QUANTITIES[quantity], control, start=self.path_start(preloaded=preloaded)
+        )
 
     # -- preload ------------------------------------------------------------------------------------------------------
 
-    def hanging(
-        self, report: Callable[[str], None] = lambda text: None, hung: continuation.LoadedState | None = None
+    def path_start(
+        self, report: Callable[[str], None] = lambda text: None, preloaded: continuation.LoadedState | None = None
     ) -> State | None:
-        """The state in which the device hangs under its preload (``hung``, where it is known), from which the path to
+        """The state in which the device hangs under its preload (``preloaded``, where it is known), from which the path to
         requested values starts; None without dead loads, `RunError` if there is none. ``report`` takes sentences on what is
         going on."""
-        hung, driven = self.preload(report) if hung is None else hung, self.case.driven
-        if hung is None:
+        preloaded, driven = self.preload(report) if preloaded is None else preloaded, self.case.driven
+        if preloaded is None:
             self.system.coupling = self.system.inflating(np.empty(0))
             return None
         if driven is None:
-            return schedule.inflate_from(self.solver, hung)
-        return schedule.load_from(self.solver, hung, len(self.case.actuator.ratios) + self.driven_load)
+            return schedule.inflate_from(self.solver, preloaded)
+        return schedule.load_from(self.solver, preloaded, len(self.case.actuator.ratios) + self.driven_load)
 
     def preload(self, report: Callable[[str], None] = lambda text: None) -> continuation.LoadedState | None:
-        """The state under all loads that act before the first requested value, its drivers not coupled, see `hanging`;
+        """The state under all loads that act before the first requested value, its drivers not coupled, see `path_start`;
         `RunError` if there is none."""
         case, system, dead = self.case, self.system, self.system.dead
         if not dead.loads:
@@ -567,11 +569,11 @@ class Model(cards.Shown):
         if words := [what for what, amounts in targets if amounts.any()]:
             report(f"applying {', then '.join(words)}")
         try:
-            hung = schedule.hang(self.solver, targets, report)
-        except schedule.HangingEnd as end:
+            preloaded = schedule.apply_preload(self.solver, targets, report)
+        except schedule.PreloadFailure as end:
             raise RunError(end.sentence, outcomes.NO_EQUILIBRIUM if end.physical else outcomes.FAILED) from end
-        dead.origins = hung.driven
-        return hung
+        dead.origins = preloaded.driven
+        return preloaded
 
     @property
     def driven_load(self) -> int:
@@ -625,7 +627,7 @@ class Model(cards.Shown):
         except newton.NoConvergence as failure:
             raise RunError(f"the modes were not found ({failure}); ask for fewer, or use smaller cells") from failure
         unit = self.system.stress_unit / self.system.length_unit**2
-        least = NEUTRAL * max((abs(value) for value, _ in pairs), default=0.0)
+        least = ZERO_EIGENVALUE_TOLERANCE * max((abs(value) for value, _ in pairs), default=0.0)
         values = [value if abs(value) > least else 0.0 for value, _ in pairs]
         return [Mode(value * unit, density, self._shape(w)) for value, (_, w) in zip(values, pairs, strict=True)]
 
@@ -681,7 +683,7 @@ class Model(cards.Shown):
         return names.read_only(found)
 
 
-NEUTRAL = 1e-9
+ZERO_EIGENVALUE_TOLERANCE = 1e-9
 """Eigenvalue over the largest of those asked for up to which it is 0, as at a limit point: there its sign is rounding."""
 
 
@@ -754,7 +756,7 @@ class Equilibrium(cards.Shown):
         ]
 
     @property
-    def _states(self) -> States:
+    def _states(self) -> StoredStates:
         """This state as pictures take it."""
         case, grid = self.model.case, self.model.fields.grid
         row = table.Row({
@@ -763,7 +765,7 @@ class Equilibrium(cards.Shown):
             "requested": 1, "limit": 0,
         }, case.cm)  # fmt: skip
         nodes = self.points, grid.cells, grid.cell_name
-        return States(case, [row], nodes, lambda step, name: self.fields[name])
+        return StoredStates(case, [row], nodes, lambda step, name: self.fields[name])
 
     @functools.cached_property
     def figures(self) -> Figures:

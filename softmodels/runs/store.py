@@ -199,7 +199,7 @@ class Results:
         text = f"{self.folder} was written by {'a later' if later else 'an earlier'} version of softmodels"
         without = f" without {missing}" if missing else ""
         return ResultsError(
-            f"{text} (format {self.format}, not {FORMAT}){without}; {'update softmodels' if later else OLDER}"
+            f"{text} (format {self.format}, not {FORMAT}){without}; {'update softmodels' if later else RERUN_ADVICE}"
         )
 
     def add(self, record: formats.StateRecord) -> None:
@@ -271,7 +271,7 @@ PICTURES = ("profile", "loop", "mesh", "slice", "mode", "undeformed", "cut", "ho
 PAGES = ("film.gif", "film.webp", "film.mp4", "report.html")
 FORMAT = 5
 """Of the stored steps, in the HDF5 file's attribute ``format``. An older one is read, but not resumed."""
-OLDER = "run its case.toml again into another folder (--output), without --resume"
+RERUN_ADVICE = "run its case.toml again into another folder (--output), without --resume"
 INPUTS = "files/"
 """Subfolder for copies of a case's input files, such as a part's mesh."""
 

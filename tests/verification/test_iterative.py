@@ -192,7 +192,7 @@ def test_a_cycle_is_linear_and_near_the_inverse(set_up, figure):
         inverse.apply(b, into)
     apart = z.array_r - (3.0 * x.array_r - 1e4 * y.array_r)
     figure("theory", "a cycle of a sum less the cycles' sum", apart / np.abs(z.array_r).max(), 1e-11)
-    solver.kept.set_columns()
+    solver.lagged.set_columns()
     assert solver.bordered.iterate(one, x, 1e-8) <= MOST
 
 

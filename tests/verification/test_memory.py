@@ -438,7 +438,7 @@ def test_the_tangent_of_a_step_is_symmetric_and_that_of_its_forces(device, body_
     system = System(body, law, creeping=True)
     generator, n = np.random.default_rng(5), system.dofs
     first, w, v = (3e-3 * generator.normal(size=n) for _ in range(3))
-    system.potential.keep(first)
+    system.potential.commit(first)
     system.potential.pass_time(0.7)
 
     def forces(t):

@@ -20,8 +20,8 @@ from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System, _nodes_of
 from softmodels.path.continuation import Concentration, Continuation, crease, trace
-from softmodels.path.schedule import Stage, hang, inflate_from, stopped
-from softmodels.path.stability import DIRECT
+from softmodels.path.schedule import Stage, apply_preload, inflate_from, stopped
+from softmodels.path.stability import QUANTITIES
 from tests.support import bodies, membrane_shooting as shooting
 from tests.support.campaigns import sampled
 
@@ -69,14 +69,14 @@ class Plated:
 
     def inflated(self):
         """Points of the path from where it hangs, through the volumes that the membrane equations have at `HEIGHTS`."""
-        start = inflate_from(self.solver, hang(self.solver, [("the weight", self.loads)], lambda text: None))
+        start = inflate_from(self.solver, apply_preload(self.solver, [("the weight", self.loads)], lambda text: None))
         goals = [one.volume / self.system.volume_unit for one in self.exact]
-        path = Continuation(self.solver, DIRECT["volume"], "volume", 0.05 * goals[-1], start=start)
+        path = Continuation(self.solver, QUANTITIES["volume"], "volume", 0.05 * goals[-1], start=start)
         return start, list(trace(path, goals))
 
     def held_at(self, height):
         """Force of the load cell that holds the plate at a height, at the pressure that the membrane equations have there."""
-        here = hang(self.solver, [("the weight", self.loads)], lambda text: None)
+        here = apply_preload(self.solver, [("the weight", self.loads)], lambda text: None)
         pressure = next(one.pressure for one in self.exact if math.isclose(one.height, height))
         for change in ([0.0, 0.0, height / RADIUS - here.driven[2]], [pressure / MU, 0.0, 0.0]):
             stage = Stage.between(here, np.array(change), (2,), here.driven)
