@@ -29,16 +29,7 @@ from softmodels.path.steps import Step
 from softmodels.runs import analyses, labels, notes, outcomes, recording, states, table
 from softmodels.runs.analyses import Limit, NaturalFrequencies
 from softmodels.runs.outcomes import RunError
-from softmodels.runs.simulation import (
-    AtRest,
-    Listener,
-    MemoryStates,
-    PathEnded,
-    Silent,
-    Simulation,
-    solve_sources,
-    temporary_folder,
-)
+from softmodels.runs.simulation import AtRest, MemoryStates, Simulation, solve_sources, temporary_folder
 
 if TYPE_CHECKING:
     from softmodels.pictures.comparison import Comparison
@@ -175,7 +166,7 @@ def run(
         raise CaseError("resuming needs the run's folder; give it (folder=...), or leave out --resume")
     comm = mpi.start()
     with contextlib.ExitStack() as stack:
-        listener: Listener = _Each(progress) if callable(progress) else Silent()
+        listener = _Each(progress) if callable(progress) else outcomes.Listener()
         if progress is True:
             bar = outcomes.Progress(case.values[-1], case.unit, labels.state_labels(case), not mpi.is_root(comm))
             listener = stack.enter_context(bar)
@@ -184,7 +175,7 @@ def run(
         return solve_in_folder(recording.ResultsPlace(output, resume, inputs), case, comm, listener, branch)
 
 
-class _Each(Silent):
+class _Each(outcomes.Listener):
     """Passes each row to a function."""
 
     def __init__(self, told: Callable[[dict[str, float]], object]):
@@ -343,7 +334,7 @@ def solve_in_memory(simulation: Simulation, branch: bool) -> Run:
             try:
                 for step in simulation.steps():
                     states.add(step)
-            except PathEnded as end:
+            except outcomes.PathEnded as end:
                 ended = outcomes.Ended.by(end)
                 if case.program:
                     raise
@@ -371,7 +362,9 @@ def _branch(simulation: Simulation, states: MemoryStates) -> MemoryStates | None
     return aside if aside.rows else None
 
 
-def solve_in_folder(place: recording.ResultsPlace, case: Case, comm: MPI.Comm, listener: Listener, branch: bool) -> Run:
+def solve_in_folder(
+    place: recording.ResultsPlace, case: Case, comm: MPI.Comm, listener: outcomes.Listener, branch: bool
+) -> Run:
     """Solve a case into a folder, which is given; see `solved_into`. `RunError` if no state under load was found or stored,
     other errors for what is in the folder."""
     folder, loaded, ended = recording.solved_into(place, case, comm, listener, branch=branch)

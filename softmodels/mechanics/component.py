@@ -389,24 +389,17 @@ def gravity_of(components: Sequence[Component]) -> Array:
 
 
 class HistoryDependent(Protocol):
-    """A part that depends on earlier states: silicone's memory, friction, motion."""
+    """A part that depends on earlier states, such as friction. What `save` returns is not changed by later steps."""
 
-    def save(self) -> Any:
-        """Return what it has of the earlier states, a value that later steps do not change."""
-
-    def restore(self, saved: Any) -> None:
-        """Return to what `save` has given."""
+    def save(self) -> Any: ...
+    def restore(self, saved: Any) -> None: ...
 
 
 class Checkpoint:
-    """The saved histories of parts; `restore` brings them back, as often as needed."""
+    """The histories of parts, saved here; `restore` brings them back, as often as needed."""
 
-    def __init__(self, saved: Sequence[tuple[HistoryDependent, object]]):
-        self._saved = saved
-
-    @classmethod
-    def save(cls, parts: Iterable[HistoryDependent]) -> Checkpoint:
-        return cls([(part, part.save()) for part in parts])
+    def __init__(self, parts: Iterable[HistoryDependent]):
+        self._saved = [(part, part.save()) for part in parts]
 
     def restore(self) -> None:
         for part, saved in self._saved:

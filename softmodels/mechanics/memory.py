@@ -53,14 +53,14 @@ class History:
         self.memory: Memory = region.material.memory
         mesh = body.mesh
         branches, softening = self.memory.branches, self.memory.softening
-        self.size = COMPONENTS * len(branches) + (softening is not None)
+        self.size = SIX * len(branches) + (softening is not None)
         element = basix.ufl.quadrature_element(
             mesh.basix_cell(), value_shape=(self.size,), degree=QUADRATURE_DEGREE, scheme="default"
         )
         space = fem.functionspace(mesh, element)
         self.values = fem.Function(space)
         self.places = np.array(space.dofmap.list)[region.cells]
-        self._starts = [0, *itertools.accumulate(COMPONENTS + 1 + bool(one.spring) for one in branches)]
+        self._starts = [0, *itertools.accumulate(SIX + 1 + bool(one.spring) for one in branches)]
         self.width = self._starts[-1] + (softening is not None)
         wider = basix.ufl.quadrature_element(
             mesh.basix_cell(), value_shape=(self.width,), degree=QUADRATURE_DEGREE, scheme="default"
@@ -122,11 +122,7 @@ class History:
         """Return what the energy of a step from Cbar C0 to C takes of branch k's beginning, the branch's Cv at the end, the
         error of its stress there, and what it dissipates in the step."""
         flow = self.flows[k]
-        Cv, G, x = (
-            [self.values[COMPONENTS * k + i] for i in range(COMPONENTS)],
-            self.moduli[k],
-            self.step / self.times[k],
-        )
+        Cv, G, x = [self.values[SIX * k + i] for i in range(SIX)], self.moduli[k], self.step / self.times[k]
         rate = memory.fluidity(C0, Cv, flow, memory.InUfl) if flow else 1.0
         H, b = memory.step_of(C0, Cv, x * rate, memory.InUfl)
         begin = [*H, b]
@@ -151,8 +147,8 @@ class History:
     def _begun_of(self, k: int) -> tuple[list[Expr], Expr, list[tuple[Expr, Expr]], Expr]:
         """Return H, b, the spring's terms and their shift of a branch's step, as `memory.step_stress` takes them."""
         at, flow = self._starts[k], self.flows[k]
-        H, b = [self.begun[at + i] for i in range(COMPONENTS)], self.begun[at + COMPONENTS]
-        return (H, b, flow.spring, self.begun[at + COMPONENTS + 1]) if flow and flow.spring else (H, b, [], 0.0)
+        H, b = [self.begun[at + i] for i in range(SIX)], self.begun[at + SIX]
+        return (H, b, flow.spring, self.begun[at + SIX + 1]) if flow and flow.spring else (H, b, [], 0.0)
 
     def _creeping(self) -> tuple[Expr, Expr]:
         """Return what the branches add to ``density``, and to ``curved`` beside that.
@@ -163,7 +159,7 @@ class History:
         none = ufl.as_ufl(0.0)
         scale = self._fixed.J ** (-2 / 3)
         C = memory.six(scale * self._fixed.C)
-        stress, stiffness = [none] * COMPONENTS, [[none] * (p + 1) for p in range(COMPONENTS)]
+        stress, stiffness = [none] * SIX, [[none] * (p + 1) for p in range(SIX)]
         for k in range(len(self.flows)):
             G, begun = self.moduli[k], self._begun_of(k)
             stress = [s + G * one for s, one in zip(stress, memory.step_stress(C, *begun), strict=True)]
@@ -187,9 +183,7 @@ class History:
         C = memory.six(strain.J ** (-2 / 3) * strain.C)
         for k, flow in enumerate(self.flows):
             spring = flow.spring if flow else ()
-            found += self.moduli[k] * memory.stored(
-                C, [self.values[COMPONENTS * k + i] for i in range(COMPONENTS)], spring
-            )
+            found += self.moduli[k] * memory.stored(C, [self.values[SIX * k + i] for i in range(SIX)], spring)
         return found
 
     @functools.cached_property
@@ -246,7 +240,7 @@ class History:
         """Return ``begun`` of a step of no length, which is ``values``, shape (points, size)."""
         begun = np.zeros((len(values), self.width))
         for k, start in enumerate(self._starts[:-1]):
-            begun[:, start : start + COMPONENTS] = values[:, COMPONENTS * k : COMPONENTS * (k + 1)]
+            begun[:, start : start + SIX] = values[:, SIX * k : SIX * (k + 1)]
         if self.memory.softening is not None:
             begun[:, -1] = values[:, -1]
         return begun
@@ -299,7 +293,7 @@ class History:
         self.prepare()
 
 
-COMPONENTS = len(memory.IDENTITY)
+SIX = len(memory.IDENTITY)
 MAX_CELLS_AT_ONCE = 4096
 """Number of cells whose expressions are evaluated at once: of all together what they need would take gigabytes."""
 

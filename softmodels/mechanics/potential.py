@@ -263,7 +263,7 @@ class Potential:
         ]
         parts += [self.motion] if self.motion else []
         parts += [self, *self.histories] if self.histories else []
-        return component.Checkpoint.save(parts)
+        return component.Checkpoint(parts)
 
     def save(self) -> tuple[npt.NDArray[np.float64], float]:
         """Return where the step begins, and the length of the step that led there."""

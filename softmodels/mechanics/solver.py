@@ -119,11 +119,6 @@ class Solver:
         self.lagged.set_columns()
         self.lagged.make(state)
 
-    @property
-    def needs_update(self) -> bool:
-        """Whether a new factorisation is due; see `LaggedPreconditioner.needs_update`."""
-        return self.lagged.needs_update
-
     # -- linear responses ----------------------------------------------------------------------------------------------
 
     def tangent(

@@ -433,91 +433,37 @@ Ints = npt.NDArray[np.int32]
 
 
 class Unknowns:
-    """The owned dofs themselves, n of them.
+    """The owned dofs, n of them, but for those that rigid parts move: motions by the parts' names, which share no dof. Parts do
+    not move local dofs that are ``held``.
 
     Attributes:
         idle: Owned entries of q that stand for nothing.
         turns: Whether T is other than linear.
         moving: The motions of rigid parts by their names.
         slots: For each of them the rank that has its unknowns, and the entries of q that they are there (none elsewhere).
-    """
-
-    idle: Ints = np.empty(0, dtype=np.int32)
-    turns = False
-    moving: Mapping[str, regions.RigidMotion] = {}
-    slots: Sequence[tuple[int, npt.NDArray[np.int64]]] = ()
-
-    def __init__(self, n: int):
-        self.n = n
-
-    def to_reduced(self, w: Array) -> Array:
-        """Set the state of local dofs w as the base of rotations; return its q, shape (n,)."""
-        return w[: self.n]
-
-    def set_dofs(self, w: Array) -> None:
-        """Set the state of local dofs w."""
-
-    def set_reduced(self, q: Array, w: Array) -> None:
-        """Set the state q, and put its dofs into w."""
-        w[: self.n] = q
-
-    def to_dofs(self, q: Array, w: Array) -> None:
-        """Put into w the change of the dofs for a change q of the unknowns."""
-        w[: self.n] = q
-
-    def project(self, w: Array) -> Array:
-        """Return the change of the unknowns whose change of the dofs is closest to w, shape (n,)."""
-        return w[: self.n]
-
-    def restrict(self, b: Array) -> None:
-        """Convert owned entries conjugate to w into those conjugate to q."""
-
-    def matrix(self, whole: PETSc.Mat, fill: Callable[[], None]) -> PETSc.Mat:
-        """Return a matrix with the pattern of the reduced one; ``fill`` assembles the ``whole`` K."""
-        return whole
-
-    def reduce(self, whole: PETSc.Mat, forces: Callable[[], Array]) -> None:
-        """Put T^T K T and the second derivatives' part into what `matrix` made; ``forces`` gives the residual conjugate to w,
-        owned entries."""
-
-    def projected(self, whole: PETSc.Mat, into: PETSc.Mat | None = None) -> PETSc.Mat:
-        """Return T^T M T of another matrix; an earlier result is updated if a part has rotated."""
-        return whole
-
-    def add_geometric_stiffness(self, q: Array, y: Array, forces: Callable[[], Array]) -> None:
-        """Add the second derivatives' part of the tangent times q to y; see `reduce`."""
-
-
-class RigidUnknowns(Unknowns):
-    """Unknowns of a body with rigid parts, whose motions share no dof; parts do not move local dofs that are ``held``.
 
     Raises:
         ValueError: The mesh has too few dofs on a part for its unknowns.
     """
 
     def __init__(self, comm: MPI.Comm, n: int, motions: Mapping[str, regions.RigidMotion], held: Ints):
-        super().__init__(n)
-        self.comm, self.moving, self.motions = comm, motions, tuple(motions.values())
+        self.comm, self.n, self.moving, self.motions = comm, n, motions, tuple(motions.values())
         self.turns = any(motion.turns for motion in self.motions)
         self.slots = [_slots(comm, motion, held, name) for name, motion in motions.items()]
-        followers = np.concatenate([motion.dofs[motion.owned].ravel() for motion in self.motions])
+        none = np.empty(0, int)
+        followers = np.concatenate([none, *(motion.dofs[motion.owned].ravel() for motion in self.motions)])
         mine = [slots for rank, slots in self.slots if rank == comm.rank]
-        self.idle = np.setdiff1d(followers, np.concatenate([*mine, np.empty(0, int)])).astype(np.int32)
+        self.idle = np.setdiff1d(followers, np.concatenate([none, *mine])).astype(np.int32)
         self._curvatures: list[Array] | None = None
 
-    def to_reduced(self, w: Array) -> Array:
-        self.set_dofs(w)
+    def _reduced_of(self, w: Array, values: Sequence[Array]) -> Array:
+        """Return q, shape (n,), of local dofs w and the parts' unknowns."""
         q = w[: self.n].copy()
         q[self.idle] = 0.0
-        for motion, (rank, slots) in zip(self.motions, self.slots, strict=True):
+        for own, (rank, slots) in zip(values, self.slots, strict=True):
             if rank == self.comm.rank:
-                q[slots] = motion.values
+                q[slots] = own
         return q
-
-    def set_dofs(self, w: Array) -> None:
-        self._curvatures = None
-        for motion in self.motions:
-            motion.take(w)
 
     def _values(self, q: Array) -> list[Array]:
         own = [q[slots] if rank == self.comm.rank else None for rank, slots in self.slots]
@@ -525,7 +471,19 @@ class RigidUnknowns(Unknowns):
             return [values for values in own if values is not None]
         return [self.comm.bcast(values, root=rank) for values, (rank, _) in zip(own, self.slots, strict=True)]
 
+    def to_reduced(self, w: Array) -> Array:
+        """Set the state of local dofs w as the base of rotations; return its q, shape (n,)."""
+        self.set_dofs(w)
+        return self._reduced_of(w, [motion.values for motion in self.motions])
+
+    def set_dofs(self, w: Array) -> None:
+        """Set the state of local dofs w."""
+        self._curvatures = None
+        for motion in self.motions:
+            motion.take(w)
+
     def set_reduced(self, q: Array, w: Array) -> None:
+        """Set the state q, and put its dofs into w."""
         self._curvatures = None
         w[: self.n] = q
         for motion, values in zip(self.motions, self._values(q), strict=True):
@@ -533,20 +491,17 @@ class RigidUnknowns(Unknowns):
             w[motion.dofs] = motion.displacements()
 
     def to_dofs(self, q: Array, w: Array) -> None:
+        """Put into w the change of the dofs for a change q of the unknowns."""
         w[: self.n] = q
         for motion, values in zip(self.motions, self._values(q), strict=True):
             w[motion.dofs] = motion.rates() @ values
 
     def project(self, w: Array) -> Array:
-        q = w[: self.n].copy()
-        q[self.idle] = 0.0
-        for motion, (rank, slots) in zip(self.motions, self.slots, strict=True):
-            values = motion.nearest_rate(w)
-            if rank == self.comm.rank:
-                q[slots] = values
-        return q
+        """Return the change of the unknowns whose change of the dofs is closest to w, shape (n,)."""
+        return self._reduced_of(w, [motion.nearest_rate(w) for motion in self.motions])
 
     def restrict(self, b: Array) -> None:
+        """Convert owned entries conjugate to w into those conjugate to q."""
         for motion, (rank, slots) in zip(self.motions, self.slots, strict=True):
             work = motion.work(b)
             b[motion.dofs[motion.owned]] = 0.0
@@ -556,6 +511,9 @@ class RigidUnknowns(Unknowns):
     # -- matrices -----------------------------------------------------------------------------------------------------
 
     def matrix(self, whole: PETSc.Mat, fill: Callable[[], None]) -> PETSc.Mat:
+        """Return a matrix with the pattern of the reduced one; ``fill`` assembles the ``whole`` K."""
+        if not self.motions:
+            return whole
         fill()  # an empty matrix would lose its pattern
         self._T = PETSc.Mat().createAIJ(whole.getSizes(), csr=self._rows(whole), comm=whole.comm)
         self._product: PETSc.Mat = whole.ptap(self._T)
@@ -586,6 +544,10 @@ class RigidUnknowns(Unknowns):
         return pointers, columns, values
 
     def reduce(self, whole: PETSc.Mat, forces: Callable[[], Array]) -> None:
+        """Put T^T K T and the second derivatives' part into what `matrix` made; ``forces`` gives the residual conjugate to w,
+        owned entries."""
+        if not self.motions:
+            return
         self._take_rates(whole)
         same = whole.getInfo()["nz_used"] == self._entries  # contact adds couplings over time
         self._product = whole.ptap(self._T, self._product if same else None)
@@ -603,6 +565,9 @@ class RigidUnknowns(Unknowns):
         self._reduced.assemble()
 
     def projected(self, whole: PETSc.Mat, into: PETSc.Mat | None = None) -> PETSc.Mat:
+        """Return T^T M T of another matrix; an earlier result is updated if a part has rotated."""
+        if not self.motions:
+            return whole
         if into is not None and not self.turns:
             return into
         self._take_rates(whole)
@@ -623,6 +588,7 @@ class RigidUnknowns(Unknowns):
         return self._curvatures
 
     def add_geometric_stiffness(self, q: Array, y: Array, forces: Callable[[], Array]) -> None:
+        """Add the second derivatives' part of the tangent times q to y; see `reduce`."""
         for second, (rank, slots) in zip(self._second(forces), self.slots, strict=False):
             if rank == self.comm.rank:
                 y[slots] += second @ q[slots]
@@ -676,7 +642,7 @@ def unknowns_of(
     n = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
     rigid = [part for part in components if isinstance(part, regions.RigidPart)]
     if not rigid:
-        return Unknowns(n)
+        return Unknowns(body.mesh.comm, n, {}, np.empty(0, dtype=np.int32))
     comm, (vectors, all_dofs, all_places) = body.mesh.comm, _nodes_of(space)
     none = np.empty(0, dtype=np.int32)
     still = np.concatenate([none, *(bc.dof_indices()[0] for bc in held)])
@@ -698,7 +664,7 @@ def unknowns_of(
             )
         taken = np.concatenate([taken, dofs.ravel()])
     try:
-        return RigidUnknowns(comm, n, motions, still)
+        return Unknowns(comm, n, motions, still)
     except ValueError as few:
         raise ComponentError(str(few)) from None
 

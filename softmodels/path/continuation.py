@@ -96,6 +96,7 @@ class Continuation:
         known = (Pressure(), AddedVolume(rest.V), ArcLength(self.plane), requested)
         history.parameters = {parameter.name: parameter for parameter in known}
         history.points, history.modes, history.line = [], [], self.first_line
+        history.limit, history.turn, history.level = None, None, math.nan
         if not requested.starts_forward(start, tangent):  # the path starts at an unstable state
             tangent = -tangent
         stability.start()
@@ -110,6 +111,9 @@ class Continuation:
         again; so is the last state, from what was stored of it."""
         self.begin()
         replay()
+        self.history.limit = next((point for point in points if point.limit), None)
+        for point in points:
+            self.history.pass_limits(point, self.value(point.state), rising=False)
         landed = max((k for k, point in enumerate(points) if point.jump), default=0)
         points = points[landed:]  # what lies before a jump predicts nothing behind it
         solver, history, stability = self.solver, self.history, self.stability
@@ -182,15 +186,12 @@ class Continuation:
         """Return the point with a requested value that lies between two points."""
         return self.corrector.between(self.requested, before, after, value)
 
-    def stops(
-        self, step: float, goals: Sequence[float] = (), level: float = math.nan
-    ) -> tuple[list[Point], PathEnd | None]:
+    def stops(self, step: float, goals: Sequence[float] = ()) -> tuple[list[Point], PathEnd | None]:
         """Take a step towards the first of the requested values ``goals``, shortened until all that lies on it is located.
 
         Args:
             step: Its length.
             goals: Requested values ahead, rising; none if the path is followed as far as it leads.
-            level: Value at which the device lands from a limit point that the path has passed, nan if from none.
 
         Returns:
             Points on the step, in order: limit points, bifurcations, requested values, where the device lands, and the step's
@@ -206,7 +207,7 @@ class Continuation:
                 after, end = leak
             try:
                 found = [*events(self.corrector, self.requested, before, after, self.report), after]
-                return self._with_values(before, found, goals, level), end
+                return self._with_values(before, found, goals), end
             except newton.NoConvergence as failure:
                 what = f"what lies on a step of at most {step:.3g}"
                 self.report(f"{what} was not located ({failure}); halving the step")
@@ -215,10 +216,10 @@ class Continuation:
                     why = "a limit point or a requested value on the way was not located"
                     raise failed_path(self.corrector, self.requested, why, failure) from failure
 
-    def _with_values(self, here: Point, stops: list[Point], goals: Sequence[float], level: float) -> list[Point]:
+    def _with_values(self, here: Point, stops: list[Point], goals: Sequence[float]) -> list[Point]:
         """Return the points of a step with those where the device lands and has requested values, up to the last value; the
         rest is as for `stops`."""
-        found, left = list[Point](), list(goals)
+        found, left, level = list[Point](), list(goals), self.history.level
         for stop in stops:
             if self.value(here.state) < level <= self.value(stop.state):
                 # A real device snaps through from the limit point of the requested quantity to here.
@@ -294,6 +295,11 @@ class Continuation:
         landed = self.at(self.requested.exactly(state, value))
         return dataclasses.replace(landed, requested=value == goal, jump=True)
 
+    def ended(self, end: PathEnd) -> PathEnd:
+        """Return the end of the path, with the limit point of the requested quantity."""
+        limit = self.requested.limit_met(self.history.limit, self.history.turn)
+        return PathEnd(str(end), limit, end.cause if limit is None else None)
+
     def advance(self, step: float, goal: float) -> Point:
         """Take a step towards the requested value ``goal``, shortened until it converges; `PathEnd` if not even the shortest
         one did."""
@@ -342,9 +348,9 @@ class Continuation:
         per, along = self.requested.rate(s, t), self.followed.rate(s, t)
         return self.largest_step * abs(along / per) if per else math.inf
 
-    def choose(self, past_limit: bool) -> None:
+    def choose(self) -> None:
         """Under ``auto``, control the requested quantity while the device is stiff, and the volume where it softens."""
-        if self.control != "auto" or self.by_volume or (past_limit and self.requested.ends_at_pressure_limit):
+        if self.control != "auto" or self.by_volume or self.last_limit is not None:
             return
         s, t = self.last.state, self.last.tangent
         a, b = self.requested.slopes(s.V, s.P)
@@ -376,9 +382,9 @@ class Continuation:
         return self.control in ("auto", Pressure.name) and not self.by_volume
 
     @property
-    def ends_at_limit(self) -> bool:
-        """Whether a limit point of the pressure ends the path: no state exists at a higher pressure, but at a larger volume."""
-        return self.may_follow_volume and self.requested.ends_at_pressure_limit
+    def last_limit(self) -> Point | None:
+        """The limit point of the pressure that has been passed, if it ends the path: no state has a higher pressure."""
+        return self.history.limit if self.may_follow_volume and self.requested.ends_at_pressure_limit else None
 
 
 PAST_LIMIT = 0.1  # how far `auto` continues past a limit point, relative to the volume added up to it
@@ -417,18 +423,18 @@ def trace(
         if by_volume and first.stiffest <= path.plane.felt(0.0):
             raise PathEnd("the supports prevent any change", cause=DEVICE_LOCKED)
         left = left[1:] if requested else left
-    passed = PassedLimits.among(start, path.requested)
+    history = path.history
     while left:
-        _check_end(path, passed)
-        path.choose(passed.limit is not None)
+        _check_end(path)
+        path.choose()
         before = path.last
         step = before.step
-        if passed.limit is not None and path.ends_at_limit:
-            step = min(step, PAST_LIMIT / 2 * (passed.limit.state.V - path.history.V0))
+        if path.last_limit is not None:
+            step = min(step, PAST_LIMIT / 2 * (path.last_limit.state.V - history.V0))
         try:
-            stops, leak = path.stops(step, left, passed.level)
+            stops, leak = path.stops(step, left)
         except PathEnd as lost_there:
-            end = passed.ended(lost_there, path.requested)
+            end = path.ended(lost_there)
             if not (path.release and end.snaps):
                 raise end from lost_there
             stops, leak = [path.release_device(left[0], end)], None
@@ -439,22 +445,22 @@ def trace(
                 yield stop
                 continue
             here = path.commit(dataclasses.replace(stop, step=stops[-1].step))
-            passed.add(here, path.value(here.state), rising=before.tangent.P > 0)
+            history.pass_limits(here, path.value(here.state), rising=before.tangent.P > 0)
             yield here
         left = left[sum(stop.requested for stop in stops) :]
         if leak and left:
             raise leak
 
 
-def _check_end(path: Continuation, passed: PassedLimits) -> None:
+def _check_end(path: Continuation) -> None:
     """Raise `PathEnd` if the path is far enough past its limit point, or has grown too large."""
     added = path.last.state.V - path.history.V0
-    limit = passed.limit
-    if limit is not None and path.ends_at_limit and added > (1 + PAST_LIMIT) * (limit.state.V - path.history.V0):
+    limit = path.last_limit
+    if limit is not None and added > (1 + PAST_LIMIT) * (limit.state.V - path.history.V0):
         raise PathEnd("the pressure has a limit point", limit)
     if not path.by_volume and added > path.largest_growth * path.plane.V_scale:
         why = f"the cavity has grown {path.largest_growth:g}-fold without reaching the requested value"
-        raise passed.ended(PathEnd(why), path.requested)
+        raise path.ended(PathEnd(why))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -565,6 +571,8 @@ class PathHistory:
         points: The last one or two, in order.
         modes: Those of the bifurcations that the path has passed: a state with much of one lies on another branch.
         line: Name of what the path follows.
+        limit, turn: The first limit point of the pressure passed so far, and the last one of the requested quantity itself.
+        level: The value at that one if the path has not come to where the device lands yet, else nan.
         snaps: How often the device has been released.
         released_at, ahead: The value at which it was released last, and how far beyond it, in first steps.
         V0, plane: Set where the path begins: the volume there, and the scales of arc lengths.
@@ -574,6 +582,9 @@ class PathHistory:
     points: list[Point] = dataclasses.field(default_factory=list)
     modes: list[Mode] = dataclasses.field(default_factory=list)
     line: str = ""
+    limit: Point | None = None
+    turn: Point | None = None
+    level: float = math.nan
     snaps: int = 0
     released_at: float = math.inf
     ahead: float = MIN_RELEASE
@@ -592,6 +603,15 @@ class PathHistory:
             self.points, self.modes = [], []
         self.points = [*self.points[-1:], point]
         return point
+
+    def pass_limits(self, point: Point, value: float, rising: bool) -> None:
+        """Pass a point with a value of the requested quantity, on a step that begins at a rising pressure or not."""
+        if self.limit is None and point.limit and rising:
+            self.limit = point
+        if point.turn:
+            self.turn, self.level = point, value
+        elif not value < self.level:
+            self.level = math.nan
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -725,7 +745,7 @@ class Corrector:
         solver, last = self.solver, self.history.last
         if solver.system.potential.motion:
             return dataclasses.replace(last, state=state, tangent=at_once(state), requested=requested)
-        stale = solver.needs_update
+        stale = solver.lagged.needs_update
         # At a limit point K is singular: no usable preconditioner, and a signature of rounding errors.
         stale = (stale or self.stability.wants(state)) and not (limit and solver.bordered.factorisations)
         if stale:
@@ -875,44 +895,6 @@ class Corrector:
                 f_high /= 2 if side == -1 else 1
                 side = -1
         return best.state
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Limit points passed by a path, which decide where it ends and where a device would snap through.
-
-
-@dataclasses.dataclass
-class PassedLimits:
-    """The first limit point of the pressure passed so far, the last one of the requested quantity itself, and the value at
-    that one if the path has not come to where the device lands yet, else nan."""
-
-    limit: Point | None = None
-    turn: Point | None = None
-    level: float = math.nan
-
-    @classmethod
-    def among(cls, points: Sequence[Point], requested: PathQuantity) -> PassedLimits:
-        """Return those of the points, in order, from which a path continues."""
-        limit = next((point for point in points if point.limit), None)
-        turn = next((point for point in reversed(points) if point.turn), None)
-        if turn is None:
-            return cls(limit)
-        level, value = (requested.value(one.state.V, one.state.P) for one in (turn, points[-1]))
-        return cls(limit, turn, level if level > value else math.nan)
-
-    def add(self, point: Point, value: float, rising: bool) -> None:
-        """Pass a point with a value of the requested quantity, on a step that begins at a rising pressure or not."""
-        if self.limit is None and point.limit and rising:
-            self.limit = point
-        if point.turn:
-            self.turn, self.level = point, value
-        elif not value < self.level:
-            self.level = math.nan
-
-    def ended(self, end: PathEnd, requested: PathQuantity) -> PathEnd:
-        """Return the end of a path, with the limit point of the requested quantity."""
-        limit = requested.limit_met(self.limit, self.turn)
-        return PathEnd(str(end), limit, end.cause if limit is None else None)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -1368,6 +1350,7 @@ class Branch:
         self.shape = bifurcation.mode
         self.mode = Mode(path.stability.mass, self.shape)
         path.history.points, path.history.modes, path.history.line = [], [], ArcLength.name
+        path.history.level = math.nan  # a branch has passed no limit
 
     def amount(self, w: npt.NDArray[np.float64]) -> float:
         """Return the amount of the mode in dofs (shape as `State.w`) relative to the bifurcation, along the chosen

@@ -21,7 +21,7 @@ from softmodels.mechanics.controls import Control
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 from softmodels.path import continuation, stability
-from softmodels.path.continuation import Continuation
+from softmodels.path.continuation import Continuation, LoadedState
 from softmodels.path.steps import (
     FLOW,
     PRESSURE,
@@ -522,9 +522,9 @@ class PreloadFailure(stability.PathEnd):
         )
 
 
-def at_rest(solver: Solver) -> continuation.LoadedState:
+def at_rest(solver: Solver) -> LoadedState:
     """Return the undeformed state without loads."""
-    rest = continuation.LoadedState.at(solver.system, solver.system.rest())
+    rest = LoadedState.at(solver.system, solver.system.rest())
     return dataclasses.replace(
         rest, drives=np.zeros_like(rest.drives)
     )  # independent of the coupling of an earlier path
@@ -542,7 +542,7 @@ class Stage:
         duration: Time in s that it takes.
     """
 
-    start: continuation.LoadedState
+    start: LoadedState
     coupling: controls.Coupling
     requested: stability.PathQuantity
     goal: float
@@ -550,7 +550,7 @@ class Stage:
 
     @classmethod
     def between(
-        cls, start: continuation.LoadedState, change: Array, held: Sequence[int], volumes: Array, duration: float = 0.0,
+        cls, start: LoadedState, change: Array, held: Sequence[int], volumes: Array, duration: float = 0.0,
         before: Array | None = None,
     ) -> Stage:  # fmt: skip
         """Return a stage that changes either magnitudes or, of the drivers ``held``, their conjugates, by ``change``, shape
@@ -598,7 +598,7 @@ def apply_preload(
     solver: Solver,
     targets: Sequence[tuple[str, Array]],
     report: Callable[[str], None] = lambda text: None,
-) -> continuation.LoadedState:
+) -> LoadedState:
     """Apply the preload to the undeformed state, one magnitude after the other, such as the dead loads and then a pressure.
     The coupling of the drivers is changed.
 
@@ -622,25 +622,25 @@ def apply_preload(
         except (stability.PathEnd, newton.NoConvergence) as failure:
             end = failure if isinstance(failure, stability.PathEnd) else stability.PathEnd(str(failure))
             raise PreloadFailure(end, what, come[-1][0] if come else 0.0) from failure
-        here = continuation.LoadedState.at(solver.system, come[-1][1].state)
+        here = LoadedState.at(solver.system, come[-1][1].state)
     return here
 
 
-def inflate_from(solver: Solver, preloaded: continuation.LoadedState) -> State:
+def inflate_from(solver: Solver, preload: LoadedState) -> State:
     """Couple the cavities by the device's pressure ratios from the preloaded state, with constant dead loads; return the start
     of P."""
     system = solver.system
     cavities = len(system.body.actuator.ratios)
-    dead = preloaded.drives[cavities:]
-    return solver.couple(system.inflating(dead), preloaded.state, preloaded.drives)
+    dead = preload.drives[cavities:]
+    return solver.couple(system.inflating(dead), preload.state, preload.drives)
 
 
-def load_from(solver: Solver, preloaded: continuation.LoadedState, driver: int) -> State:
+def load_from(solver: Solver, preload: LoadedState, driver: int) -> State:
     """Couple the drivers so that P is one dead load's magnitude, all others constant; return the start of P."""
-    change = np.zeros(len(preloaded.drives))
+    change = np.zeros(len(preload.drives))
     change[driver] = 1.0
     return solver.couple(
-        controls.Coupling.by_pressure(preloaded.drives, change, (), preloaded.driven), preloaded.state, preloaded.drives
+        controls.Coupling.by_pressure(preload.drives, change, (), preload.driven), preload.state, preload.drives
     )
 
 
@@ -661,8 +661,8 @@ def follow(
     solver: Solver,
     steps: Steps,
     settings: Settings = DEFAULT_SETTINGS,
-    begin: continuation.LoadedState | None = None,
-    preloaded: continuation.LoadedState | None = None,
+    begin: LoadedState | None = None,
+    preload: LoadedState | None = None,
 ) -> Iterator[tuple[float, stability.Point]]:
     """Follow a device at rest through a program, which drives each of its cavities, or none of them, and dead loads. The
     coupling of its cavities is changed.
@@ -672,7 +672,7 @@ def follow(
         steps: The program.
         settings: How.
         begin: The end of a step to go on from; where it hangs if None.
-        preloaded: Where it hangs under the loads that the program does not change; the undeformed state if None.
+        preload: Where it hangs under the loads that the program does not change; the undeformed state if None.
 
     Yields:
         How far the program has come (1.5 is half way through the second step), and its point.
@@ -681,16 +681,16 @@ def follow(
         PathEnd: A step's values are not on the path that leads there.
     """
     eq = solver.system
-    preloaded = preloaded or at_rest(solver)
+    preload = preload or at_rest(solver)
     eq.load(eq.rest())
     rest = eq.driven()
-    rest[len(eq.volumes()) :] = preloaded.driven[len(eq.volumes()) :]
-    values, held = in_drivers(solver, steps, preloaded.drives)
-    first, here = int(begins_at_rest(steps)), begin or preloaded
+    rest[len(eq.volumes()) :] = preload.driven[len(eq.volumes()) :]
+    values, held = in_drivers(solver, steps, preload.drives)
+    first, here = int(begins_at_rest(steps)), begin or preload
     # A held volume counts from the undeformed cavity, a travel from the preloaded state, and 0 means the preloaded state
     # for both; all other values are magnitudes.
-    before = preloaded.drives.copy()
-    before[held] = (preloaded.driven - rest)[held]
+    before = preload.drives.copy()
+    before[held] = (preload.driven - rest)[held]
     values[:, held] = np.where(values[:, held] == 0.0, before[held], values[:, held])
     changed = np.ones(len(before))  # a hold before anything changes
     for number, (step, row) in enumerate(zip(steps[first:], values[first:], strict=True), 1):
@@ -702,12 +702,12 @@ def follow(
         point = yield from _told(
             stage.follow(solver, settings.control, settings.report, settings.tolerance), number, begin, bool(first)
         )
-        here = continuation.LoadedState.at(solver.system, point.state, number)
+        here = LoadedState.at(solver.system, point.state, number)
         before = row
 
 
 def _told(
-    points: Iterator[tuple[float, stability.Point]], number: int, begin: continuation.LoadedState | None, at_rest: bool
+    points: Iterator[tuple[float, stability.Point]], number: int, begin: LoadedState | None, at_rest: bool
 ) -> Generator[tuple[float, stability.Point], None, stability.Point]:
     """Yield how far a program has come at a stage's points, and these; return the last one.
 
@@ -727,8 +727,8 @@ def supply(
     steps: Steps,
     gas: Gas,
     settings: Settings = DEFAULT_SETTINGS,
-    begin: continuation.LoadedState | None = None,
-    preloaded: continuation.LoadedState | None = None,
+    begin: LoadedState | None = None,
+    preload: LoadedState | None = None,
 ) -> Iterator[tuple[float, stability.Point]]:
     """Follow a device that gas is supplied to in time, by the steps of its source, perhaps with those of the valve; see
     `follow`. A jump of the source leaves the device where it is.
@@ -736,7 +736,7 @@ def supply(
     Raises:
         PathEnd: The device snaps through, or no step was found.
     """
-    here, first = begin or preloaded or at_rest(solver), int(begins_at_rest(steps))
+    here, first = begin or preload or at_rest(solver), int(begins_at_rest(steps))
     numbers = range(1, last_number(steps) + 1)
     sources = [source_at(steps, float(number)) for number in (0, *numbers)]
     times = [time_at(steps, float(number)) for number in (0, *numbers)]
@@ -761,7 +761,7 @@ def supply(
             continue
         filling = Filling(gas, (sources[number - 1], sources[number]), duration, rest, largest)
         point = yield from _told(march(path, filling, settings.tolerance), number, begin, bool(first))
-        here = continuation.LoadedState.at(solver.system, point.state, number)
+        here = LoadedState.at(solver.system, point.state, number)
 
 
 def source_at(steps: Steps, come: float) -> Source:

@@ -25,7 +25,7 @@ from softmodels.materials.laws import Material
 from softmodels.mechanics import mpi, newton
 from softmodels.mechanics.body import Body
 from softmodels.path import continuation, schedule, stability, supply
-from softmodels.path.continuation import Continuation
+from softmodels.path.continuation import Continuation, LoadedState
 from softmodels.path.steps import PRESSURE, VOLUME, Prescribed, Step, Steps
 from softmodels.runs import grid, notes, outcomes, simulation
 from softmodels.runs.fields import Fields
@@ -157,8 +157,8 @@ def _held(case: Case, body: Body, material: Material, relaxed: Limit, hold: floa
     model = Model.of(asked, body)
     try:
         potential, rest = model.system.potential, model.system.rest()
-        preloaded = model.preload()
-        best, low, high = relaxed, relaxed.pressure, _search(model, preloaded).pressure
+        preload = model.preload()
+        best, low, high = relaxed, relaxed.pressure, _search(model, preload).pressure
         while high > low * (1 + HOLD_TOLERANCE):
             tried = (low * high) ** 0.5
             applied = tuple(
@@ -167,7 +167,7 @@ def _held(case: Case, body: Body, material: Material, relaxed: Limit, hold: floa
             potential.commit(rest.w, reset=True)
             try:
                 for _, point in schedule.follow(
-                    model.solver, (Step(applied, 0.0), Step(applied, hold)), preloaded=preloaded
+                    model.solver, (Step(applied, 0.0), Step(applied, hold)), preload=preload
                 ):
                     last = point
             except stability.PathEnd as end:
@@ -181,9 +181,9 @@ def _held(case: Case, body: Body, material: Material, relaxed: Limit, hold: floa
         model.release()
 
 
-def _search(model: Model, preloaded: continuation.LoadedState | None = None) -> Limit:
-    """Return the first limit of a device; ``preloaded``: its `Model.preload`, where it is known."""
-    path, fields = model.continuation(preloaded=preloaded), model.fields
+def _search(model: Model, preload: LoadedState | None = None) -> Limit:
+    """Return the first limit of a device; ``preload``: its `Model.preload`, where it is known."""
+    path, fields = model.continuation(preload=preload), model.fields
     kind, why, last, passed = "none", "", None, list[tuple[float, float]]()
     try:
         goal = (

@@ -24,12 +24,13 @@ from softmodels.common.lazy import MPI
 from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics import controls, mpi
 from softmodels.mechanics.system import State
-from softmodels.path import continuation, stability, steps
+from softmodels.path import stability, steps
+from softmodels.path.continuation import LoadedState
 from softmodels.runs import columns, formats, labels, notes, outcomes, store, table
 from softmodels.runs.fields import Fields
 from softmodels.runs.notes import events
 from softmodels.runs.outcomes import RunError
-from softmodels.runs.simulation import FROM_REST, Listener, PathEnded, RunStart, Simulation, solve_sources
+from softmodels.runs.simulation import FROM_REST, RunStart, Simulation, solve_sources
 from softmodels.runs.states import StoredStates
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -79,7 +80,7 @@ def check_values(case: Case, results: store.Results) -> None:
             raise RunError(f"{text}; resume with the run's own values, or run without --resume", outcomes.BAD_INPUT)
 
 
-def last_stop(case: Case, results: store.Results, fields: Fields, comm: MPI.Comm) -> continuation.LoadedState:
+def last_stop(case: Case, results: store.Results, fields: Fields, comm: MPI.Comm) -> LoadedState:
     """Return the end of a program's step that the stored states end with."""
     last, row, record = mpi.on_root(
         comm, lambda: (len(results.stored) - 1, results.rows[-1], results.stored[-1].restart)
@@ -90,7 +91,7 @@ def last_stop(case: Case, results: store.Results, fields: Fields, comm: MPI.Comm
     dead = [row[table.parsed(load.column)[0]] for load in system.dead.loads] / system.dead.units
     system.load(state)
     drives = np.concatenate([pressures[: len(system.body.actuator.ratios)], dead])
-    return continuation.LoadedState(state, drives, system.driven(), number=round(row["load_step"]))
+    return LoadedState(state, drives, system.driven(), number=round(row["load_step"]))
 
 
 def stopped_at(case: Case, results: store.Results, value: float) -> bool:
@@ -339,7 +340,7 @@ def solved_into(
     place: ResultsPlace,
     case: Case,
     comm: MPI.Comm,
-    listener: Listener | None = None,
+    listener: outcomes.Listener | None = None,
     *,
     branch: bool = False,
     observer: Observer | None = None,
@@ -407,7 +408,7 @@ def record(
     calls ``begun`` as soon as the folder holds a state of this run.
 
     Raises:
-        PathEnded, RunError, ResultsError: The path ended, or it was stopped, or the states there are of another mesh.
+        outcomes.PathEnded, RunError, ResultsError: The path ended, or it was stopped, or the states there are of another mesh.
     """
     case, comm = simulation.case, simulation.comm
     mesh = results.folder / f"{case.name}.msh"
@@ -422,10 +423,10 @@ def record(
     start = _begun(simulation, results) if resumed else FROM_REST
     if not resumed:
         _begin(simulation, results)
-    ended: PathEnded | None = None
+    ended: outcomes.PathEnded | None = None
     try:
         _store(simulation.steps(start), results, comm, begun)
-    except PathEnded as end:
+    except outcomes.PathEnded as end:
         if case.program:
             raise
         ended = end

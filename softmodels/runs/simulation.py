@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import NoneType
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 
@@ -33,7 +33,7 @@ from softmodels.mechanics.component import Component
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 from softmodels.path import continuation, schedule, stability, steps, supply
-from softmodels.path.continuation import Continuation
+from softmodels.path.continuation import Continuation, LoadedState
 from softmodels.path.stability import Stability
 from softmodels.runs import columns, formats, notes, outcomes, table
 from softmodels.runs.fields import Fields, Figures, check_requested
@@ -56,7 +56,7 @@ class RunStart:
     rows: table.PathTable = dataclasses.field(default_factory=table.PathTable)
     left: Sequence[bool] = ()
     points: Sequence[stability.Point] = ()
-    stop: continuation.LoadedState | None = None
+    stop: LoadedState | None = None
     replay: Callable[[], None] = lambda: None
 
 
@@ -80,10 +80,10 @@ class Simulation:
     model: Model
 
     def __init__(
-        self, case: Case, comm: MPI.Comm, listener: Listener | None = None, stopped: Callable[[], bool] = bool
+        self, case: Case, comm: MPI.Comm, listener: outcomes.Listener | None = None, stopped: Callable[[], bool] = bool
     ):
         self.case, self.comm, self.stopped = case, comm, stopped
-        self.listener: Listener = listener or Silent()
+        self.listener = listener or outcomes.Listener()
         self._path: Continuation | None = None
         self._bifurcations: list[stability.Point] = []
 
@@ -146,7 +146,7 @@ class Simulation:
         """Solve state by state, through all requested values that are not ``begun``.
 
         Raises:
-            PathEnded: The path ends before the last requested value, with where, why, and what can be done.
+            outcomes.PathEnded: The path ends before the last requested value, with where, why, and what can be done.
             RunError: It was stopped between two states, or no state was found where no step can be shortened.
         """
         yield from self._reported(self._program(begun) if self.case.program else self._load_path(begun))
@@ -182,7 +182,7 @@ class Simulation:
                 yield step
         except stability.PathEnd as end:
             text = notes.explain(case, end, self.fields, path, _own_words())
-            raise PathEnded(text, outcomes.NO_EQUILIBRIUM if end.physical else outcomes.FAILED) from end
+            raise outcomes.PathEnded(text, outcomes.NO_EQUILIBRIUM if end.physical else outcomes.FAILED) from end
         except newton.NoConvergence as failure:
             raise RunError(notes.explain_failure(case, failure, last, _own_words())) from failure
 
@@ -231,22 +231,22 @@ class Simulation:
         come = float(begun.stop.number) if begun.stop else 0.0
         try:
             say = self.listener.say
-            preloaded = self.model.preload(say)
+            preload = self.model.preload(say)
             self.model.set_in_motion()
             begun.replay()
             settings = schedule.Settings(case.control, say, case.time_tolerance)
             gas = self.quantity(supply.Gas.name) if case.supply else None
             if isinstance(gas, supply.Gas):
-                points = schedule.supply(self.solver, case.steps, gas, settings, begun.stop, preloaded)
+                points = schedule.supply(self.solver, case.steps, gas, settings, begun.stop, preload)
             else:
-                points = schedule.follow(self.solver, case.steps, settings, begun.stop, preloaded)
+                points = schedule.follow(self.solver, case.steps, settings, begun.stop, preload)
             for come, point in points:
                 step = self.step_of(point, len(rows), come)
                 rows.append(step.row)
                 yield step
         except stability.PathEnd as end:
             text = notes.explain_step(case, end, rows, come, _own_words())
-            raise PathEnded(text, outcomes.NO_EQUILIBRIUM if end.physical else outcomes.FAILED) from end
+            raise outcomes.PathEnded(text, outcomes.NO_EQUILIBRIUM if end.physical else outcomes.FAILED) from end
         except newton.NoConvergence as failure:
             raise RunError(notes.explain_failure(case, failure, rows[-1] if rows else None, _own_words())) from failure
 
@@ -527,30 +527,30 @@ class Model(cards.Shown):
             raise RunError(f"the path could not be followed ({failure})") from failure
 
     def continuation(
-        self, quantity: str = "pressure", control: str = "auto", preloaded: continuation.LoadedState | None = None
+        self, quantity: str = "pressure", control: str = "auto", preload: LoadedState | None = None
     ) -> Continuation:
         """The path to pressures or added volumes, not begun yet; its values are dimensionless. see `path_start`."""
         return Continuation(
-            self.solver, stability.QUANTITIES[quantity], control, start=self.path_start(preloaded=preloaded)
+            self.solver, stability.QUANTITIES[quantity], control, start=self.path_start(preload=preload)
         )
 
     # -- preload ------------------------------------------------------------------------------------------------------
 
     def path_start(
-        self, report: Callable[[str], None] = lambda text: None, preloaded: continuation.LoadedState | None = None
+        self, report: Callable[[str], None] = lambda text: None, preload: LoadedState | None = None
     ) -> State | None:
-        """The state in which the device hangs under its preload (``preloaded``, where it is known), from which the path to
+        """The state in which the device hangs under its preload (``preload``, where it is known), from which the path to
         requested values starts; None without dead loads, `RunError` if there is none. ``report`` takes sentences on what is
         going on."""
-        preloaded, driven = self.preload(report) if preloaded is None else preloaded, self.case.driven
-        if preloaded is None:
+        preload, driven = self.preload(report) if preload is None else preload, self.case.driven
+        if preload is None:
             self.system.coupling = self.system.inflating(np.empty(0))
             return None
         if driven is None:
-            return schedule.inflate_from(self.solver, preloaded)
-        return schedule.load_from(self.solver, preloaded, len(self.case.actuator.ratios) + self.driven_load)
+            return schedule.inflate_from(self.solver, preload)
+        return schedule.load_from(self.solver, preload, len(self.case.actuator.ratios) + self.driven_load)
 
-    def preload(self, report: Callable[[str], None] = lambda text: None) -> continuation.LoadedState | None:
+    def preload(self, report: Callable[[str], None] = lambda text: None) -> LoadedState | None:
         """The state under all loads that act before the first requested value, its drivers not coupled, see `path_start`;
         `RunError` if there is none."""
         case, system, dead = self.case, self.system, self.system.dead
@@ -569,11 +569,11 @@ class Model(cards.Shown):
         if words := [what for what, amounts in targets if amounts.any()]:
             report(f"applying {', then '.join(words)}")
         try:
-            preloaded = schedule.apply_preload(self.solver, targets, report)
+            preload = schedule.apply_preload(self.solver, targets, report)
         except schedule.PreloadFailure as end:
             raise RunError(end.sentence, outcomes.NO_EQUILIBRIUM if end.physical else outcomes.FAILED) from end
-        dead.origins = preloaded.driven
-        return preloaded
+        dead.origins = preload.driven
+        return preload
 
     @property
     def driven_load(self) -> int:
@@ -837,34 +837,6 @@ class Equilibrium(cards.Shown):
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Interface between a simulation and its callers: states, listeners and restart data.
-
-
-class Listener(Protocol):
-    """Receives the progress of a run: nothing, a program's log, a notebook."""
-
-    def say(self, text: str) -> None:
-        """Report a sentence on the current step."""
-
-    def step(self, row: table.Row, value: float) -> None:
-        """Report a solved state: its row of the table, and the progress towards the last requested value."""
-
-
-class Silent:
-    """A listener that does nothing."""
-
-    def say(self, text: str) -> None:
-        pass
-
-    def step(self, row: table.Row, value: float) -> None:
-        pass
-
-
-class PathEnded(RunError):
-    """A requested value is not on the path, or the continuation failed; the states so far are valid."""
-
-
-# ----------------------------------------------------------------------------------------------------------------------
 # Solve a case with every other source of its silicone, on the mesh of the run.
 
 
@@ -887,7 +859,7 @@ def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, table.PathTab
             aside.prepare(mesh)
             for step in aside.steps():
                 rows.append(step.row)
-        except PathEnded as end:
+        except outcomes.PathEnded as end:
             simulation.listener.say(f"  {end}")
         except RunError as error:
             if error.status == outcomes.STOPPED:

@@ -129,7 +129,7 @@ class Creeping:
         begin = 0 if hung else 1
         cm, times = (pressures[begin:] / pascal_per_cm()).tolist(), times[begin:].tolist()
         program = steps_of(**{"cavity1": {"pressure_cm": cm}, "time_s": times})
-        for come, point in follow(solver, program, Settings(tolerance=tolerance), preloaded=hung):
+        for come, point in follow(solver, program, Settings(tolerance=tolerance), preload=hung):
             if point.requested and round(come) in looks:
                 curves.append(silhouette.curve(point.state))
         if hung:

@@ -129,7 +129,7 @@ def test_a_cycle_whose_curve_is_lost_is_the_same(balloon, ridden, monkeypatch, a
 
 def test_a_device_that_snaps_too_often_is_said_to_crumple(balloon, ridden, monkeypatch):
     lose_curves(monkeypatch, 5)
-    monkeypatch.setattr(continuation, "MOST_SNAPS", 1)
+    monkeypatch.setattr(continuation, "MAX_SNAPS", 1)
     points, path = [], Continuation(balloon)
     with pytest.raises(PathEnd) as end:
         points.extend(cycle(path, [ridden[1]]))

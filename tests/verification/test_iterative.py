@@ -91,7 +91,7 @@ def test_section_past_its_limit(paths, figure):
 
 def test_model_that_does_not_fit(body_of, monkeypatch):
     """It is given to the iterative solver where that one fits, and refused with the estimate before anything is solved."""
-    monkeypatch.setattr(solver_module, "AMPLE", math.inf)
+    monkeypatch.setattr(solver_module, "AMPLE_FACTORISATION_BYTES", math.inf)
     system = System(body_of(WEDGE), LAW)
     both = [solver_module.select_solver(system, method) for method in ("auto", "direct", "iterative")]
     assert [method.name for method in both] == ["direct", "direct", "iterative"]
@@ -209,7 +209,7 @@ def solver_of(body_of, monkeypatch):
     """Return a function that gives a device's solver in a precision, whatever the device's size."""
 
     def made(device, rounded):
-        monkeypatch.setattr(direct, "SMALL", 0 if rounded else 10**9)
+        monkeypatch.setattr(direct, "MAX_CACHED_UNKNOWNS", 0 if rounded else 10**9)
         return Solver(System(body_of(device), LAW), "direct")
 
     return made

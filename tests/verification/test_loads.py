@@ -242,7 +242,7 @@ def test_any_steps_lead_to_the_same(hanging, body_of, figure):
     )
     travel = wanted[1] - moved(solver, hung.state)[1]
     steps = steps_of(force={"tip": {"travel_mm": travel * 1e3}})
-    *_, (_, last) = follow(solver, steps, preloaded=hung)
+    *_, (_, last) = follow(solver, steps, preload=hung)
     ways = [stop.driven * solver.system.dead.moved_units for stop in (both, turned)] + [moved(solver, last.state)]
     figure("the same loads in other steps", "what they move", np.array(ways) / wanted - 1, 1e-9)
     assert solver.system.drives_at(last.state)[1] * solver.system.dead.units[1] == pytest.approx(weight, rel=1e-9)

@@ -347,7 +347,7 @@ def test_the_estimated_memory_counts_the_history(body_of, monkeypatch):
     """On a small solid: the arrays of a step, and what both solvers are said to take more than for the relaxed silicone."""
     from dolfinx import fem
 
-    monkeypatch.setattr(solver_module, "AMPLE", np.inf)
+    monkeypatch.setattr(solver_module, "AMPLE_FACTORISATION_BYTES", np.inf)
     law = NeoHookean(MU, 0.5).with_memory(branches=[*BRANCHES, (0.1, 30.0)])
     system, relaxed = (System(body_of(bodies.Octant()), law, creeping=creeping) for creeping in (True, False))
     (history,), potential = system.potential.histories, system.potential

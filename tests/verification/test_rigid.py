@@ -343,7 +343,7 @@ def test_a_rigid_block_is_a_block_whose_nodes_are_moved_so(body_of, figure, monk
 
     Both are solved to a thousandth of a run's tolerance: with that itself they differ by 2e-10, each by its own remainder.
     """
-    monkeypatch.setattr("softmodels.mechanics.newton.TOLERANCE", 1e-12)
+    monkeypatch.setattr("softmodels.mechanics.newton.RESIDUAL_TOLERANCE", 1e-12)
     body, block = body_of(Beam(head=0.008)), Rigid(region="head", name="block")
     loads = [Force("side", "-z", name="down"), Force("side", "y", name="aside")]
     solver = Solver(System(body, LAW, components=[block, *loads]))

@@ -43,7 +43,7 @@ class Creep:
         assert self.model.spectrum is not None
         weightless = dict.fromkeys(self.model.spectrum.names, 0.0)
         self.model.set_parameters({**values, **weightless})
-        self._hung, self._hung_rates, self.levels = self.model.hang(names)
+        self._hung, self._hung_rates, self.levels = self.model.apply_preload(names)
         self._steps = self._steps or [self._chosen(test, values) for test in self.timetable.tests]
         self.model.set_parameters(values)
         before: Sequence[_Walk | None] = self._walks or [None] * len(self._steps)

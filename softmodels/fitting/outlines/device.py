@@ -272,7 +272,7 @@ def near(solver: Solver, base: State, line: Control, w: Array, P: float) -> Stat
     """Return the state on a line next to a guess of the dofs, shape as `State.w`, and of the dimensionless pressure, made
     from a state of other parameters; None if it does not converge directly, or is elsewhere."""
     try:
-        if solver.needs_update:
+        if solver.lagged.needs_update:
             solver.factorise(base)
         found = solver.solve(line, w, P)
     except newton.NoConvergence:
