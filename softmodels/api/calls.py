@@ -52,7 +52,7 @@ def inflate(
     cycles: int = 0,
     time_tolerance: float = steps.TOLERANCE,
     inertia: bool = False,
-    spectral_radius: float = memory.SPECTRAL_RADIUS,
+    spectral_radius: float = memory.RADIUS,
     strokes: Values | None = None,
     steps: Sequence[Step] = (),
     supply: supply.AirSupply | None = None,

@@ -718,7 +718,7 @@ class SolvedState(cards.Shown):
 
     @checked
     @one_at_a_time
-    def along(self, begin: Place, end: Place, points: int = states.LINE_POINTS) -> Line:
+    def along(self, begin: Place, end: Place, points: int = states.POINTS) -> Line:
         """Return the values along a straight line of the undeformed device, which moves with it.
 
         Args:
@@ -735,7 +735,7 @@ class SolvedState(cards.Shown):
 
     @checked
     @one_at_a_time
-    def through(self, point: Place, points: int = states.LINE_POINTS) -> Line:
+    def through(self, point: Place, points: int = states.POINTS) -> Line:
         """Return the values straight through the wall at the surface point nearest to a place, see `along`."""
         return self._probe.line(self._probe.through(self._place("point", point)), self._everything, points)
 

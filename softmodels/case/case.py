@@ -253,7 +253,7 @@ class Case:
     spectral_radius: float = _value(
         "solver", "spectral_radius", schema.Quantity(),
         "with --inertia, what one step leaves of a vibration that it is far too long for, 0 to 0.99",
-        memory.SPECTRAL_RADIUS, hidden=True,
+        memory.RADIUS, hidden=True,
     )  # fmt: skip
     fields: tuple[str, ...] = _value(
         "output", "fields", schema.Several(schema.Words()),
@@ -315,7 +315,7 @@ class Case:
         if not 0.0 <= self.spectral_radius <= memory.MAX_SPECTRAL_RADIUS:
             raise CaseError(
                 f"spectral_radius is {self.spectral_radius:g}; it must be from 0 to {memory.MAX_SPECTRAL_RADIUS:g}, "
-                f"such as {memory.SPECTRAL_RADIUS:g}"
+                f"such as {memory.RADIUS:g}"
             )
         if not self.inertia:
             return

@@ -161,7 +161,7 @@ class WorkingStates:
                 self.solver,
                 control=stability.AddedVolume.name,
                 start=start,
-                largest_growth=continuation.MAX_FREE_GROWTH,
+                largest_growth=continuation.FREE_GROWTH,
             )
             for point in trace(path, goals):
                 self.newton += point.state.iterations

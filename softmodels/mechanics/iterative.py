@@ -32,11 +32,11 @@ from softmodels.mechanics.system import System
 NONE = np.empty(0, dtype=np.int32)
 AGEING_TOLERANCE = 1e-4
 """Tolerance below which a solve shows the age of a cycle."""
-BASE_BYTES, ENTRY_BYTES, UNKNOWN_BYTES = 15e6, 15, 80
+BASE_BYTES, PER_ENTRY, PER_UNKNOWN = 15e6, 15, 80
 """Memory of a rank: bytes whatever the model, bytes per entry of K (blocks in single precision, those to p, the linear level),
 and vectors (of the levels, of GMRES, and of the tracked modes). Measured along the paths of wedges of 17,300, 37,120,
 70,113 and 181,940 unknowns, mass matrix included: 54, 107, 188 and 486 MB taken, 57, 107, 189 and 476 MB predicted."""
-SHARED_ENTRY_BYTES = 19
+PER_SHARED_ENTRY = 19
 """The same per entry on several ranks, whose matrices PETSc keeps in two parts. Paths past a limit point, 70,113 and 181,940
 unknowns on two ranks: 0.23 and 0.56 GB taken on both, 0.23 and 0.56 GB predicted."""
 
@@ -66,11 +66,7 @@ class Multigrid(newton.Preconditioner):
         """Return the memory of a cycle on this rank in bytes, from the entries of the assembled K."""
         K = system.K
         entries, unknowns = newton.entries_here(K), K.getLocalSize()[0]
-        return (
-            BASE_BYTES
-            + (ENTRY_BYTES if K.comm.size == 1 else SHARED_ENTRY_BYTES) * entries
-            + 8 * UNKNOWN_BYTES * unknowns
-        )
+        return BASE_BYTES + (PER_ENTRY if K.comm.size == 1 else PER_SHARED_ENTRY) * entries + 8 * PER_UNKNOWN * unknowns
 
     def _make_fields(self) -> None:
         """The rows of displacements, node by node, and those of p."""

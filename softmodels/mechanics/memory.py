@@ -340,7 +340,7 @@ def _numbers(flow: types.SimpleNamespace, branch: memory.Branch) -> list[tuple[f
 # beta = (1 - am + af)^2/4. All are of second order; rho = 1 is the trapezoidal rule.
 
 
-SPECTRAL_RADIUS = 0.9
+RADIUS = 0.9
 """Default of the spectral radius: what one step leaves of a vibration that it is far too long for."""
 MAX_SPECTRAL_RADIUS = 0.99
 """Largest one of a run: at 1 the pressure-like unknown of incompressible silicone keeps every error for ever, and after some
@@ -350,7 +350,7 @@ STEP_RATIO_AFTER_JUMP, FIRST_STEP_RATIO = 1e-2, 1e-3
 which a shear wave crosses the device."""
 MIN_DISPLACEMENT_SCALE = 1e-2
 """Displacement (rms), in sizes of the device, below which errors do not count over the displacement itself."""
-SCALE_DECAY_PER_STEP = 0.95
+SCALE_DECAY = 0.95
 """What is left of the scale of errors and forces from one step to the next: within a vibration both pass zero, and neither the
 step nor the accuracy of Newton's method should follow."""
 
@@ -365,9 +365,7 @@ class Motion:
     left of those before, and of their rounding errors: in short steps they come from small differences of places.
     """
 
-    def __init__(
-        self, system: component.Equations, inertia: assembly.Inertia, density: float, radius: float = SPECTRAL_RADIUS
-    ):
+    def __init__(self, system: component.Equations, inertia: assembly.Inertia, density: float, radius: float = RADIUS):
         self.comm, self.n = system.comm, system.n
         self.radius = radius
         self._am, self._af = (2 * radius - 1) / (radius + 1), radius / (radius + 1)
@@ -468,7 +466,7 @@ class Motion:
         error = off / max(self.size, self._rms(self._displacement(w)), MIN_DISPLACEMENT_SCALE)
         longer = (self._step / self.last) ** 3 if self.last else 0.0
         # Rounded, so that the steps do not depend on the rounding errors of a state.
-        return float(f"{max(error, SCALE_DECAY_PER_STEP * self._recent * min(longer, 1.0)):.2g}")
+        return float(f"{max(error, SCALE_DECAY * self._recent * min(longer, 1.0)):.2g}")
 
     def _mean_at_end(self, acceleration: Array) -> Array:
         """Return a where the step ends."""
@@ -485,9 +483,7 @@ class Motion:
             self._recent = self.error(w)
             acceleration, step = self.accelerated(w), self._step
             forces = self.unit * self._times(acceleration)
-            self._strong = SCALE_DECAY_PER_STEP * max(
-                math.sqrt(mpi.total(self.comm, float(forces @ forces))), self._strong
-            )
+            self._strong = SCALE_DECAY * max(math.sqrt(mpi.total(self.comm, float(forces @ forces))), self._strong)
             a = self._mean_at_end(acceleration)
             self._v = self._v + step * ((1 - self._gamma) * self._a + self._gamma * a)
             self._a = acceleration if self.fresh else a

@@ -545,7 +545,8 @@ class LaggedPreconditioner:
 
         What is no factorisation is set up anew only where it has aged: it knows no more of this state than of others.
         """
-        if self.bordered.inverse.exact or self._outdated or not self.bordered.factorisations:
+        outdated = self.exhausted or self.total_iterations > self.bordered.inverse.max_total_iterations
+        if self.bordered.inverse.exact or outdated or not self.bordered.factorisations:
             self.system.assemble_tangent()
             self.bordered.factorise()
             self.total_iterations = 0
@@ -586,10 +587,6 @@ class LaggedPreconditioner:
         self.total_iterations = self.bordered.inverse.max_total_iterations + 1
 
     @property
-    def _outdated(self) -> bool:
-        return self.exhausted or self.total_iterations > self.bordered.inverse.max_total_iterations
-
-    @property
     def needs_update(self) -> bool:
         """Whether it needs an update: it has aged, or was made at an iterate instead of a converged state."""
         return self.base is None or self.total_iterations > self.bordered.inverse.max_total_iterations
@@ -600,10 +597,8 @@ MIN_PRESSURE_SCALE = 1e-3  # pressures below this many shear moduli do not tight
 STAGNATION_TOLERANCE_FACTOR = 1000.0  # tolerances below which a stagnating residual counts as rounding
 ROUNDING_SAFETY_FACTOR = 10.0  # times the predicted rounding error
 MAX_FORCING_TERM = 1e-2  # of the linear solves: Newton's first steps are not more accurate anyway
-LAST_SOLVE_FACTOR, MAX_LAST_TOLERANCE = (
-    0.3,
-    0.1,
-)  # of Newton's tolerance, left by them; and their tolerance at most where that is enough
+LAST_SOLVE_FACTOR = 0.3  # of Newton's tolerance, left by the last linear solve
+MAX_LAST_TOLERANCE = 0.1  # of that solve
 MULTIGRID_TOLERANCE_FACTOR = 0.1  # of Newton's tolerance with multigrid: a factorisation is far more accurate anyway
 MIN_FORCING_TERM = 1e-7  # of the same with a stiff sheet: GMRES reaches it with any recent factorisation
 
@@ -768,9 +763,7 @@ def _mumps(K: PETSc.Mat) -> PETSc.PC:
     direct.setFactorSolverType("mumps")
     direct.setFactorSetUpSolverType()
     factor = direct.getFactorMatrix()
-    factor.setOptionsPrefix(
-        OPTIONS_PREFIX
-    )  # PETSc itself does so only when it factorises, after it has read the precision
+    factor.setOptionsPrefix(OPTIONS_PREFIX)  # PETSc does so only when it factorises, after it has read the precision
     factor.setMumpsIcntl(13, 1)  # the last front too counts its negative pivots, on all ranks
     direct.setFromOptions()
     return direct

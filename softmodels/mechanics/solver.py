@@ -316,7 +316,7 @@ def select_solver(system: System, method: str) -> SolverMethod:
     unknowns, room = system.K.getSize()[0], mpi.available(system.comm)
     if AMPLE_FACTORISATION_BYTES * unknowns ** (4 / 3) < room * system.comm.size:
         return SolverMethod("direct" if method == "auto" else method)
-    from softmodels.mechanics.iterative import UNKNOWN_BYTES
+    from softmodels.mechanics.iterative import PER_UNKNOWN
 
     system.rest()
     system.assemble_tangent()
@@ -327,7 +327,7 @@ def select_solver(system: System, method: str) -> SolverMethod:
     if fits and method == "iterative":  # the analysis of a factorisation takes time and memory of its own
         return SolverMethod("iterative", iterative[1])
     usual, most = Factorisation.memory(system.K, spread(system.matter))
-    beside = both + 8 * UNKNOWN_BYTES * system.n  # GMRES and modes have as many vectors
+    beside = both + 8 * PER_UNKNOWN * system.n  # GMRES and modes have as many vectors
     direct = mpi.needed(system.comm, beside + most)
     if direct[0] <= room and method != "iterative":
         return SolverMethod("direct", mpi.needed(system.comm, beside + usual)[1])

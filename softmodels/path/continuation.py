@@ -41,9 +41,7 @@ CONTROLS = ("auto", "pressure", "volume", "arc-length")
 FAST_ITERATIONS, SLOW_ITERATIONS = 3, 6  # Newton iterations up to which steps grow, above which they shrink
 STEP_GROWTH = 1.7
 VOLUME_CONTROL_SOFTENING = 4.0  # growth of dV/dP (or dV/dS) over its minimum at which `auto` switches to volume control
-SEAL_OPENING_STEP = (
-    0.05  # relative to the first step tried: a seal that opens in a longer one is approached in shorter ones
-)
+OPENING_STEP = 0.05  # relative to the first step tried: a seal that opens in a longer one is approached in shorter ones
 MIN_STEP_RATIO = 1e-3  # relative to the first step: shorter steps do not fix the cause of failure
 MAX_GROWTH = 60.0  # cavity volumes at which a path under volume or arc-length control ends
 
@@ -273,10 +271,8 @@ class Continuation:
         where it has come less far since then, else a tenth."""
         unit, history = self.requested.first_step(self.plane, self.history.V0), self.history
         slow = abs(value - history.released_at) < 10.0 * history.ahead * unit
-        history.released_at, history.ahead = (
-            value,
-            10.0 * history.ahead if slow else max(history.ahead / 10.0, MIN_RELEASE),
-        )
+        history.released_at = value
+        history.ahead = 10.0 * history.ahead if slow else max(history.ahead / 10.0, MIN_RELEASE)
         return history.ahead * unit
 
     def release_device(self, goal: float, end: PathEnd) -> Point:
@@ -312,7 +308,7 @@ class Continuation:
             share = left if hit else left / math.ceil(left / step - 1e-9) if direct and left < 3 * step else step
             try:
                 point = self._stepped(share, goal if hit else None, step)
-                closest = max(SEAL_OPENING_STEP * begun, 2 * MIN_STEP_RATIO * self.first_step)
+                closest = max(OPENING_STEP * begun, 2 * MIN_STEP_RATIO * self.first_step)
                 if share > closest and self._open_terms(point.state):
                     raise newton.NoConvergence(
                         "a seal opens"
@@ -1244,7 +1240,7 @@ FIRST_CREEP_STEP, LAST_CREEP_STEP, MIN_CREEP_STEP = 0.3, 1e4, 1e-4
 to cross the device."""
 MAX_CREEP_STEPS = 1000
 """Maximum number of steps until it rests."""
-MAX_FREE_GROWTH = 500.0
+FREE_GROWTH = 500.0
 """Cavity volumes at which a device that moves freely has burst, and at which the search for another stable part ends: a balloon
 of eight times its radius."""
 
@@ -1311,7 +1307,7 @@ def creep(path: Continuation, curve: controls.Curve, state: State) -> State:
             potential.commit(state.w)
             if step >= LAST_CREEP_STEP:
                 return state
-            if abs(state.V) > MAX_FREE_GROWTH * path.plane.V_scale:
+            if abs(state.V) > FREE_GROWTH * path.plane.V_scale:
                 break
             quick, slow = found.iterations <= FAST_ITERATIONS, found.iterations >= SLOW_ITERATIONS
             step = LAST_CREEP_STEP if not found.iterations else step * (2.0 if quick else 1.0 if slow else 1.3)
@@ -1331,7 +1327,7 @@ def creep(path: Continuation, curve: controls.Curve, state: State) -> State:
 
 MODE_AMPLITUDES = (0.05, 0.1, 0.02, 0.2, 0.01)
 """Amounts of the mode tried in turn for the first state, as largest displacement relative to the device's size."""
-AMPLITUDE_GROWTH = 1.3
+MODE_GROWTH = 1.3
 """Factor between prescribed amounts of the mode."""
 MAX_AMPLITUDES = 14
 """Maximum number of prescribed amounts before arc-length control takes over."""
@@ -1368,15 +1364,14 @@ class Branch:
         raise newton.NoConvergence("no converged state on the branch")
 
     def next(self) -> Point:
-        """Return the state with `AMPLITUDE_GROWTH` times as much of the mode as the last."""
+        """Return the state with `MODE_GROWTH` times as much of the mode as the last."""
         path, last = self.path, self.path.last.state
         points = path.history.points
         before = points[0].state if len(points) > 1 else self.start.state
         old, new = self.amount(before.w), self.amount(last.w)
-        ahead = (AMPLITUDE_GROWTH - 1) * new / (new - old)
-        return self._given(
-            AMPLITUDE_GROWTH * new, last.w + ahead * (last.w - before.w), last.P + ahead * (last.P - before.P)
-        )
+        ahead = (MODE_GROWTH - 1) * new / (new - old)
+        w, P = last.w + ahead * (last.w - before.w), last.P + ahead * (last.P - before.P)
+        return self._given(MODE_GROWTH * new, w, P)
 
     def _given(self, amount: float, guess: npt.NDArray[np.float64], P: float) -> Point:
         """Return the state with the given amplitude of the mode, its tangent towards larger ones."""

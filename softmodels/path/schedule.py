@@ -6,11 +6,12 @@ Each step changes either pressures, forces and the like, or volumes and travels,
 
 from __future__ import annotations
 
+import abc
 import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Generator, Iterator, Sequence
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -45,9 +46,8 @@ class Cycle:
     the curve."""
 
     def __init__(self, path: Continuation, most: float):
-        path = dataclasses.replace(
-            path, control=stability.ArcLength.name, largest_growth=continuation.MAX_FREE_GROWTH, release=False
-        )
+        control, growth = stability.ArcLength.name, continuation.FREE_GROWTH
+        path = dataclasses.replace(path, control=control, largest_growth=growth, release=False)
         self.path, self.most = path, most
         self.lost: stability.PathEnd | None = None
         self.parts = _stable_parts(self._curve(path, most), path)
@@ -97,9 +97,8 @@ class Cycle:
     def _snapped(self, here: int, edge: stability.Point, P: float, way: int) -> int:
         """Return the part that a device snaps to at a pressure from the end of another, up (1) or down (-1)."""
         options = range(here + way, len(self.parts) if way > 0 else -1, way) if edge.limit else ()
-        found = next(
-            (k for k in options if self._part(k, way).leads_on(P, way, MIN_ADVANCE * self.path.plane.P_scale)), None
-        )
+        least = MIN_ADVANCE * self.path.plane.P_scale
+        found = next((k for k in options if self._part(k, way).leads_on(P, way, least)), None)
         if found is None and (rest := self._released(edge, P, way)) is not None:
             self.parts.insert(found := here + 1 if way > 0 else here, rest)
         if found is None and edge.limit:
@@ -191,13 +190,13 @@ def _state(part: CyclePart, P: float) -> stability.Point:
 # with every accepted state. With inertia (`softmodels.mechanics.memory`) a lost equilibrium is no end.
 
 
-MIN_STEPS_PER_STAGE = 12
+MIN_STEPS = 12
 """Usual minimum number of steps of a stage, for smooth curves."""
-SAFETY_FACTOR, MIN_STEP_CHANGE, MAX_STEP_CHANGE = 0.8, 0.2, 2.5
+SAFETY_FACTOR, MIN_CHANGE, MAX_CHANGE = 0.8, 0.2, 2.5
 """Share of the step that would just meet the tolerance, and the least and the most by which a step changes."""
 LOSS_TIME_TOLERANCE = 1e-3
-"""Error of the time at which an equilibrium is lost, over the time since the stage began; `FIRST_STEP_RATIO` at least."""
-FIRST_STEP_RATIO = 1e-5
+"""Error of the time at which an equilibrium is lost, over the time since the stage began; `FIRST_STEP` at least."""
+FIRST_STEP = 1e-5
 """Step that is short enough for any memory, over the stage, or over the silicone's shortest relaxation time in a longer one."""
 MAX_RELAXATION_TIMES = 10.0
 """First step of a stage, over the shortest relaxation time, unless the step before was longer. Of a stress that fades within a
@@ -209,9 +208,9 @@ MIN_STEP_RATIO = 1e-9
 """Shortest step with gas that comes, over the stage."""
 SNAP_THROUGH_RATE = 0.05
 """Rate of the gas along the path, over its parts, below which a snap-through with that gas is what ends it."""
-REFACTORISATION_STEP_CHANGE = 1.25
+REFACTOR_CHANGE = 1.25
 """Change of the step from which on K with the mass needs a new factorisation."""
-MIN_INERTIA_STEP_CHANGE = 1.6
+MIN_INERTIA_CHANGE = 1.6
 """With inertia, the change of the step that is not worth it: vibrations keep their energy best in equal steps."""
 FIRST_PROBED_GROWTH, MAX_PROBED_GROWTH = 1e-3, 1.0
 """First and last volume, over the cavity's, that a lost equilibrium is looked for at beyond its last state."""
@@ -230,48 +229,52 @@ class SnapInTime(stability.PathEnd):
     """The device snaps through with the gas it holds, faster than any gas can come."""
 
 
-class Drive(Protocol):
+class Drive(abc.ABC):
     """What drives a device through a stage of a duration in s, above 0, in a fewest number of steps; ``recovers`` says
     whether these may grow again after one that failed."""
 
     duration: float
-    fewest: int
-    recovers: bool
+    fewest = MIN_STEPS
+    recovers = False
 
+    @abc.abstractmethod
     def begin(self, path: Continuation, first: stability.Point) -> float:
         """Begin at the first point of a path; return the length of the first step in s."""
 
+    @abc.abstractmethod
     def solved(self, path: Continuation, time: float, step: float, end: bool, earlier: PreviousStep | None) -> State:
         """Return the state at the end of a step that begins at a time, the stage's own end if ``end``."""
 
     def error(self, state: State) -> float:
         """Return the error of this state by the length of its step, of the drive's own, as `TOLERANCE` counts it."""
+        return 0.0
 
+    @abc.abstractmethod
     def check(self, point: stability.Point, first: stability.Point) -> None:
         """Raise `NoConvergence` where a device does not stay in a state."""
 
+    @abc.abstractmethod
     def shortest(self, time: float) -> float:
         """Return the length in s of a step that is not halved any more at a time."""
 
     def ended(self, path: Continuation, time: float, step: float, failure: newton.NoConvergence) -> stability.PathEnd:
         """Return the end of a path of which not even the shortest step converged."""
+        return stability.PathEnd(f"no step in time converged, down to {step:.3g} s ({failure})")
 
 
 PreviousStep = tuple[float, State]
 """Length of the step before, and the state where it began."""
 
 
-class Ramp:
+class Ramp(Drive):
     """A requested quantity that rises by a dimensionless amount at a constant rate, or is held (0), over a duration in s."""
 
-    recovers = False
-
-    def __init__(self, rise: float, duration: float, fewest: int = MIN_STEPS_PER_STAGE):
+    def __init__(self, rise: float, duration: float, fewest: int = MIN_STEPS):
         self.rise, self.duration, self.fewest = rise, duration, fewest
 
     def begin(self, path: Continuation, first: stability.Point) -> float:
         self.start, self.by_pressure = path.value(first.state), isinstance(path.requested, stability.Pressure)
-        self.first = FIRST_STEP_RATIO * min(self.duration, path.solver.system.potential.relaxation)
+        self.first = FIRST_STEP * min(self.duration, path.solver.system.potential.relaxation)
         return self.duration / self.fewest
 
     def _value(self, time: float) -> float:
@@ -282,15 +285,12 @@ class Ramp:
         last, requested = path.last, path.requested
         w, P = last.state.w, last.state.P
         if earlier is not None:
-            ratio = min(step / earlier[0], MAX_STEP_CHANGE)
+            ratio = min(step / earlier[0], MAX_CHANGE)
             w, P = w + ratio * (w - earlier[1].w), P + ratio * (P - earlier[1].P)
         elif self.rise:
             ratio = (value - path.value(last.state)) / requested.rate(last.state, last.tangent)
             w, P = w + ratio * last.tangent.w, P + ratio * last.tangent.P
         return requested.exactly(path.corrector.solve_from(requested.curve(value), w, P, last.state), value)
-
-    def error(self, state: State) -> float:
-        return 0.0
 
     def check(self, point: stability.Point, first: stability.Point) -> None:
         if self.by_pressure and point.signature.negative_eigenvalues > first.signature.negative_eigenvalues:
@@ -306,15 +306,15 @@ class Ramp:
             and _none(path, self._value(time + 2 * step), 2 * step)
         ):
             return LostInTime(time, dataclasses.replace(path.last, limit=True))
-        return stability.PathEnd(f"no step in time converged, down to {step:.3g} s ({failure})")
+        return super().ended(path, time, step, failure)
 
 
-class Filling:
+class Filling(Drive):
     """Gas that comes from a source, whose pressure and valve change at constant rates between the stage's beginning and end,
     over a duration in s, and leaks; ``rest`` is gas at rest, dimensionless. The error of the gas counts over what brings the
     largest gauge pressure of the source, in Pa, into a rigid cavity, or over what has come so far, if that is more."""
 
-    recovers, fewest = True, MIN_STEPS_PER_STAGE
+    recovers = True
 
     def __init__(self, gas: Gas, sources: tuple[Source, Source], duration: float, rest: float, largest: float):
         self.gas, self.sources, self.duration, self.rest, self.largest = gas, sources, duration, rest, largest
@@ -329,12 +329,8 @@ class Filling:
 
     def begin(self, path: Continuation, first: stability.Point) -> float:
         self._grow(first.state)
-        come = max(
-            abs(self.gas.flow(self._source(t), first.state.P)[0]) for t in (0.0, FIRST_STEP_RATIO * self.duration)
-        )
-        return float(
-            min(self.duration / MIN_STEPS_PER_STAGE, FIRST_GAS_SHARE * self.scale / come if come else math.inf)
-        )
+        come = max(abs(self.gas.flow(self._source(t), first.state.P)[0]) for t in (0.0, FIRST_STEP * self.duration))
+        return float(min(self.duration / MIN_STEPS, FIRST_GAS_SHARE * self.scale / come if come else math.inf))
 
     def _source(self, time: float) -> Source:
         return self.sources[0].toward(self.sources[1], min(time / self.duration, 1.0))
@@ -371,7 +367,7 @@ class Filling:
                 "holds less"
             )
             return SnapInTime(why, dataclasses.replace(path.last, turn=True))
-        return stability.PathEnd(f"no step in time converged, down to {step:.3g} s ({failure})")
+        return super().ended(path, time, step, failure)
 
 
 def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Iterator[tuple[float, stability.Point]]:
@@ -381,7 +377,7 @@ def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Ite
     first = path.begin()
     yield 0.0, first
     potential, corrector, duration = path.solver.system.potential, path.corrector, drive.duration
-    motion, first_step = potential.motion, FIRST_STEP_RATIO * min(duration, potential.relaxation)
+    motion, first_step = potential.motion, FIRST_STEP * min(duration, potential.relaxation)
     time, step, errors, shrunk = 0.0, drive.begin(path, first), _Errors(path, drive, tolerance), False
     step = min(step, max(MAX_RELAXATION_TIMES * potential.relaxation, potential.taken))
     step = min(step, motion.first_step(duration)) if motion else step
@@ -395,13 +391,8 @@ def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Ite
         checkpoint = potential.checkpoint()
         try:
             potential.pass_time(step)
-            if (
-                motion
-                and not motion.last / REFACTORISATION_STEP_CHANGE < step < motion.last * REFACTORISATION_STEP_CHANGE
-            ):
-                path.solver.lagged.exhausted = (
-                    True  # K has mass: it is factorised anew for a much longer or shorter step
-                )
+            if motion and not motion.last / REFACTOR_CHANGE < step < motion.last * REFACTOR_CHANGE:
+                path.solver.lagged.exhausted = True  # K has mass, which a much longer or shorter step changes
             state = drive.solved(path, time, step, share == 1.0, earlier)
             wanted = step * errors.change(state)
             if wanted < SAFETY_FACTOR * step and step > min(first_step, _shortest(path, drive, time)):
@@ -439,16 +430,13 @@ class _Errors:
         found = self._change(max(error / self.largest if self.largest else 0.0, self.drive.error(state)), math.sqrt)
         if motion := self.potential.motion:
             found = min(found, self._change(motion.error(state.w), math.cbrt))
-            found = 1.0 if SAFETY_FACTOR <= found < MIN_INERTIA_STEP_CHANGE else found
+            found = 1.0 if SAFETY_FACTOR <= found < MIN_INERTIA_CHANGE else found
         return found
 
     def _change(self, error: float, root: Callable[[float], float]) -> float:
         """Return the same for an error, and the root of it that grows as the step."""
-        return (
-            MAX_STEP_CHANGE
-            if error == 0.0
-            else min(MAX_STEP_CHANGE, max(MIN_STEP_CHANGE, SAFETY_FACTOR * root(self.tolerance / error)))
-        )
+        change = MAX_CHANGE if error == 0.0 else SAFETY_FACTOR * root(self.tolerance / error)
+        return min(MAX_CHANGE, max(MIN_CHANGE, change))
 
 
 def _shortest(path: Continuation, drive: Drive, time: float) -> float:
@@ -459,10 +447,8 @@ def _shortest(path: Continuation, drive: Drive, time: float) -> float:
 def _check_growth(path: Continuation) -> None:
     """Raise `PathEnd` for a moving device that has grown far beyond any stable state."""
     growth = path.last.state.V / path.plane.V_scale
-    if growth > continuation.MAX_FREE_GROWTH and path.solver.system.potential.motion:
-        raise stability.PathEnd(
-            f"the cavity has grown {continuation.MAX_FREE_GROWTH:g}-fold and finds no state of rest"
-        )
+    if growth > continuation.FREE_GROWTH and path.solver.system.potential.motion:
+        raise stability.PathEnd(f"the cavity has grown {continuation.FREE_GROWTH:g}-fold and finds no state of rest")
 
 
 def _none(path: Continuation, pressure: float, step: float) -> bool:
@@ -639,9 +625,8 @@ def load_from(solver: Solver, preload: LoadedState, driver: int) -> State:
     """Couple the drivers so that P is one dead load's magnitude, all others constant; return the start of P."""
     change = np.zeros(len(preload.drives))
     change[driver] = 1.0
-    return solver.couple(
-        controls.Coupling.by_pressure(preload.drives, change, (), preload.driven), preload.state, preload.drives
-    )
+    coupling = controls.Coupling.by_pressure(preload.drives, change, (), preload.driven)
+    return solver.couple(coupling, preload.state, preload.drives)
 
 
 @dataclasses.dataclass(frozen=True)

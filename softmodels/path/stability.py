@@ -87,12 +87,8 @@ class Stability:
         It does where faces are pressed on: a kept K has other places in contact, and corrections by its inverse creep.
         """
         system = self.solver.system
-        if (
-            self.unknowns <= SMALL_SYSTEM_UNKNOWNS
-            or not self.modes
-            or system.unknowns.turns
-            or system.assembled.touches(state.w)
-        ):
+        turns = system.unknowns.turns
+        if self.unknowns <= SMALL_SYSTEM or not self.modes or turns or system.assembled.touches(state.w):
             return True
         try:
             self._guess = self.spectrum.corrected(state, self.modes)
@@ -632,7 +628,7 @@ class Iterated(Spectrum):
         return list(zip(map(float, found.values), found.vectors, strict=True))
 
 
-SMALL_SYSTEM_UNKNOWNS = 6000
+SMALL_SYSTEM = 6000
 """Number of unknowns up to which every point is factorised, which costs no more than the iterations it saves."""
 NEAR_CRITICAL_RATIO = 0.4
 """Ratio of the lowest eigenvalue to that at the last factorised point below which a larger system is factorised too."""

@@ -166,9 +166,8 @@ def _held(case: Case, body: Body, material: Material, relaxed: Limit, hold: floa
             )
             potential.commit(rest.w, reset=True)
             try:
-                for _, point in schedule.follow(
-                    model.solver, (Step(applied, 0.0), Step(applied, hold)), preload=preload
-                ):
+                held = (Step(applied, 0.0), Step(applied, hold))
+                for _, point in schedule.follow(model.solver, held, preload=preload):
                     last = point
             except stability.PathEnd as end:
                 if not isinstance(end, schedule.LostInTime):
@@ -186,11 +185,8 @@ def _search(model: Model, preload: LoadedState | None = None) -> Limit:
     path, fields = model.continuation(preload=preload), model.fields
     kind, why, last, passed = "none", "", None, list[tuple[float, float]]()
     try:
-        goal = (
-            load.STIFFNESS_RANGE
-            if model.system.direction > 0
-            else MAX_VACUUM_SHARE * supply.AMBIENT / model.system.stress_unit
-        )
+        vacuum = MAX_VACUUM_SHARE * supply.AMBIENT / model.system.stress_unit
+        goal = load.STIFFNESS_RANGE if model.system.direction > 0 else vacuum
         for point in continuation.trace(path, [goal]):
             before, last = last, point
             passed.append(_volume_and_pressure(fields, point))

@@ -11,7 +11,7 @@ import functools
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol, TypedDict
+from typing import Any, Protocol
 from xml.sax.saxutils import escape, quoteattr
 
 import h5py
@@ -27,30 +27,17 @@ from softmodels.runs import table
 # Restart data of a state, besides its fields.
 
 
-class Restart(TypedDict):
-    """Data to rebuild a `Point` besides its fields; see there. Pressure, volume and their changes along the path,
-    dimensionless."""
-
-    P: float
-    V: float
-    requested: bool
-    limit: bool
-    jump: bool
-    turn: bool
-    step: float
-    line: str
-    stiffest: float
-    tangent: list[float]
-    signature: dict[str, Any]
+type Restart = dict[str, Any]
+"""Data to rebuild a `Point` besides its fields: P, V and their changes along the path (``tangent``), dimensionless, the
+``signature``, and what `POINT_FIELDS` names."""
+POINT_FIELDS = ("requested", "limit", "jump", "turn", "step", "line", "stiffest")
 
 
 def restart_of(point: stability.Point) -> Restart:
     """Return the restart data of a point's step."""
-    return {
-        "P": point.state.P, "V": point.state.V, "requested": point.requested, "limit": point.limit, "jump": point.jump,
-        "turn": point.turn, "step": point.step, "line": point.line, "stiffest": point.stiffest,
-        "tangent": [point.tangent.P, point.tangent.V], "signature": dataclasses.asdict(point.signature),
-    }  # fmt: skip
+    plain = {name: getattr(point, name) for name in POINT_FIELDS}
+    tangent, signature = [point.tangent.P, point.tangent.V], dataclasses.asdict(point.signature)
+    return {"P": point.state.P, "V": point.state.V, **plain, "tangent": tangent, "signature": signature}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

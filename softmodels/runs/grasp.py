@@ -111,12 +111,8 @@ class Grasp:
             if J is None:
                 columns = []
                 for k in range(3):
-                    nudged = self.at(
-                        self._pose(held) + PROBE_STEP * np.eye(3)[k],
-                        P,
-                        load,
-                        dataclasses.replace(held, grips=before.grips),
-                    )
+                    pose, begun = self._pose(held) + PROBE_STEP * np.eye(3)[k], before.grips
+                    nudged = self.at(pose, P, load, dataclasses.replace(held, grips=begun))
                     columns.append((self.imbalance(nudged) - wrong) / PROBE_STEP)
                 J = np.array(columns).T
             step = -np.linalg.lstsq(J, wrong, rcond=1e-6)[0]

@@ -139,10 +139,8 @@ def stored_point(
         shape = None if nodal is None else {"displacement": nodal["mode"], "p": np.zeros(len(nodal["mode"]))}
         mode = fields.state(shape, 0.0, 0.0).w
         mode /= mpi.largest(comm, float(np.abs(mode).max()))
-    return stability.Point(
-        state, tangent, restart["requested"], restart["limit"], restart["step"], restart["line"], restart["stiffest"],
-        stability.Signature(**restart["signature"]), mode, restart["jump"], restart["turn"],
-    )  # fmt: skip
+    plain = {name: restart[name] for name in formats.POINT_FIELDS}
+    return stability.Point(state, tangent, signature=stability.Signature(**restart["signature"]), mode=mode, **plain)
 
 
 def stored_state(

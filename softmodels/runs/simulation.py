@@ -167,11 +167,8 @@ class Simulation:
         self._check_volumes(path.start)
         if begun.rows and not case.load_unload:
             goals = [goal for goal, wanted in zip(goals, begun.left, strict=True) if wanted]
-        points = (
-            schedule.cycle(path, goals)
-            if case.load_unload
-            else continuation.trace(path, goals, begun.points, begun.replay)
-        )
+        following = continuation.trace(path, goals, begun.points, begun.replay)
+        points = schedule.cycle(path, goals) if case.load_unload else following
         try:
             for number, point in enumerate(points):
                 if case.load_unload and number < count:
@@ -529,10 +526,9 @@ class Model(cards.Shown):
     def continuation(
         self, quantity: str = "pressure", control: str = "auto", preload: LoadedState | None = None
     ) -> Continuation:
-        """The path to pressures or added volumes, not begun yet; its values are dimensionless. see `path_start`."""
-        return Continuation(
-            self.solver, stability.QUANTITIES[quantity], control, start=self.path_start(preload=preload)
-        )
+        """The path to pressures or added volumes, not begun yet; its values are dimensionless; see `path_start`."""
+        start = self.path_start(preload=preload)
+        return Continuation(self.solver, stability.QUANTITIES[quantity], control, start=start)
 
     # -- preload ------------------------------------------------------------------------------------------------------
 

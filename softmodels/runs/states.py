@@ -304,7 +304,7 @@ def axes_of(normal: Vector, lift: Vector) -> Array:
 # Values along a line through the body: from place to place, or from a point of the surface straight through its wall.
 
 
-LINE_POINTS = 201
+POINTS = 201
 """Default number of points of a line."""
 BODY_TOLERANCE = 5e-4
 """Distance from the body within which a point counts as in it, over the device's size."""
@@ -423,7 +423,7 @@ class Probe:
             result[name] = here
         return result
 
-    def line(self, ends: tuple[Array, Array], fields: Mapping[str, Array], count: int = LINE_POINTS) -> Line:
+    def line(self, ends: tuple[Array, Array], fields: Mapping[str, Array], count: int = POINTS) -> Line:
         """Return the values along a line; `CaseError` if it has no length, or does not meet the silicone."""
         begin, end = ends
         if not np.linalg.norm(end - begin) > 0.0:
