@@ -1280,7 +1280,7 @@ class RubbingShapeTerm(assembly.HistoryTerm[pressing.Rubbed]):
         self._begin(standing.nodes.places)
 
     def _begin(self, places: Array) -> None:
-        self.grip = pressing.Grip.of_free(self.standing.pressed(places))
+        self.grip = pressing.FrictionHistory.of_free(self.standing.pressed(places))
 
     def take(self, part: Component) -> None:
         """Where the shape moves, what sticks to it moves with it."""
@@ -1306,10 +1306,10 @@ class RubbingShapeTerm(assembly.HistoryTerm[pressing.Rubbed]):
             self.grip = self._pressed.kept()
         self.forget_state()  # the following calls use the current history
 
-    def save(self) -> pressing.Grip:
+    def save(self) -> pressing.FrictionHistory:
         return self.grip
 
-    def restore(self, saved: pressing.Grip) -> None:
+    def restore(self, saved: pressing.FrictionHistory) -> None:
         self.grip = saved
         self.forget_state()
 

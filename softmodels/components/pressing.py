@@ -890,7 +890,7 @@ class Rubbing:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Grip:
+class FrictionHistory:
     """History variables of the samples at the last accepted state, in sizes and shear moduli, shape (s,) each.
 
     Attributes:
@@ -910,7 +910,7 @@ class Grip:
     lost: float
 
     @classmethod
-    def of_free(cls, pressed: PressedSamples) -> Grip:
+    def of_free(cls, pressed: PressedSamples) -> FrictionHistory:
         """Return the history of faces without contact so far."""
         places = pressed.surface.places(pressed.nodes)
         limits, drawn, slid = np.zeros((3, len(places)))
@@ -929,7 +929,7 @@ class Rubbed(PressedSamples):
     which of these slide.
     """
 
-    def __init__(self, pressed: PressedSamples, rubbing: Rubbing, grip: Grip):
+    def __init__(self, pressed: PressedSamples, rubbing: Rubbing, grip: FrictionHistory):
         super().__init__(pressed.surface, pressed.nodes)
         self.pressed, self.rubbing, self.grip = pressed, rubbing, grip
         self.gaps, self.touching = pressed.gaps, pressed.touching
@@ -1017,7 +1017,7 @@ class Rubbed(PressedSamples):
         )
 
     def kept_rates(self, places: Array, held: Array, gaps: Array) -> tuple[Array, Array]:
-        """Return the derivatives of `Grip.held` and `Grip.gaps` of `kept` along the same, of all samples."""
+        """Return the derivatives of the `FrictionHistory.held` and ``gaps`` of `kept` along the same, of all samples."""
         on, kept = self.touching, places.copy()
         way, a = self._way_rates(places[on], held[on], gaps[on]), self._along
         across = (way - a * _dot(a, way)[:, None]) * (self.rubbing.onset / (self._size + TINY))[:, None]
@@ -1032,7 +1032,7 @@ class Rubbed(PressedSamples):
     def soon(self, share: float) -> np.ndarray:
         return self.pressed.soon(share)
 
-    def kept(self) -> Grip:
+    def kept(self) -> FrictionHistory:
         """Return the history variables once this state is accepted."""
         on, grip = self.touching, self.grip
         held = self._places.copy()
@@ -1042,7 +1042,7 @@ class Rubbed(PressedSamples):
         limits[on], drawn[on], slip[on] = self.limits, self.rubbing.drawn(self._size), self._size - reach
         # The normal force changes linearly in between.
         lost = float(((grip.limits + limits) / 2 * (drawn - grip.drawn + slip)).sum())
-        return Grip(held, self.gaps, limits, drawn, grip.slid + slip, grip.lost + lost)
+        return FrictionHistory(held, self.gaps, limits, drawn, grip.slid + slip, grip.lost + lost)
 
     @property
     def sliding(self) -> float:

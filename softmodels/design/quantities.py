@@ -708,7 +708,7 @@ class PressedMeasure(Measure):
 
     def by_history(self, histories: Sequence[sensitivity.HistoryDirection]) -> float:
         own = next(
-            (one for one in histories if isinstance(one, sensitivity.GripDirection) and one.term is self.term), None
+            (one for one in histories if isinstance(one, sensitivity.FrictionDirection) and one.term is self.term), None
         )
         return 0.0 if own is None else self.design.system.stress_unit * float(own.at_nodes().sum(axis=0) @ self.along)
 

@@ -57,12 +57,12 @@ class Potential:
         step, before: With any, length in s of the step in time, and the dofs where it begins.
         internal: Their derivatives by w; ``forces`` has the pressures' too.
         terms: Those of further parts, by their labels.
-        taken: With any history, length in s of the last step; 0 where the device changed at once, infinite at its beginning.
+        last_step: With any history, length in s of the last step; 0 where the device changed at once, infinite at the start.
         motion: Inertia; None where the device is followed through equilibria.
     """
 
     motion: memory.Motion | None = None
-    taken = math.inf
+    last_step = math.inf
 
     def __init__(
         self,
@@ -244,7 +244,7 @@ class Potential:
         """Let the silicone remember an accepted state; from here on no time passes until `pass_time`."""
         here = self.w.x.array.copy()
         self.w.x.array[: len(w)] = w[: len(here)]
-        self.taken = math.inf if reset else float(self.step.value)
+        self.last_step = math.inf if reset else float(self.step.value)
         if not reset and w is not self._looked_at:  # by identity, which is the same on all ranks
             self.memory_error(w)
         for history in self.histories:
@@ -267,10 +267,10 @@ class Potential:
 
     def save(self) -> tuple[npt.NDArray[np.float64], float]:
         """Return where the step begins, and the length of the step that led there."""
-        return self.before.x.array.copy(), self.taken
+        return self.before.x.array.copy(), self.last_step
 
     def restore(self, saved: tuple[npt.NDArray[np.float64], float]) -> None:
-        self.before.x.array[:], self.taken = saved
+        self.before.x.array[:], self.last_step = saved
         self.step.value, self._looked_at = 0.0, None
 
     @property

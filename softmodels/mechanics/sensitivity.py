@@ -61,9 +61,9 @@ class Sensitivity:
         return [*laws, *self._grips]
 
     @functools.cached_property
-    def _grips(self) -> list[GripDirection]:
+    def _grips(self) -> list[FrictionDirection]:
         terms = self.solver.system.potential.terms.items()
-        return [GripDirection(self, label, term) for label, term in terms if isinstance(term, assembly.HistoryTerm)]
+        return [FrictionDirection(self, label, term) for label, term in terms if isinstance(term, assembly.HistoryTerm)]
 
     @functools.cached_property
     def _moving(self) -> tuple[fem.Function, list[fem.Form], list[list[fem.Form]], fem.Form]:
@@ -403,7 +403,7 @@ class InTime:
         return along, rates
 
     def remembered(self) -> dict[str, list[Array]]:
-        """Return a copy of how what is remembered now changes with each parameter, for `GripDirection.begin`."""
+        """Return a copy of how what is remembered now changes with each parameter, for `FrictionDirection.begin`."""
         return {name: [values.copy() for values in own] for name, own in self._values.items()}
 
 
@@ -546,7 +546,7 @@ class LawHistory:
         self._begun.x.array[:] = 0.0
 
 
-class GripDirection:
+class FrictionDirection:
     """The same of friction on a rigid shape: how what its samples remember changes with where they are on the shape."""
 
     def __init__(self, sensitivity: Sensitivity, label: str, term: assembly.HistoryTerm):

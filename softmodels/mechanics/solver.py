@@ -282,7 +282,7 @@ class SolverMethod:
     why: str = ""
 
     @property
-    def told(self) -> str:
+    def description(self) -> str:
         """A message on the selection; empty if nothing was decided."""
         if not self.memory:
             return ""

@@ -329,8 +329,8 @@ class Filling(Drive):
 
     def begin(self, path: Continuation, first: stability.Point) -> float:
         self._grow(first.state)
-        come = max(abs(self.gas.flow(self._source(t), first.state.P)[0]) for t in (0.0, FIRST_STEP * self.duration))
-        return float(min(self.duration / MIN_STEPS, FIRST_GAS_SHARE * self.scale / come if come else math.inf))
+        inflow = max(abs(self.gas.flow(self._source(t), first.state.P)[0]) for t in (0.0, FIRST_STEP * self.duration))
+        return float(min(self.duration / MIN_STEPS, FIRST_GAS_SHARE * self.scale / inflow if inflow else math.inf))
 
     def _source(self, time: float) -> Source:
         return self.sources[0].toward(self.sources[1], min(time / self.duration, 1.0))
@@ -379,7 +379,7 @@ def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Ite
     potential, corrector, duration = path.solver.system.potential, path.corrector, drive.duration
     motion, first_step = potential.motion, FIRST_STEP * min(duration, potential.relaxation)
     time, step, errors, shrunk = 0.0, drive.begin(path, first), _Errors(path, drive, tolerance), False
-    step = min(step, max(MAX_RELAXATION_TIMES * potential.relaxation, potential.taken))
+    step = min(step, max(MAX_RELAXATION_TIMES * potential.relaxation, potential.last_step))
     step = min(step, motion.first_step(duration)) if motion else step
     earlier: PreviousStep | None = None
     while time < duration:
@@ -602,13 +602,13 @@ def apply_preload(
         if not change.any():
             continue
         stage = Stage.between(here, change, (), here.driven)
-        come: list[tuple[float, stability.Point]] = []
+        reached: list[tuple[float, stability.Point]] = []
         try:
-            come.extend(stage.follow(solver, "auto", report))
+            reached.extend(stage.follow(solver, "auto", report))
         except (stability.PathEnd, newton.NoConvergence) as failure:
             end = failure if isinstance(failure, stability.PathEnd) else stability.PathEnd(str(failure))
-            raise PreloadFailure(end, what, come[-1][0] if come else 0.0) from failure
-        here = LoadedState.at(solver.system, come[-1][1].state)
+            raise PreloadFailure(end, what, reached[-1][0] if reached else 0.0) from failure
+        here = LoadedState.at(solver.system, reached[-1][1].state)
     return here
 
 
@@ -749,12 +749,12 @@ def supply(
         here = LoadedState.at(solver.system, point.state, number)
 
 
-def source_at(steps: Steps, come: float) -> Source:
+def source_at(steps: Steps, reached: float) -> Source:
     """Return what the source of an air supply does after so many steps of a program."""
     if prescribes(steps, FLOW):
-        return Source(flow=value_at(steps, FLOW, come))
-    opening = value_at(steps, VALVE, come) if prescribes(steps, VALVE) else 1.0
-    return Source(value_at(steps, SOURCE_PRESSURE, come), opening)
+        return Source(flow=value_at(steps, FLOW, reached))
+    opening = value_at(steps, VALVE, reached) if prescribes(steps, VALVE) else 1.0
+    return Source(value_at(steps, SOURCE_PRESSURE, reached), opening)
 
 
 def in_drivers(

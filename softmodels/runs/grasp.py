@@ -25,7 +25,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.lazy import scipy
 from softmodels.components import contact
 from softmodels.components.contact import RigidShape
-from softmodels.components.pressing import Grip, Rubbed
+from softmodels.components.pressing import FrictionHistory, Rubbed
 from softmodels.mechanics import assembly, component, controls, mpi, newton
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.system import State
@@ -68,7 +68,7 @@ class Grasp:
         states, grips = [self.system.rest()] * n, [self.term.grip] * n
         return Held(0.0, 0.0, np.zeros(2), 0.0, np.zeros((n, 2)), none, none, none, away, away, states, grips)
 
-    def _put(self, pose: Array, finger: int, grip: Grip) -> None:
+    def _put(self, pose: Array, finger: int, grip: FrictionHistory) -> None:
         away = pose[:2] @ self.plane
         back = turning(self.axis, -self.angles[finger])
         self.term.place(back @ away, turning(self.axis, pose[2]), grip)
@@ -179,7 +179,7 @@ class HeldTerm(contact.RubbingShapeTerm):
         self.centre = np.asarray(shape.at) / setting.body.actuator.size
         super().__init__(shape, standing, setting)
 
-    def place(self, moved: Array, turn: Array, grip: Grip) -> None:
+    def place(self, moved: Array, turn: Array, grip: FrictionHistory) -> None:
         """Set where the shape is, and the friction's history."""
         self.moved, self.turn, self.grip = moved, turn, grip
         self.forget_state()
@@ -264,7 +264,7 @@ class Held:
     arms: Array
     pressing: Array
     states: Sequence[State]
-    grips: Sequence[Grip]
+    grips: Sequence[FrictionHistory]
 
     def closed(self, friction: float) -> bool:
         """Return whether it is in force closure: the edges of the friction cones span all forces and moments in the plane.

@@ -104,7 +104,7 @@ class Simulation:
         case, say = self.case, self.listener.say
         say("compiling kernels (first run only, about 10 s; then cached)")
         self._stop_if_asked()
-        with compiling.told_of_waits(say, self._stop_here):
+        with compiling.report_waits(say, self._stop_here):
             self.body = body_of(case.actuator, file, self.comm)
             self.model = Model.of(case, self.body)
             self.solver, self.fields = self.model.solver, self.model.fields
@@ -135,7 +135,7 @@ class Simulation:
         unknowns = space.dofmap.index_map.size_global * space.dofmap.index_map_bs
         cells = topology.index_map(topology.dim).size_global
         say(f"{cells} cells, {unknowns} unknowns, {ranks} rank{'s' if ranks > 1 else ''}")
-        if told := self.solver.method.told:
+        if told := self.solver.method.description:
             say(told)
         for note in self.model.notes:
             say(f"warning: {note}")
@@ -225,7 +225,7 @@ class Simulation:
     def _program(self, begun: RunStart) -> Iterator[formats.StateRecord]:
         """Follow the device's program."""
         case, rows = self.case, table.PathTable(begun.rows)
-        come = float(begun.stop.number) if begun.stop else 0.0
+        reached = float(begun.stop.number) if begun.stop else 0.0
         try:
             say = self.listener.say
             preload = self.model.preload(say)
@@ -237,12 +237,12 @@ class Simulation:
                 points = schedule.supply(self.solver, case.steps, gas, settings, begun.stop, preload)
             else:
                 points = schedule.follow(self.solver, case.steps, settings, begun.stop, preload)
-            for come, point in points:
-                step = self.step_of(point, len(rows), come)
+            for reached, point in points:
+                step = self.step_of(point, len(rows), reached)
                 rows.append(step.row)
                 yield step
         except stability.PathEnd as end:
-            text = notes.explain_step(case, end, rows, come, _own_words())
+            text = notes.explain_step(case, end, rows, reached, _own_words())
             raise outcomes.PathEnded(text, outcomes.NO_EQUILIBRIUM if end.physical else outcomes.FAILED) from end
         except newton.NoConvergence as failure:
             raise RunError(notes.explain_failure(case, failure, rows[-1] if rows else None, _own_words())) from failure
@@ -282,8 +282,8 @@ class Simulation:
         if self.stopped():
             raise RunError(outcomes.INTERRUPTED, outcomes.STOPPED)
 
-    def step_of(self, point: stability.Point, number: int, come: float = 0.0) -> formats.StateRecord:
-        """Return a point of the path in SI units; ``come`` is the number of program steps taken."""
+    def step_of(self, point: stability.Point, number: int, reached: float = 0.0) -> formats.StateRecord:
+        """Return a point of the path in SI units; ``reached`` is the number of program steps taken."""
         case, fields = self.case, self.fields
         figures = fields.figures(point.state)
         nodal = fields.nodal(point.state)  # on rank 0 only
@@ -293,7 +293,7 @@ class Simulation:
         band = self._band.cells(point) if self._band else {}
         row = mpi.on_root(
             self.comm,
-            lambda: columns.row_of(columns.Solved(case, fields, point, figures, nodal or {}, number, come, band)),
+            lambda: columns.row_of(columns.Solved(case, fields, point, figures, nodal or {}, number, reached, band)),
         )
         return formats.StateRecord(row, nodal or {}, formats.restart_of(point))
 
