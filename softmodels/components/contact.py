@@ -1318,16 +1318,16 @@ class RubbingShapeTerm(assembly.HistoryTerm[pressing.Rubbed]):
         gaps = self.standing.pressed(self.nodes.places).gap_rates(samples)
         return np.column_stack([samples, gaps])
 
-    def kept_rates(self, w: Array, places: Array, remembered: Array) -> Array:
+    def kept_rates(self, w: Array, places: Array, history: Array) -> Array:
         self._take(w)
         samples = self.standing.surface.places(places)
-        return np.column_stack(self._pressed.kept_rates(samples, remembered[:, :-1], remembered[:, -1]))
+        return np.column_stack(self._pressed.kept_rates(samples, history[:, :-1], history[:, -1]))
 
-    def history_rates(self, w: Array, remembered: Array) -> Array:
+    def history_rates(self, w: Array, history: Array) -> Array:
         self._take(w)
         on, surface, found = self._pressed.touching, self.standing.surface, np.zeros_like(self.nodes.places)
         still = np.zeros((int(on.sum()), found.shape[1]))
-        pulls = self._pressed.pull_rates(still, remembered[on, :-1], remembered[on, -1])
+        pulls = self._pressed.pull_rates(still, history[on, :-1], history[on, -1])
         np.add.at(found, surface.facets[surface.owner[on]], np.einsum("sa,si->sai", surface.shapes[on], pulls))
         return found
 

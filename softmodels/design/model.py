@@ -121,7 +121,7 @@ class MeshedDesign:
 
     def _taken_over(self, before: MeshedDesign) -> bool:
         """Take over the states of another mesh of the same device; return whether they converged."""
-        guess = before.states.known.transferred(Transfer(before.design, self.design))
+        guess = before.states.save().transferred(Transfer(before.design, self.design))
         try:
             self.states.carry(guess)
             for load in self.question.loads:
@@ -150,7 +150,7 @@ class MeshedDesign:
         cannot follow), PoorMesh or DesignFailure (a load is not met).
         """
         states = self.states
-        start, first = self.case, states.known
+        start, first = self.case, states.save()
         self._move(case)
         if states.depend_on_path:
             self._retrace(case, start, first)
@@ -160,7 +160,7 @@ class MeshedDesign:
             goal = min(way + step, 1.0)
             try:
                 self.show(case if goal == 1.0 else _between(start, case, goal, self.question.names))
-                here = states.known
+                here = states.save()
                 states.carry(here.ahead(earlier[0][1], (goal - way) / (way - earlier[0][0])) if earlier else None)
             except newton.NoConvergence:
                 step /= 2
@@ -195,7 +195,7 @@ class MeshedDesign:
 
     def _restore(self, case: Case, known: DesignStates) -> None:
         self.show(case)
-        self.states.known = known
+        self.states.restore(known)
 
     def judge(self, gradients: bool = True) -> tuple[dict[str, Judged], list[str]]:
         """Return the values and gradients of the question's parts by key, and warnings.
@@ -215,7 +215,7 @@ class MeshedDesign:
             if self._stable is not None:
                 self._restore(*self._stable)
             raise
-        self._stable = self.case, self.states.known
+        self._stable = self.case, self.states.save()
         return found
 
     def _judged(self, gradients: bool) -> tuple[dict[str, Judged], list[str]]:

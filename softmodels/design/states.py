@@ -96,7 +96,7 @@ class WorkingStates:
                     guess = here.w + (P - here.P) / (here.P - before.P) * (here.w - before.w)
                 before, here = here, self.solver.solve(control, guess, float(P))
                 self.newton += here.iterations
-                checkpoint, histories = potential.checkpoint(), rates.remembered()
+                checkpoint, histories = potential.checkpoint(), rates.save()
                 found = rates.step(here, control)[1] if rates.names else {}
                 potential.commit(here.w)
             self.states[load], self.followed[load] = here, PathDependence(checkpoint, found, histories)
@@ -189,20 +189,18 @@ class WorkingStates:
 
     # -- from one design to the next ------------------------------------------------------------------------------------
 
-    @property
-    def known(self) -> DesignStates:
-        """The current states, to be restored or used as guesses."""
+    def save(self) -> DesignStates:
+        """Return the current states, to be restored or used as guesses."""
         return DesignStates(self._rest_volume, self.states, self.limit, self.bifurcation)
 
-    @known.setter
-    def known(self, known: DesignStates) -> None:
-        self._rest_volume, self.states = known.rest, known.states
-        self.limit, self.bifurcation = known.limit, known.bifurcation
+    def restore(self, saved: DesignStates) -> None:
+        self._rest_volume, self.states = saved.rest, saved.states
+        self.limit, self.bifurcation = saved.limit, saved.bifurcation
 
     def carry(self, guess: DesignStates | None = None) -> None:
         """Solve all states for the device of the current mesh, from those of the last design or a guess. NoConvergence, with
         nothing changed, if one was not found from there, or may lie behind a limit point."""
-        guess, rest = guess or self.known, self.design.volume_at_rest()
+        guess, rest = guess or self.save(), self.design.volume_at_rest()
         found = {load: self._solve(load, state, rest) for load, state in guess.states.items()}
         for load, state in found.items():
             grown, before = state.V - rest, guess.states[load].V - guess.rest
@@ -219,7 +217,8 @@ class WorkingStates:
         forked = guess.bifurcation
         if forked is not None and self._bifurcations is not None:
             forked = self._bifurcations.near(forked.states[0], forked.V - guess.rest + rest, forked.mode, rest)
-        self.known, self.carried = DesignStates(rest, found, limit, forked), True
+        self.restore(DesignStates(rest, found, limit, forked))
+        self.carried = True
 
     def _solve(self, load: trials.JudgedLoad, guess: State, rest: float) -> State:
         system, value = self.system, self.design.direction * load.value

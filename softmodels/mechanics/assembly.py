@@ -230,11 +230,11 @@ class HistoryTerm[P: Pressing](AssembledTerm[P]):
         """Return how what it remembers where a path begins changes with the nodes' places, shape (n, d)."""
 
     @abc.abstractmethod
-    def kept_rates(self, w: Array, places: Array, remembered: Array) -> Array:
+    def kept_rates(self, w: Array, places: Array, history: Array) -> Array:
         """Return how what it will remember of a state changes with the nodes' places and with what it remembers now."""
 
     @abc.abstractmethod
-    def history_rates(self, w: Array, remembered: Array) -> Array:
+    def history_rates(self, w: Array, history: Array) -> Array:
         """Return how its forces in a state change with what it remembers, shape (n, d)."""
 
 

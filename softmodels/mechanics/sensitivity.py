@@ -58,10 +58,10 @@ class Sensitivity:
         """Directions in which what the silicone and friction remember changes; none without a memory."""
         eq = self.solver.system
         laws = [LawHistory(eq, law) for law in self._along.laws if law.history is not None]
-        return [*laws, *self._grips]
+        return [*laws, *self._frictions]
 
     @functools.cached_property
-    def _grips(self) -> list[FrictionDirection]:
+    def _frictions(self) -> list[FrictionDirection]:
         terms = self.solver.system.potential.terms.items()
         return [FrictionDirection(self, label, term) for label, term in terms if isinstance(term, assembly.HistoryTerm)]
 
@@ -183,11 +183,11 @@ class Sensitivity:
 
     def turn(self, name: str) -> None:
         """Point `histories` along a parameter; see `material_force` and `force`."""
-        if len(self.histories) > len(self._grips):
+        if len(self.histories) > len(self._frictions):
             self._along.turn(self.solver.system.material, name)
         where, _, own = name.rpartition(".")
         part, X = self._part(where), self._velocity(name)
-        for one in self._grips:
+        for one in self._frictions:
             one.turn(part.nudged(own, 1j * _STEP) if part is not None and part.label == one.label else None, X)
 
     def _velocity(self, name: str) -> Array | None:
@@ -248,7 +248,7 @@ class Sensitivity:
             force, dmu, opened = own.residual, own.stress, own.opened
         else:
             dmu, (force, opened) = 0.0, self.motion_force(X)
-        for one in self._grips:
+        for one in self._frictions:
             force = force + one.force()
         mu = eq.stress_unit
         # The line is fixed in Pa and m3; in shear moduli it moves with the shear modulus.
@@ -402,7 +402,7 @@ class InTime:
             one.rest()
         return along, rates
 
-    def remembered(self) -> dict[str, list[Array]]:
+    def save(self) -> dict[str, list[Array]]:
         """Return a copy of how what is remembered now changes with each parameter, for `FrictionDirection.begin`."""
         return {name: [values.copy() for values in own] for name, own in self._values.items()}
 
@@ -454,8 +454,8 @@ class _LawDirection:
         shape = None
         if self.history is not None:
             own = [constant for constant, _ in self.history.numbers(region.material, 1.0)]
-            self.remembered = [fem.Constant(mesh, np.zeros_like(constant.value)) for constant in own]
-            self._numbers += [(c, ufl.variable(c), turn) for c, turn in zip(own, self.remembered, strict=True)]
+            self.memory_rates = [fem.Constant(mesh, np.zeros_like(constant.value)) for constant in own]
+            self._numbers += [(c, ufl.variable(c), turn) for c, turn in zip(own, self.memory_rates, strict=True)]
             shape = self._in_variables(self.history.density)
         density = eq.potential.density(region.material, types.SimpleNamespace(**variables), bulk, shape)
         self.slope = ufl.diff(density, bulk) * self.bulk
@@ -488,7 +488,7 @@ class _LawDirection:
         ratio = (0.0 if stiff else mu / bulk) if mixed else bulk / mu
         self.bulk.value = np.imag(ratio) / _STEP
         if self.history is not None:
-            for constant, (_, value) in zip(self.remembered, self.history.numbers(moved, mu), strict=True):
+            for constant, (_, value) in zip(self.memory_rates, self.history.numbers(moved, mu), strict=True):
                 constant.value = np.imag(value) / _STEP
 
 
