@@ -127,7 +127,7 @@ class Gravity(DirectedLoad):
         return controls.Weighed(forms, whole * self.magnitude, shares=shares)
 
 
-HEAVIEST = 25e3
+MAX_DENSITY = 25e3
 """Density in kg/m3 above which a wrong unit is assumed: no metal is denser."""
 
 
@@ -398,7 +398,7 @@ def densities(system: component.Equations, components: Sequence[Component]) -> l
 
 def check_density(density: float, where: str) -> None:
     """Raise `ComponentError` for a density in kg/m3 out of range."""
-    if not 0.0 <= density <= HEAVIEST:
+    if not 0.0 <= density <= MAX_DENSITY:
         raise ComponentError(f"{where}: a density of {density:g} kg/m^3 is out of range; silicones have 1030 to 1130")
 
 

@@ -585,10 +585,10 @@ def pressing(system: System, mesh: MeshArrays, components: Sequence[Component]) 
 
 
 def _plane(term: contact.PlaneTerm) -> ContactStop:
-    depths = np.append(np.linspace(0.0, contact.ONSET, ENTRIES + 1), 0.5)
+    depths = np.append(np.linspace(0.0, contact.ONSET_DEPTH, ENTRIES + 1), 0.5)
     at, normal = term.numbers[:2]
     ground = (at @ normal - 1.0) * normal  # a spring that touches is one size long
-    penalty = Penalty(term.shape.stiffness, contact.ONSET)
+    penalty = Penalty(term.shape.stiffness, contact.ONSET_DEPTH)
     return ContactStop("the plane", term.shape.roles, ground, np.outer(normal, normal), 1.0, 1.0, penalty, depths)
 
 
@@ -596,9 +596,9 @@ def _shape(shape: RigidShape, actuator: Actuator, gravity: Array) -> ContactStop
     size = actuator.size
     at, along, radius, _, sign = shape.numbers(size)
     onset, deepest = contact.ONSET_PRESSURE / shape.stiffness, shape.deepest(size)
-    penalty = HardeningPenalty(shape.stiffness, onset, contact.HARDENS * deepest, contact.HARDER)
+    penalty = HardeningPenalty(shape.stiffness, onset, contact.HARDENING_START * deepest, contact.HARDENING)
     depths = np.union1d(
-        np.linspace(0.0, onset, ENTRIES + 1), np.linspace(contact.HARDENS * deepest, deepest, HARD_ENTRIES + 1)
+        np.linspace(0.0, onset, ENTRIES + 1), np.linspace(contact.HARDENING_START * deepest, deepest, HARD_ENTRIES + 1)
     )
     across = np.outer(along, along)
     onto = np.eye(3) if shape.shape == "sphere" else np.eye(3) - across
@@ -611,7 +611,7 @@ def _shape(shape: RigidShape, actuator: Actuator, gravity: Array) -> ContactStop
 def _slide(shape: RigidShape, actuator: Actuator, onto: Array, gravity: Array) -> Slide:
     """Return the guide of a movable shape, for the modelled slice."""
     share, size = contact.copies_around(actuator, shape.crossed(actuator)), actuator.size
-    stand = Stand(shape.spring / share, shape.weight_against(gravity) / share, contact.ONSET * size)
+    stand = Stand(shape.spring / share, shape.weight_against(gravity) / share, contact.ONSET_DEPTH * size)
     ways = np.concatenate([[-0.9 * size], np.linspace(0.0, SETTLED * stand.onset, LIFTED + 1), [0.9 * size]])
     forces = np.array([stand.force(float(way)) for way in ways])
     return Slide(shape.gives_way, onto @ shape.gives_way, size, ways, forces)

@@ -13,7 +13,7 @@ import softmodels as sm
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.load import steps_of
-from softmodels.components.contact import ONSET, distances
+from softmodels.components.contact import ONSET_DEPTH, distances
 from tests.support.campaigns import sampled
 
 LAW = sm.Yeoh(14e3, 60.0, 0.0, 0.49)
@@ -124,14 +124,17 @@ def test_contact_with_a_plane_is_springs_of_the_same_force(tmp_path):
     (springs,) = deck.springs
     size, k = DISK.actuator.size, 300.0
     area = math.pi * (DISK.actuator.cavity_radius + DISK.actuator.wall) ** 2 / DISK.actuator.copies
-    for depth in (-1e-3, 0.4 * ONSET, 3 * ONSET, 0.05):
+    for depth in (-1e-3, 0.4 * ONSET_DEPTH, 3 * ONSET_DEPTH, 0.05):
         ends = springs.ends + np.array([0.0, 0.0, 0.5e-3 + depth * size])
         stretched = np.linalg.norm(ends - springs.ground, axis=1) - np.linalg.norm(
             springs.ends - springs.ground, axis=1
         )
         forces = [np.interp(x, *table) for x, *table in zip(stretched, springs.stretches, springs.forces, strict=True)]
         pressure = (
-            k * (depth**2 / 2 / ONSET if depth < ONSET else depth - ONSET / 2) * (depth > 0) * LAW.shear_modulus_0
+            k
+            * (depth**2 / 2 / ONSET_DEPTH if depth < ONSET_DEPTH else depth - ONSET_DEPTH / 2)
+            * (depth > 0)
+            * LAW.shear_modulus_0
         )
         assert -sum(forces) == pytest.approx(pressure * area, rel=2e-3, abs=1e-12)
     text = (tmp_path / "disk.inp").read_text()
@@ -173,7 +176,7 @@ def test_springs_are_as_long_as_shapes_are_away(tmp_path, shape):
     area = np.linalg.norm(
         np.cross(*(deck.mesh.points[nodes[:, i]] - deck.mesh.points[nodes[:, 0]] for i in (1, 2))), axis=1
     )
-    pressure = LAW.shear_modulus_0 * 300.0 * (depth / size - ONSET / 2)
+    pressure = LAW.shear_modulus_0 * 300.0 * (depth / size - ONSET_DEPTH / 2)
     assert -sign * np.sum(forces) == pytest.approx(pressure * area.sum() / 2, rel=1e-9)
 
 
