@@ -14,7 +14,7 @@ A part is a frozen dataclass whose fields come from `softmodels.common.schema`. 
             body = setting.body
             u, area = body.displacement(setting.displacement), body.sheet_face(self.face)[0]
             k = fem.Constant(body.mesh, self.stiffness * body.actuator.size)
-            return Term([setting.per_pascal * k / 2 * ufl.dot(u, u) * body.hoop * area])
+            return EnergyTerm([setting.per_pascal * k / 2 * ufl.dot(u, u) * body.hoop * area])
 """
 
 from __future__ import annotations
