@@ -357,7 +357,7 @@ def test_the_estimated_memory_counts_the_history(body_of, monkeypatch):
     potential.memory_error(system.w.x.array)
     gathered = sum(a.nbytes for form in system._internal[:1] for a in fem.pack_coefficients(form).values())
     elastic = sum(a.nbytes for form in relaxed._internal[:1] for a in fem.pack_coefficients(form).values())
-    taken = history.copied()[0].nbytes + history._next.nbytes + gathered - elastic
+    taken = history.save()[0].nbytes + history._next.nbytes + gathered - elastic
     assert history.step_bytes == taken
     for method in ("direct", "iterative"):
         more, less = (solver_module.select_solver(one, method).memory for one in (system, relaxed))
