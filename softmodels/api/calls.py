@@ -27,16 +27,7 @@ from softmodels.path import steps
 from softmodels.runs import analyses, labels, notes, outcomes, recording, states, table
 from softmodels.runs.analyses import Limit, NaturalFrequencies
 from softmodels.runs.outcomes import RunError
-from softmodels.runs.simulation import (
-    AtRest,
-    InMemory,
-    Listener,
-    PathEnded,
-    Silent,
-    Simulation,
-    solve_sources,
-    temporary_folder,
-)
+from softmodels.runs.simulation import AtRest, MemoryStates, Simulation, solve_sources, temporary_folder
 
 if TYPE_CHECKING:
     from softmodels.pictures.comparison import Comparison
@@ -131,7 +122,7 @@ def run(
         raise CaseError("resuming needs the run's folder; give it (folder=...), or leave out --resume")
     comm = mpi.start()
     with contextlib.ExitStack() as stack:
-        listener: Listener = _Each(progress) if callable(progress) else Silent()
+        listener = _Each(progress) if callable(progress) else outcomes.Listener()
         if progress is True:
             bar = outcomes.Progress(case.values[-1], case.load.told, labels.state_labels(case), not mpi.is_root(comm))
             listener = stack.enter_context(bar)
@@ -140,7 +131,7 @@ def run(
         return solve_in_folder(recording.ResultsPlace(output, resume, inputs), case, comm, listener, branch)
 
 
-class _Each(Silent):
+class _Each(outcomes.Listener):
     """Passes each row to a function."""
 
     def __init__(self, told: Callable[[dict[str, float]], object]):
@@ -263,8 +254,8 @@ def modes(
         RunError: No state was found, or not its modes.
         MeshingError, MeshFileError: The device cannot be meshed.
     """
-    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= analyses.MOST_MODES:
-        raise CaseError(f"count is {count!r}; it must be a whole number of modes from 1 to {analyses.MOST_MODES}")
+    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= analyses.MAX_MODES:
+        raise CaseError(f"count is {count!r}; it must be a whole number of modes from 1 to {analyses.MAX_MODES}")
     closed = names.flag("sealed", sealed)
     if pressures is None or not any(prescribed(steps.PRESSURE, pressures, units.pascal_per_cm()).values):
         case: Case = AtRest("modes", device, material, **options)  # type: ignore[arg-type]
@@ -283,18 +274,18 @@ def solve_in_memory(simulation: Simulation, branch: bool) -> Run:
     """Solve a case that is not prepared yet, perhaps with the first branch, and keep its states; all ranks call it. `RunError`
     if no state under load was found."""
     case, comm, ended = simulation.case, simulation.comm, outcomes.Ended()
-    states: InMemory | None = None
-    aside: InMemory | None = None
+    states: MemoryStates | None = None
+    aside: MemoryStates | None = None
     try:
         with notes.sentences(), temporary_folder(comm) as folder:
             mesh = folder / f"{case.name}.msh"
             simulation.write_mesh(mesh)
             simulation.prepare(mesh)
-            states = InMemory(simulation, mesh.read_bytes)
+            states = MemoryStates(simulation, mesh.read_bytes)
             try:
                 for step in simulation.steps():
                     states.add(step)
-            except PathEnded as end:
+            except outcomes.PathEnded as end:
                 ended = outcomes.Ended.by(end)
                 if case.program:
                     raise
@@ -311,18 +302,20 @@ def solve_in_memory(simulation: Simulation, branch: bool) -> Run:
     return Run(states, ended, comm, None if aside is None else Run(aside, outcomes.Ended(), comm))
 
 
-def _branch(simulation: Simulation, states: InMemory) -> InMemory | None:
+def _branch(simulation: Simulation, states: MemoryStates) -> MemoryStates | None:
     """Return the states of the branch at the first bifurcation; None if there is none to be found."""
     if not simulation.bifurcates:
         simulation.listener.say(notes.no_branch(simulation.case, states.rows))
         return None
-    aside = InMemory(simulation, states.mesh)
+    aside = MemoryStates(simulation, states.mesh)
     for step in simulation.branch():
         aside.add(step)
     return aside if aside.rows else None
 
 
-def solve_in_folder(place: recording.ResultsPlace, case: Case, comm: MPI.Comm, listener: Listener, branch: bool) -> Run:
+def solve_in_folder(
+    place: recording.ResultsPlace, case: Case, comm: MPI.Comm, listener: outcomes.Listener, branch: bool
+) -> Run:
     """Solve a case into a folder, which is given; see `solved_into`. `RunError` if no state under load was found or stored,
     other errors for what is in the folder."""
     folder, loaded, ended = recording.solved_into(place, case, comm, listener, branch=branch)
@@ -337,7 +330,7 @@ def solve_in_folder(place: recording.ResultsPlace, case: Case, comm: MPI.Comm, l
 
 def run_of(folder: Path, ended: outcomes.Ended, comm: MPI.Comm | None = None) -> Run:
     """Return the run in a folder, with the branch that leaves it; `ResultsError` or `CaseError` if it cannot be read."""
-    source = states.StoredStates(folder)
+    source = states.FolderStates(folder)
     aside = source.branch_states()
     return Run(source, ended, comm, None if aside is None else Run(aside, outcomes.Ended(), comm))
 

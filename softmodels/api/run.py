@@ -34,8 +34,8 @@ from softmodels.runs import analyses, columns, formats, labels, notes, outcomes,
 from softmodels.runs.analyses import Limit
 from softmodels.runs.fields import OUTPUTS, OutputField, requestable
 from softmodels.runs.outcomes import RunError
-from softmodels.runs.simulation import InMemory, Simulation, Step
-from softmodels.runs.states import Line, States
+from softmodels.runs.simulation import MemoryStates, Simulation
+from softmodels.runs.states import Line, StoredStates
 from softmodels.runs.table import PathTable, Row, band_of
 
 if TYPE_CHECKING:
@@ -59,7 +59,9 @@ class Run(cards.Shown):
         branch: The branch that leaves the path at its first bifurcation, where that was asked for and there is one; else None.
     """
 
-    def __init__(self, source: States, ended: outcomes.Ended, comm: MPI.Comm | None = None, branch: Run | None = None):
+    def __init__(
+        self, source: StoredStates, ended: outcomes.Ended, comm: MPI.Comm | None = None, branch: Run | None = None
+    ):
         self.case, self.branch = source.case, branch
         self._source, self._ended, self._comm = source, ended, comm
         self._solved: dict[tuple[str, float], SolvedState] = {}
@@ -69,7 +71,7 @@ class Run(cards.Shown):
         ended = ""
         if self.limit is not None:
             marked = self.table["limit"].any() or self.table.get("stroke_limit").any()
-            known = f"; ended at a {analyses.KINDS[self.limit.kind]}" if marked else "; no equilibrium beyond"
+            known = f"; ended at a {analyses.END_TEXTS[self.limit.kind]}" if marked else "; no equilibrium beyond"
             ended = known if self.limit.found else "; lost"
         return f"of {self.case.name}: {states} to {headline(self.case, self.table[-1])}{ended}"
 
@@ -351,7 +353,7 @@ class Run(cards.Shown):
     # -- pictures and files -------------------------------------------------------------------------------------------
 
     @property
-    def _states(self) -> States:
+    def _states(self) -> StoredStates:
         """The states as pictures take them."""
         self._source.branch = PathTable() if self.branch is None else self.branch.table
         return self._source
@@ -448,7 +450,7 @@ class Run(cards.Shown):
             RunError: It cannot be written.
         """
         output = place("folder", folder, "a folder")
-        if isinstance(self._source, states.StoredStates) and files.is_same(self._source.folder, output):
+        if isinstance(self._source, states.FolderStates) and files.is_same(self._source.folder, output):
             return output
         if self._comm is None:
             self._save(output)
@@ -790,13 +792,13 @@ class SolvedState(cards.Shown):
         return show(self._states, field)
 
     @property
-    def _states(self) -> States:
+    def _states(self) -> StoredStates:
         """This state as pictures take it."""
         grid = self.points, self.cells, self.cell_name
-        return States(self.case, [self.variables], grid, lambda step, name: self._tensor(name))
+        return StoredStates(self.case, [self.variables], grid, lambda step, name: self._tensor(name))
 
 
-def state_of(source: States, step: int) -> SolvedState:
+def state_of(source: StoredStates, step: int) -> SolvedState:
     """Return one of a source's states."""
     return SolvedState(
         source.case, source.rows[step], source.points, source.cells, source.cell_name, source.fields(step), source.mesh
@@ -818,18 +820,18 @@ def _computed(state: SolvedState, names: Sequence[str], mesh: Callable[[], bytes
         simulation.release()
 
 
-def write_states(source: States, results: store.Results) -> None:
+def write_states(source: StoredStates, results: store.Results) -> None:
     """Store all states of a source in a prepared folder."""
     results.begin(source.points, source.cells, source.cell_name)
     for step, row in enumerate(source.rows):
-        results.add(row, source.fields(step), source.restart(step))
+        results.add(formats.StateRecord(row, source.fields(step), source.restart(step)))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # States between two stored states of a run, solved on the run's own mesh.
 
 
-def solve_between(source: States, quantity: str, wanted: float, values: Array) -> SolvedState:
+def solve_between(source: StoredStates, quantity: str, wanted: float, values: Array) -> SolvedState:
     """Solve for the first state of a run's path at a value; all ranks call it. `RunError` if it was not found.
 
     The two stored states beside it are what Newton's method starts from, so nothing before them is solved again. Where there
@@ -845,7 +847,7 @@ def solve_between(source: States, quantity: str, wanted: float, values: Array) -
     try:
         simulation.prepare_on(source.mesh)
         with notes.sentences():
-            states = InMemory(simulation, source.mesh)
+            states = MemoryStates(simulation, source.mesh)
             for step in [_between(simulation, source, ends, (quantity, wanted))] if ends else simulation.steps():
                 states.add(step)
     finally:
@@ -853,7 +855,7 @@ def solve_between(source: States, quantity: str, wanted: float, values: Array) -
     return state_of(states, len(states.rows) - 1)
 
 
-def _bracket(source: States, values: Array, wanted: float) -> tuple[int, int] | None:
+def _bracket(source: StoredStates, values: Array, wanted: float) -> tuple[int, int] | None:
     """Return the first two neighbouring solved states on one continuous piece of the path that bracket a value."""
     # A bifurcation is interpolated, and snap-through leaves no path between its two ends.
     solved = np.flatnonzero(source.rows["bifurcation"] == 0).tolist()
@@ -866,7 +868,9 @@ def _bracket(source: States, values: Array, wanted: float) -> tuple[int, int] | 
     return None
 
 
-def _between(simulation: Simulation, source: States, ends: tuple[int, int], asked: tuple[str, float]) -> Step:
+def _between(
+    simulation: Simulation, source: StoredStates, ends: tuple[int, int], asked: tuple[str, float]
+) -> formats.StateRecord:
     """Return the state at a value between two steps of a run."""
     fields, comm, (quantity, wanted) = simulation.fields, simulation.comm, asked
     passed = np.flatnonzero(source.rows["bifurcation"][: ends[0]]).tolist()
@@ -875,11 +879,11 @@ def _between(simulation: Simulation, source: States, ends: tuple[int, int], aske
         for step in (*passed, *ends)
     )
     followed = source.case.quantity if quantity in source.rows.columns else quantity
-    path = Continuation(simulation.solver, simulation.quantity(followed), start=simulation.model.hanging())
+    path = Continuation(simulation.solver, simulation.quantity(followed), start=simulation.model.path_start())
     solved = dict.fromkeys((step for step in range(ends[0] + 1) if step not in passed), 0.0)
-    path.recall = functools.partial(recording.recall, source, fields, comm, solved)
+    replay = functools.partial(recording.replay, source, fields, comm, solved)
     try:
-        path.resume(points)
+        path.resume(points, replay)
         tangent = path.corrector.tangent(after.state)
         before, after = path.last, dataclasses.replace(after, tangent=tangent)
         if quantity in source.rows.columns:
@@ -887,7 +891,7 @@ def _between(simulation: Simulation, source: States, ends: tuple[int, int], aske
             found = path.corrector.point(state, requested=True)
         else:
             found = path.between(before, after, wanted / simulation.model.unit_of(quantity))
-        path.keep(found)
+        path.commit(found)
     except newton.NoConvergence as failure:
         raise RunError(f"no converged state between steps {ends[0]} and {ends[1]} ({failure})") from failure
     return simulation.step_of(found, ends[0])

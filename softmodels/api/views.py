@@ -30,7 +30,7 @@ from softmodels.pictures.style import CURVE, INK, STYLE, WARNING, drawn
 from softmodels.runs import fields
 from softmodels.runs.labels import headline
 from softmodels.runs.outcomes import RunError
-from softmodels.runs.states import States
+from softmodels.runs.states import StoredStates
 
 if TYPE_CHECKING:
     from softmodels.casting import make
@@ -80,7 +80,7 @@ def _figure(result: object) -> Drawing:
     return curves.rise(states.rows, gauge, states.case.cm, states.branch, over, states.sources)
 
 
-def _frame(states: States) -> Drawing:
+def _frame(states: StoredStates) -> Drawing:
     """Draw the last state as a film shows it; where nothing can be rendered, a section."""
     if offscreen.can_render():
         return Picture.fromarray(solid.render_frames(offscreen.look(states), 1)[0])
@@ -138,7 +138,7 @@ DRAWINGS: Mapping[str, Callable[..., Drawing]] = {
 # The device in space, by PyVista.
 
 
-def show(states: States, field: str) -> object:
+def show(states: StoredStates, field: str) -> object:
     """Show the last of some states, coloured by a field, and return what a notebook shows; the picture's file where there is
     neither a notebook nor a display; None of a window. `CaseError` for another field, `RunError` if this machine cannot
     render."""
@@ -242,7 +242,7 @@ class Animation:
         return file
 
 
-def animate(states: States) -> Animation:
+def animate(states: StoredStates) -> Animation:
     """Return the film of some states; `RunError` if this machine cannot render."""
     _check_rendering()
     return Animation(tuple(solid.render_frames(offscreen.look(states))))

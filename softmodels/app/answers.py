@@ -25,7 +25,7 @@ from softmodels.mechanics import controls, mpi
 from softmodels.mechanics.system import State, System
 from softmodels.runs import notes
 from softmodels.runs.simulation import Model, Simulation
-from softmodels.runs.states import StoredStates
+from softmodels.runs.states import FolderStates
 
 COLOURS = [to_hex(colour) for colour in matplotlib.colormaps["viridis"](np.linspace(0.0, 1.0, 32))]
 """Of sections, from the lowest value up."""
@@ -90,7 +90,7 @@ class _Solved:
     were reached."""
 
     def __init__(self, folder: str):
-        self.source, comm = StoredStates(Path(folder)), mpi.start()
+        self.source, comm = FolderStates(Path(folder)), mpi.start()
         case = self.source.case
         if case.timed or case.program or case.driven is not None:
             raise ValueError("states that depend on time or on a program of loads have no linear answer")

@@ -56,7 +56,7 @@ from softmodels.materials import laws, silicones, specimens
 from softmodels.materials.laws import Material
 from softmodels.mechanics import memory
 from softmodels.mechanics.component import Component
-from softmodels.mechanics.regions import RATIO, RegionPart, number_of, variable_numbers, with_number
+from softmodels.mechanics.regions import RATIO_PREFIX, RegionPart, number_of, variable_numbers, with_number
 from softmodels.mechanics.solver import METHODS
 from softmodels.mechanics.system import FORMULATIONS
 from softmodels.path.steps import LEAST_TOLERANCE, PRESSURE, STROKE, TOLERANCE, VOLUME, Prescribed, Step, Steps, timed
@@ -307,9 +307,9 @@ class Case:
                 f"time_tolerance is {self.time_tolerance:g}; it must be {LEAST_TOLERANCE:g} or more and below 1, such as "
                 f"{TOLERANCE:g} (states are solved no closer, and the number of steps grows as 1 over its square root)"
             )
-        if not 0.0 <= self.spectral_radius <= memory.LARGEST_RADIUS:
+        if not 0.0 <= self.spectral_radius <= memory.MAX_SPECTRAL_RADIUS:
             raise CaseError(
-                f"spectral_radius is {self.spectral_radius:g}; it must be from 0 to {memory.LARGEST_RADIUS:g}, "
+                f"spectral_radius is {self.spectral_radius:g}; it must be from 0 to {memory.MAX_SPECTRAL_RADIUS:g}, "
                 f"such as {memory.RADIUS:g}"
             )
         if not self.inertia:
@@ -830,4 +830,4 @@ def in_equations(case: Case, name: str) -> dict[str, float]:
     step = 1e-3 * max(abs(value), 1.0)
     ends = [changed(case.actuator, {name: value + sign * step}).ratios for sign in (1.0, -1.0)]
     rates = [(high - low) / (2 * step) for high, low in zip(*ends, strict=True)]
-    return {f"{RATIO}.{i}": rate for i, rate in enumerate(rates) if rate}
+    return {f"{RATIO_PREFIX}.{i}": rate for i, rate in enumerate(rates) if rate}

@@ -69,7 +69,7 @@ class Scatter:
         stretched = [one for one in self.sampled if one[1].kind == "none"]
         if found or not stretched:
             return "limit pressure", found
-        return f"pressure at a stretch of {analyses.LARGEST_STRETCH:g}", stretched
+        return f"pressure at a stretch of {analyses.MAX_STRETCH:g}", stretched
 
 
 def row_of(name: str, found: Limit, column: LimitColumn) -> Row:
@@ -93,7 +93,7 @@ def sentence(name: str, found: Limit, column: LimitColumn) -> str:
     what = {
         "limit": f"limit pressure {at}: {state}",
         "bifurcation": f"bifurcation at {at}: {state}",
-        "none": f"no limit up to a stretch of {analyses.LARGEST_STRETCH:g}, reached at {at}: {state}"
+        "none": f"no limit up to a stretch of {analyses.MAX_STRETCH:g}, reached at {at}: {state}"
         if found.pressure > 0.0
         else f"no limit down to {at}: {state}",
         "lost": f"no limit up to {at}, where the path was lost ({found.why}): {state}",
@@ -221,7 +221,7 @@ class ModesOptions:
     """The options of how to find modes."""
 
     count: int = commands.option(
-        type=click.IntRange(1, analyses.MOST_MODES), default=4, show_default=True, help="Number of modes."
+        type=click.IntRange(1, analyses.MAX_MODES), default=4, show_default=True, help="Number of modes."
     )
     sealed: bool = commands.flag_option(
         "Close each cavity, with air that keeps its temperature; without it they keep their pressures."
@@ -425,7 +425,7 @@ class GraspOptions:
         "--object", default="", help="Name of the object's [contact.NAME], if the case has several shapes."
     )
     steps: int = commands.option(
-        type=click.IntRange(1, 1000), default=grasp.STEPS, show_default=True,
+        type=click.IntRange(1, 1000), default=grasp.DEFAULT_STEPS, show_default=True,
         help="Steps to each pressure and to the load; with friction more of them are more accurate.",
     )  # fmt: skip
     output: Path | None = commands.output_option(  # noqa: RUF009

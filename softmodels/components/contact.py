@@ -43,12 +43,12 @@ STIFFNESS = 300.0
 """Shear moduli of pressure per penetration of one size of the device: a contact pressure of one shear modulus, more than
 soft actuators take, sinks in by 0.3 % of the size. The default disk presses on a plate with 0.2 % less than on a rigid one;
 1000 takes half as many iterations more."""
-SOFTEST, STIFFEST = 1.0, 1e5
-ONSET = 1e-3
+MIN_STIFFNESS, MAX_STIFFNESS = 1.0, 1e5
+ONSET_DEPTH = 1e-3
 """Penetration over which contact sets in, relative to the device's size."""
 ONSET_PRESSURE = 0.3
 """Contact pressure in shear moduli at the end of the onset, without smoothing."""
-NEAR = 1e-6
+PLANE_TOLERANCE = 1e-6
 """Distance relative to the size up to which a point counts as in the plane."""
 
 
@@ -63,7 +63,7 @@ class ContactPart(component.EnergyComponent):
 
     faces: str
     stiffness: float
-    softest: ClassVar[float] = SOFTEST
+    softest: ClassVar[float] = MIN_STIFFNESS
     usual: ClassVar[float] = STIFFNESS
 
     @property
@@ -79,10 +79,10 @@ class ContactPart(component.EnergyComponent):
 
     def check_stiffness(self) -> None:
         """Raise `ComponentError` for a stiffness out of range."""
-        if not self.softest <= self.stiffness <= STIFFEST:
+        if not self.softest <= self.stiffness <= MAX_STIFFNESS:
             raise self.error(
                 f"the stiffness is {self.stiffness:g} shear moduli per size of the device; {self.softest:g} "
-                f"to {STIFFEST:g} are accepted (default {self.usual:g})"
+                f"to {MAX_STIFFNESS:g} are accepted (default {self.usual:g})"
             )
 
 
@@ -95,7 +95,7 @@ class ContactPart(component.EnergyComponent):
 # kernel's radius, and twice differentiable everywhere. A sphere of radius r appears larger by a tenth of that squared over r.
 
 
-MOST = 3.0
+MAX_FRICTION = 3.0
 """Largest accepted coefficient of friction: rubber on dry glass has 1 to 2."""
 
 
@@ -228,10 +228,10 @@ class RigidShape(ContactPart):
             )
 
     def _check_friction(self) -> None:
-        if not 0.0 <= self.friction <= MOST:
+        if not 0.0 <= self.friction <= MAX_FRICTION:
             raise self.error(
                 f"a coefficient of friction of {self.friction:g} is out of range; give 0 to "
-                f"{MOST:g} (silicone on smooth plastic: 0.3 to 1)"
+                f"{MAX_FRICTION:g} (silicone on smooth plastic: 0.3 to 1)"
             )
         if self.slip and not self.friction:
             raise self.error("a slip needs a coefficient of friction (friction = 0.5); give both or neither")
@@ -273,7 +273,8 @@ class RigidShape(ContactPart):
         if (
             self.mass
             and not self.spring
-            and self.weight_against(gravity) <= component.ALONG * self.mass * float(np.linalg.norm(gravity))
+            and self.weight_against(gravity)
+            <= component.IN_PLANE_TOLERANCE * self.mass * float(np.linalg.norm(gravity))
         ):
             raise self.error(
                 f"gravity along ({', '.join(f'{x:.3g}' for x in gravity)}) m/s^2 does not press the mass "
@@ -334,9 +335,9 @@ class RigidShape(ContactPart):
 
     def _check_guide_on(self, actuator: Actuator) -> None:
         guide = self.gives_way
-        if actuator.dimension == 2 and abs(guide[2]) < 1 - component.ALONG:
+        if actuator.dimension == 2 and abs(guide[2]) < 1 - component.IN_PLANE_TOLERANCE:
             raise self.error("with an axisymmetric section the guide must be z or -z")
-        if any(abs(float(normal @ guide)) > component.ALONG for normal in self.crossed(actuator)):
+        if any(abs(float(normal @ guide)) > component.IN_PLANE_TOLERANCE for normal in self.crossed(actuator)):
             raise self.error(
                 f"along {self.guide} the shape would leave its cut plane; use a guide "
                 f"in that plane, or {actuator.fuller}"
@@ -372,7 +373,7 @@ class Obstacle(ContactPart):
         stiffness: Contact pressure per penetration, in shear moduli over `Actuator.size`; see `STIFFNESS`.
 
     Raises:
-        ComponentError: No such plane, or a stiffness out of `SOFTEST` to `STIFFEST`.
+        ComponentError: No such plane, or a stiffness out of `MIN_STIFFNESS` to `MAX_STIFFNESS`.
     """
 
     faces: str = schema.field_of(
@@ -475,9 +476,9 @@ def obstacle_of(components: Sequence[Component]) -> Obstacle | None:
 
 
 AUTO, NONE = "auto", "none"
-APART = 1e-4
+MIN_GAP = 1e-4
 """Minimum undeformed gap, relative to the size, of walls named by the device."""
-AHEAD = 1e-3
+WALL_GAP = 1e-3
 """Gap relative to the size at which contact sets in, at most half of the undeformed gap: walls of a coarse mesh
 are that rough between the contact points."""
 WALL_STIFFNESS = 2000.0
@@ -607,7 +608,7 @@ def _images(body: Body) -> Array:
     d = body.actuator.dimension
     mirrors = [in_section(plane.normal, d) for plane in body.actuator.cut_planes]
     mirrors += [np.array([1.0, 0.0])] if body.axisymmetric else []  # a section meets its other half at the axis
-    return actuator.reflected(mirrors, pressing.MOST_IMAGES, d)
+    return actuator.reflected(mirrors, pressing.MAX_IMAGES, d)
 
 
 def _surface(nodes: assembly.FaceNodes, body: Body) -> pressing.Surface:
@@ -630,7 +631,7 @@ def _clear(nodes: assembly.FaceNodes, body: Body, groups: Sequence[Sequence[str]
     while len(nodes.facets):
         surface = _surface(nodes, body)
         gaps = pressing.Near.of(pressing.Pairs(surface, _meets(groups), images), *surface.rest).gaps(len(surface.owner))
-        apart = (gaps.reshape(len(nodes.facets), -1) > APART).all(axis=1)
+        apart = (gaps.reshape(len(nodes.facets), -1) > MIN_GAP).all(axis=1)
         if apart.all():
             break
         nodes = nodes.only(apart)
@@ -651,13 +652,13 @@ class WallTerm(assembly.AssembledTerm[pressing.Pressed]):
                 f"the undeformed walls {part.faces} overlap by "
                 f"{-apart * body.actuator.size * 1e3:.3g} mm; leave room between them, or name others"
             )
-        ahead = min(AHEAD, max(apart / 2, 0.0))  # no contact when undeformed
+        ahead = min(WALL_GAP, max(apart / 2, 0.0))  # no contact when undeformed
         self.penalty = pressing.Penalty(part.stiffness, ONSET_PRESSURE / part.stiffness, ahead=ahead)
 
     def pressed(self, places: Array) -> pressing.Pressed:
         return pressing.Pressed(self.pairs, self.penalty, places)
 
-    def admits(self, before: Array, after: Array) -> bool:
+    def is_admissible(self, before: Array, after: Array) -> bool:
         return not passes(self.pairs, self.nodes.moved(before), self.nodes.moved(after))
 
     def figures(self, equations: component.Equations) -> dict[str, float]:
@@ -676,24 +677,24 @@ class WallTerm(assembly.AssembledTerm[pressing.Pressed]):
 # Check whether a point passes through a wall between two shapes.
 
 
-DEEPEST = 0.3
+MAX_OVERLAP = 0.3
 """Penetration in kernel radii at which a state is rejected: a wall is detected only up to one radius behind it."""
-OWN = 0.4
+OWN_DISTANCE = 0.4
 """Lateral distance from a sample, in facet edges, within which a wall belongs to it; the spacing of samples."""
 WALL_STRIDE = 2.0
 """Relative motion of points and walls, in kernel radii, between two checks."""
-MOST_LOOKS = 60
+MAX_LOOKS = 60
 
 
 def passes(pairs: pressing.Pairs, before: Array, after: Array) -> bool:
-    """Return whether a point gets deeper than `DEEPEST` behind a wall on straight ways between two shapes, places of the nodes
+    """Return whether a point gets deeper than `MAX_OVERLAP` behind a wall on straight ways between two shapes, places of nodes
     of shape (n, d). A point that has jumped over a wall is nowhere near it any more and would feel nothing."""
     surface = pairs.surface
     start, end = surface.places(before), surface.places(after)
     motion = end - start
     relative = 2 * float(np.linalg.norm(motion - motion.mean(axis=0), axis=1).max())
     stride = WALL_STRIDE * float(pairs.radius.min())
-    looks = min(max(math.ceil(relative / stride), 1), MOST_LOOKS)
+    looks = min(max(math.ceil(relative / stride), 1), MAX_LOOKS)
     times = np.linspace(0.0, 1.0, looks + 1)
     for low, high in itertools.pairwise(times):
         shapes = [before + t * (after - before) for t in (low, high)]
@@ -703,17 +704,17 @@ def passes(pairs: pressing.Pairs, before: Array, after: Array) -> bool:
 
 
 def _deeper(pairs: pressing.Pairs, shapes: list[Array], slack: float) -> bool:
-    """Return whether a point crosses the surface at `DEEPEST` behind a sample's own part of a wall between two near shapes."""
+    """Return whether a point crosses the surface at `MAX_OVERLAP` behind a sample's own part of a wall between near shapes."""
     surface, count = pairs.surface, len(pairs.surface.owner)
     (a, b), (m, n) = ([surface.places(x) for x in shapes], [pairs.of_all(surface.areas(x)) for x in shapes])
-    i, j = pairs.within((a + b) / 2, slack + (DEEPEST + OWN) * float(pairs.radius.max()))
+    i, j = pairs.within((a + b) / 2, slack + (MAX_OVERLAP + OWN_DISTANCE) * float(pairs.radius.max()))
     start, end = a[i] - pairs.of_all(a)[j], b[i] - pairs.of_all(b)[j]
-    limit = -DEEPEST * pairs.radius[j % count]
+    limit = -MAX_OVERLAP * pairs.radius[j % count]
     above = [np.einsum("pi,pi->p", r, v[j]) / np.linalg.norm(v[j], axis=1) for r, v in ((start, m), (end, n))]
     for k in np.flatnonzero((above[0] > limit) & (above[1] <= limit)):
         t = (above[0][k] - limit[k]) / (above[0][k] - above[1][k])
         place = start[k] + t * (end[k] - start[k])
-        if place @ place - limit[k] ** 2 > (OWN * surface.edges[j[k] % count]) ** 2:
+        if place @ place - limit[k] ** 2 > (OWN_DISTANCE * surface.edges[j[k] % count]) ** 2:
             continue
         # Beside a sharp edge of the wall a point is behind one of its faces and in front of the other, nearer one.
         same = slice(*np.searchsorted(i, [i[k], i[k] + 1]))
@@ -764,15 +765,15 @@ def shape_figures(
 # Terms of a fixed shape: as a form, and as sums over samples where a shape moves, rubs, or comes from a file.
 
 
-WAY = 8
+PATH_POINTS = 8
 """Number of points on a node's straight path between states at which its penetration is checked."""
-HARDENS = 0.25
+HARDENING_START = 0.25
 """Fraction of the rejected penetration above which the shape stiffens. The energy is of the undeformed area, which
 a wrapped membrane stretches to ten or twenty times itself, so that it would penetrate ten or twenty times as deep."""
-HARDER = 16.0
-"""Rate of stiffening: at the rejected penetration the contact is 1 + HARDER (1 - HARDENS)^2 / (2 HARDENS), some 19, times as
+HARDENING = 16.0
+"""Rate of stiffening: at the rejected penetration the contact is 1 + HARDENING (1 - HARDENING_START)^2 / (2 HARDENING_START), some 19, times as
 hard."""
-SOON = 0.1
+NEAR_GAP = 0.1
 """Distance in sizes of the device that counts as near."""
 
 
@@ -783,7 +784,7 @@ def penalty(d: Expr, onset: fem.Constant) -> Expr:
 
 def clear(numbers: shapes.Numbers, deepest: float, start: Array, end: Array) -> bool:
     """Return whether nodes can move between positions, shape (n, d) each, and sink no deeper than ``deepest`` into a shape."""
-    way = (start + t * (end - start) for t in np.linspace(0.0, 1.0, WAY + 1)[1:])
+    way = (start + t * (end - start) for t in np.linspace(0.0, 1.0, PATH_POINTS + 1)[1:])
     return all(float(shapes.distances(places, numbers).min(initial=math.inf)) > -deepest for places in way)
 
 
@@ -794,7 +795,7 @@ def check_rest(shape: RigidShape, body: Body) -> None:
     deepest = mpi.largest(
         body.mesh.comm, -float(shapes.distances(points, shape.form.numbers(size)).min(initial=math.inf))
     )
-    if deepest > NEAR:
+    if deepest > PLANE_TOLERANCE:
         side = "outside of the hollow" if shape.hollow else "in the"
         raise shape.error(
             f"the undeformed device is {deepest * size * 1e3:.4g} mm deep {side} {shape.shape}; move it away"
@@ -814,12 +815,12 @@ class ShapeTerm(component.EnergyTerm):
         self._place = fem.Constant(mesh, self.numbers[0])
         others = (None if value is None else fem.Constant(mesh, value) for value in self.numbers[1:])
         constants = (self._place, *others)
-        onset, soft = shape.onset, HARDENS * shape.deepest(size)
+        onset, soft = shape.onset, HARDENING_START * shape.deepest(size)
         stiffness, onset, soft = (fem.Constant(mesh, float(value)) for value in (shape.stiffness, onset, soft))
         place = ufl.variable(ufl.SpatialCoordinate(mesh) + body.displacement(setting.displacement))
         components = [place[0], place[1], place[2]] if mesh.topology.dim == 3 else [place[0], 0.0, place[1]]
         depth = ufl.max_value(-shapes.distance(components, constants), 0.0)
-        energy = stiffness * (penalty(depth, onset) + HARDER / (6 * soft) * ufl.max_value(depth - soft, 0.0) ** 3)
+        energy = stiffness * (penalty(depth, onset) + HARDENING / (6 * soft) * ufl.max_value(depth - soft, 0.0) ** 3)
         push = ufl.diff(energy, place)  # on the shape; the device gets the opposite force
         self.energies, self.pushes = [], []
         for role in shape.roles:
@@ -858,7 +859,7 @@ class ShapeTerm(component.EnergyTerm):
         """Return the penetration of the faces, in sizes of the device; negative where none touches."""
         return -float(shapes.distances(self.nodes.moved(equations.w.x.array), self.numbers).min())
 
-    def admits(self, before: Array, after: Array) -> bool:
+    def is_admissible(self, before: Array, after: Array) -> bool:
         size = self.body.actuator.size
         return clear(self.numbers, self.shape.deepest(size), self.nodes.moved(before), self.nodes.moved(after))
 
@@ -868,10 +869,10 @@ class _StandingPlane(RigidShape):
 
     @property
     def onset(self) -> float:
-        return ONSET
+        return ONSET_DEPTH
 
     def deepest(self, size: float) -> float:
-        return shapes.ENDLESS
+        return shapes.CYLINDER_LENGTH
 
 
 class PlaneTerm(ShapeTerm):
@@ -909,13 +910,13 @@ def _side(obstacle: Obstacle, body: Body, places: Array, point: Array, normal: A
         return [mpi.largest(body.mesh.comm, float(values.max(initial=-math.inf))) for values in (gaps, -gaps)]
 
     above, below = span(places)
-    if min(above, below) > NEAR:
+    if min(above, below) > PLANE_TOLERANCE:
         size *= 1e3
         raise ComponentError(
             f"contact: at rest the faces {', '.join(obstacle.roles)} lie on both sides of the plane, {below * size:.4g} mm on "
             f"the one and {above * size:.4g} mm on the other; move the plane, or name only the faces that it stops"
         )
-    if max(above, below) <= NEAR:
+    if max(above, below) <= PLANE_TOLERANCE:
         above, below = span(body.mesh.geometry.x[:, :d])
     return 1.0 if above > below else -1.0
 
@@ -945,7 +946,7 @@ class StandingTerm[P: pressing.PressedSamples](assembly.AssembledTerm[P]):
         self.put(np.asarray(part.at) / self.actuator.size)
         self.forget_state()
 
-    def admits(self, before: Array, after: Array) -> bool:
+    def is_admissible(self, before: Array, after: Array) -> bool:
         return self.clear(self.nodes.moved(before), self.nodes.moved(after))
 
     def figures(self, equations: component.Equations) -> dict[str, float]:
@@ -967,7 +968,9 @@ class SampledShapeTerm(StandingTerm[pressing.PressedByDistance]):
         super().__init__(shape, setting)
         size = self.actuator.size
         self.numbers, self.deepest = shape.form.numbers(size), shape.deepest(size)
-        self.penalty = pressing.HardeningPenalty(shape.stiffness, shape.onset, HARDENS * self.deepest, HARDER)
+        self.penalty = pressing.HardeningPenalty(
+            shape.stiffness, shape.onset, HARDENING_START * self.deepest, HARDENING
+        )
         self.move(self.nodes.places)
 
     def put(self, at: Array) -> None:
@@ -975,20 +978,20 @@ class SampledShapeTerm(StandingTerm[pressing.PressedByDistance]):
 
     def pressed(self, places: Array) -> pressing.PressedByDistance:
         return pressing.PressedByDistance(
-            self.surface, lambda x: shapes.slopes(x, self.numbers), self.penalty, SOON, places
+            self.surface, lambda x: shapes.slopes(x, self.numbers), self.penalty, NEAR_GAP, places
         )
 
     def clear(self, start: Array, end: Array) -> bool:
         return clear(self.numbers, self.deepest, start, end)
 
 
-ROUNDING = 0.4
+KERNEL_RADIUS = 0.4
 """Default radius of the kernel in edges of the contact facets."""
 MAX_SURFACE_DEPTH = 0.3
 """Penetration in kernel radii at which a state is rejected: the wall is detected only up to one radius behind it."""
-STRIDE = 0.5
+CHECK_STRIDE = 0.5
 """Motion of a node in kernel radii between two checks of its penetration."""
-PROBED = 50
+MAX_PROBED = 50
 """Number of nodes checked by the winding number; touching surfaces are found by the gap."""
 
 
@@ -1002,7 +1005,7 @@ class FileShapeTerm(StandingTerm[pressing.PressedOn]):
         points, triangles = form.surface
         self._at = np.asarray(shape.at) / size
         edges, measure = self.surface.edges, self.surface.measure
-        radius = shape.rounding / size or ROUNDING * float(edges @ measure / measure.sum())
+        radius = shape.rounding / size or KERNEL_RADIUS * float(edges @ measure / measure.sum())
         try:
             self.wall = pressing.FixedWall.of(points / size, triangles[:, ::-1] if shape.hollow else triangles, radius)
         except pressing.TooFineError:
@@ -1015,9 +1018,9 @@ class FileShapeTerm(StandingTerm[pressing.PressedOn]):
         self._check_rest(points / size, triangles)
 
     def _check_rest(self, points: Array, triangles: shapes.Indices) -> None:
-        chosen = self.nodes.places[:: max(1, len(self.nodes.places) // PROBED)]
+        chosen = self.nodes.places[:: max(1, len(self.nodes.places) // MAX_PROBED)]
         inside = np.abs(shapes.winding(chosen, points[triangles])) > 0.5
-        if self._pressed.depth > NEAR or bool((inside != self.shape.hollow).any()):
+        if self._pressed.depth > PLANE_TOLERANCE or bool((inside != self.shape.hollow).any()):
             side = "outside of the hollow" if self.shape.hollow else "in the"
             raise self.shape.error(
                 f"the undeformed device is {side} shape of {self.shape.file}, or touches it; move the shape away (at)"
@@ -1032,7 +1035,7 @@ class FileShapeTerm(StandingTerm[pressing.PressedOn]):
     def clear(self, start: Array, end: Array) -> bool:
         farthest = float(np.linalg.norm(end - start, axis=1).max(initial=0.0))
         limit = MAX_SURFACE_DEPTH * self.wall.radius
-        looks = int(np.clip(np.ceil(farthest / (STRIDE * self.wall.radius)), 1, MOST_LOOKS))
+        looks = int(np.clip(np.ceil(farthest / (CHECK_STRIDE * self.wall.radius)), 1, MAX_LOOKS))
         way = (self.surface.places(start + t * (end - start)) for t in np.linspace(0.0, 1.0, looks + 1)[1:])
         return all(float(self.wall.gaps(places).min(initial=np.inf)) > -limit for places in way)
 
@@ -1058,7 +1061,7 @@ class GuidedShapeTerm(assembly.AssembledTerm[pressing.GivingWay]):
         size, share = self.actuator.size, copies_around(self.actuator, self.standing.crossed)
         unit = float(self.setting.per_pascal.value) / size / share
         return pressing.Stand(
-            self.shape.spring * unit, self.shape.weight_against(self.setting.gravity) * unit / size, ONSET
+            self.shape.spring * unit, self.shape.weight_against(self.setting.gravity) * unit / size, ONSET_DEPTH
         )
 
     def pressed(self, places: Array) -> pressing.GivingWay:
@@ -1079,7 +1082,7 @@ class GuidedShapeTerm(assembly.AssembledTerm[pressing.GivingWay]):
     def harder_here(self) -> Array:
         return self._pressed.harder()
 
-    def admits(self, before: Array, after: Array) -> bool:
+    def is_admissible(self, before: Array, after: Array) -> bool:
         start, end = self.nodes.moved(before), self.nodes.moved(after)
         moved = [places - self.pressed(places).s * self.along for places in (start, end)]
         return self.standing.clear(*moved)
@@ -1090,17 +1093,17 @@ class GuidedShapeTerm(assembly.AssembledTerm[pressing.GivingWay]):
         return self.standing.figures_of(equations, self._pressed.here) | {f"{self.shape.label}_travel_mm": travel}
 
 
-class RubbingShapeTerm(assembly.RememberingTerm[pressing.Rubbed]):
+class RubbingShapeTerm(assembly.HistoryTerm[pressing.Rubbed]):
     """The energy of contact with such a shape, and its friction; ``standing`` is its term without."""
 
     def __init__(self, shape: RigidShape, standing: StandingTerm, setting: component.FormContext):
         super().__init__(standing.nodes)
         self.shape, self.standing, self.actuator = shape, standing, setting.body.actuator
-        self.rubbing = pressing.Rubbing(shape.friction, shape.slip / self.actuator.size or ONSET)
+        self.rubbing = pressing.Rubbing(shape.friction, shape.slip / self.actuator.size or ONSET_DEPTH)
         self._begin(standing.nodes.places)
 
     def _begin(self, places: Array) -> None:
-        self.grip = pressing.Grip.of_free(self.standing.pressed(places))
+        self.grip = pressing.FrictionHistory.of_free(self.standing.pressed(places))
 
     def take(self, part: Component) -> None:
         """Where the shape moves, what sticks to it moves with it."""
@@ -1118,20 +1121,19 @@ class RubbingShapeTerm(assembly.RememberingTerm[pressing.Rubbed]):
     def whole_stiffness_here(self) -> scipy.sparse.csr_array:
         return self._pressed.whole_stiffness
 
-    def keep(self, w: Array, anew: bool = False) -> None:
-        if anew:
+    def commit(self, w: Array, reset: bool = False) -> None:
+        if reset:
             self._begin(self.nodes.moved(w))
         else:
             self._take(w)
             self.grip = self._pressed.kept()
         self.forget_state()  # the following calls use the current history
 
-    def remembered(self) -> pressing.Grip:
+    def save(self) -> pressing.FrictionHistory:
         return self.grip
 
-    def recall(self, remembered: object) -> None:
-        assert isinstance(remembered, pressing.Grip)
-        self.grip = remembered
+    def restore(self, saved: pressing.FrictionHistory) -> None:
+        self.grip = saved
         self.forget_state()
 
     def rest_rates(self, places: Array) -> Array:
@@ -1139,21 +1141,21 @@ class RubbingShapeTerm(assembly.RememberingTerm[pressing.Rubbed]):
         gaps = self.standing.pressed(self.nodes.places).gap_rates(samples)
         return np.column_stack([samples, gaps])
 
-    def kept_rates(self, w: Array, places: Array, remembered: Array) -> Array:
+    def kept_rates(self, w: Array, places: Array, history: Array) -> Array:
         self._take(w)
         samples = self.standing.surface.places(places)
-        return np.column_stack(self._pressed.kept_rates(samples, remembered[:, :-1], remembered[:, -1]))
+        return np.column_stack(self._pressed.kept_rates(samples, history[:, :-1], history[:, -1]))
 
-    def history_rates(self, w: Array, remembered: Array) -> Array:
+    def history_rates(self, w: Array, history: Array) -> Array:
         self._take(w)
         on, surface, found = self._pressed.touching, self.standing.surface, np.zeros_like(self.nodes.places)
         still = np.zeros((int(on.sum()), found.shape[1]))
-        pulls = self._pressed.pull_rates(still, remembered[on, :-1], remembered[on, -1])
+        pulls = self._pressed.pull_rates(still, history[on, :-1], history[on, -1])
         np.add.at(found, surface.facets[surface.owner[on]], np.einsum("sa,si->sai", surface.shapes[on], pulls))
         return found
 
-    def admits(self, before: Array, after: Array) -> bool:
-        return self.standing.admits(before, after)
+    def is_admissible(self, before: Array, after: Array) -> bool:
+        return self.standing.is_admissible(before, after)
 
     def figures(self, equations: component.Equations) -> dict[str, float]:
         self._take(equations.w.x.array)
@@ -1179,13 +1181,13 @@ class RubbingShapeTerm(assembly.RememberingTerm[pressing.Rubbed]):
 # theory has a conductance that falls as fast as exponentially, doi 10.1039/C9SM01679A.)
 
 
-SEEPS = 1e-6
+MIN_SEAL_PRESSURE = 1e-6
 """Contact pressure in that of the facet that is pressed most, below which gas passes freely."""
-OPENS = 1e-6
+OPENING_DEPTH = 1e-6
 """Depth in sizes of the last contact at which a seal opens."""
-SETTLED = 1e-9
+SHARE_TOLERANCE = 1e-9
 """Change of the share of the pressure below which it is that of the state."""
-RESTS, RESTING = 1e-5, 0.1
+RESTING_DEPTH, RESTING_STIFFNESS = 1e-5, 0.1
 """Depth in sizes up to which faces hardly press, and their stiffness in a factorisation then, in that of the contact: nothing
 else holds the device."""
 
@@ -1203,7 +1205,7 @@ class SealingTerm(RubbingShapeTerm):
         self.body, self.share, self._displacement = body, body.seal.share, setting.displacement
         self._edges = _seal_edges(shape, body, setting.w.function_space, nodes)
         off = float(np.abs(shapes.distances(nodes.places, standing.numbers)).max())
-        if off > NEAR:
+        if off > PLANE_TOLERANCE:
             size = self.actuator.size * 1e3
             raise shape.error(
                 f"{shape.faces} must lie in the plane at rest to seal on it, and is up to {off * size:.4g} mm "
@@ -1212,16 +1214,16 @@ class SealingTerm(RubbingShapeTerm):
         self._ring = _Ring.of(standing.surface)
         self._dofs, self._of_dofs = _share_dofs(body, self.share, nodes.places)
         self._settled = np.full(len(nodes.places), np.nan)
-        self.settle_at(nodes.places)
+        self.update_lagged_at(nodes.places)
 
     def stiffness_here(self) -> scipy.sparse.csr_array:
         found = super().stiffness_here()
-        return found if self._pressed.depth > RESTS else found + self._resting
+        return found if self._pressed.depth > RESTING_DEPTH else found + self._resting
 
     @functools.cached_property
     def _resting(self) -> scipy.sparse.csr_array:
         surface, d = self.standing.surface, self.nodes.places.shape[1]
-        held = RESTING * self.shape.stiffness * surface.measure
+        held = RESTING_STIFFNESS * self.shape.stiffness * surface.measure
         dofs = pressing.components_of(surface.facets[surface.owner], d)
         blocks = np.einsum("sa,sb,s,ij->saibj", surface.shapes, surface.shapes, held, np.eye(d))
         size = d * len(self.nodes.places)
@@ -1233,23 +1235,23 @@ class SealingTerm(RubbingShapeTerm):
 
     # -- the share of the pressure -------------------------------------------------------------------------------------
 
-    def settle(self, w: Array) -> bool:
-        return self.settle_at(self.nodes.moved(w))
+    def update_lagged(self, w: Array) -> bool:
+        return self.update_lagged_at(self.nodes.moved(w))
 
-    def settle_at(self, places: Array) -> bool:
+    def update_lagged_at(self, places: Array) -> bool:
         """Set the share of the pressure with the nodes at places, shape (n, d); return whether it has changed."""
         n, (inside, outside), depth = len(places), self._edges, self._depths(places)
         if depth.max() <= 0.0 and self._settled[0] >= 0.0:
             return False  # just lifted off: the share stays what it was
         pressure = self.standing.penalty.rates(depth)[1][self._ring.pieces].mean(axis=1)
-        blocks = self._ring.conductances / (pressure + SEEPS * (pressure.max() or 1.0))[:, None, None]
+        blocks = self._ring.conductances / (pressure + MIN_SEAL_PRESSURE * (pressure.max() or 1.0))[:, None, None]
         K = pressing.scattered(blocks, self._ring.pieces, self._ring.pieces, n, n).tocsr()
         share = np.zeros(n)
         share[inside] = 1.0
         free = np.setdiff1d(np.arange(n), np.concatenate([inside, outside]))
         if len(free):
             share[free] = scipy.sparse.linalg.spsolve(K[free][:, free].tocsc(), -(K @ share)[free])
-        changed = not np.abs(share - self._settled).max() <= SETTLED
+        changed = not np.abs(share - self._settled).max() <= SHARE_TOLERANCE
         if changed:
             self._settled = share
             self.share.x.array[self._dofs] = share[self._of_dofs]
@@ -1284,7 +1286,7 @@ class SealingTerm(RubbingShapeTerm):
         return found
 
     def margin(self, equations: component.Equations) -> float:
-        """Return the depth that gas has to pass on its easiest way through the contact, in sizes, less `OPENS`."""
+        """Return the depth that gas has to pass on its easiest way through the contact, in sizes, less `OPENING_DEPTH`."""
         self._take(equations.w.x.array)
         n, (inside, outside) = len(self.nodes.places), self._edges
         pieces, d = self._ring.pieces, self.standing.surface.dimension
@@ -1305,7 +1307,7 @@ class SealingTerm(RubbingShapeTerm):
         tree, here, most = tree + tree.T, n + 1, 0.0
         while here != n:
             most, here = max(most, float(tree[here, before[here]])), int(before[here])
-        return min(float(np.sort(lowest)[round(most) - 1]), self._pressed.depth) - OPENS
+        return min(float(np.sort(lowest)[round(most) - 1]), self._pressed.depth) - OPENING_DEPTH
 
     def opened(self, equations: component.Equations) -> component.PathFailure:
         figures, label = self.figures(equations), self.shape.label
@@ -1328,7 +1330,7 @@ def _seal_edges(
 
     def shared(roles: Sequence[str]) -> shapes.Indices:
         places = assembly.FaceNodes(body, space, roles).places if roles else np.empty((0, nodes.places.shape[1]))
-        far, found = tree.query(places, distance_upper_bound=NEAR)
+        far, found = tree.query(places, distance_upper_bound=PLANE_TOLERANCE)
         return np.asarray(np.unique(found[np.isfinite(far)]), dtype=np.int64)
 
     others = [name for name in body.faces if name not in shape.roles]

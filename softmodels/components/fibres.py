@@ -11,7 +11,7 @@ or area are
 so that k is the slope of the force over the strain at rest: Young's modulus times the fibres' share of the section in Pa, or
 force per width in N/m on a face. The factor that Qiu & Pence call gamma is k/4; Holzapfel's k1 is k/4, his k2 is b.
 
-Fibres without compression take up load over a small strain e, ``ONSET``, so that Newton's method meets no jump:
+Fibres without compression take up load over a small strain e, ``ONSET_STRAIN``, so that Newton's method meets no jump:
 q = x^3 / (6 e) up to x = 2 e, x^2 - 2 e x + 4 e^2 / 3 beyond, whose second derivative is continuous.
 """
 
@@ -56,9 +56,9 @@ from softmodels.mechanics.component import Component, ComponentError
 # agree to 1e-4.
 
 
-SOFTEST, STIFFEST = 1.0, 1e7
+MIN_STIFFNESS, MAX_STIFFNESS = 1.0, 1e7
 """Accepted stiffnesses in N/m: from 0.1 mm of gel to 1 cm of nylon."""
-HARDLY_STRETCHES = 50e3
+STIFF_SHEET = 50e3
 """Stiffness in N/m with which the seminar actuator still reaches 177 cm."""
 
 
@@ -89,11 +89,11 @@ class Sheet(component.EnergyComponent):
     def check(self) -> None:
         if not self.face:
             raise ComponentError(self.needs)
-        if not SOFTEST <= self.stiffness <= STIFFEST:
+        if not MIN_STIFFNESS <= self.stiffness <= MAX_STIFFNESS:
             raise ComponentError(
                 f"the sheet's stiffness is {self.stiffness:.4g} N/m; it is Young's modulus times thickness, "
-                f"{SOFTEST:g} to {STIFFEST:g} N/m (0.1 mm of polyester: about 400 kN/m; 50 kN/m is nearly inextensible on "
-                "silicone)"
+                f"{MIN_STIFFNESS:g} to {MAX_STIFFNESS:g} N/m (0.1 mm of polyester: about 400 kN/m; 50 kN/m is nearly "
+                "inextensible on silicone)"
             )
 
     def check_on(self, actuator: Actuator) -> None:
@@ -140,13 +140,13 @@ class SheetTerm(component.EnergyTerm):
     def stiffness(self) -> float:
         return float(self._pa.value)
 
-    def tangent(self, foresight: component.MixedPointStress) -> list[ufl.Form]:
+    def tangent(self, mixed_points: component.MixedPointStress) -> list[ufl.Form]:
         body, w = self._setting.body, self._setting.w
-        displacements = self._setting.displacement, foresight.displacement
+        displacements = self._setting.displacement, mixed_points.displacement
         C, known = (surface_metric(body.deformation_gradient(u), self._normal) for u in displacements)
         stress = membrane_stress(known)
-        predicted = stress + ufl.derivative(stress, foresight.known, foresight.move)
-        return [self._integral(membrane_tangent(C, w, predicted, foresight.test, foresight.trial))]
+        predicted = stress + ufl.derivative(stress, mixed_points.known, mixed_points.move)
+        return [self._integral(membrane_tangent(C, w, predicted, mixed_points.test, mixed_points.trial))]
 
 
 def surface_metric(F: Expr, N: Expr) -> Expr:
@@ -181,10 +181,10 @@ def membrane_energy(F: Expr, N: Expr) -> Expr:
 
 def locking(stiffness: float, actuator: Actuator) -> str:
     """Return a warning on a face reinforcement, in N/m, that locks: a clause starting with '; ', else empty."""
-    if actuator.dimension == 2 or stiffness <= HARDLY_STRETCHES:
+    if actuator.dimension == 2 or stiffness <= STIFF_SHEET:
         return ""
     return (
-        f"; {HARDLY_STRETCHES / 1e3:g} kN/m is nearly inextensible on silicone. On solid meshes a stiffer one locks, "
+        f"; {STIFF_SHEET / 1e3:g} kN/m is nearly inextensible on silicone. On solid meshes a stiffer one locks, "
         "because its facets cannot bend without stretching. Smaller cells lock less"
     )
 
@@ -196,9 +196,9 @@ def locking(stiffness: float, actuator: Actuator) -> str:
 # `softmodels.mechanics.potential.Potential.predict_stress`.
 
 
-NOWHERE = 1e-12
+MIN_SQUARED_LENGTH = 1e-12
 """Squared length of a direction below which it counts as normal to the face."""
-BARE = 1e-4
+MIN_MEAN_SQUARE = 1e-4
 """Mean of that square over a face below which the direction is not usable there."""
 
 
@@ -227,7 +227,7 @@ def change_along(F: Expr, direction: Expr) -> Expr:
     """Return the change of squared length of a line along a direction, over its squared length: 0 where there is no
     direction."""
     square, moved = ufl.dot(direction, direction), ufl.dot(F, direction)
-    return (ufl.dot(moved, moved) - square) / (square + NOWHERE)
+    return (ufl.dot(moved, moved) - square) / (square + MIN_SQUARED_LENGTH)
 
 
 class StrainTerm(component.EnergyTerm):
@@ -268,7 +268,7 @@ class StrainTerm(component.EnergyTerm):
                 continue
             laid = helix.field(body, place.normal)
             square = equations.integral(equations.form(self.integral(ufl.dot(laid, laid), place)))
-            if square < BARE * equations.integral(self._means[-1][0]):
+            if square < MIN_MEAN_SQUARE * equations.integral(self._means[-1][0]):
                 raise ComponentError(
                     f"{part}: its direction is normal to the face {place.name}; use another angle or axis, or another face"
                 )
@@ -284,17 +284,17 @@ class StrainTerm(component.EnergyTerm):
         first = ufl.diff(self.density(x), x)
         return first, ufl.diff(first, x)
 
-    def tangent(self, foresight: component.MixedPointStress) -> list[ufl.Form]:
+    def tangent(self, mixed_points: component.MixedPointStress) -> list[ufl.Form]:
         """Return the second derivatives of `energies`, with predicted stress; see `EnergyTerm.tangent`."""
-        w, test, trial = self.setting.w, foresight.test, foresight.trial
+        w, test, trial = self.setting.w, mixed_points.test, mixed_points.trial
         forms = []
         for place in self.where:
             strains = self._strains(self.setting.displacement, place)
             along = ufl.derivative(strains, w, test)
             _, stiffness = self.stress(strains)
-            known = self._strains(foresight.displacement, place)
+            known = self._strains(mixed_points.displacement, place)
             stress, slope = self.stress(known)
-            predicted = stress + ufl.dot(slope, ufl.derivative(known, foresight.known, foresight.move))
+            predicted = stress + ufl.dot(slope, ufl.derivative(known, mixed_points.known, mixed_points.move))
             second = ufl.inner(ufl.dot(stiffness, ufl.derivative(strains, w, trial)), along)
             forms.append(self.integral(second + ufl.inner(predicted, ufl.derivative(along, w, trial)), place))
         return forms
@@ -310,7 +310,7 @@ class StrainTerm(component.EnergyTerm):
 
 TINY = 1e-20
 """Squared length relative to the size below which no direction is defined: there is no hoop on the axis."""
-SQUARE = 1e-9
+MAX_SCALAR_PRODUCT = 1e-9
 """Largest scalar product of unit vectors that count as perpendicular."""
 
 
@@ -356,9 +356,9 @@ def check_helix(where: str, actuator: Actuator, axis: Sequence[float], angle: fl
     """Raise `ComponentError` for a direction that does not have the device's symmetry; axis and angle as of `Helix`. What is
     ``mirrored`` is its own mirror image, as two families at both angles are."""
     unit = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
-    crooked = min(abs(math.sin(math.radians(angle))), abs(math.cos(math.radians(angle)))) > SQUARE
+    crooked = min(abs(math.sin(math.radians(angle))), abs(math.cos(math.radians(angle)))) > MAX_SCALAR_PRODUCT
     if actuator.dimension == 2:
-        if np.hypot(unit[0], unit[1]) > SQUARE:
+        if np.hypot(unit[0], unit[1]) > MAX_SCALAR_PRODUCT:
             raise ComponentError(
                 f"{where}: in an axisymmetric section the axis must be 0, 0, 1; use a solid section for another"
             )
@@ -369,7 +369,7 @@ def check_helix(where: str, actuator: Actuator, axis: Sequence[float], angle: fl
             )
     for plane in actuator.cut_planes:
         across = abs(float(unit @ np.asarray(plane.normal)))
-        if actuator.dimension == 3 and SQUARE < across < 1.0 - SQUARE:
+        if actuator.dimension == 3 and MAX_SCALAR_PRODUCT < across < 1.0 - MAX_SCALAR_PRODUCT:
             raise ComponentError(
                 f"{where}: the axis must lie in the plane of symmetry {plane.name} or be perpendicular to it"
             )
@@ -391,11 +391,11 @@ def check_helix(where: str, actuator: Actuator, axis: Sequence[float], angle: fl
 # elastic solids under plane deformation, Arch. Mech. 54; El Hamdaoui, Merodio & Ogden 2018, J. Eng. Math. 109.
 
 
-NORMALS = 300
+WAVE_DIRECTIONS = 300
 """Wave directions in the solid, evenly over the half sphere; the energy's second derivative is smooth in them."""
-NORMALS_OF_SECTION = 36
+SECTION_DIRECTIONS = 36
 """Wave directions in the plane of a section, whose waves stay in it."""
-STEP = 1e-3
+DIFFERENCE_STEP = 1e-3
 """Step of the second difference: its error is about the square, and rounding 1e-10."""
 
 
@@ -434,10 +434,10 @@ def least_resistance(material: Material, unit: float, state: Reinforced, section
 
 def _normals(section: bool) -> Array:
     if section:
-        angle = np.linspace(0.0, math.pi, NORMALS_OF_SECTION, endpoint=False)
+        angle = np.linspace(0.0, math.pi, SECTION_DIRECTIONS, endpoint=False)
         return np.stack([np.cos(angle), np.zeros_like(angle), np.sin(angle)], axis=1)
-    number = np.arange(NORMALS)
-    height, turn = (number + 0.5) / NORMALS, number * math.pi * (1 + math.sqrt(5))
+    number = np.arange(WAVE_DIRECTIONS)
+    height, turn = (number + 0.5) / WAVE_DIRECTIONS, number * math.pi * (1 + math.sqrt(5))
     radius = np.sqrt(1 - height**2)
     return np.stack([radius * np.cos(turn), radius * np.sin(turn), height], axis=1)
 
@@ -457,10 +457,10 @@ def _least_across(material: Material, unit: float, state: Reinforced, normal: Ar
 def _along(material: Material, unit: float, state: Reinforced, normal: Array, m: Array) -> Array:
     """Return the second derivative of the energy along m normal^T; nan where the law has no energy (chains locked)."""
     F = state.gradients
-    wave = STEP * m[:, :, None] * normal[None, None, :]
+    wave = DIFFERENCE_STEP * m[:, :, None] * normal[None, None, :]
     with np.errstate(invalid="ignore", divide="ignore"):
         energies = [_energy(material, F + sign * wave) for sign in (-1, 0, 1)]
-    silicone = (energies[0] - 2 * energies[1] + energies[2]) / STEP**2 / unit
+    silicone = (energies[0] - 2 * energies[1] + energies[2]) / DIFFERENCE_STEP**2 / unit
     crossed = (state.lines @ normal) ** 2
     moved = np.einsum("pij,pkj->pki", F, state.lines)
     stretched = np.einsum("pki,pi->pk", moved, m) ** 2
@@ -478,7 +478,7 @@ def _energy(material: Material, F: Array) -> Array:
 # Kinking of the silicone by compressed fibres, in the loaded state.
 
 
-MOST_POINTS = 300
+MAX_POINTS = 300
 """Number of points checked, those with the most compressed fibres."""
 
 Kink = tuple[float, float, tuple[float, float, float]]
@@ -518,7 +518,7 @@ def worst_kink(
     ends = np.cumsum([9, 3 * families, families, families, families])
     gradients, directions, changes, stresses, slopes, places = np.split(values, ends, axis=1)
     low = stresses.min(axis=1, initial=0.0)
-    chosen = [i for i in np.argsort(low)[:MOST_POINTS] if low[i] < 0.0]
+    chosen = [i for i in np.argsort(low)[:MAX_POINTS] if low[i] < 0.0]
     found = (math.inf, 0.0, (0.0, 0.0, 0.0))
     if chosen:
         lines_there = directions[chosen].reshape(-1, families, 3)
@@ -544,11 +544,11 @@ def kinked(where: str, kink: Kink) -> component.PathFailure:
     )
 
 
-ONSET = 0.002
+ONSET_STRAIN = 0.002
 """Strain over which fibres without compression take up load."""
 STIFFNESSES, MODULI = (1.0, 1e7), (1.0, 1e12)
 """Accepted stiffnesses in N/m and moduli in Pa."""
-MOST_EXPONENT = 1e4
+MAX_EXPONENT = 1e4
 
 FibreLaw = Callable[[memory.Expression, memory.Expression, memory.Expression], memory.Expression]
 """Energy as a function of k, q and b; see the module docstring."""
@@ -570,7 +570,7 @@ def exponential(k: Expr, q: Expr, b: Expr) -> Expr:
 def taut(x: Expr) -> Expr:
     """Return the square q of a change of squared length x, in UFL, that vanishes where it is negative; see the module
     docstring."""
-    e = 2 * ONSET
+    e = 2 * ONSET_STRAIN
     square = ufl.conditional(ufl.lt(x, e), x**3 / (3 * e), x**2 - e * x + e**2 / 3)
     return ufl.conditional(ufl.lt(x, 0), 0, square)
 
@@ -631,8 +631,8 @@ class Fibres(component.EnergyComponent):
         check_axis(self.where, self.axis, self.angle)
         if self.law not in FIBRE_LAWS:
             raise self.error(f"law is {self.law!r}; it must be one of {', '.join(FIBRE_LAWS)}")
-        if not 0.0 < self.exponent <= MOST_EXPONENT:
-            raise self.error(f"exponent is {self.exponent:g}; it must be above 0 and at most {MOST_EXPONENT:g}")
+        if not 0.0 < self.exponent <= MAX_EXPONENT:
+            raise self.error(f"exponent is {self.exponent:g}; it must be above 0 and at most {MAX_EXPONENT:g}")
         if (self.stiffness == 0.0) == (self.modulus == 0.0):
             raise self.error("give one of stiffness (N/m, on a face) and modulus (Pa, in a region or the whole body)")
         for value, unit, (least, most) in ((self.stiffness, "N/m", STIFFNESSES), (self.modulus, "Pa", MODULI)):
@@ -875,7 +875,7 @@ class FabricTerm(StrainTerm):
         assert place.normal is not None
         along = self._helix.field(self.setting.body, place.normal)
         across = ufl.cross(place.normal, along)
-        shear = ufl.dot(ufl.dot(F, along), ufl.dot(F, across)) / (ufl.dot(along, along) + NOWHERE)
+        shear = ufl.dot(ufl.dot(F, along), ufl.dot(F, across)) / (ufl.dot(along, along) + MIN_SQUARED_LENGTH)
         return ufl.as_vector([change_along(F, along), change_along(F, across), shear])
 
     def _energy(self, x: Expr) -> Expr:

@@ -127,7 +127,7 @@ class Gravity(DirectedLoad):
         return controls.Weighed(forms, whole * self.magnitude, shares=shares)
 
 
-HEAVIEST = 25e3
+MAX_DENSITY = 25e3
 """Density in kg/m3 above which a wrong unit is assumed: no metal is denser."""
 
 
@@ -339,7 +339,7 @@ class Moment(FaceLoad):
         if actuator.dimension == 2:
             raise self.error(f"an axisymmetric section cannot take a moment; use {actuator.fuller}")
         for plane in actuator.cut_planes:
-            if 1 - abs(float(np.dot(self.vector, plane.normal))) > component.ALONG:
+            if 1 - abs(float(np.dot(self.vector, plane.normal))) > component.IN_PLANE_TOLERANCE:
                 across = ", ".join(f"{x:g}" for x in plane.normal)
                 raise self.error(
                     f"its forces are not symmetric about the symmetry plane normal to "
@@ -398,7 +398,7 @@ def densities(system: component.Equations, components: Sequence[Component]) -> l
 
 def check_density(density: float, where: str) -> None:
     """Raise `ComponentError` for a density in kg/m3 out of range."""
-    if not 0.0 <= density <= HEAVIEST:
+    if not 0.0 <= density <= MAX_DENSITY:
         raise ComponentError(f"{where}: a density of {density:g} kg/m^3 is out of range; silicones have 1030 to 1130")
 
 

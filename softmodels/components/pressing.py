@@ -24,7 +24,7 @@ from softmodels.mechanics import regions
 
 Numbers = npt.NDArray[np.int64]
 
-DEGREE = 4
+RULE_DEGREE = 4
 """Of the rule: three points on a line, six on a triangle."""
 
 
@@ -54,7 +54,7 @@ class Surface:
     def rule(self) -> tuple[Array, Array, Array]:
         """Shape functions (q, k), their slopes (q, k, d - 1) and weights (q,) at the points of the rule."""
         cell = basix.CellType.interval if self.dimension == 2 else basix.CellType.triangle
-        points, weights = basix.make_quadrature(cell, DEGREE)
+        points, weights = basix.make_quadrature(cell, RULE_DEGREE)
         tables = basix.create_element(basix.ElementFamily.P, cell, 2).tabulate(1, points)[..., 0]
         return tables[0], np.moveaxis(tables[1:], 0, -1), weights
 
@@ -148,21 +148,21 @@ def _crossed(first: Array, second: Array) -> Array:
 # Contact search: which samples of walls may touch, and which of these are near.
 
 
-REACH = 0.9
+SEARCH_RADIUS = 0.9
 """Radius of the kernel in facet edges: two to three times the undeformed distance of samples."""
-OPPOSED = -0.2
+MAX_NORMAL_PRODUCT = -0.2
 """Largest scalar product of the undeformed normals of neighbours on one wall that may come into contact."""
-NEIGHBOURS = 3.0
+NEIGHBOUR_DISTANCE = 3.0
 """Distance at rest, in radii, up to which samples are neighbours on one wall."""
-CORNER = 0.3
+MIN_CORNER_SINE = 0.3
 """Minimum sine of the angle under which a chord leaves a wall at both ends, for neighbours that face each other."""
-MOST_IMAGES = 100
+MAX_IMAGES = 100
 """Maximum number of mirror images of a slice; a wedge of 15 degrees has 24."""
-SKIN = 0.4
+SEARCH_MARGIN = 0.4
 """Search margin, so that pairs can be reused for several shapes."""
-FACING = 0.5
+MIN_FACING_SINE = 0.5
 """Minimum sine of the angle under which a chord leaves facing walls."""
-BEHIND = 1e-6
+MIN_ENTRY_SINE = 1e-6
 """Sine of the angle under which a chord has to enter the solid at both ends, to run through silicone."""
 
 
@@ -180,7 +180,7 @@ class Pairs:
     @functools.cached_property
     def radius(self) -> Array:
         """Radius of each sample's kernel, by the edge of its own facet, shape (s,)."""
-        return REACH * self.surface.edges
+        return SEARCH_RADIUS * self.surface.edges
 
     def of_all(self, vectors: Array) -> Array:
         """Return the vectors of all samples of all images, shape (s, d) to (g s, d)."""
@@ -206,11 +206,11 @@ class Pairs:
         chord = X[j] - X[i]
         length = np.linalg.norm(chord, axis=1)
         out, back = np.einsum("pi,pi->p", chord, N[i]), -np.einsum("pi,pi->p", chord, N[j])
-        through = (out < -BEHIND * length) & (back < -BEHIND * length)
+        through = (out < -MIN_ENTRY_SINE * length) & (back < -MIN_ENTRY_SINE * length)
         radius = self.radius[j % count]
-        across = (np.minimum(out, back) > CORNER * length) & (length > radius)
-        across |= np.einsum("pi,pi->p", N[i], N[j]) < OPPOSED
-        may[may] = ~(through | ((length < NEIGHBOURS * radius) & ~across))
+        across = (np.minimum(out, back) > MIN_CORNER_SINE * length) & (length > radius)
+        across |= np.einsum("pi,pi->p", N[i], N[j]) < MAX_NORMAL_PRODUCT
+        may[may] = ~(through | ((length < NEIGHBOUR_DISTANCE * radius) & ~across))
         return may
 
     def within(self, places: Array, reach: float) -> tuple[Numbers, Numbers]:
@@ -221,7 +221,7 @@ class Pairs:
             moved = float(np.sqrt(np.einsum("si,si->s", places - before, places - before).max(initial=0.0)))
             if reach + 2 * moved <= far:
                 return i, j
-        far = max(reach, float(self.radius.max())) * (1 + SKIN)
+        far = max(reach, float(self.radius.max())) * (1 + SEARCH_MARGIN)
         i, j = _pairs_within(places, scipy.spatial.cKDTree(self.of_all(places)), far)
         may = self.allowed(i, j)
         i, j = i[may], j[may]
@@ -254,10 +254,10 @@ def facing(surface: Surface, images: Array, reach: float) -> npt.NDArray[np.bool
     others, across = (np.einsum("gij,fj->gfi", images, one).reshape(-1, d) for one in (middle, normal))
     i, j = _pairs_within(middle, scipy.spatial.cKDTree(others), reach)
     chord = others[j] - middle[i]
-    least = FACING * np.linalg.norm(chord, axis=1)
+    least = MIN_FACING_SINE * np.linalg.norm(chord, axis=1)
     faces = np.einsum("pi,pi->p", chord, normal[i]) > least
     faces &= np.einsum("pi,pi->p", chord, across[j]) < -least
-    faces &= np.einsum("pi,pi->p", normal[i], across[j]) < OPPOSED
+    faces &= np.einsum("pi,pi->p", normal[i], across[j]) < MAX_NORMAL_PRODUCT
     mask = np.zeros(count, dtype=np.bool_)
     mask[i[faces]] = True
     mask[j[faces] % count] = True
@@ -277,7 +277,7 @@ def facing(surface: Surface, images: Array, reach: float) -> npt.NDArray[np.bool
 # of a continuous wall, and falls to 0 at its border. The energy of a point of undeformed area A is A c(D) phi(-gap).
 
 
-LEAST, WHOLE = 0.1, 0.4
+PARTIAL_WALL, WHOLE_WALL = 0.1, 0.4
 """D above which a wall counts partly, and fully; it is 1/2 at a straight border."""
 
 
@@ -304,8 +304,8 @@ class Penalty:
 
 def _share(D: Array) -> tuple[Array, Array, Array]:
     """Return how much of a wall's border counts, and the first two derivatives: 0 to 1, twice differentiable."""
-    width = WHOLE - LEAST
-    t = np.clip((D - LEAST) / width, 0.0, 1.0)
+    width = WHOLE_WALL - PARTIAL_WALL
+    t = np.clip((D - PARTIAL_WALL) / width, 0.0, 1.0)
     value = t**3 * (10 - 15 * t + 6 * t**2)
     return value, 30 * t**2 * (1 - t) ** 2 / width, 60 * t * (1 - t) * (1 - 2 * t) / width**2
 
@@ -322,7 +322,7 @@ def kernels(r: Array, R: Array | float) -> Array:
 def gaps_of(N: Array, S: Array) -> Array:
     """Return the gaps of points with these sums, shapes (n,) and (n, d); infinite if no wall is near."""
     D = np.linalg.norm(S, axis=1)
-    seen = D > LEAST
+    seen = D > PARTIAL_WALL
     return np.where(seen, N / np.where(seen, D, 1.0), np.inf)
 
 
@@ -743,9 +743,9 @@ class PressedByDistance(PressedSamples):
 # Contact with a fixed wall, such as the surface of a rigid body.
 
 
-FINE = 0.5
+MAX_PIECE_EDGE = 0.5
 """Longest edge, in kernel radii, of the pieces of a triangle with one sample each."""
-MOST_SAMPLES = 1_000_000
+MAX_SAMPLES = 1_000_000
 
 
 class TooFineError(ValueError):
@@ -764,8 +764,8 @@ class FixedWall:
     def of(cls, points: Array, triangles: Numbers, radius: float) -> FixedWall:
         """Return the samples of triangles, in the middles of pieces that are small against the kernel's radius: corners, shape
         (n, 3), and their numbers, counter-clockwise as seen from outside, shape (t, 3). `TooFineError` if there would be
-        more than `MOST_SAMPLES`."""
-        corners = _cut(np.asarray(points[triangles], dtype=float), FINE * radius)
+        more than `MAX_SAMPLES`."""
+        corners = _cut(np.asarray(points[triangles], dtype=float), MAX_PIECE_EDGE * radius)
         areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
         return cls(corners.mean(axis=1), areas, radius)
 
@@ -795,7 +795,7 @@ def _cut(corners: Array, longest: float) -> Array:
         done.append(corners[short])
         count += int(short.sum())
         corners, edges = corners[~short], edges[~short]
-        if count + 2 * len(corners) > MOST_SAMPLES:
+        if count + 2 * len(corners) > MAX_SAMPLES:
             raise TooFineError
         first = edges.argmax(axis=1)[:, None]  # from the first corner of the longest edge on
         a, b, c = (np.take_along_axis(corners, ((first + k) % 3)[:, :, None], axis=1)[:, 0] for k in range(3))
@@ -890,7 +890,7 @@ class Rubbing:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Grip:
+class FrictionHistory:
     """History variables of the samples at the last accepted state, in sizes and shear moduli, shape (s,) each.
 
     Attributes:
@@ -910,7 +910,7 @@ class Grip:
     lost: float
 
     @classmethod
-    def of_free(cls, pressed: PressedSamples) -> Grip:
+    def of_free(cls, pressed: PressedSamples) -> FrictionHistory:
         """Return the history of faces without contact so far."""
         places = pressed.surface.places(pressed.nodes)
         limits, drawn, slid = np.zeros((3, len(places)))
@@ -929,7 +929,7 @@ class Rubbed(PressedSamples):
     which of these slide.
     """
 
-    def __init__(self, pressed: PressedSamples, rubbing: Rubbing, grip: Grip):
+    def __init__(self, pressed: PressedSamples, rubbing: Rubbing, grip: FrictionHistory):
         super().__init__(pressed.surface, pressed.nodes)
         self.pressed, self.rubbing, self.grip = pressed, rubbing, grip
         self.gaps, self.touching = pressed.gaps, pressed.touching
@@ -1017,7 +1017,7 @@ class Rubbed(PressedSamples):
         )
 
     def kept_rates(self, places: Array, held: Array, gaps: Array) -> tuple[Array, Array]:
-        """Return the derivatives of `Grip.held` and `Grip.gaps` of `kept` along the same, of all samples."""
+        """Return the derivatives of the `FrictionHistory.held` and ``gaps`` of `kept` along the same, of all samples."""
         on, kept = self.touching, places.copy()
         way, a = self._way_rates(places[on], held[on], gaps[on]), self._along
         across = (way - a * _dot(a, way)[:, None]) * (self.rubbing.onset / (self._size + TINY))[:, None]
@@ -1032,7 +1032,7 @@ class Rubbed(PressedSamples):
     def soon(self, share: float) -> np.ndarray:
         return self.pressed.soon(share)
 
-    def kept(self) -> Grip:
+    def kept(self) -> FrictionHistory:
         """Return the history variables once this state is accepted."""
         on, grip = self.touching, self.grip
         held = self._places.copy()
@@ -1042,7 +1042,7 @@ class Rubbed(PressedSamples):
         limits[on], drawn[on], slip[on] = self.limits, self.rubbing.drawn(self._size), self._size - reach
         # The normal force changes linearly in between.
         lost = float(((grip.limits + limits) / 2 * (drawn - grip.drawn + slip)).sum())
-        return Grip(held, self.gaps, limits, drawn, grip.slid + slip, grip.lost + lost)
+        return FrictionHistory(held, self.gaps, limits, drawn, grip.slid + slip, grip.lost + lost)
 
     @property
     def sliding(self) -> float:
@@ -1071,11 +1071,11 @@ def _outer(a: Array, b: Array) -> Array:
 # system (Haynsworth's inertia theorem, doi 10.1016/0024-3795(68)90050-5), as k is above zero where s is stable.
 
 
-MOST = 80
+MAX_STEPS = 80
 """Maximum number of steps to find the position: Newton's, or bisections."""
-CLOSE = 1e-14
+STEP_TOLERANCE = 1e-14
 """Convergence tolerance of the step, relative to the device's size."""
-LONGEST = 0.02
+MAX_STEP = 0.02
 """Maximum step, relative to the size, because a body far from the faces feels no force."""
 
 
@@ -1129,17 +1129,17 @@ class GivingWay:
     ):
         self.stand, self.along = stand, along
         low, high, s, all_along = -math.inf, math.inf, start, np.tile(along, len(nodes))
-        for _ in range(MOST):
+        for _ in range(MAX_STEPS):
             self.here, self.s = pressed(nodes - s * along), s
             self.v = np.asarray(self.here.stiffness @ all_along)
             self.k = k = stand.stiffness(s) + float(all_along @ self.v)
             surplus = stand.force(s) - self.push
             low, high = (low, s) if surplus > 0.0 else (s, high)
-            step = -surplus / k if k > 0.0 else -math.copysign(LONGEST, surplus)
-            after = s + float(np.clip(step, -LONGEST, LONGEST))
+            step = -surplus / k if k > 0.0 else -math.copysign(MAX_STEP, surplus)
+            after = s + float(np.clip(step, -MAX_STEP, MAX_STEP))
             if not low < after < high:
                 after = (low + high) / 2 if math.isfinite(high - low) else s
-            if surplus == 0.0 or abs(after - s) < CLOSE:
+            if surplus == 0.0 or abs(after - s) < STEP_TOLERANCE:
                 return
             s = after
 

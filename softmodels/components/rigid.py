@@ -125,8 +125,8 @@ class Rigid(regions.RigidPart, controls.HeavyPart):
             wanted /= np.linalg.norm(wanted)
             inside = body.in_section(wanted, d)
             if (
-                np.linalg.norm(inside @ directions.T @ directions - inside) > regions.STILL
-                or np.linalg.norm(inside) < 1 - regions.STILL
+                np.linalg.norm(inside @ directions.T @ directions - inside) > regions.HELD_TOLERANCE
+                or np.linalg.norm(inside) < 1 - regions.HELD_TOLERANCE
             ):
                 raise self.error(
                     f"a guide along {_shown(wanted)} breaks the symmetry of the device's model, "

@@ -20,7 +20,7 @@ from softmodels.common.errors import ComponentError
 from softmodels.common.lazy import scipy
 from softmodels.mechanics.body import in_space
 
-ENDLESS = 1e3
+CYLINDER_LENGTH = 1e3
 """Half length of a cylinder in sizes of the device."""
 MAX_SHAPE_DEPTH = 0.05
 """Penetration relative to the size at which a state is rejected: the device would pass through the shape."""
@@ -192,7 +192,7 @@ class Cylinder(Round):
     """A cylinder without ends."""
 
     def half(self, size: float) -> float:
-        return ENDLESS
+        return CYLINDER_LENGTH
 
     def check_mirrored(self, plane: CutPlane) -> None:
         if self.lean(np.asarray(plane.normal)) <= 1 - 1e-9:
@@ -217,7 +217,7 @@ class Capsule(Round):
         return self.length / 2 / size
 
 
-SAME = 1e-6
+MIRROR_TOLERANCE = 1e-6
 """Tolerance relative to an STL shape's extent for mirror images of its corners."""
 
 
@@ -290,10 +290,10 @@ def _read(file: str, unit: float, changed: int) -> tuple[Array, Indices]:
 
 def _same(points: Array) -> float:
     """Return the distance in m below which places on a shape are the same."""
-    return SAME * float(np.linalg.norm(np.ptp(points, axis=0)))
+    return MIRROR_TOLERANCE * float(np.linalg.norm(np.ptp(points, axis=0)))
 
 
-SPECK = 1e-20
+MIN_SQUARED_DISTANCE = 1e-20
 """Added to squared distances, in squared sizes: the distance from a line has no slope on the line itself."""
 
 
@@ -307,7 +307,7 @@ def distance(x: Sequence[Array], numbers: Numbers) -> Array:
         return sign * t
     t = (abs(t + half) - abs(t - half)) / 2  # no further than its ends
     v = [v[i] - t * along[i] for i in range(3)]
-    return sign * ((v[0] ** 2 + v[1] ** 2 + v[2] ** 2 + SPECK) ** 0.5 - radius)
+    return sign * ((v[0] ** 2 + v[1] ** 2 + v[2] ** 2 + MIN_SQUARED_DISTANCE) ** 0.5 - radius)
 
 
 def distances(places: Array, numbers: Numbers) -> Array:
@@ -326,7 +326,7 @@ def slopes(places: Array, numbers: Numbers) -> tuple[Array, Array, Array]:
         return sign * t, np.tile(sign * along[shown], (count, 1)), np.zeros((count, d, d))
     beside = np.abs(t) < half
     v = v - np.clip(t, -half, half)[:, None] * along
-    far = np.sqrt((v**2).sum(axis=1) + SPECK)
+    far = np.sqrt((v**2).sum(axis=1) + MIN_SQUARED_DISTANCE)
     way = v / far[:, None]
     square = np.eye(3) - np.where(beside[:, None, None], np.outer(along, along), 0.0)
     second = (square - way[:, :, None] * way[:, None, :]) / far[:, None, None]

@@ -37,7 +37,7 @@ from softmodels.mechanics.system import State, System
 from softmodels.runs import notes, recording, table
 from softmodels.runs.outcomes import RunError
 from softmodels.runs.simulation import Simulation
-from softmodels.runs.states import States
+from softmodels.runs.states import StoredStates
 
 __all__ = ["Curves", "ReducedModel", "TipPose", "TipState", "table_of"]
 
@@ -619,7 +619,7 @@ def tip_of(case: Case, face: str, roles: Sequence[str]) -> str:
     return chosen
 
 
-def table_of(source: States, face: str = "") -> ReducedModel:
+def table_of(source: StoredStates, face: str = "") -> ReducedModel:
     """Return the reduced model of a run's first rising piece, of the given tip face or the device's own.
 
     Raises:
@@ -641,7 +641,7 @@ def table_of(source: States, face: str = "") -> ReducedModel:
     try:
         simulation.prepare_on(source.mesh)
         with notes.sentences():
-            simulation.model.hanging()
+            simulation.model.path_start()
             role = tip_of(case, face, [*simulation.body.entities])
             responses = Responses(simulation, role)
             states = []

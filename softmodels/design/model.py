@@ -47,7 +47,7 @@ from softmodels.design.quantities import (
     Slopes,
     TargetMeasure,
 )
-from softmodels.design.states import Adjoint, Bifurcations, Known, Transfer, WorkingStates
+from softmodels.design.states import Adjoint, Bifurcations, DesignStates, Transfer, WorkingStates
 from softmodels.design.trials import (
     PRESSURE,
     DesignError,
@@ -83,7 +83,7 @@ class MeshedDesign:
         forks = any(isinstance(part, OfBifurcation) for part in question.parts)
         self.bifurcations = Bifurcations(design, self.adjoint) if forks else None
         self.states = WorkingStates(design, question.loads, question.highest, self.bifurcations)
-        self._stable: tuple[Case, Known] | None = None
+        self._stable: tuple[Case, DesignStates] | None = None
         """The last evaluated design, and its states."""
 
     @classmethod
@@ -121,7 +121,7 @@ class MeshedDesign:
 
     def _taken_over(self, before: MeshedDesign) -> bool:
         """Take over the states of another mesh of the same device; return whether they converged."""
-        guess = before.states.known.transferred(Transfer(before.design, self.design))
+        guess = before.states.save().transferred(Transfer(before.design, self.design))
         try:
             self.states.carry(guess)
             for load in self.question.loads:
@@ -150,17 +150,17 @@ class MeshedDesign:
         cannot follow), PoorMesh or DesignFailure (a load is not met).
         """
         states = self.states
-        start, first = self.case, states.known
+        start, first = self.case, states.save()
         self._move(case)
         if states.depend_on_path:
             self._retrace(case, start, first)
             return
-        way, step, earlier = 0.0, 1.0, list[tuple[float, Known]]()
+        way, step, earlier = 0.0, 1.0, list[tuple[float, DesignStates]]()
         while way < 1.0:
             goal = min(way + step, 1.0)
             try:
                 self.show(case if goal == 1.0 else _between(start, case, goal, self.question.names))
-                here = states.known
+                here = states.save()
                 states.carry(here.ahead(earlier[0][1], (goal - way) / (way - earlier[0][0])) if earlier else None)
             except newton.NoConvergence:
                 step /= 2
@@ -173,7 +173,7 @@ class MeshedDesign:
                 raise
             earlier, way = [(way, here)], goal
 
-    def _retrace(self, case: Case, start: Case, first: Known) -> None:
+    def _retrace(self, case: Case, start: Case, first: DesignStates) -> None:
         """Solve the states of a case along the whole path, on the current mesh."""
         self.show(case)
         try:
@@ -193,9 +193,9 @@ class MeshedDesign:
             self.show(before)
             raise PoorMesh("the quality of the moved mesh is too low")
 
-    def _restore(self, case: Case, known: Known) -> None:
+    def _restore(self, case: Case, known: DesignStates) -> None:
         self.show(case)
-        self.states.known = known
+        self.states.restore(known)
 
     def judge(self, gradients: bool = True) -> tuple[dict[str, Judged], list[str]]:
         """Return the values and gradients of the question's parts by key, and warnings.
@@ -215,7 +215,7 @@ class MeshedDesign:
             if self._stable is not None:
                 self._restore(*self._stable)
             raise
-        self._stable = self.case, self.states.known
+        self._stable = self.case, self.states.save()
         return found
 
     def _judged(self, gradients: bool) -> tuple[dict[str, Judged], list[str]]:
@@ -257,7 +257,7 @@ class MeshedDesign:
     def _settled(self, load: JudgedLoad) -> State:
         """Return the state at a load, its tangent factorised; UnstableState where the device leaves it by itself."""
         state = self.states.states[load]
-        self.states.recall(load)
+        self.states.restore_friction(load)
         self.adjoint.prepare(state)
         if load.kind == PRESSURE:
             negative = Stability.of(self.solver).negative_eigenvalues()

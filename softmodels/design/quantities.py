@@ -605,7 +605,7 @@ class _StiffnessMeasure(Measure):
         system = self.system
         check_apart(self.design, "stiffness")
         load = self.design.face_load(self._role)
-        system.unknowns.push(self.design.answer(load), self._z.x.array)
+        system.unknowns.to_dofs(self.design.answer(load), self._z.x.array)
         self._z.x.scatter_forward()
         return self._measure.slopes(state)
 
@@ -708,7 +708,7 @@ class PressedMeasure(Measure):
 
     def by_history(self, histories: Sequence[sensitivity.HistoryDirection]) -> float:
         own = next(
-            (one for one in histories if isinstance(one, sensitivity.GripDirection) and one.term is self.term), None
+            (one for one in histories if isinstance(one, sensitivity.FrictionDirection) and one.term is self.term), None
         )
         return 0.0 if own is None else self.design.system.stress_unit * float(own.at_nodes().sum(axis=0) @ self.along)
 

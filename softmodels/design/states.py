@@ -15,7 +15,7 @@ import scipy.spatial
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import fem, ufl
 from softmodels.design import quantities, trials
-from softmodels.mechanics import assembly, controls, mpi, newton, sensitivity
+from softmodels.mechanics import assembly, component, controls, mpi, newton, sensitivity
 from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.path import continuation, schedule, stability
 from softmodels.path.continuation import Continuation, trace
@@ -47,19 +47,14 @@ class WorkingStates:
         self.newton = 0
         self.carried = False
         self._rest_volume = 0.0
-        self.followed: dict[trials.JudgedLoad, Followed] = {}
+        self.followed: dict[trials.JudgedLoad, PathDependence] = {}
         """Of states that depend on their path."""
         self._steps = STEPS
-        self._grips = [
-            term for term in self.system.potential.terms.values() if isinstance(term, assembly.RememberingTerm)
-        ]
+        self.depend_on_path = any(
+            isinstance(term, assembly.HistoryTerm) for term in self.system.potential.terms.values()
+        )
 
     # -- along the path -------------------------------------------------------------------------------------------------
-
-    @property
-    def depend_on_path(self) -> bool:
-        """Whether states depend on those before."""
-        return bool(self._grips)
 
     def trace(self, rates: Sensitivity, names: Sequence[str]) -> None:
         """Solve all states along paths from the undeformed state; DesignFailure if a load is not met. Where they depend on
@@ -90,7 +85,7 @@ class WorkingStates:
 
     def _in_steps(self, rates: sensitivity.InTime) -> None:
         potential, here, before = self.system.potential, self.system.rest(), None
-        potential.keep(here.w, anew=True)
+        potential.commit(here.w, reset=True)
         self.states, self.followed = {}, {}
         loads = _in_order(self.loads, trials.PRESSURE)
         pressures = [self.design.direction * load.value / self.system.stress_unit for load in loads]
@@ -101,15 +96,15 @@ class WorkingStates:
                     guess = here.w + (P - here.P) / (here.P - before.P) * (here.w - before.w)
                 before, here = here, self.solver.solve(control, guess, float(P))
                 self.newton += here.iterations
-                remembered, histories = tuple(term.remembered() for term in self._grips), rates.remembered()
+                checkpoint, histories = potential.checkpoint(), rates.save()
                 found = rates.step(here, control)[1] if rates.names else {}
-                potential.keep(here.w)
-            self.states[load], self.followed[load] = here, Followed(remembered, found, histories)
+                potential.commit(here.w)
+            self.states[load], self.followed[load] = here, PathDependence(checkpoint, found, histories)
 
-    def recall(self, load: trials.JudgedLoad) -> None:
-        """Let friction remember what it did where the step to a load began."""
-        for term, remembered in zip(self._grips, self.followed[load].remembered, strict=True) if self._grips else ():
-            term.recall(remembered)
+    def restore_friction(self, load: trials.JudgedLoad) -> None:
+        """Restore friction to what it was where the step to a load began."""
+        if self.depend_on_path:
+            self.followed[load].checkpoint.restore()
 
     def _preloaded(self) -> State | None:
         """Return the state under the dead loads, from which the path begins; None without any."""
@@ -119,8 +114,10 @@ class WorkingStates:
             return None
         magnitudes = np.concatenate([np.zeros(len(self.system.ratios)), dead.amounts / dead.units])
         try:
-            return schedule.inflate_from(self.solver, schedule.hang(self.solver, [("its dead loads", magnitudes)]))
-        except schedule.HangingEnd as end:
+            return schedule.inflate_from(
+                self.solver, schedule.apply_preload(self.solver, [("its dead loads", magnitudes)])
+            )
+        except schedule.PreloadFailure as end:
             raise trials.DesignFailure(end.sentence) from end
 
     def _trace_pressures(self, loads: Sequence[trials.JudgedLoad], start: State | None) -> None:
@@ -161,7 +158,10 @@ class WorkingStates:
         # A step of the pressure up to a limit point may end behind it, on the other branch; one of the volume does not.
         try:
             path = Continuation(
-                self.solver, control=stability.AddedVolume.name, start=start, largest_growth=continuation.FREE_GROWTH
+                self.solver,
+                control=stability.AddedVolume.name,
+                start=start,
+                largest_growth=continuation.FREE_GROWTH,
             )
             for point in trace(path, goals):
                 self.newton += point.state.iterations
@@ -189,20 +189,18 @@ class WorkingStates:
 
     # -- from one design to the next ------------------------------------------------------------------------------------
 
-    @property
-    def known(self) -> Known:
-        """The current states, to be restored or used as guesses."""
-        return Known(self._rest_volume, self.states, self.limit, self.bifurcation)
+    def save(self) -> DesignStates:
+        """Return the current states, to be restored or used as guesses."""
+        return DesignStates(self._rest_volume, self.states, self.limit, self.bifurcation)
 
-    @known.setter
-    def known(self, known: Known) -> None:
-        self._rest_volume, self.states = known.rest, known.states
-        self.limit, self.bifurcation = known.limit, known.bifurcation
+    def restore(self, saved: DesignStates) -> None:
+        self._rest_volume, self.states = saved.rest, saved.states
+        self.limit, self.bifurcation = saved.limit, saved.bifurcation
 
-    def carry(self, guess: Known | None = None) -> None:
+    def carry(self, guess: DesignStates | None = None) -> None:
         """Solve all states for the device of the current mesh, from those of the last design or a guess. NoConvergence, with
         nothing changed, if one was not found from there, or may lie behind a limit point."""
-        guess, rest = guess or self.known, self.design.volume_at_rest()
+        guess, rest = guess or self.save(), self.design.volume_at_rest()
         found = {load: self._solve(load, state, rest) for load, state in guess.states.items()}
         for load, state in found.items():
             grown, before = state.V - rest, guess.states[load].V - guess.rest
@@ -219,7 +217,8 @@ class WorkingStates:
         forked = guess.bifurcation
         if forked is not None and self._bifurcations is not None:
             forked = self._bifurcations.near(forked.states[0], forked.V - guess.rest + rest, forked.mode, rest)
-        self.known, self.carried = Known(rest, found, limit, forked), True
+        self.restore(DesignStates(rest, found, limit, forked))
+        self.carried = True
 
     def _solve(self, load: trials.JudgedLoad, guess: State, rest: float) -> State:
         system, value = self.system, self.design.direction * load.value
@@ -370,7 +369,7 @@ class Transfer:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Known:
+class DesignStates:
     """States of one design by load, as guesses for the next: values, never modified. Its limit point is no guess, because a
     bulge may grow elsewhere on the next design."""
 
@@ -379,7 +378,7 @@ class Known:
     limit: stability.Point | None
     bifurcation: Bifurcation | None
 
-    def ahead(self, before: Known, share: float) -> Known:
+    def ahead(self, before: DesignStates, share: float) -> DesignStates:
         """Extrapolate linearly from an earlier design's states through these, by a share of
         their distance."""
 
@@ -389,9 +388,9 @@ class Known:
             return dataclasses.replace(here, w=w, P=P, V=V)
 
         states = {load: state(here, before.states[load]) for load, here in self.states.items()}
-        return Known(self.rest + share * (self.rest - before.rest), states, None, self.bifurcation)
+        return DesignStates(self.rest + share * (self.rest - before.rest), states, None, self.bifurcation)
 
-    def transferred(self, transfer: Transfer) -> Known:
+    def transferred(self, transfer: Transfer) -> DesignStates:
         """Return the same on another mesh of the same device."""
 
         def state(known: State) -> State:
@@ -402,7 +401,7 @@ class Known:
             modes = tuple(transfer.dofs(mode) for mode in fork.modes)
             V = transfer.volume(fork.V, self.rest)
             fork = dataclasses.replace(fork, V=V, states=tuple(map(state, fork.states)), modes=modes)
-        return Known(transfer.rest, {load: state(known) for load, known in self.states.items()}, None, fork)
+        return DesignStates(transfer.rest, {load: state(known) for load, known in self.states.items()}, None, fork)
 
 
 LARGEST_JUMP = 3.0
@@ -424,11 +423,11 @@ MOST_STEPS = 96
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Followed:
-    """What a state that depends on its path needs beside itself: what friction remembered where its step began, and of each
-    parameter the state's rate and how that changes."""
+class PathDependence:
+    """What a state that depends on its path needs beside itself: friction where its step began, and of each parameter the
+    state's rate and how that changes."""
 
-    remembered: tuple[object, ...]
+    checkpoint: component.Checkpoint
     rates: dict[str, sensitivity.Rate]
     histories: dict[str, list[Array]]
 
@@ -515,7 +514,7 @@ class Adjoint:
 
     def _set(self, lam: Array) -> None:
         x = self._lambda.x
-        self.system.unknowns.push(lam, x.array)
+        self.system.unknowns.to_dofs(lam, x.array)
         x.scatter_forward()
 
     def gradient(
@@ -571,14 +570,14 @@ class Adjoint:
         return self._lambda.x.array.copy(), nodes
 
     def along_path(
-        self, measure: quantities.Measure, slopes: quantities.Slopes, followed: Followed, name: str
+        self, measure: quantities.Measure, slopes: quantities.Slopes, followed: PathDependence, name: str
     ) -> float:
         """Return the whole derivative of a quantity at the prepared state by a parameter, without the partial one at fixed
         unknowns, from the state's rate and that of what friction remembered where its step began."""
         system, motion, rate = self.system, self.design.motion, followed.rates[name]
         found = 0.0
         if slopes.w is not None:
-            found += mpi.total(system.comm, float(slopes.w @ system.unknowns.nearest(rate.w)))
+            found += mpi.total(system.comm, float(slopes.w @ system.unknowns.project(rate.w)))
         if slopes.P:
             stress = 0.0 if rate.X is not None else self.sensitivity.force(name).stress
             found += slopes.P * (rate.P - self._state.P * stress) / system.stress_unit
@@ -616,7 +615,7 @@ class Adjoint:
         there."""
         system = self.system
         system.load(state)
-        v = system.unknowns.nearest(tangent.w) / tangent.V  # v . q = 1
+        v = system.unknowns.project(tangent.w) / tangent.V  # v . q = 1
         by_X = self.covector(v)
         unit = self.design.direction * system.stress_unit
         lengths = self.design.motion.gradient(unit * by_X, dict(velocities))
@@ -640,7 +639,7 @@ class Adjoint:
 
 SPREADS = np.array([-0.06, -0.025, 0.025, 0.06])
 """Positions of the states around the expected bifurcation, relative to the volume added up to it. Nearer ones would show an
-imperfect mesh's eigenvalue (see `softmodels.path.continuation.SPREADS`)."""
+imperfect mesh's eigenvalue (see `softmodels.path.continuation.EIGENVALUE_SAMPLE_POSITIONS`)."""
 NEAR = 0.01
 """Maximum relative distance of the bifurcation from the expected place; otherwise the states are recomputed around it."""
 MOST_TRIES = 6

@@ -38,9 +38,9 @@ from softmodels.design import trials
 from softmodels.materials import specimens
 from softmodels.materials.laws import Material
 from softmodels.mechanics import mpi
-from softmodels.runs import analyses, notes, table
+from softmodels.runs import analyses, notes, outcomes, table
 from softmodels.runs.outcomes import RunError
-from softmodels.runs.simulation import PathEnded, Simulation, temporary_folder
+from softmodels.runs.simulation import Simulation, temporary_folder
 
 if TYPE_CHECKING:
     import xarray
@@ -467,7 +467,7 @@ def solved(task: tuple[Case, str]) -> dict[str, object]:
             simulation.prepare(mesh)
             for step in simulation.steps():
                 rows.append(step.row)
-    except PathEnded as end:
+    except outcomes.PathEnded as end:
         ended = errors.written(end)
     except RunError as error:
         if not rows:

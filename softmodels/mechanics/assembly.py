@@ -60,7 +60,7 @@ class AssembledTerm[P: Pressing](component.EnergyTerm):
 
     def coupled(self) -> scipy.sparse.csr_array:
         """Return which nodes are or soon may be coupled: booleans, shape (n, n), symmetric."""
-        return self._pressed.coupled(SOON)
+        return self._pressed.coupled(NEAR_GAP_RATIO)
 
     def harder_here(self) -> Array | None:
         """Return the derivative of the forces by a common factor on all spring constants and weights, (n, d); or None."""
@@ -211,30 +211,30 @@ class AssembledTerm[P: Pressing](component.EnergyTerm):
         return scipy.sparse.kron(self._known, np.ones((d, d), dtype=np.bool_), format="csr")
 
 
-class RememberingTerm[P: Pressing](AssembledTerm[P]):
+class HistoryTerm[P: Pressing](AssembledTerm[P]):
     """A term whose forces depend on what it remembers of the states before, and the derivatives of that: flat arrays, by places
     of the faces' nodes against what they press on."""
 
     remembers: ClassVar[bool] = True
 
     @abc.abstractmethod
-    def remembered(self) -> object:
-        """Return what it remembers of the last accepted state, a value for `recall`."""
+    def save(self) -> Any:
+        """Return what it remembers of the last accepted state; see `component.Checkpoint`."""
 
     @abc.abstractmethod
-    def recall(self, remembered: object) -> None:
-        """Go back to what it remembered."""
+    def restore(self, saved: Any) -> None:
+        """Return to what `save` has given."""
 
     @abc.abstractmethod
     def rest_rates(self, places: Array) -> Array:
         """Return how what it remembers where a path begins changes with the nodes' places, shape (n, d)."""
 
     @abc.abstractmethod
-    def kept_rates(self, w: Array, places: Array, remembered: Array) -> Array:
+    def kept_rates(self, w: Array, places: Array, history: Array) -> Array:
         """Return how what it will remember of a state changes with the nodes' places and with what it remembers now."""
 
     @abc.abstractmethod
-    def history_rates(self, w: Array, remembered: Array) -> Array:
+    def history_rates(self, w: Array, history: Array) -> Array:
         """Return how its forces in a state change with what it remembers, shape (n, d)."""
 
 
@@ -527,7 +527,7 @@ def _nodes_of_facets(topology: Sequence[Sequence[Sequence[int]]], d: int) -> lis
 
 CONTACT_SLACK = 3
 """Extra Newton iterations that do not shorten the steps, because every step changes the contact points."""
-SOON = 0.2
+NEAR_GAP_RATIO = 0.2
 """Gap below which nodes are coupled in the matrix pattern before they touch, relative to a contact's near distance."""
 
 
@@ -560,7 +560,7 @@ class Pressing(Protocol):
 
 
 Ints = npt.NDArray[np.int32]
-TAG = 1709
+MESSAGE_TAG = 1709
 """Tag of the messages by which ranks exchange their shared unknowns."""
 
 
@@ -642,7 +642,7 @@ def _numbering(space: fem.FunctionSpace, part: Ints, region: Ints) -> tuple[comm
         ghosts.append(vector.array[n + away])
         owners.append(old.owners[away])
     behind = np.concatenate(ghosts).astype(np.int64)
-    return common.IndexMap(comm, n + extra, behind, np.concatenate(owners), TAG), new
+    return common.IndexMap(comm, n + extra, behind, np.concatenate(owners), MESSAGE_TAG), new
 
 
 def known_to_all(space: fem.FunctionSpace, dofs: Ints) -> Ints:

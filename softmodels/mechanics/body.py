@@ -167,7 +167,7 @@ class Body:
             meshes.exterior_facet_indices(topology), np.concatenate([np.empty(0, dtype=np.int32), *cut])
         )
         if d == 2:
-            outer = outer[meshes.compute_midpoints(self.mesh, 1, outer)[:, 0] > SAME]
+            outer = outer[meshes.compute_midpoints(self.mesh, 1, outer)[:, 0] > LENGTH_TOLERANCE]
         return outer
 
     def sheet_face(self, role: str) -> tuple[ufl.Measure, Expr]:
@@ -577,7 +577,7 @@ QUADRATURE_DEGREE = 2
 """Quadrature degree: exact for products of linear gradients, as second-order elements need for their full rate."""
 
 SURFACE_DEGREE = 4
-SAME = 1e-9
+LENGTH_TOLERANCE = 1e-9
 """Lengths below this fraction of the device's size count as zero."""
 CAVITY, SHEET = 1, 2
 """Tags of the cavity's and a sheet's facets in the forms, the same for every mesh to avoid recompiling."""

@@ -69,7 +69,7 @@ class CompilingError(errors.Spoken, RuntimeError):
 
 
 @contextlib.contextmanager
-def told_of_waits(tell: Callable[[str], None], check: Callable[[], None]) -> Iterator[None]:
+def report_waits(tell: Callable[[str], None], check: Callable[[], None]) -> Iterator[None]:
     """Report waits for kernels that another run compiles.
 
     Args:
@@ -84,7 +84,7 @@ def told_of_waits(tell: Callable[[str], None], check: Callable[[], None]) -> Ite
 
 
 def _check_stop() -> None:
-    """Let the caller of `told_of_waits`, if there is one, end what goes on here; a moment later, for a batch queue signals all
+    """Let the caller of `report_waits`, if there is one, end what goes on here; a moment later, for a batch queue signals all
     processes of a job, and this one perhaps after its compiler."""
     time.sleep(0.1)
     if _listening:

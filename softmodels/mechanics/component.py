@@ -14,7 +14,7 @@ A part is a frozen dataclass whose fields come from `softmodels.common.schema`. 
             body = setting.body
             u, area = body.displacement(setting.displacement), body.sheet_face(self.face)[0]
             k = fem.Constant(body.mesh, self.stiffness * body.actuator.size)
-            return Term([setting.per_pascal * k / 2 * ufl.dot(u, u) * body.hoop * area])
+            return EnergyTerm([setting.per_pascal * k / 2 * ufl.dot(u, u) * body.hoop * area])
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ import dataclasses
 import itertools
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
-from typing import ClassVar, Protocol, Self
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -291,7 +291,7 @@ class EnergyTerm:
     Attributes:
         energies: UFL integrals of the slice, lengths in sizes of the device and stresses in shear moduli of the silicone:
             a stiffness in Pa is multiplied by `FormContext.per_pascal`, once, so that fits know its derivative.
-        remembers: Whether its forces depend on the states before; see `keep`.
+        remembers: Whether its forces depend on the states before; see `commit`.
     """
 
     energies: list[ufl.Form]
@@ -315,7 +315,7 @@ class EnergyTerm:
         """Stiffness in Pa of a term with predicted stress in Newton's matrix, for a face in Pa times size; 0 for others."""
         return 0.0
 
-    def tangent(self, foresight: MixedPointStress) -> list[ufl.Form] | None:
+    def tangent(self, mixed_points: MixedPointStress) -> list[ufl.Form] | None:
         """Return the second derivatives of `energies`, one for each, if their stress is predicted; None for the plain ones. A
         stiff term that is turned needs it, see `softmodels.mechanics.potential.Potential.predict_stress`."""
         return None
@@ -333,7 +333,7 @@ class EnergyTerm:
         else None."""
         return None
 
-    def settle(self, w: Array) -> bool:
+    def update_lagged(self, w: Array) -> bool:
         """Adjust to a converged state's w (owned entries, perhaps more behind) what its forces take as given during a solve;
         return whether that has changed."""
         return False
@@ -346,11 +346,11 @@ class EnergyTerm:
         """Return the end of a path in the loaded state, in which `margin` is 0."""
         return None
 
-    def keep(self, w: Array, anew: bool = False) -> None:
-        """Accept a converged state's w (owned entries, perhaps more behind), and update the history to it; ``anew`` where a
+    def commit(self, w: Array, reset: bool = False) -> None:
+        """Accept a converged state's w (owned entries, perhaps more behind), and update the history to it; ``reset`` where a
         path begins there, and nothing of before counts."""
 
-    def admits(self, before: Array, after: Array) -> bool:
+    def is_admissible(self, before: Array, after: Array) -> bool:
         """Return whether a step between two states' w is admissible, the same on all ranks."""
         return True
 
@@ -377,6 +377,28 @@ def column_texts(*columns: tuple[str, str, str]) -> dict[str, tuple[str, str]]:
 def gravity_of(components: Sequence[Component]) -> Array:
     """Acceleration of gravity in m/s2, shape (3,), in device coordinates; zero where no component is one."""
     return next((part.acceleration for part in components if part.acceleration is not None), np.zeros(3))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What depends on earlier states, saved before a step that may fail.
+
+
+class HistoryDependent(Protocol):
+    """A part that depends on earlier states, such as friction. What `save` returns is not changed by later steps."""
+
+    def save(self) -> Any: ...
+    def restore(self, saved: Any) -> None: ...
+
+
+class Checkpoint:
+    """The histories of parts, saved here; `restore` brings them back, as often as needed."""
+
+    def __init__(self, parts: Iterable[HistoryDependent]):
+        self._saved = [(part, part.save()) for part in parts]
+
+    def restore(self) -> None:
+        for part, saved in self._saved:
+            part.restore(saved)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -483,7 +505,7 @@ def check_regions(where: str, actuator: Actuator, names: Sequence[str]) -> None:
 # Directions of loads: parse them, and check them against a device's symmetry.
 
 
-ALONG = 1e-9
+IN_PLANE_TOLERANCE = 1e-9
 """Cosine up to which a direction lies in a plane."""
 
 
@@ -512,12 +534,12 @@ def direction(text: str, where: str) -> Vector:
 
 def check_direction(vector: Vector, actuator: Actuator, where: str) -> None:
     """Raise `ComponentError` for a direction across the axis of a section, or out of a cut plane."""
-    if actuator.dimension == 2 and abs(vector[2]) < 1 - ALONG:
+    if actuator.dimension == 2 and abs(vector[2]) < 1 - IN_PLANE_TOLERANCE:
         raise ComponentError(
             f"{where}: an axisymmetric section takes loads along its axis, z or -z; for others use {actuator.fuller}"
         )
     for plane in actuator.cut_planes if actuator.dimension == 3 else ():
-        if abs(float(np.dot(vector, plane.normal))) > ALONG:
+        if abs(float(np.dot(vector, plane.normal))) > IN_PLANE_TOLERANCE:
             across = ", ".join(f"{x:g}" for x in plane.normal)
             raise ComponentError(
                 f"{where}: its direction leaves the symmetry plane normal to ({across}) of the "

@@ -30,9 +30,9 @@ from softmodels.mechanics import assembly, compiling, newton
 from softmodels.mechanics.system import System
 
 NONE = np.empty(0, dtype=np.int32)
-TIGHT = 1e-4
+AGEING_TOLERANCE = 1e-4
 """Tolerance below which a solve shows the age of a cycle."""
-FIXED, PER_ENTRY, PER_UNKNOWN = 15e6, 15, 80
+BASE_BYTES, PER_ENTRY, PER_UNKNOWN = 15e6, 15, 80
 """Memory of a rank: bytes whatever the model, bytes per entry of K (blocks in single precision, those to p, the linear level),
 and vectors (of the levels, of GMRES, and of the tracked modes). Measured along the paths of wedges of 17,300, 37,120,
 70,113 and 181,940 unknowns, mass matrix included: 54, 107, 188 and 486 MB taken, 57, 107, 189 and 476 MB predicted."""
@@ -45,10 +45,10 @@ class Multigrid(newton.Preconditioner):
     """The block triangular map above, without owned dofs that are ``fixed`` beside those that are held."""
 
     exact = False
-    most_of_a_solve = 150
-    most_in_all = 12
-    most_newton = 9
-    restart, most_iterations = 80, 200
+    max_solve_iterations = 150
+    max_total_iterations = 12
+    max_newton_iterations = 9
+    restart, max_linear_iterations = 80, 200
     instead = (
         ": multigrid may fail if one material is much stiffer than another or cells are very flat; use --solver direct"
     )
@@ -66,7 +66,7 @@ class Multigrid(newton.Preconditioner):
         """Return the memory of a cycle on this rank in bytes, from the entries of the assembled K."""
         K = system.K
         entries, unknowns = newton.entries_here(K), K.getLocalSize()[0]
-        return FIXED + (PER_ENTRY if K.comm.size == 1 else PER_SHARED_ENTRY) * entries + 8 * PER_UNKNOWN * unknowns
+        return BASE_BYTES + (PER_ENTRY if K.comm.size == 1 else PER_SHARED_ENTRY) * entries + 8 * PER_UNKNOWN * unknowns
 
     def _make_fields(self) -> None:
         """The rows of displacements, node by node, and those of p."""
@@ -166,10 +166,10 @@ class Multigrid(newton.Preconditioner):
         # Coarser levels move held dofs slightly, which no residual detects: states would drift off their supports.
         found[self._held] = given[self._held]
 
-    def wear(self, iterations: int, tolerance: float) -> int:
+    def equivalent_iterations(self, iterations: int, tolerance: float) -> int:
         """Return the iterations beyond those of the first solve after a set-up, of tight solves: loose ones are not
         informative."""
-        if tolerance > TIGHT:
+        if tolerance > AGEING_TOLERANCE:
             return 0
         rate = iterations / -math.log10(tolerance)
         if not self._fresh:
@@ -249,9 +249,9 @@ class MatrixParts:
 # for multigrid V-cycles, doi 10.1002/nla.2518, section 3).
 
 
-DEGREE = 4
+CHEBYSHEV_STEPS = 4
 """Steps of Chebyshev's iteration before and after the coarser level."""
-POWERS, SAFE = 15, 1.1
+POWER_ITERATIONS, EIGENVALUE_SAFETY_FACTOR = 15, 1.1
 """Steps of the power method towards the largest eigenvalue, and what it is multiplied with."""
 READ = 4
 """Entries that C code reads at once."""
@@ -329,7 +329,7 @@ class QuadraticLevel:
         self._matrix = (self.nodes, *ints[:2], values)
         # no rows with entries: the product is empty
         self._no_matrix = (self.nodes, buffer("int32_t[]", np.zeros_like(self._starts)), ints[1], values)
-        self._largest = SAFE * self._largest_eigenvalue()
+        self._largest = EIGENVALUE_SAFETY_FACTOR * self._largest_eigenvalue()
 
     def _largest_eigenvalue(self) -> float:
         """Of D^-1 K, from below."""
@@ -337,7 +337,7 @@ class QuadraticLevel:
         b = np.zeros(len(self.rows))
         mine[:] = np.random.default_rng(self._comm.rank).normal(size=len(mine))
         size = math.sqrt(comm.allreduce(float(mine @ mine)))
-        for _ in range(POWERS):
+        for _ in range(POWER_ITERATIONS):
             mine /= size
             self._step(self._matrix, b, 0.0, 1.0)
             mine[:] = self._change
@@ -356,7 +356,7 @@ class QuadraticLevel:
         """Smooth the error of `x` in K x = b, of this rank's entries; ``begin`` from zero, whatever `x` is."""
         if begin:
             self.x[:] = 0.0
-        for k in range(1, DEGREE + 1):
+        for k in range(1, CHEBYSHEV_STEPS + 1):
             keep, add = ((2 * k - 3) / (2 * k + 1) if k > 1 else 0.0), (8 * k - 4) / (2 * k + 1) / self._largest
             self._step(self._no_matrix if begin and k == 1 else self._matrix, b, keep, add)
             self.x[: len(b)] += self._change
@@ -482,10 +482,10 @@ class LinearLevel:
             vector.normalize()
         self._matrix.setNearNullSpace(PETSc.NullSpace().create(vectors=vectors, comm=self._comm))
         cycle = self._cycle = PETSc.PC().create(self._comm)
-        cycle.setOptionsPrefix(newton.PREFIX)
+        cycle.setOptionsPrefix(newton.OPTIONS_PREFIX)
         cycle.setOperators(self._matrix, self._matrix)
         cycle.setType("gamg")
-        options = PETSc.Options(newton.PREFIX)
+        options = PETSc.Options(newton.OPTIONS_PREFIX)
         own = {name: value for name, value in OPTIONS.items() if not options.hasName(name)}
         for name, value in own.items():
             options.setValue(name, value)
@@ -538,7 +538,7 @@ class LinearLevel:
 # iterations with M. L^T K L is then K's Schur complement up to the square of L's error, for any stiffness of the device.
 
 
-FOLLOWED = 1e-2
+FOLLOWER_SOLVE_TOLERANCE = 1e-2
 """Relative tolerance of the iterations for L: six for each unknown of a finger's tip."""
 
 
@@ -563,7 +563,7 @@ class RigidCycle(Multigrid):
         self._free = PETSc.Mat().createPython(self.K.getSizes(), context=self._shell, comm=self.K.comm)
         self._free.setUp()
         self._solver = PETSc.KSP().create(self.K.comm)
-        self.on_the_right(self._solver, self._shell, FOLLOWED, self.restart)
+        self.on_the_right(self._solver, self._shell, FOLLOWER_SOLVE_TOLERANCE, self.restart)
         self._solver.setOperators(self._free)
 
     @staticmethod

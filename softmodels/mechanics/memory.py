@@ -248,8 +248,8 @@ class History:
     def at_points(self, expression: fem.Expression, width: int) -> Array:
         """Return the values of an expression, shape (cells, points, width)."""
         found, cells = np.empty((*self.places.shape, width)), self.region.cells
-        for first in range(0, len(cells), AT_ONCE):
-            some = slice(first, first + AT_ONCE)
+        for first in range(0, len(cells), MAX_CELLS_AT_ONCE):
+            some = slice(first, first + MAX_CELLS_AT_ONCE)
             found[some] = expression.eval(self.body.mesh, cells[some]).reshape(-1, *found.shape[1:])
         return found
 
@@ -284,33 +284,33 @@ class History:
         found = self.at_points(self._stress, 9)
         return found.reshape(*found.shape[:2], 3, 3)
 
-    def copied(self) -> tuple[Array, float]:
-        """Return a copy of all that is remembered, for `restore`."""
+    def save(self) -> tuple[Array, float]:
+        """Return a copy of all that is remembered; see `component.Checkpoint`."""
         return self.values.x.array.copy(), self._creep
 
-    def restore(self, kept: tuple[Array, float]) -> None:
-        self.values.x.array[:], self._creep = kept
+    def restore(self, saved: tuple[Array, float]) -> None:
+        self.values.x.array[:], self._creep = saved
         self.prepare()
 
 
 SIX = len(memory.IDENTITY)
-AT_ONCE = 4096
+MAX_CELLS_AT_ONCE = 4096
 """Number of cells whose expressions are evaluated at once: of all together what they need would take gigabytes."""
 
-FLOW = ("onset", "exponent", "least", "growth", "growth_exponent")
+FLOW_PARAMETERS = ("onset", "exponent", "least", "growth", "growth_exponent")
 
 
 def _constants(mesh: meshes.Mesh, branch: memory.Branch) -> types.SimpleNamespace:
     """Return what `memory.fluidity` takes of a branch, as constants."""
     spring = [tuple(fem.Constant(mesh, value) for value in term) for term in branch.spring]
     return types.SimpleNamespace(
-        **{name: fem.Constant(mesh, float(getattr(branch, name))) for name in FLOW}, spring=spring
+        **{name: fem.Constant(mesh, float(getattr(branch, name))) for name in FLOW_PARAMETERS}, spring=spring
     )
 
 
 def _numbers(flow: types.SimpleNamespace, branch: memory.Branch) -> list[tuple[fem.Constant, npt.NDArray[np.inexact]]]:
     """Return these constants with their values of a branch."""
-    found = [(getattr(flow, name), np.asarray(getattr(branch, name))) for name in FLOW]
+    found = [(getattr(flow, name), np.asarray(getattr(branch, name))) for name in FLOW_PARAMETERS]
     for constants, term in zip(flow.spring, branch.spring, strict=True):
         found += zip(constants, map(np.asarray, term), strict=True)
     return found
@@ -342,15 +342,15 @@ def _numbers(flow: types.SimpleNamespace, branch: memory.Branch) -> list[tuple[f
 
 RADIUS = 0.9
 """Default of the spectral radius: what one step leaves of a vibration that it is far too long for."""
-LARGEST_RADIUS = 0.99
+MAX_SPECTRAL_RADIUS = 0.99
 """Largest one of a run: at 1 the pressure-like unknown of incompressible silicone keeps every error for ever, and after some
 tens of periods the steps become short."""
-FRESH, FIRST = 1e-2, 1e-3
+STEP_RATIO_AFTER_JUMP, FIRST_STEP_RATIO = 1e-2, 1e-3
 """First step after a jump of a pressure or force, over the last one; and the first of all, over the stage and over the time in
 which a shear wave crosses the device."""
-SMALL = 1e-2
+MIN_DISPLACEMENT_SCALE = 1e-2
 """Displacement (rms), in sizes of the device, below which errors do not count over the displacement itself."""
-FADING = 0.95
+SCALE_DECAY = 0.95
 """What is left of the scale of errors and forces from one step to the next: within a vibration both pass zero, and neither the
 step nor the accuracy of Newton's method should follow."""
 
@@ -463,19 +463,19 @@ class Motion:
         doi 10.1002/eqe.4290200907), rms over the mass; and not less than what is left of the last steps' errors.
         """
         off = self._step**2 * abs(self._beta - 1 / 6) * self._rms(self._mean_at_end(self.accelerated(w)) - self._a)
-        error = off / max(self.size, self._rms(self._displacement(w)), SMALL)
+        error = off / max(self.size, self._rms(self._displacement(w)), MIN_DISPLACEMENT_SCALE)
         longer = (self._step / self.last) ** 3 if self.last else 0.0
         # Rounded, so that the steps do not depend on the rounding errors of a state.
-        return float(f"{max(error, FADING * self._recent * min(longer, 1.0)):.2g}")
+        return float(f"{max(error, SCALE_DECAY * self._recent * min(longer, 1.0)):.2g}")
 
     def _mean_at_end(self, acceleration: Array) -> Array:
         """Return a where the step ends."""
         am, af = self._am, self._af
         return ((1 - af) * acceleration + af * self._acceleration - am * self._a) / (1 - am)
 
-    def keep(self, w: Array, anew: bool = False) -> None:
+    def commit(self, w: Array, reset: bool = False) -> None:
         """Accept a state: the end of the step, or, without one, a place where the device is put with its velocities."""
-        if anew:
+        if reset:
             self._reset(w)
         elif not self._step:
             self._w = self._displacement(w)
@@ -483,7 +483,7 @@ class Motion:
             self._recent = self.error(w)
             acceleration, step = self.accelerated(w), self._step
             forces = self.unit * self._times(acceleration)
-            self._strong = FADING * max(math.sqrt(mpi.total(self.comm, float(forces @ forces))), self._strong)
+            self._strong = SCALE_DECAY * max(math.sqrt(mpi.total(self.comm, float(forces @ forces))), self._strong)
             a = self._mean_at_end(acceleration)
             self._v = self._v + step * ((1 - self._gamma) * self._a + self._gamma * a)
             self._a = acceleration if self.fresh else a
@@ -497,18 +497,18 @@ class Motion:
 
     def first_step(self, duration: float) -> float:
         """Return the length in s of the first step of a stage."""
-        step = (self.last or FIRST * duration) * (FRESH if self.fresh else 1.0)
-        return max(step, FIRST * math.sqrt(self.unit))
+        step = (self.last or FIRST_STEP_RATIO * duration) * (STEP_RATIO_AFTER_JUMP if self.fresh else 1.0)
+        return max(step, FIRST_STEP_RATIO * math.sqrt(self.unit))
 
     @property
     def kinetic(self) -> float:
         """Kinetic energy, dimensionless."""
         return self.unit / 2 * mpi.total(self.comm, float(self._v @ self._times(self._v)))
 
-    def copied(self) -> dict[str, object]:
-        """Return all that is known of the last state, for `restore`: arrays are replaced, never changed."""
+    def save(self) -> dict[str, object]:
+        """Return all that is known of the last state (arrays are replaced, never changed); see `component.Checkpoint`."""
         return dict(self.__dict__)
 
-    def restore(self, kept: dict[str, object]) -> None:
-        self.__dict__.update(kept)
+    def restore(self, saved: dict[str, object]) -> None:
+        self.__dict__.update(saved)
         self.begin(0.0)

@@ -434,10 +434,10 @@ def launched() -> int | None:
 # Available memory, and the need of a device's linear solver.
 
 
-GIGA = 1e9
+GIGABYTE = 1e9
 GROUPS = Path("/sys/fs/cgroup")
 """Files with Linux' container limits."""
-LEFT = 0.9
+USABLE_MEMORY_SHARE = 0.9
 """Fraction of the free memory that a model may use; meshes, results and pictures need some too."""
 
 
@@ -450,7 +450,7 @@ def available(comm: MPI.Comm) -> float:
     beside = comm.Split_type(MPI.COMM_TYPE_SHARED)
     ranks = beside.size
     beside.Free()
-    return -largest(comm, -LEFT * free() / ranks)
+    return -largest(comm, -USABLE_MEMORY_SHARE * free() / ranks)
 
 
 def needed(comm: MPI.Comm, own: float) -> tuple[float, float]:

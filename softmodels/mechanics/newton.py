@@ -23,12 +23,12 @@ class Newton:
     """Newton's method for a system on a control's curve; the system's functions hold the iterate. ``snes`` is PETSc's solver,
     with the options that the user has given it, ``x`` its vector of unknowns, ``f`` its residual."""
 
-    def __init__(self, system: System, bordered: Bordered, kept: LaggedPreconditioner):
-        self.system, self.bordered, self.kept = system, bordered, kept
+    def __init__(self, system: System, bordered: Bordered, lagged: LaggedPreconditioner):
+        self.system, self.bordered, self.lagged = system, bordered, lagged
         self._first = self._before = math.inf
         self._of_stress, self._of_motion, self._round = 0.0, 0.0, rounding_of_stress(system)
         self._iterate = np.empty(0)
-        self._most = bordered.inverse.most_newton
+        self._most = bordered.inverse.max_newton_iterations
         self._smallest: float | None = None  # volume ratio of the iterate, where it was a trial
         self._since: Array | None = None
         self._anchor: Array | None = None
@@ -57,8 +57,8 @@ class Newton:
         """Solve on a control's curve from a guess; see `Solver.solve`. Returns P and the multipliers."""
         self.control, self._since = control, since
         self._smallest = None
-        self._most = most or self.bordered.inverse.most_newton
-        self.bordered.join(self.x, self.system.unknowns.begin(w), [P, *w[self.system.dofs :]])
+        self._most = most or self.bordered.inverse.max_newton_iterations
+        self.bordered.join(self.x, self.system.unknowns.to_reduced(w), [P, *w[self.system.dofs :]])
         self.system.assembled.whole = True
         try:
             self.snes.solve(None, self.x)
@@ -67,7 +67,7 @@ class Newton:
         PETSc.garbage_cleanup(self.system.comm)  # collect dropped vectors: all ranks have to agree on them
         reason: Any = self.snes.getConvergedReason()  # an int, despite its stub
         if reason <= 0:
-            self.kept.spoil()
+            self.lagged.invalidate()
             why = _REASONS.get(reason, f"PETSc's reason {reason}")
             raise NoConvergence(why.format(most=self._most, instead=self.bordered.inverse.instead))
         return self._take_iterate(self.x)
@@ -91,7 +91,7 @@ class Newton:
         system, control = self.system, self.control
         coupling = system.coupling
         P = float(self._take_iterate(x)[0])
-        loads = self.kept.set_columns()
+        loads = self.lagged.set_columns()
         inner = system.internal_forces()
         volumes = system.driven() if control.needs_volume or len(coupling.constraints) else np.zeros(len(loads))
         measured = float(coupling.shares @ volumes) if self._anchor is None else self._along()
@@ -113,19 +113,19 @@ class Newton:
         assert row is not None and self._force is not None
         self._y.array_w[:] = self.system.w.x.array[:n] - self._anchor[:n]
         self._force.copy(row)
-        self.system.unknowns.pull(row.array_w)
+        self.system.unknowns.restrict(row.array_w)
         return float(self._force.dot(self._y))
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
         self._take_iterate(x)
-        self._foresee_stress()
-        if self.bordered.factorisations == 0 or self.kept.worn:
-            self.kept.make(None)
+        self._predict_stress()
+        if self.bordered.factorisations == 0 or self.lagged.exhausted:
+            self.lagged.make(None)
         else:
             self.bordered.refresh()
         J.assemble()
 
-    def _foresee_stress(self) -> None:
+    def _predict_stress(self) -> None:
         """Set the stress of sheets and fibres in Newton's matrix: the iterate's, or with `solve`'s ``since`` a predicted
         one."""
         if not self.system.potential.predicted_stiffness:
@@ -141,7 +141,7 @@ class Newton:
 
     def _guard(self, x: PETSc.Vec, y: PETSc.Vec) -> bool:
         """Shorten Newton's step y (the next iterate is x - y) until no cell is inverted and nothing passes through a wall."""
-        self.kept.count(self.snes.getKSP())
+        self.lagged.count(self.snes.getKSP())
         self._take_iterate(x)
         system = self.system
         known = None if system.assembled.remembers else self._smallest  # a line search may have taken a shorter step
@@ -153,7 +153,7 @@ class Newton:
             trial.axpy(-factor, y)
             self._take_iterate(trial)
             self._smallest = system.smallest_J()
-            if self._smallest > least and system.potential.admits(before, system.w.x.array):
+            if self._smallest > least and system.potential.is_admissible(before, system.w.x.array):
                 break
             factor /= 2
         else:
@@ -169,25 +169,25 @@ class Newton:
         if iteration == 0:
             self._first = residual
         unit_load: Any = self.bordered.q.norm()
-        tolerance = TOLERANCE * max(self._load_size, FLOOR * unit_load)
+        tolerance = RESIDUAL_TOLERANCE * max(self._load_size, MIN_PRESSURE_SCALE * unit_load)
         # Forces in a thin wall cancel to 1e-9 of themselves; Newton cannot reduce their rounding error,
         # nor that of a stiff region, which may exceed a small weight.
         rounding = max(
-            ROUNDING * max(tolerance, TOLERANCE * FLOOR * self._of_stress),
-            SAFE * (self._round * self._of_stress + self._of_motion),
+            STAGNATION_TOLERANCE_FACTOR * max(tolerance, RESIDUAL_TOLERANCE * MIN_PRESSURE_SCALE * self._of_stress),
+            ROUNDING_SAFETY_FACTOR * (self._round * self._of_stress + self._of_motion),
         )
-        tolerance *= 1.0 if self.bordered.inverse.exact else CLOSER
+        tolerance *= 1.0 if self.bordered.inverse.exact else MULTIGRID_TOLERANCE_FACTOR
         settled = iteration >= 2 and residual > 0.5 * self._before and residual <= rounding
         if residual <= tolerance or settled:
             return reasons.CONVERGED_FNORM_ABS
         if iteration >= self._most:
             return reasons.DIVERGED_MAX_IT
         loosest = self._loosest()
-        if iteration >= 3 and residual > 1e3 * LOOSEST / loosest * self._first:
+        if iteration >= 3 and residual > 1e3 * MAX_FORCING_TERM / loosest * self._first:
             return reasons.DIVERGED_DTOL
         # Eisenstat & Walker 1996 (doi 10.1137/0917003), choice 2: solve only as accurately as Newton's next step needs.
         forcing = loosest if iteration == 0 else min(loosest, (residual / self._before) ** 2)
-        last = min(ENOUGH * tolerance / residual, LAST if self._since is None else loosest)
+        last = min(LAST_SOLVE_FACTOR * tolerance / residual, MAX_LAST_TOLERANCE if self._since is None else loosest)
         snes.getKSP().setTolerances(rtol=max(min(forcing, loosest), last))
         self._before = residual
         return reasons.ITERATING
@@ -196,8 +196,8 @@ class Newton:
         """Return the tolerance of the first linear solves; a tight one if a stress is predicted: the forces of what is stiff
         make up the residual, and a loose solve would reduce them only."""
         if self._since is None:
-            return LOOSEST
-        return max(TIGHTEST, LOOSEST / max(1.0, self.system.potential.predicted_stiffness))
+            return MAX_FORCING_TERM
+        return max(MIN_FORCING_TERM, MAX_FORCING_TERM / max(1.0, self.system.potential.predicted_stiffness))
 
 
 _REASONS = {
@@ -223,20 +223,20 @@ class Preconditioner(abc.ABC):
     Attributes:
         exact: Whether it is K^-1 itself, so that K's inertia is available.
         rounded: Whether it is so only in single precision.
-        most_of_a_solve: Iterations of the linear solver in one solve after which it is replaced at once.
-        most_in_all: Wear after which the next state gets one of its own; see `wear`.
-        most_newton: Iterations of Newton's method after which a shorter step costs less.
-        restart, most_iterations: Of the linear solver that it preconditions.
+        max_solve_iterations: Iterations of the linear solver in one solve after which it is replaced at once.
+        max_total_iterations: Wear after which the next state gets one of its own; see `equivalent_iterations`.
+        max_newton_iterations: Iterations of Newton's method after which a shorter step costs less.
+        restart, max_linear_iterations: Of the linear solver that it preconditions.
         instead: What a user can do where that solver fails with it, words after the failure; empty where nothing.
     """
 
     exact: ClassVar[bool]
     rounded: bool = False
-    most_of_a_solve: ClassVar[int]
-    most_in_all: ClassVar[int]
-    most_newton: ClassVar[int]
+    max_solve_iterations: ClassVar[int]
+    max_total_iterations: ClassVar[int]
+    max_newton_iterations: ClassVar[int]
     restart: ClassVar[int]
-    most_iterations: ClassVar[int]
+    max_linear_iterations: ClassVar[int]
     instead: ClassVar[str] = ""
 
     @abc.abstractmethod
@@ -251,7 +251,7 @@ class Preconditioner(abc.ABC):
     def negative_pivots(self) -> int:
         """Return the number of negative eigenvalues of its K; only for an exact inverse."""
 
-    def wear(self, iterations: int, tolerance: float) -> int:
+    def equivalent_iterations(self, iterations: int, tolerance: float) -> int:
         """Return by how many iterations a solve to a relative tolerance has aged it."""
         return iterations
 
@@ -318,11 +318,11 @@ class Shell:
 # same way, with one more right-hand side per column: it need not be near K^-1 for that.
 
 
-ITERATED = 1e-10
+ITERATIVE_SOLVE_TOLERANCE = 1e-10
 """Tolerance of the iterative solves that replace back-substitutions."""
-ALIKE = 5e-2
+COLUMN_REUSE_TOLERANCE = 5e-2
 """Relative change of the load of a unit pressure up to which K^-1 times it is reused."""
-REFINED, MOST_REFINEMENTS = 1e-12, 5
+REFINEMENT_TOLERANCE, MAX_REFINEMENTS = 1e-12, 5
 """Default relative tolerance of refined single-precision back-substitutions, and the maximum number of
 refinement steps."""
 
@@ -355,12 +355,12 @@ class Bordered:
         size = (self.n + self.extra, PETSc.DETERMINE)
         self.mat = PETSc.Mat().createPython((size, size), context=self.shell, comm=K.comm)
         self.mat.setUp()
-        self._iterations = self.precondition(PETSc.KSP().create(K.comm), ITERATED)
+        self._iterations = self.precondition(PETSc.KSP().create(K.comm), ITERATIVE_SOLVE_TOLERANCE)
         self._right, self._solution = self.vector(), self.vector()
 
     def precondition(self, ksp: PETSc.KSP, tolerance: float) -> PETSc.KSP:
         """Make a linear solver GMRES with the bordered inverse as preconditioner, to a relative tolerance."""
-        self.inverse.on_the_right(ksp, self.shell, tolerance, self.inverse.most_iterations)
+        self.inverse.on_the_right(ksp, self.shell, tolerance, self.inverse.max_linear_iterations)
         return ksp
 
     @property
@@ -401,13 +401,13 @@ class Bordered:
         self.factorisations += 1
         self._lift(0)
 
-    def solve(self, b: PETSc.Vec, x: PETSc.Vec, tolerance: float = REFINED) -> None:
+    def solve(self, b: PETSc.Vec, x: PETSc.Vec, tolerance: float = REFINEMENT_TOLERANCE) -> None:
         """Solve x = K^-1 b on the motions that keep the held volumes, with the current factorisation or by iterations.
 
         Iterations solve with the tangent of the state that is loaded; single precision is refined to a relative tolerance.
         """
         if not self.inverse.exact:
-            self.iterate(b, x, ITERATED)
+            self.iterate(b, x, ITERATIVE_SOLVE_TOLERANCE)
             return
         pressures = self.solve_roughly(b, x)
         if self.inverse.rounded:
@@ -434,7 +434,7 @@ class Bordered:
     def _refine(self, b: PETSc.Vec, x: PETSc.Vec, pressures: Array, tolerance: float) -> None:
         """Refine x by its residual on the factorised K until it converges."""
         before = assembly.length(x)
-        for _ in range(MOST_REFINEMENTS):
+        for _ in range(MAX_REFINEMENTS):
             self.K.mult(x, self._r)
             self._r.aypx(-1.0, b)
             for pressure, column in zip(pressures, self.constraint_columns, strict=True):
@@ -480,7 +480,7 @@ class Bordered:
         """
         self.q.copy(self._y)
         self._y.axpy(-1.0, self._q_lifted)
-        self._lift(0 if assembly.length(self._y) > ALIKE * assembly.length(self.q) else 1)
+        self._lift(0 if assembly.length(self._y) > COLUMN_REUSE_TOLERANCE * assembly.length(self.q) else 1)
 
     def _lift(self, first: int) -> None:
         """K^-1 times the columns from the first one on, and the compliances between all."""
@@ -530,29 +530,30 @@ class LaggedPreconditioner:
 
     Attributes:
         base: The state at which it was made; None if there is none, or it was made at an iterate.
-        age: Iterations of the linear solver since.
-        made: How many states it was made for, or made ready for.
-        worn: Whether the last solve took so many of them that it is replaced at the next one.
+        total_iterations: Iterations of the linear solver since.
+        updates: How many states it was made for, or made ready for.
+        exhausted: Whether the last solve took so many of them that it is replaced at the next one.
     """
 
     def __init__(self, system: System, bordered: Bordered):
         self.system, self.bordered = system, bordered
         self.base: State | None = None
-        self.age, self.made, self.worn = 0, 0, False
+        self.total_iterations, self.updates, self.exhausted = 0, 0, False
 
     def make(self, base: State | None) -> None:
         """Factorise the tangent of the current state, which is ``base`` or an iterate.
 
         What is no factorisation is set up anew only where it has aged: it knows no more of this state than of others.
         """
-        if self.bordered.inverse.exact or self._aged or not self.bordered.factorisations:
+        outdated = self.exhausted or self.total_iterations > self.bordered.inverse.max_total_iterations
+        if self.bordered.inverse.exact or outdated or not self.bordered.factorisations:
             self.system.assemble_tangent()
             self.bordered.factorise()
-            self.age = 0
+            self.total_iterations = 0
         else:
             self.bordered.refresh()
-        self.base, self.worn = base, False
-        self.made += 1
+        self.base, self.exhausted = base, False
+        self.updates += 1
 
     def set_columns(self) -> npt.NDArray[np.float64]:
         """Put the current state's loads into the border; each cavity's load of a unit pressure, shape (k, n)."""
@@ -565,8 +566,8 @@ class LaggedPreconditioner:
     def count(self, ksp: PETSc.KSP) -> None:
         """Add the age from a linear solve."""
         inverse, iterations = self.bordered.inverse, ksp.getIterationNumber()
-        self.age += inverse.wear(iterations, ksp.getTolerances()[0])
-        self.worn = iterations > inverse.most_of_a_solve
+        self.total_iterations += inverse.equivalent_iterations(iterations, ksp.getTolerances()[0])
+        self.exhausted = iterations > inverse.max_solve_iterations
 
     def solve(self, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> bool:
         """Solve with a linear solver; if a multigrid cycle of an earlier state fails, set it up anew and retry once. Return
@@ -574,35 +575,32 @@ class LaggedPreconditioner:
         ksp.solve(b, x)
         self.count(ksp)
         if not ksp.is_converged and not self.bordered.inverse.exact:
-            self.spoil()
+            self.invalidate()
             self.make(None)
             x.set(0.0)
             ksp.solve(b, x)
             self.count(ksp)
         return ksp.is_converged
 
-    def spoil(self) -> None:
+    def invalidate(self) -> None:
         """Invalidate it, so that the next solve factorises anew."""
-        self.age = self.bordered.inverse.most_in_all + 1
+        self.total_iterations = self.bordered.inverse.max_total_iterations + 1
 
     @property
-    def _aged(self) -> bool:
-        return self.worn or self.age > self.bordered.inverse.most_in_all
-
-    @property
-    def stale(self) -> bool:
+    def needs_update(self) -> bool:
         """Whether it needs an update: it has aged, or was made at an iterate instead of a converged state."""
-        return self.base is None or self.age > self.bordered.inverse.most_in_all
+        return self.base is None or self.total_iterations > self.bordered.inverse.max_total_iterations
 
 
-TOLERANCE = 1e-9  # residual relative to the load of the cavity pressure
-FLOOR = 1e-3  # pressures below this many shear moduli do not tighten the tolerance
-ROUNDING = 1000.0  # tolerances below which a stagnating residual counts as rounding
-SAFE = 10.0  # times the predicted rounding error
-LOOSEST = 1e-2  # of the linear solves: Newton's first steps are not more accurate anyway
-ENOUGH, LAST = 0.3, 0.1  # of Newton's tolerance, left by them; and their tolerance at most where that is enough
-CLOSER = 0.1  # of Newton's tolerance with multigrid: a factorisation is far more accurate anyway
-TIGHTEST = 1e-7  # of the same with a stiff sheet: GMRES reaches it with any recent factorisation
+RESIDUAL_TOLERANCE = 1e-9  # residual relative to the load of the cavity pressure
+MIN_PRESSURE_SCALE = 1e-3  # pressures below this many shear moduli do not tighten the tolerance
+STAGNATION_TOLERANCE_FACTOR = 1000.0  # tolerances below which a stagnating residual counts as rounding
+ROUNDING_SAFETY_FACTOR = 10.0  # times the predicted rounding error
+MAX_FORCING_TERM = 1e-2  # of the linear solves: Newton's first steps are not more accurate anyway
+LAST_SOLVE_FACTOR = 0.3  # of Newton's tolerance, left by the last linear solve
+MAX_LAST_TOLERANCE = 0.1  # of that solve
+MULTIGRID_TOLERANCE_FACTOR = 0.1  # of Newton's tolerance with multigrid: a factorisation is far more accurate anyway
+MIN_FORCING_TERM = 1e-7  # of the same with a stiff sheet: GMRES reaches it with any recent factorisation
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -618,16 +616,16 @@ TIGHTEST = 1e-7  # of the same with a stiff sheet: GMRES reaches it with any rec
 OUT_OF_MEMORY = (-5, -7, -8, -9, -11, -12, -13, -14, -15, -17, -18, -19, -20)
 """MUMPS' INFOG(1) if it could not allocate, or if its workspace was too small (its guide, section 8)."""
 
-MEGA = 1e6
-TRIPLET = 16
+MEGABYTE = 1e6
+ENTRY_BYTES = 16
 """Bytes of an entry and its index."""
-SENT = 3
+COPIES_WHILE_DISTRIBUTED = 3
 """Copies of K while MUMPS distributes entries over ranks: PETSc's, and the send and receive buffers."""
-DOUBLE = 1.95
+DOUBLE_PRECISION_MEMORY_RATIO = 1.95
 """Memory of double precision relative to single precision: 1.91 on wedges and slabs of 17,502 to 88,570 unknowns."""
-SOFTEST = 3
+ERROR_ESTIMATE_STEPS = 3
 """Steps of inverse iteration towards the softest motions."""
-TRUSTED = 3e-2
+MAX_SINGLE_PRECISION_ERROR = 3e-2
 """Maximum relative error in them for single precision. From 1 on the sign of an eigenvalue is wrong."""
 
 
@@ -636,10 +634,10 @@ class Factorisation(Preconditioner):
     material is than its softest."""
 
     exact = True
-    most_of_a_solve = 25
-    most_in_all = 60
-    most_newton = 15
-    restart = most_iterations = 60
+    max_solve_iterations = 25
+    max_total_iterations = 60
+    max_newton_iterations = 15
+    restart = max_linear_iterations = 60
 
     def __init__(self, K: PETSc.Mat, spread: float = 1.0):
         self.K, self.spread = K, spread
@@ -679,23 +677,23 @@ class Factorisation(Preconditioner):
             # One megabyte is never enough: MUMPS stops after its analysis, before it allocates.
             factor.setMumpsIcntl(23, 1)
             direct.setUp()
-        copies = 1 if K.comm.size == 1 else SENT
-        factors, copy = factor.getMumpsInfo(15) * MEGA, copies * entries_here(K) / 2 * TRIPLET
+        copies = 1 if K.comm.size == 1 else COPIES_WHILE_DISTRIBUTED
+        factors, copy = factor.getMumpsInfo(15) * MEGABYTE, copies * entries_here(K) / 2 * ENTRY_BYTES
         direct.destroy()
-        return factors + copy, (DOUBLE if rounded else 1.0) * factors + copy
+        return factors + copy, (DOUBLE_PRECISION_MEMORY_RATIO if rounded else 1.0) * factors + copy
 
     def set_up(self) -> None:
         # Decided for every K from K only, so that a resumed path decides the same.
         rounded = _roundable(self.K, self.spread)
         self._factorise(rounded)
-        if rounded and not self._error() < TRUSTED:
+        if rounded and not self._error() < MAX_SINGLE_PRECISION_ERROR:
             self._factorise(rounded=False)
 
     def _error(self) -> float:
         """Return the relative error of the factorisation in the softest motions."""
         b, x, r = (self.K.createVecRight() for _ in range(3))
         x.set(1.0)
-        for _ in range(SOFTEST):
+        for _ in range(ERROR_ESTIMATE_STEPS):
             x.copy(b)
             b.normalize()
             self.apply(b, x)
@@ -718,13 +716,13 @@ class Factorisation(Preconditioner):
         self._direct.destroy()
 
 
-SMALL = 6000
+MAX_CACHED_UNKNOWNS = 6000
 """Number of unknowns up to which the factors fit into the processor's cache and single precision gains nothing."""
-MOST_SPREAD = 300.0
+MAX_STIFFNESS_RATIO = 300.0
 """Maximum stiffness ratio of regions for single precision: with stiffer ones the unknowns p hide its error, and signs of
 eigenvalues were wrong with sheets of 50 MPa and 1 GPa in a finger."""
-PREFIX = "body_"
-PRECISION = "pc_precision"
+OPTIONS_PREFIX = "body_"
+PRECISION_OPTION = "pc_precision"
 """PETSc's option, ignored if MUMPS has no single precision."""
 
 
@@ -739,33 +737,33 @@ def entries_in_all(K: PETSc.Mat) -> float:
 
 
 def _roundable(K: PETSc.Mat, spread: float) -> bool:
-    return K.getSize()[0] > SMALL and spread < MOST_SPREAD
+    return K.getSize()[0] > MAX_CACHED_UNKNOWNS and spread < MAX_STIFFNESS_RATIO
 
 
 @contextlib.contextmanager
 def _precision(rounded: bool) -> Iterator[None]:
     """Make PETSc factorise in single precision, unless its options set the precision."""
-    options = PETSc.Options(PREFIX)
-    if not rounded or options.hasName(PRECISION):
+    options = PETSc.Options(OPTIONS_PREFIX)
+    if not rounded or options.hasName(PRECISION_OPTION):
         yield
         return
-    options.setValue(PRECISION, "single")
+    options.setValue(PRECISION_OPTION, "single")
     try:
         yield
     finally:
-        options.delValue(PRECISION)
+        options.delValue(PRECISION_OPTION)
 
 
 def _mumps(K: PETSc.Mat) -> PETSc.PC:
     """Return PETSc's LDL^T by MUMPS, not yet set up."""
     direct = PETSc.PC().create(K.comm)
-    direct.setOptionsPrefix(PREFIX)
+    direct.setOptionsPrefix(OPTIONS_PREFIX)
     direct.setOperators(K, K)
     direct.setType("cholesky")
     direct.setFactorSolverType("mumps")
     direct.setFactorSetUpSolverType()
     factor = direct.getFactorMatrix()
-    factor.setOptionsPrefix(PREFIX)  # PETSc itself does so only when it factorises, after it has read the precision
+    factor.setOptionsPrefix(OPTIONS_PREFIX)  # PETSc does so only when it factorises, after it has read the precision
     factor.setMumpsIcntl(13, 1)  # the last front too counts its negative pivots, on all ranks
     direct.setFromOptions()
     return direct

@@ -27,9 +27,6 @@ from softmodels.mechanics.body import Body
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.regions import Regions, constants
 
-type Remembered = tuple[npt.NDArray[np.float64] | None, list[tuple[npt.NDArray[np.float64], float]], dict[str, object]]
-"""A state's dofs, what each history remembers there and has dissipated, and what its motion was."""
-
 
 class Potential:
     """Pi of a body, with its functions and constants, whose values can change without recompiling.
@@ -59,12 +56,12 @@ class Potential:
         step, before: With any, length in s of the step in time, and the dofs where it begins.
         internal: Their derivatives by w; ``forces`` has the pressures' too.
         terms: Those of further parts, by their labels.
-        taken: With any history, length in s of the last step; 0 where the device changed at once, infinite at its beginning.
+        last_step: With any history, length in s of the last step; 0 where the device changed at once, infinite at the start.
         motion: Inertia; None where the device is followed through equilibria.
     """
 
     motion: memory.Motion | None = None
-    taken = math.inf
+    last_step = math.inf
 
     def __init__(
         self,
@@ -118,7 +115,7 @@ class Potential:
         self.energies += added
         self.free_energies = [*self.stored(free), *added] if self.histories else self.energies
         sloped = [*self.stored(densities), *added] if self.histories else self.energies
-        self.internal = [self.let_move(ufl.derivative(energy, self.w, self._test)) for energy in sloped]
+        self.internal = [self.unfreeze_history(ufl.derivative(energy, self.w, self._test)) for energy in sloped]
         self.forces = [*self.internal, *([-pressures] if self.volumes else [])]
         # The stress of sheets and fibres predicted from another state, only in Newton's matrix; see `predict_stress`.
         self._known, self._move = (fem.Function(self.space) for _ in range(2))
@@ -177,12 +174,12 @@ class Potential:
         if self.histories:
             curved = [ufl.derivative(energy, self.w, self._test) for energy in self.energies]
             forces = [*curved, *forces[len(curved) :]]
-        found = [self.let_move(ufl.derivative(force, self.w, trial)) for force in forces]
+        found = [self.unfreeze_history(ufl.derivative(force, self.w, trial)) for force in forces]
         for number, predicted in self.predicted_tangents(trial).items():
             found[number] = predicted
         return found
 
-    def let_move[T: (ufl.Form, Expr)](self, of: T) -> T:
+    def unfreeze_history[T: (ufl.Form, Expr)](self, of: T) -> T:
         """Return a form or expression with w in place of what its derivatives took for a constant: kernels compute it once
         then."""
         from ufl.algorithms import expand_derivatives, replace
@@ -193,31 +190,31 @@ class Potential:
         """Return those of `tangent` that are not second derivatives of their energies, by index."""
         found: dict[int, ufl.Form] = {}
         y = self._vector_part(self._known)
-        at, foresight = len(self.regions), component.MixedPointStress(self._known, y, self._move, self._test, trial)
+        at, mixed_points = len(self.regions), component.MixedPointStress(self._known, y, self._move, self._test, trial)
         for term in self.terms.values():
-            if (seconds := term.tangent(foresight)) is not None:
+            if (seconds := term.tangent(mixed_points)) is not None:
                 found |= dict(enumerate(seconds, at))
             at += len(term.energies)
         return found
 
-    def admits(self, before: npt.NDArray[np.float64], after: npt.NDArray[np.float64]) -> bool:
+    def is_admissible(self, before: npt.NDArray[np.float64], after: npt.NDArray[np.float64]) -> bool:
         """Return whether a step from one state's w to another's is admissible: no wall passes through an
         obstacle."""
-        return all(term.admits(before, after) for term in self.terms.values())
+        return all(term.is_admissible(before, after) for term in self.terms.values())
 
-    def settle(self, w: npt.NDArray[np.float64]) -> bool:
+    def update_lagged(self, w: npt.NDArray[np.float64]) -> bool:
         """Adjust to a state's w what solves take as given; return whether that has changed by as much as matters."""
-        changed = [term.settle(w) for term in self.terms.values()]
+        changed = [term.update_lagged(w) for term in self.terms.values()]
         return any(changed)
 
-    def keep(self, w: npt.NDArray[np.float64], anew: bool = False) -> None:
-        """Accept a converged state's w; see `softmodels.mechanics.component.EnergyTerm.keep`."""
+    def commit(self, w: npt.NDArray[np.float64], reset: bool = False) -> None:
+        """Accept a converged state's w; see `softmodels.mechanics.component.EnergyTerm.commit`."""
         for term in self.terms.values():
-            term.keep(w, anew)
+            term.commit(w, reset)
         if self.motion:
-            self.motion.keep(w, anew)
+            self.motion.commit(w, reset)
         if self.histories:
-            self._remember(w, anew)
+            self._remember(w, reset)
 
     @property
     def remembers(self) -> bool:
@@ -242,15 +239,15 @@ class Potential:
         found = [history.trial() for history in self.histories]
         return max(error for error, _ in found), max(size for _, size in found)
 
-    def _remember(self, w: npt.NDArray[np.float64], anew: bool) -> None:
+    def _remember(self, w: npt.NDArray[np.float64], reset: bool) -> None:
         """Let the silicone remember an accepted state; from here on no time passes until `pass_time`."""
         here = self.w.x.array.copy()
         self.w.x.array[: len(w)] = w[: len(here)]
-        self.taken = math.inf if anew else float(self.step.value)
-        if not anew and w is not self._looked_at:  # by identity, which is the same on all ranks
+        self.last_step = math.inf if reset else float(self.step.value)
+        if not reset and w is not self._looked_at:  # by identity, which is the same on all ranks
             self.memory_error(w)
         for history in self.histories:
-            if anew:
+            if reset:
                 history.begin()
             else:
                 history.advance()
@@ -258,23 +255,22 @@ class Potential:
         self.pass_time(0.0)
         self.w.x.array[:] = here
 
-    def remembered(self) -> Remembered | None:
-        """Return a copy of all that the silicone remembers and of its motion, for `forget`."""
-        if not self.histories and not self.motion:
-            return None
-        before = self.before.x.array.copy() if self.histories else None
-        return before, [history.copied() for history in self.histories], self.motion.copied() if self.motion else {}
+    def checkpoint(self) -> component.Checkpoint:
+        """Save all that depends on earlier states: friction, motion, what the silicone remembers."""
+        parts: list[component.HistoryDependent] = [
+            term for term in self.terms.values() if isinstance(term, assembly.HistoryTerm)
+        ]
+        parts += [self.motion] if self.motion else []
+        parts += [self, *self.histories] if self.histories else []
+        return component.Checkpoint(parts)
 
-    def forget(self, since: Remembered | None) -> None:
-        """Go back to what `remembered` has copied."""
-        if since is None:
-            return
-        if self.motion:
-            self.motion.restore(since[2])
-        if since[0] is not None:
-            self.before.x.array[:], self.step.value, self._looked_at = since[0], 0.0, None
-        for history, kept in zip(self.histories, since[1], strict=True):
-            history.restore(kept)
+    def save(self) -> tuple[npt.NDArray[np.float64], float]:
+        """Return where the step begins, and the length of the step that led there."""
+        return self.before.x.array.copy(), self.last_step
+
+    def restore(self, saved: tuple[npt.NDArray[np.float64], float]) -> None:
+        self.before.x.array[:], self.last_step = saved
+        self.step.value, self._looked_at = 0.0, None
 
     @property
     def relaxation(self) -> float:

@@ -111,7 +111,7 @@ def constants(mesh: meshes.Mesh, material: Material) -> types.SimpleNamespace:
 # How rigid parts move: rotations, a part's few unknowns and the dofs that follow them, and the forces on it.
 
 
-STILL = 1e-9
+HELD_TOLERANCE = 1e-9
 """Motion of a held dof per motion of a part, in sizes of the device, up to which the part does not move it."""
 
 
@@ -430,7 +430,7 @@ def variable_numbers(material: Material) -> dict[str, str]:
     return {name: "Pa" if material.parameter_unit(name) == "Pa" else "" for name in material.parameters}
 
 
-RATIO = "ratio"
+RATIO_PREFIX = "ratio"
 """Beginning of the names of the ratios of the cavities' pressures."""
 
 
@@ -495,7 +495,7 @@ class MaterialRegion:
 # What holds a device: its own holds and those of clamps, as conditions on its displacement.
 
 
-FREE = 1e-6
+MIN_SINGULAR_VALUE = 1e-6
 """Smallest singular value of the held rigid motions, relative to the size, below which one of them is free."""
 
 
@@ -567,7 +567,7 @@ def _check_place(body: Body, where: str) -> None:
             rows = np.hstack([moves, turns])
             modes += rows.T @ rows
     modes = mesh.comm.allreduce(modes)
-    if np.sqrt(max(np.linalg.eigvalsh(modes)[0], 0.0)) < FREE:
+    if np.sqrt(max(np.linalg.eigvalsh(modes)[0], 0.0)) < MIN_SINGULAR_VALUE:
         raise ComponentError(
             f"{where}: with these supports the device can move as a rigid body; hold it in all directions, or hold another "
             f"point"

@@ -58,12 +58,12 @@ class Sensitivity:
         """Directions in which what the silicone and friction remember changes; none without a memory."""
         eq = self.solver.system
         laws = [LawHistory(eq, law) for law in self._along.laws if law.history is not None]
-        return [*laws, *self._grips]
+        return [*laws, *self._frictions]
 
     @functools.cached_property
-    def _grips(self) -> list[GripDirection]:
+    def _frictions(self) -> list[FrictionDirection]:
         terms = self.solver.system.potential.terms.items()
-        return [GripDirection(self, label, term) for label, term in terms if isinstance(term, assembly.RememberingTerm)]
+        return [FrictionDirection(self, label, term) for label, term in terms if isinstance(term, assembly.HistoryTerm)]
 
     @functools.cached_property
     def _moving(self) -> tuple[fem.Function, list[fem.Form], list[list[fem.Form]], fem.Form]:
@@ -89,14 +89,14 @@ class Sensitivity:
             NoConvergence: The linear solver failed: the line touches the path.
         """
         self.solver.factorise(state)
-        along = self.solver.tangent(state, control, TOLERANCE)
+        along = self.solver.tangent(state, control, ADJOINT_TOLERANCE)
         return along, {name: self.rate(state, control, name) for name in names}
 
     def value(self, name: str) -> float:
         """Return the present value of a parameter; see `force`."""
         eq = self.solver.system
         where, _, own = name.rpartition(".")
-        if where == regions.RATIO:
+        if where == regions.RATIO_PREFIX:
             return eq.ratios[int(own)]
         if (part := self._part(where)) is not None:
             return part.number(own)
@@ -108,7 +108,7 @@ class Sensitivity:
         eq, (where, _, own) = self.solver.system, name.rpartition(".")
         part = self._part(where)
         if part is not None and part.variable.get(own) == "m":
-            return DEPTH * eq.length_unit
+            return CONTACT_DEPTH * eq.length_unit
         return abs(self.value(name)) or (eq.stress_unit if own in eq.material.parameters else 1.0)
 
     @contextlib.contextmanager
@@ -118,7 +118,7 @@ class Sensitivity:
         where, _, own = name.rpartition(".")
         part, material, ratios = self._part(where), eq.material, list(eq.ratios)
         components = [one.nudged(own, by) if one is part else one for one in eq.components]
-        if where == regions.RATIO:
+        if where == regions.RATIO_PREFIX:
             ratios[int(own)] += by
         elif part is None:
             material = specimens.nudged(material, own, by)
@@ -141,7 +141,7 @@ class Sensitivity:
         the first cavity's pressure."""
         eq = self.solver.system
         where, _, own = name.rpartition(".")
-        if where == regions.RATIO:
+        if where == regions.RATIO_PREFIX:
             share = eq.direction * np.eye(len(eq.ratios))[int(own)]
             change = np.concatenate([share, np.zeros(len(eq.dead.forms))])
             w, here = eq.w.x.array, eq.volumes()
@@ -183,11 +183,11 @@ class Sensitivity:
 
     def turn(self, name: str) -> None:
         """Point `histories` along a parameter; see `material_force` and `force`."""
-        if len(self.histories) > len(self._grips):
+        if len(self.histories) > len(self._frictions):
             self._along.turn(self.solver.system.material, name)
         where, _, own = name.rpartition(".")
         part, X = self._part(where), self._velocity(name)
-        for one in self._grips:
+        for one in self._frictions:
             one.turn(part.nudged(own, 1j * _STEP) if part is not None and part.label == one.label else None, X)
 
     def _velocity(self, name: str) -> Array | None:
@@ -248,14 +248,14 @@ class Sensitivity:
             force, dmu, opened = own.residual, own.stress, own.opened
         else:
             dmu, (force, opened) = 0.0, self.motion_force(X)
-        for one in self._grips:
+        for one in self._frictions:
             force = force + one.force()
         mu = eq.stress_unit
         # The line is fixed in Pa and m3; in shear moduli it moves with the shear modulus.
         gap = rise - control.volume_coefficient * opened - control.pressure_coefficient * state.P * dmu / mu
         eq.assembled.whole = True
         try:
-            moved = self.solver.linear_response(-force, gap, TOLERANCE)
+            moved = self.solver.linear_response(-force, gap, ADJOINT_TOLERANCE)
         finally:
             eq.assembled.whole = False
         return Rate(moved.w, moved.P * mu + state.P * dmu, (moved.V + opened) * eq.volume_unit, X)
@@ -402,8 +402,8 @@ class InTime:
             one.rest()
         return along, rates
 
-    def remembered(self) -> dict[str, list[Array]]:
-        """Return a copy of how what is remembered now changes with each parameter, for `GripDirection.begin`."""
+    def save(self) -> dict[str, list[Array]]:
+        """Return a copy of how what is remembered now changes with each parameter, for `FrictionDirection.begin`."""
         return {name: [values.copy() for values in own] for name, own in self._values.items()}
 
 
@@ -454,8 +454,8 @@ class _LawDirection:
         shape = None
         if self.history is not None:
             own = [constant for constant, _ in self.history.numbers(region.material, 1.0)]
-            self.remembered = [fem.Constant(mesh, np.zeros_like(constant.value)) for constant in own]
-            self._numbers += [(c, ufl.variable(c), turn) for c, turn in zip(own, self.remembered, strict=True)]
+            self.memory_rates = [fem.Constant(mesh, np.zeros_like(constant.value)) for constant in own]
+            self._numbers += [(c, ufl.variable(c), turn) for c, turn in zip(own, self.memory_rates, strict=True)]
             shape = self._in_variables(self.history.density)
         density = eq.potential.density(region.material, types.SimpleNamespace(**variables), bulk, shape)
         self.slope = ufl.diff(density, bulk) * self.bulk
@@ -488,7 +488,7 @@ class _LawDirection:
         ratio = (0.0 if stiff else mu / bulk) if mixed else bulk / mu
         self.bulk.value = np.imag(ratio) / _STEP
         if self.history is not None:
-            for constant, (_, value) in zip(self.remembered, self.history.numbers(moved, mu), strict=True):
+            for constant, (_, value) in zip(self.memory_rates, self.history.numbers(moved, mu), strict=True):
                 constant.value = np.imag(value) / _STEP
 
 
@@ -546,10 +546,10 @@ class LawHistory:
         self._begun.x.array[:] = 0.0
 
 
-class GripDirection:
+class FrictionDirection:
     """The same of friction on a rigid shape: how what its samples remember changes with where they are on the shape."""
 
-    def __init__(self, sensitivity: Sensitivity, label: str, term: assembly.RememberingTerm):
+    def __init__(self, sensitivity: Sensitivity, label: str, term: assembly.HistoryTerm):
         self.label, self.term, self._known = label, term, sensitivity
         self._values: Array | None = None
         self.turn(None, None)
@@ -738,7 +738,7 @@ def _stiffness(body: Body) -> fem.Function:
 # gradient by all parameters costs one transposed E: a boundary covector, and its products with db/dtheta.
 
 
-STEP = 1e-6
+SHAPE_STEP = 1e-6
 """Step of the central differences of boundary positions, relative to the device's size (or to 1 for numbers and angles)."""
 
 
@@ -843,7 +843,7 @@ class MeshMotion:
 
     def _velocity(self, name: str) -> Array:
         device, value = self.device, actuator.parameter(self.device, name)
-        step = STEP * max(abs(value), 0.1 * scale_of(device, name))
+        step = SHAPE_STEP * max(abs(value), 0.1 * scale_of(device, name))
         ends = []
         for sign in (1.0, -1.0):
             try:
@@ -908,8 +908,8 @@ def scale_of(device: Actuator, name: str) -> float:
     return device.size if actuator.is_length(device, name) else 1.0
 
 
-TOLERANCE = 1e-10  # of the linear solves
-DEPTH = 0.02
+ADJOINT_TOLERANCE = 1e-10  # of the linear solves
+CONTACT_DEPTH = 0.02
 """Of a contact, in sizes."""
 _STEP = 1e-30  # into the complex plane: exact to rounding
 

@@ -15,7 +15,7 @@ from softmodels.common.lazy import PETSc
 from softmodels.mechanics import controls, mpi
 from softmodels.mechanics.controls import Control
 from softmodels.mechanics.newton import (
-    LOOSEST,
+    MAX_FORCING_TERM,
     Bordered,
     Factorisation,
     LaggedPreconditioner,
@@ -31,12 +31,12 @@ if TYPE_CHECKING:
     from softmodels.mechanics.iterative import Multigrid
 
 
-MOST_SETTLINGS = 30
-"""Solves of one state, until what each of them takes as given is that state's; see `Potential.settle`."""
+MAX_LAGGED_UPDATES = 30
+"""Solves of one state, until what each of them takes as given is that state's; see `Potential.update_lagged`."""
 TANGENT_TOLERANCE = 1e-7
 """Tolerance of the linear solver for a path's tangent, which affects the step length: at 1e-5 single-precision rounding
 shows."""
-ENERGY_TOLERANCE, OF_A_CYCLE = 1e-4, 1e-5
+ENERGY_TOLERANCE, MULTIGRID_ENERGY_TOLERANCE = 1e-4, 1e-5
 """The same for the work of a solution on its own load: its error is the square of that with a factorisation, and a
 hundred times the square with multigrid, whose residual is less informative."""
 
@@ -51,7 +51,7 @@ class Solver:
     Attributes:
         method: The method that was taken.
         bordered: The linear system of Newton's method.
-        kept: The factorisation that is kept over several solves.
+        lagged: The factorisation that is kept over several solves.
     """
 
     def __init__(self, system: System, method: str = "auto"):
@@ -62,9 +62,9 @@ class Solver:
         system = self.system
         constraints = len(system.coupling.constraints)
         self.bordered = Bordered(system.K, self.method.inverse(system), weakly(system.tangent_product), constraints)
-        self.kept = LaggedPreconditioner(system, self.bordered)
-        self.newton = Newton(system, self.bordered, self.kept)
-        self.bordered.precondition(self.newton.snes.getKSP(), LOOSEST)
+        self.lagged = LaggedPreconditioner(system, self.bordered)
+        self.newton = Newton(system, self.bordered, self.lagged)
+        self.bordered.precondition(self.newton.snes.getKSP(), MAX_FORCING_TERM)
         self.newton.snes.setFromOptions()
         self._y = system.K.createVecRight()
 
@@ -95,8 +95,8 @@ class Solver:
             NoConvergence: Newton's method did not get there. The functions hold its last iterate.
         """
         state = self._state(self.newton.solve(control, w, P, since, most))
-        for _ in range(MOST_SETTLINGS):
-            if not self.system.potential.settle(state.w):
+        for _ in range(MAX_LAGGED_UPDATES):
+            if not self.system.potential.update_lagged(state.w):
                 return state
             again = self._state(self.newton.solve(control, state.w, state.P, since, most))
             state = dataclasses.replace(again, iterations=state.iterations)  # which say how long a step may be
@@ -116,13 +116,8 @@ class Solver:
     def factorise(self, state: State) -> None:
         """Factorise the tangent at ``state``, to be kept for the solves that follow; it becomes their base."""
         self.system.load(state)
-        self.kept.set_columns()
-        self.kept.make(state)
-
-    @property
-    def stale(self) -> bool:
-        """Whether a new factorisation is due; see `LaggedPreconditioner.stale`."""
-        return self.kept.stale
+        self.lagged.set_columns()
+        self.lagged.make(state)
 
     # -- linear responses ----------------------------------------------------------------------------------------------
 
@@ -146,7 +141,7 @@ class Solver:
         back."""
         row = force.copy()
         self.system.load(state)
-        self.system.unknowns.pull(row.array_w)
+        self.system.unknowns.restrict(row.array_w)
         self.bordered.row = row
         try:
             return self.tangent(state, Control(1.0, 0.0, 0.0), tolerance)
@@ -156,10 +151,10 @@ class Solver:
     def _border(self, state: State, control: Control) -> None:
         """Set the border for linear responses at a state, on the control's line."""
         self.system.load(state)
-        self.kept.set_columns()
+        self.lagged.set_columns()
         self.bordered.control = control
         if self.bordered.factorisations == 0:  # the guess was the state: Newton's method took no step
-            self.kept.make(state)
+            self.lagged.make(state)
         self.bordered.refresh()
 
     def linear_response(
@@ -176,10 +171,10 @@ class Solver:
             guess: Of the answer; its V is not read.
         """
         if guess is not None:
-            body = self.system.unknowns.nearest(guess.w)
+            body = self.system.unknowns.project(guess.w)
             self.bordered.join(self.newton.x, body, [guess.P, *guess.w[self.system.dofs :]])
         constraints = np.zeros(len(self.bordered.constraint_columns))
-        self._solve(force, [gap, *constraints], tolerance, self.kept.solve, guess is not None)
+        self._solve(force, [gap, *constraints], tolerance, self.lagged.solve, guess is not None)
         return self._answer()
 
     def _solve(
@@ -207,7 +202,7 @@ class Solver:
         bordered = self.bordered
         body, pressures = bordered.split(self.newton.x)
         direction = self.system.potential.direction.x
-        self.system.unknowns.push(body, direction.array)
+        self.system.unknowns.to_dofs(body, direction.array)
         direction.scatter_forward()
         self._y.array_w[:] = body
         w = np.concatenate([direction.array, pressures[1:]])
@@ -230,7 +225,7 @@ class Solver:
             self._border(state, bordered.control)
         pulled = self.system.by_unknowns(load).copy()
         try:
-            tolerance = ENERGY_TOLERANCE if bordered.inverse.exact else OF_A_CYCLE
+            tolerance = ENERGY_TOLERANCE if bordered.inverse.exact else MULTIGRID_ENERGY_TOLERANCE
             self._solve(pulled, np.zeros(bordered.scalars), tolerance)
         except NoConvergence:
             return math.inf
@@ -265,11 +260,11 @@ METHODS = ("auto", "direct", "iterative")
 errors.choices(METHODS)
 
 
-AMPLE = 1e3
+AMPLE_FACTORISATION_BYTES = 1e3
 """Bytes times the unknowns to the power 4/3 that are always enough for a factorisation: three times what a cube's takes in
 double precision (307, 297 and 295 at 15,468, 49,072 and 93,469 unknowns), and ten times a slab's. If that much is free, the
 exact need is not computed, which takes an assembly and an analysis."""
-MASS_ENTRY = 6
+MASS_BYTES_PER_ENTRY = 6
 """Bytes of the mass matrix of the modes per entry of K: it has two fifths of these."""
 
 
@@ -287,12 +282,12 @@ class SolverMethod:
     why: str = ""
 
     @property
-    def told(self) -> str:
+    def description(self) -> str:
         """A message on the selection; empty if nothing was decided."""
         if not self.memory:
             return ""
         how = "iterations with multigrid" if self.name == "iterative" else "a factorisation"
-        return f"linear equations: {how}, about {self.memory / mpi.GIGA:.2g} GB" + (
+        return f"linear equations: {how}, about {self.memory / mpi.GIGABYTE:.2g} GB" + (
             f" ({self.why})" if self.why else ""
         )
 
@@ -319,14 +314,14 @@ def select_solver(system: System, method: str) -> SolverMethod:
     if method not in METHODS:
         raise ValueError(f"solver {method!r} is not one of {', '.join(METHODS)}")
     unknowns, room = system.K.getSize()[0], mpi.available(system.comm)
-    if AMPLE * unknowns ** (4 / 3) < room * system.comm.size:
+    if AMPLE_FACTORISATION_BYTES * unknowns ** (4 / 3) < room * system.comm.size:
         return SolverMethod("direct" if method == "auto" else method)
     from softmodels.mechanics.iterative import PER_UNKNOWN
 
     system.rest()
     system.assemble_tangent()
     remembered = sum(history.step_bytes for history in system.potential.histories)
-    both = MASS_ENTRY * entries_here(system.K) + remembered
+    both = MASS_BYTES_PER_ENTRY * entries_here(system.K) + remembered
     iterative = mpi.needed(system.comm, both + cycle_of(system).memory(system))
     fits = iterative[0] <= room
     if fits and method == "iterative":  # the analysis of a factorisation takes time and memory of its own
@@ -337,12 +332,12 @@ def select_solver(system: System, method: str) -> SolverMethod:
     if direct[0] <= room and method != "iterative":
         return SolverMethod("direct", mpi.needed(system.comm, beside + usual)[1])
     if fits and method == "auto":
-        told = f"about {direct[1] / mpi.GIGA:.2g} GB of {room * system.comm.size / mpi.GIGA:.2g} GB free"
+        told = f"about {direct[1] / mpi.GIGABYTE:.2g} GB of {room * system.comm.size / mpi.GIGABYTE:.2g} GB free"
         return SolverMethod("iterative", iterative[1], f"a factorisation would take {told}")
     least = iterative if method == "iterative" else direct
     advice = ", or --solver iterative" if fits else ""
     raise mpi.TooLargeError(
-        f"the model has {unknowns} unknowns, and its solution needs about {least[1] / mpi.GIGA:.2g} GB "
-        f"of memory, where {room * system.comm.size / mpi.GIGA:.2g} GB are free; use a larger --cell-size, a smaller slice of "
-        f"the device{advice}"
+        f"the model has {unknowns} unknowns, and its solution needs about {least[1] / mpi.GIGABYTE:.2g} GB "
+        f"of memory, where {room * system.comm.size / mpi.GIGABYTE:.2g} GB are free; use a larger --cell-size, a smaller "
+        f"slice of the device{advice}"
     )

@@ -223,7 +223,7 @@ class System:
         b = self._vector.x.array
         for bc in self.bcs:
             bc.set(b, alpha=0.0)
-        self.unknowns.pull(b)
+        self.unknowns.restrict(b)
         return b[: self.n]
 
     def internal_forces(self) -> Array:
@@ -258,7 +258,7 @@ class System:
     def tangent_product(self, x: Array, y: Array) -> None:
         """Put the current state's tangent times x into y, without assembling the matrix."""
         d = self.potential.direction.x
-        self.unknowns.push(x, d.array)
+        self.unknowns.to_dofs(x, d.array)
         for bc in self.bcs:
             bc.set(d.array, alpha=0.0)
         d.scatter_forward()
@@ -270,7 +270,7 @@ class System:
         if self.potential.motion:
             self.potential.motion.add_product(d.array, b.array)
         y[:] = self._by_unknowns()
-        self.unknowns.stiffen(x, y, self.residual)
+        self.unknowns.add_geometric_stiffness(x, y, self.residual)
         for bc in self.bcs:  # held dofs: the identity, as in the assembled matrix
             dofs, owned = bc.dof_indices()
             y[dofs[:owned]] = x[dofs[:owned]]
@@ -309,14 +309,14 @@ class System:
     def load(self, state: State) -> None:
         """Make ``state`` the current state of the functions."""
         self.w.x.array[:] = state.w[: self.dofs]
-        self.unknowns.take(self.w.x.array)
-        self.potential.settle(state.w)
+        self.unknowns.set_dofs(self.w.x.array)
+        self.potential.update_lagged(state.w)
         self.potential.predict_stress(state.w)
         self._set_pressures(state.P, state.w[self.dofs :])
 
     def set_iterate(self, owned: Array, scalars: Array) -> None:
         """Make unknowns, P and the held cavities' pressures the current state of the functions."""
-        self.unknowns.place(owned, self.w.x.array)
+        self.unknowns.set_reduced(owned, self.w.x.array)
         self.w.x.scatter_forward()
         self._set_pressures(float(scalars[0]), scalars[1:])
 
@@ -436,91 +436,37 @@ Ints = npt.NDArray[np.int32]
 
 
 class Unknowns:
-    """The owned dofs themselves, n of them.
+    """The owned dofs, n of them, but for those that rigid parts move: motions by the parts' names, which share no dof. Parts do
+    not move local dofs that are ``held``.
 
     Attributes:
         idle: Owned entries of q that stand for nothing.
         turns: Whether T is other than linear.
         moving: The motions of rigid parts by their names.
         slots: For each of them the rank that has its unknowns, and the entries of q that they are there (none elsewhere).
-    """
-
-    idle: Ints = np.empty(0, dtype=np.int32)
-    turns = False
-    moving: Mapping[str, regions.RigidMotion] = {}
-    slots: Sequence[tuple[int, npt.NDArray[np.int64]]] = ()
-
-    def __init__(self, n: int):
-        self.n = n
-
-    def begin(self, w: Array) -> Array:
-        """Set the state of local dofs w as the base of rotations; return its q, shape (n,)."""
-        return w[: self.n]
-
-    def take(self, w: Array) -> None:
-        """Set the state of local dofs w."""
-
-    def place(self, q: Array, w: Array) -> None:
-        """Set the state q, and put its dofs into w."""
-        w[: self.n] = q
-
-    def push(self, q: Array, w: Array) -> None:
-        """Put into w the change of the dofs for a change q of the unknowns."""
-        w[: self.n] = q
-
-    def nearest(self, w: Array) -> Array:
-        """Return the change of the unknowns whose change of the dofs is closest to w, shape (n,)."""
-        return w[: self.n]
-
-    def pull(self, b: Array) -> None:
-        """Convert owned entries conjugate to w into those conjugate to q."""
-
-    def matrix(self, whole: PETSc.Mat, fill: Callable[[], None]) -> PETSc.Mat:
-        """Return a matrix with the pattern of the reduced one; ``fill`` assembles the ``whole`` K."""
-        return whole
-
-    def reduce(self, whole: PETSc.Mat, forces: Callable[[], Array]) -> None:
-        """Put T^T K T and the second derivatives' part into what `matrix` made; ``forces`` gives the residual conjugate to w,
-        owned entries."""
-
-    def projected(self, whole: PETSc.Mat, into: PETSc.Mat | None = None) -> PETSc.Mat:
-        """Return T^T M T of another matrix; an earlier result is updated if a part has rotated."""
-        return whole
-
-    def stiffen(self, q: Array, y: Array, forces: Callable[[], Array]) -> None:
-        """Add the second derivatives' part of the tangent times q to y; see `reduce`."""
-
-
-class RigidUnknowns(Unknowns):
-    """Unknowns of a body with rigid parts, whose motions share no dof; parts do not move local dofs that are ``held``.
 
     Raises:
         ValueError: The mesh has too few dofs on a part for its unknowns.
     """
 
     def __init__(self, comm: MPI.Comm, n: int, motions: Mapping[str, regions.RigidMotion], held: Ints):
-        super().__init__(n)
-        self.comm, self.moving, self.motions = comm, motions, tuple(motions.values())
+        self.comm, self.n, self.moving, self.motions = comm, n, motions, tuple(motions.values())
         self.turns = any(motion.turns for motion in self.motions)
         self.slots = [_slots(comm, motion, held, name) for name, motion in motions.items()]
-        followers = np.concatenate([motion.dofs[motion.owned].ravel() for motion in self.motions])
+        none = np.empty(0, int)
+        followers = np.concatenate([none, *(motion.dofs[motion.owned].ravel() for motion in self.motions)])
         mine = [slots for rank, slots in self.slots if rank == comm.rank]
-        self.idle = np.setdiff1d(followers, np.concatenate([*mine, np.empty(0, int)])).astype(np.int32)
+        self.idle = np.setdiff1d(followers, np.concatenate([none, *mine])).astype(np.int32)
         self._curvatures: list[Array] | None = None
 
-    def begin(self, w: Array) -> Array:
-        self.take(w)
+    def _reduced_of(self, w: Array, values: Sequence[Array]) -> Array:
+        """Return q, shape (n,), of local dofs w and the parts' unknowns."""
         q = w[: self.n].copy()
         q[self.idle] = 0.0
-        for motion, (rank, slots) in zip(self.motions, self.slots, strict=True):
+        for own, (rank, slots) in zip(values, self.slots, strict=True):
             if rank == self.comm.rank:
-                q[slots] = motion.values
+                q[slots] = own
         return q
-
-    def take(self, w: Array) -> None:
-        self._curvatures = None
-        for motion in self.motions:
-            motion.take(w)
 
     def _values(self, q: Array) -> list[Array]:
         own = [q[slots] if rank == self.comm.rank else None for rank, slots in self.slots]
@@ -528,28 +474,37 @@ class RigidUnknowns(Unknowns):
             return [values for values in own if values is not None]
         return [self.comm.bcast(values, root=rank) for values, (rank, _) in zip(own, self.slots, strict=True)]
 
-    def place(self, q: Array, w: Array) -> None:
+    def to_reduced(self, w: Array) -> Array:
+        """Set the state of local dofs w as the base of rotations; return its q, shape (n,)."""
+        self.set_dofs(w)
+        return self._reduced_of(w, [motion.values for motion in self.motions])
+
+    def set_dofs(self, w: Array) -> None:
+        """Set the state of local dofs w."""
+        self._curvatures = None
+        for motion in self.motions:
+            motion.take(w)
+
+    def set_reduced(self, q: Array, w: Array) -> None:
+        """Set the state q, and put its dofs into w."""
         self._curvatures = None
         w[: self.n] = q
         for motion, values in zip(self.motions, self._values(q), strict=True):
             motion.set(values)
             w[motion.dofs] = motion.displacements()
 
-    def push(self, q: Array, w: Array) -> None:
+    def to_dofs(self, q: Array, w: Array) -> None:
+        """Put into w the change of the dofs for a change q of the unknowns."""
         w[: self.n] = q
         for motion, values in zip(self.motions, self._values(q), strict=True):
             w[motion.dofs] = motion.rates() @ values
 
-    def nearest(self, w: Array) -> Array:
-        q = w[: self.n].copy()
-        q[self.idle] = 0.0
-        for motion, (rank, slots) in zip(self.motions, self.slots, strict=True):
-            values = motion.nearest_rate(w)
-            if rank == self.comm.rank:
-                q[slots] = values
-        return q
+    def project(self, w: Array) -> Array:
+        """Return the change of the unknowns whose change of the dofs is closest to w, shape (n,)."""
+        return self._reduced_of(w, [motion.nearest_rate(w) for motion in self.motions])
 
-    def pull(self, b: Array) -> None:
+    def restrict(self, b: Array) -> None:
+        """Convert owned entries conjugate to w into those conjugate to q."""
         for motion, (rank, slots) in zip(self.motions, self.slots, strict=True):
             work = motion.work(b)
             b[motion.dofs[motion.owned]] = 0.0
@@ -559,6 +514,9 @@ class RigidUnknowns(Unknowns):
     # -- matrices -----------------------------------------------------------------------------------------------------
 
     def matrix(self, whole: PETSc.Mat, fill: Callable[[], None]) -> PETSc.Mat:
+        """Return a matrix with the pattern of the reduced one; ``fill`` assembles the ``whole`` K."""
+        if not self.motions:
+            return whole
         fill()  # an empty matrix would lose its pattern
         self._T = PETSc.Mat().createAIJ(whole.getSizes(), csr=self._rows(whole), comm=whole.comm)
         self._product: PETSc.Mat = whole.ptap(self._T)
@@ -589,6 +547,10 @@ class RigidUnknowns(Unknowns):
         return pointers, columns, values
 
     def reduce(self, whole: PETSc.Mat, forces: Callable[[], Array]) -> None:
+        """Put T^T K T and the second derivatives' part into what `matrix` made; ``forces`` gives the residual conjugate to w,
+        owned entries."""
+        if not self.motions:
+            return
         self._take_rates(whole)
         same = whole.getInfo()["nz_used"] == self._entries  # contact adds couplings over time
         self._product = whole.ptap(self._T, self._product if same else None)
@@ -606,6 +568,9 @@ class RigidUnknowns(Unknowns):
         self._reduced.assemble()
 
     def projected(self, whole: PETSc.Mat, into: PETSc.Mat | None = None) -> PETSc.Mat:
+        """Return T^T M T of another matrix; an earlier result is updated if a part has rotated."""
+        if not self.motions:
+            return whole
         if into is not None and not self.turns:
             return into
         self._take_rates(whole)
@@ -625,7 +590,8 @@ class RigidUnknowns(Unknowns):
             self._curvatures = [motion.curvature(b) for motion in self.motions]
         return self._curvatures
 
-    def stiffen(self, q: Array, y: Array, forces: Callable[[], Array]) -> None:
+    def add_geometric_stiffness(self, q: Array, y: Array, forces: Callable[[], Array]) -> None:
+        """Add the second derivatives' part of the tangent times q to y; see `reduce`."""
         for second, (rank, slots) in zip(self._second(forces), self.slots, strict=False):
             if rank == self.comm.rank:
                 y[slots] += second @ q[slots]
@@ -679,7 +645,7 @@ def unknowns_of(
     n = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
     rigid = [part for part in components if isinstance(part, regions.RigidPart)]
     if not rigid:
-        return Unknowns(n)
+        return Unknowns(body.mesh.comm, n, {}, np.empty(0, dtype=np.int32))
     comm, (vectors, all_dofs, all_places) = body.mesh.comm, _nodes_of(space)
     none = np.empty(0, dtype=np.int32)
     still = np.concatenate([none, *(bc.dof_indices()[0] for bc in held)])
@@ -692,14 +658,16 @@ def unknowns_of(
         motion = motions[part.label] = regions.RigidMotion(comm, freedom, body.skew, dofs, places, dofs[:, 0] < n)
         if mpi.any_rank(comm, bool(np.isin(dofs, taken).any())):
             raise ComponentError(f"{part.where} touches another rigid part; merge them")
-        if mpi.any_rank(comm, bool((np.isin(dofs, still)[..., None] & (np.abs(motion.rates()) > regions.STILL)).any())):
+        if mpi.any_rank(
+            comm, bool((np.isin(dofs, still)[..., None] & (np.abs(motion.rates()) > regions.HELD_TOLERANCE)).any())
+        ):
             raise ComponentError(
                 f"{part.where} touches the device's support along an edge, so it cannot move; guide it along a free "
                 "direction of the support, or use kind = 'held'"
             )
         taken = np.concatenate([taken, dofs.ravel()])
     try:
-        return RigidUnknowns(comm, n, motions, still)
+        return Unknowns(comm, n, motions, still)
     except ValueError as few:
         raise ComponentError(str(few)) from None
 

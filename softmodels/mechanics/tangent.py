@@ -116,7 +116,7 @@ class QuadratureTangent:
 
         integral, w, mixed = only_integral(energy), potential.w, potential.mixed
         on_faces = integral.integral_type() == "exterior_facet"
-        second = potential.let_move(second_derivatives(integral.integrand(), w, on_faces, mixed))
+        second = potential.unfreeze_history(second_derivatives(integral.integrand(), w, on_faces, mixed))
         cell = basix.CellType.triangle if on_faces else basix.CellType.tetrahedron
         points, weights = basix.make_quadrature(cell, integral.metadata()["quadrature_degree"])
         self._expression = fem.Expression(second, points, jit_options=compiling.JIT)

@@ -8,6 +8,7 @@ states.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -16,8 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
-from softmodels.common.lazy import fem, meshes, scipy, ufl
-from softmodels.mechanics import assembly, compiling, component, controls, memory, mpi, newton
+from softmodels.common.lazy import scipy
+from softmodels.components import creases
+from softmodels.mechanics import assembly, component, controls, memory, mpi, newton
 from softmodels.mechanics.controls import Control
 from softmodels.mechanics.solver import TANGENT_TOLERANCE, Solver
 from softmodels.mechanics.system import State, System
@@ -36,111 +38,133 @@ from softmodels.path.stability import (
 )
 
 CONTROLS = ("auto", "pressure", "volume", "arc-length")
-QUICK, SLOW = 3, 6  # Newton iterations up to which steps grow, above which they shrink
+FAST_ITERATIONS, SLOW_ITERATIONS = 3, 6  # Newton iterations up to which steps grow, above which they shrink
 STEP_GROWTH = 1.7
-SOFTENING = 4.0  # growth of dV/dP (or dV/dS) over its minimum at which `auto` switches to volume control
+VOLUME_CONTROL_SOFTENING = 4.0  # growth of dV/dP (or dV/dS) over its minimum at which `auto` switches to volume control
 OPENING_STEP = 0.05  # relative to the first step tried: a seal that opens in a longer one is approached in shorter ones
-SHORTEST_STEP = 1e-3  # relative to the first step: shorter steps do not fix the cause of failure
-LARGEST_GROWTH = 60.0  # cavity volumes at which a path under volume or arc-length control ends
+MIN_STEP_RATIO = 1e-3  # relative to the first step: shorter steps do not fix the cause of failure
+MAX_GROWTH = 60.0  # cavity volumes at which a path under volume or arc-length control ends
 
 
-@dataclasses.dataclass
+@dataclasses.dataclass(frozen=True, eq=False)
 class Continuation:
-    """Continuation of a load path: requested quantity, control, and step length.
+    """Continuation of a load path: its settings, which never change, and with ``history`` all that changes along the path.
 
     Args:
         solver: The device.
-        requested: What the requested values are of.
+        quantity: What the requested values are of.
         control: What is followed, one of `CONTROLS`; "auto" follows what is requested, and the volume where it softens.
         largest_step: Longest step in units of the requested quantity, for a curve with enough points to draw.
         largest_growth: Cavity volumes at which a path to a pressure is given up.
         start: Where the path begins; the undeformed state if None.
         report: Takes sentences on what is going on.
         release: Whether a device that is lost is released, to go on from where it comes to rest; see `come_to_rest`.
-        recall: Lets parts remember what they do where a path goes on.
-
-    Attributes:
-        trail: Its last points, once it has begun; with it ``plane``, its scales, and ``corrector``, which finds its states.
-        snaps: How often the device has been released.
     """
 
     solver: Solver
-    requested: PathQuantity = dataclasses.field(default_factory=Pressure)
+    quantity: PathQuantity = dataclasses.field(default_factory=Pressure)
     control: str = "auto"
     largest_step: float = math.inf
-    largest_growth: float = LARGEST_GROWTH
+    largest_growth: float = MAX_GROWTH
     start: State | None = None
     report: Callable[[str], None] = lambda text: None
     release: bool = False
-    recall: Callable[[], None] = lambda: None
+    history: PathHistory = dataclasses.field(default_factory=lambda: PathHistory())
 
     def __post_init__(self) -> None:
         if self.control not in CONTROLS:
             raise ValueError(f"control {self.control!r} is not one of {', '.join(CONTROLS)}")
-        self.snaps, self._ahead, self._released_at = 0, AHEAD, math.inf
 
     def begin(self) -> Point:
         """Return the path's first point; sets the scales of the plane in which arc lengths are measured."""
-        solver = self.solver
+        solver, history = self.solver, self.history
         rest = solver.system.rest()
         V_scale = float(np.abs(solver.system.coupling.shares) @ solver.system.scales())
         start = rest if self.start is None else self.start
-        solver.system.potential.keep(start.w, anew=self.start is None)
-        self.trail = PathHistory(solver)  # before factorising, because making the mass matrix takes memory
+        solver.system.potential.commit(start.w, reset=self.start is None)
+        stability = self.stability  # before factorising, because making the mass matrix takes memory
         moves = solver.system.potential.motion is not None
         if moves:
             tangent = at_once(start)
         else:
             solver.factorise(start)
             tangent = solver.tangent(start, Control(1 / V_scale, 1.0, 0.0), tight(solver))
-        self.V0, self.plane = start.V, ArcLengthMetric.of(V_scale, tangent.compliance)
-        self.requested = self.requested.counted(self.V0, rest.V)
-        known = (Pressure(), AddedVolume(rest.V), ArcLength(self.plane), self.requested)
-        self._known: dict[str, ContinuationParameter] = {one.name: one for one in known}
-        self.trail.line = self.requested.name if self.control == "auto" else self.control
-        self.corrector = Corrector(solver, self.trail, self.plane)
-        if not self.requested.starts_forward(start, tangent):  # the path starts at an unstable state
+        history.V0, history.plane = start.V, ArcLengthMetric.of(V_scale, tangent.compliance)
+        history.requested = requested = self.quantity.counted(start.V, rest.V)
+        known = (Pressure(), AddedVolume(rest.V), ArcLength(self.plane), requested)
+        history.parameters = {parameter.name: parameter for parameter in known}
+        history.points, history.modes, history.line = [], [], self.first_line
+        history.limit, history.turn, history.level = None, None, math.nan
+        if not requested.starts_forward(start, tangent):  # the path starts at an unstable state
             tangent = -tangent
-        self.trail.stability.start()
-        signature = Signature() if moves else self.trail.stability.signature(exact=True)
+        stability.start()
+        signature = Signature() if moves else stability.signature(exact=True)
         step, stiffest = self.first_step, self.plane.felt(tangent.compliance)
-        first = Point(start, tangent, False, False, step, self.trail.line, stiffest, signature)
-        return self.keep(first)
+        first = Point(start, tangent, False, False, step, history.line, stiffest, signature)
+        return self.commit(first)
 
-    def resume(self, points: Sequence[Point]) -> None:
+    def resume(self, points: Sequence[Point], replay: Callable[[], None]) -> None:
         """Go on from points of an earlier trace, in order: bifurcations, and behind others the last one or two that were
-        solved for. Of their tangents the changes of P and V count, the rest is found again; so is the last state, from what
-        was stored of it."""
+        solved for; ``replay`` restores the histories there. Of their tangents the changes of P and V count, the rest is found
+        again; so is the last state, from what was stored of it."""
         self.begin()
-        self.recall()
+        replay()
+        self.history.limit = next((point for point in points if point.limit), None)
+        for point in points:
+            self.history.pass_limits(point, self.value(point.state), rising=False)
         landed = max((k for k, point in enumerate(points) if point.jump), default=0)
         points = points[landed:]  # what lies before a jump predicts nothing behind it
-        solver, trail, stability = self.solver, self.trail, self.trail.stability
-        trail.modes += [Mode(stability.mass, point.mode) for point in points if point.mode is not None]
-        trail.points = [point for point in points if point.mode is None][-2:]
-        trail.line = trail.last.line
-        lines = [self.plane.stiffened(one.stiffest).square_to(one.tangent, one.state) for one in trail.points]
-        found = solver.solve(lines[-1], trail.last.state.w, trail.last.state.P)
-        trail.points[-1] = dataclasses.replace(trail.last, state=dataclasses.replace(trail.last.state, w=found.w))
-        solver.factorise(trail.last.state)
+        solver, history, stability = self.solver, self.history, self.stability
+        history.modes = [Mode(stability.mass, point.mode) for point in points if point.mode is not None]
+        last = [point for point in points if point.mode is None][-2:]
+        history.line = last[-1].line
+        lines = [self.plane.stiffened(one.stiffest).square_to(one.tangent, one.state) for one in last]
+        found = solver.solve(lines[-1], last[-1].state.w, last[-1].state.P)
+        last[-1] = dataclasses.replace(last[-1], state=dataclasses.replace(last[-1].state, w=found.w))
+        solver.factorise(last[-1].state)
         stability.lowest()
         eigenvalues = (abs(point.signature.lowest) for point in points)
         stability.largest = max([stability.largest, *(value for value in eigenvalues if math.isfinite(value))])
-        tangents = [solver.tangent(one.state, line) for one, line in zip(trail.points, lines, strict=True)]
-        trail.points = [
-            dataclasses.replace(one, tangent=found) for one, found in zip(trail.points, tangents, strict=True)
+        history.points = [
+            dataclasses.replace(one, tangent=solver.tangent(one.state, line))
+            for one, line in zip(last, lines, strict=True)
         ]
 
-    def keep(self, point: Point) -> Point:
-        return self.trail.keep(point)
+    def commit(self, point: Point) -> Point:
+        """Make a point the last one, which friction and silicone remember."""
+        self.solver.system.potential.commit(point.state.w)
+        return self.history.add(point)
+
+    @property
+    def stability(self) -> Stability:
+        return Stability.of(self.solver)
+
+    @functools.cached_property
+    def corrector(self) -> Corrector:
+        """What finds its states, once it has begun."""
+        return Corrector(self.solver, self.history)
+
+    @property
+    def requested(self) -> PathQuantity:
+        """The requested quantity, counted from the path's beginning."""
+        return self.history.requested
+
+    @property
+    def plane(self) -> ArcLengthMetric:
+        return self.history.plane
 
     @property
     def last(self) -> Point:
-        return self.trail.last
+        return self.history.last
+
+    @property
+    def first_line(self) -> str:
+        """Name of what a path follows where it begins."""
+        return self.quantity.name if self.control == "auto" else self.control
 
     @property
     def followed(self) -> ContinuationParameter:
-        return self._known[self.trail.line]
+        return self.history.parameters[self.history.line]
 
     @property
     def direct(self) -> bool:
@@ -150,7 +174,7 @@ class Continuation:
     @property
     def first_step(self) -> float:
         """Length of the first step in the control."""
-        return self.followed.first_step(self.plane, self.V0)
+        return self.followed.first_step(self.plane, self.history.V0)
 
     def value(self, state: State) -> float:
         """Return the requested quantity at a state."""
@@ -160,15 +184,12 @@ class Continuation:
         """Return the point with a requested value that lies between two points."""
         return self.corrector.between(self.requested, before, after, value)
 
-    def stops(
-        self, step: float, goals: Sequence[float] = (), level: float = math.nan
-    ) -> tuple[list[Point], PathEnd | None]:
+    def stops(self, step: float, goals: Sequence[float] = ()) -> tuple[list[Point], PathEnd | None]:
         """Take a step towards the first of the requested values ``goals``, shortened until all that lies on it is located.
 
         Args:
             step: Its length.
             goals: Requested values ahead, rising; none if the path is followed as far as it leads.
-            level: Value at which the device lands from a limit point that the path has passed, nan if from none.
 
         Returns:
             Points on the step, in order: limit points, bifurcations, requested values, where the device lands, and the step's
@@ -184,19 +205,19 @@ class Continuation:
                 after, end = leak
             try:
                 found = [*events(self.corrector, self.requested, before, after, self.report), after]
-                return self._with_values(before, found, goals, level), end
+                return self._with_values(before, found, goals), end
             except newton.NoConvergence as failure:
                 what = f"what lies on a step of at most {step:.3g}"
                 self.report(f"{what} was not located ({failure}); halving the step")
                 step = min(step, self._longest()) / 2
-                if step < SHORTEST_STEP * self.first_step:
+                if step < MIN_STEP_RATIO * self.first_step:
                     why = "a limit point or a requested value on the way was not located"
-                    raise lost(self.corrector, self.requested, why, failure) from failure
+                    raise failed_path(self.corrector, self.requested, why, failure) from failure
 
-    def _with_values(self, here: Point, stops: list[Point], goals: Sequence[float], level: float) -> list[Point]:
+    def _with_values(self, here: Point, stops: list[Point], goals: Sequence[float]) -> list[Point]:
         """Return the points of a step with those where the device lands and has requested values, up to the last value; the
         rest is as for `stops`."""
-        found, left = list[Point](), list(goals)
+        found, left, level = list[Point](), list(goals), self.history.level
         for stop in stops:
             if self.value(here.state) < level <= self.value(stop.state):
                 # A real device snaps through from the limit point of the requested quantity to here.
@@ -242,18 +263,19 @@ class Continuation:
         if not self.requested.starts_forward(state, tangent):
             tangent = -tangent
         stiffest = min(self.last.stiffest, self.plane.felt(tangent.compliance))
-        signature = self.trail.stability.signature(exact=True)
-        return Point(state, tangent, False, False, self.first_step, self.trail.line, stiffest, signature)
+        signature = self.stability.signature(exact=True)
+        return Point(state, tangent, False, False, self.first_step, self.history.line, stiffest, signature)
 
     def ahead(self, value: float) -> float:
         """Return how far beyond a requested value, at which it is lost, a device is released: ten times as far as the last time
         where it has come less far since then, else a tenth."""
-        unit = self.requested.first_step(self.plane, self.V0)
-        slow = abs(value - self._released_at) < 10.0 * self._ahead * unit
-        self._released_at, self._ahead = value, 10.0 * self._ahead if slow else max(self._ahead / 10.0, AHEAD)
-        return self._ahead * unit
+        unit, history = self.requested.first_step(self.plane, self.history.V0), self.history
+        slow = abs(value - history.released_at) < 10.0 * history.ahead * unit
+        history.released_at = value
+        history.ahead = 10.0 * history.ahead if slow else max(history.ahead / 10.0, MIN_RELEASE)
+        return history.ahead * unit
 
-    def let_go(self, goal: float, end: PathEnd) -> Point:
+    def release_device(self, goal: float, end: PathEnd) -> Point:
         """Let the device go at its last point, where the path was lost for a reason; return where it comes to rest.
 
         Raises:
@@ -265,9 +287,14 @@ class Continuation:
         state = come_to_rest(self, self.requested.curve(value), last.state, end.cause.clause if end.cause else str(end))
         if state is None:
             raise end
-        self.trail.line = self.requested.name if self.control == "auto" else self.control
+        self.history.line = self.first_line
         landed = self.at(self.requested.exactly(state, value))
         return dataclasses.replace(landed, requested=value == goal, jump=True)
+
+    def ended(self, end: PathEnd) -> PathEnd:
+        """Return the end of the path, with the limit point of the requested quantity."""
+        limit = self.requested.limit_met(self.history.limit, self.history.turn)
+        return PathEnd(str(end), limit, end.cause if limit is None else None)
 
     def advance(self, step: float, goal: float) -> Point:
         """Take a step towards the requested value ``goal``, shortened until it converges; `PathEnd` if not even the shortest
@@ -281,7 +308,7 @@ class Continuation:
             share = left if hit else left / math.ceil(left / step - 1e-9) if direct and left < 3 * step else step
             try:
                 point = self._stepped(share, goal if hit else None, step)
-                closest = max(OPENING_STEP * begun, 2 * SHORTEST_STEP * self.first_step)
+                closest = max(OPENING_STEP * begun, 2 * MIN_STEP_RATIO * self.first_step)
                 if share > closest and self._open_terms(point.state):
                     raise newton.NoConvergence(
                         "a seal opens"
@@ -290,23 +317,23 @@ class Continuation:
             except newton.NoConvergence as failure:
                 self.report(f"no convergence with step {share:.3g} ({failure}); halving the step")
                 step = share / 2
-                shortest = SHORTEST_STEP * self.first_step
+                shortest = MIN_STEP_RATIO * self.first_step
                 if self.may_follow_volume and direct and step < max(0.02 * self.last.step, shortest):
                     self.follow(AddedVolume.name)  # which passes a limit point: that distinguishes it from a failure
                     step, direct = self.last.step, False
                 elif step < shortest:
                     why = "no step converged, down to a thousandth of the first one"
-                    raise lost(self.corrector, self.requested, why, failure) from failure
+                    raise failed_path(self.corrector, self.requested, why, failure) from failure
 
     def _stepped(self, share: float, goal: float | None, step: float) -> Point:
         """Return the point a ``share`` ahead, or at the value ``goal`` if given; `NoConvergence` if this branch has none."""
         last = self.last
         line = self.followed.ahead(last.state, last.tangent, share) if goal is None else self.requested.curve(goal)
-        state = self.corrector.solve(line, self.trail.points)
+        state = self.corrector.solve(line, self.history.points)
         self.corrector.check_branch(state, line)
         state = state if goal is None else self.requested.exactly(state, goal)
         count = state.iterations - self.solver.system.assembled.slack
-        change = STEP_GROWTH if count <= QUICK else 1.0 if count < SLOW else 0.6
+        change = STEP_GROWTH if count <= FAST_ITERATIONS else 1.0 if count < SLOW_ITERATIONS else 0.6
         following = max(step, share) * change if change > 1 else share * change
         point = self.corrector.point(state, requested=goal is not None, step=following)
         self.corrector.check_work(point)
@@ -317,28 +344,28 @@ class Continuation:
         per, along = self.requested.rate(s, t), self.followed.rate(s, t)
         return self.largest_step * abs(along / per) if per else math.inf
 
-    def choose(self, past_limit: bool) -> None:
+    def choose(self) -> None:
         """Under ``auto``, control the requested quantity while the device is stiff, and the volume where it softens."""
-        if self.control != "auto" or self.by_volume or (past_limit and self.requested.ends_at_pressure_limit):
+        if self.control != "auto" or self.by_volume or self.last_limit is not None:
             return
         s, t = self.last.state, self.last.tangent
         a, b = self.requested.slopes(s.V, s.P)
         stiffest = (a + b / self.last.stiffest) * t.V
         softened = a * t.V + b * t.P  # the same here; both are the derivative of the quantity by the volume
-        if self.direct and not stiffest < SOFTENING * softened:
+        if self.direct and not stiffest < VOLUME_CONTROL_SOFTENING * softened:
             self.follow(AddedVolume.name)
-        elif self.trail.line == AddedVolume.name and stiffest < SOFTENING / 2 * softened:
+        elif self.history.line == AddedVolume.name and stiffest < VOLUME_CONTROL_SOFTENING / 2 * softened:
             self.follow(self.requested.name)
 
     def follow(self, line: str) -> None:
         """Switch the control, by its name, with a step of about the same length."""
-        if line == self.trail.line:
+        if line == self.history.line:
             return
         self.report(f"control switched to {line}")
-        s, t, now, new = self.last.state, self.last.tangent, self.followed, self._known[line]
+        s, t, now, new = self.last.state, self.last.tangent, self.followed, self.history.parameters[line]
         step = abs(self.last.step * new.rate(s, t) / now.rate(s, t))
-        self.trail.line, step = line, min(step, new.largest_step(s, self.plane))
-        self.trail.points[-1] = dataclasses.replace(self.last, step=step, line=line)
+        self.history.line, step = line, min(step, new.largest_step(s, self.plane))
+        self.history.points[-1] = dataclasses.replace(self.last, step=step, line=line)
 
     @property
     def by_volume(self) -> bool:
@@ -351,21 +378,27 @@ class Continuation:
         return self.control in ("auto", Pressure.name) and not self.by_volume
 
     @property
-    def ends_at_limit(self) -> bool:
-        """Whether a limit point of the pressure ends the path: no state exists at a higher pressure, but at a larger volume."""
-        return self.may_follow_volume and self.requested.ends_at_pressure_limit
+    def last_limit(self) -> Point | None:
+        """The limit point of the pressure that has been passed, if it ends the path: no state has a higher pressure."""
+        return self.history.limit if self.may_follow_volume and self.requested.ends_at_pressure_limit else None
 
 
 PAST_LIMIT = 0.1  # how far `auto` continues past a limit point, relative to the volume added up to it
 
 
-def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = ()) -> Iterator[Point]:
+def trace(
+    path: Continuation,
+    goals: Sequence[float],
+    start: Sequence[Point] = (),
+    replay: Callable[[], None] = lambda: None,
+) -> Iterator[Point]:
     """Follow a device through the requested values, in rising order, and yield every point of the path.
 
     Args:
         path: What to follow, and how.
         goals: Requested values (dimensionless), rising, none below 0.
         start: The last points of an interrupted trace, to go on from; goals at or below them are taken as done.
+        replay: Restores the histories at these points; see `Continuation.resume`.
 
     Yields:
         Points along the path; those requested are marked, and so are limit points.
@@ -375,7 +408,7 @@ def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = (
     """
     left = list(goals)
     if start:
-        path.resume(start)
+        path.resume(start, replay)
         done = path.value(path.last.state)
         left = [goal for goal in left if goal > done * (1 + 1e-12)]
     else:
@@ -384,53 +417,53 @@ def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = (
         yield dataclasses.replace(first, requested=requested)
         by_volume = any(isinstance(one, AddedVolume) for one in (path.requested, path.followed))
         if by_volume and first.stiffest <= path.plane.felt(0.0):
-            raise PathEnd("the supports prevent any change", cause=LOCKED)
+            raise PathEnd("the supports prevent any change", cause=DEVICE_LOCKED)
         left = left[1:] if requested else left
-    passed = PassedLimits.among(start, path.requested)
+    history = path.history
     while left:
-        _check_end(path, passed)
-        path.choose(passed.limit is not None)
+        _check_end(path)
+        path.choose()
         before = path.last
         step = before.step
-        if passed.limit is not None and path.ends_at_limit:
-            step = min(step, PAST_LIMIT / 2 * (passed.limit.state.V - path.V0))
+        if path.last_limit is not None:
+            step = min(step, PAST_LIMIT / 2 * (path.last_limit.state.V - history.V0))
         try:
-            stops, leak = path.stops(step, left, passed.level)
+            stops, leak = path.stops(step, left)
         except PathEnd as lost_there:
-            end = passed.ended(lost_there, path.requested)
+            end = path.ended(lost_there)
             if not (path.release and end.snaps):
                 raise end from lost_there
-            stops, leak = [path.let_go(left[0], end)], None
+            stops, leak = [path.release_device(left[0], end)], None
         for stop in stops:
             if stop.mode is not None:
                 # Interpolated, and K is singular: not used to predict the next state.
-                path.trail.modes.append(Mode(path.trail.stability.mass, stop.mode))
+                path.history.modes.append(Mode(path.stability.mass, stop.mode))
                 yield stop
                 continue
-            here = path.keep(dataclasses.replace(stop, step=stops[-1].step))
-            passed.add(here, path.value(here.state), rising=before.tangent.P > 0)
+            here = path.commit(dataclasses.replace(stop, step=stops[-1].step))
+            history.pass_limits(here, path.value(here.state), rising=before.tangent.P > 0)
             yield here
         left = left[sum(stop.requested for stop in stops) :]
         if leak and left:
             raise leak
 
 
-def _check_end(path: Continuation, passed: PassedLimits) -> None:
+def _check_end(path: Continuation) -> None:
     """Raise `PathEnd` if the path is far enough past its limit point, or has grown too large."""
-    added = path.last.state.V - path.V0
-    limit = passed.limit
-    if limit is not None and path.ends_at_limit and added > (1 + PAST_LIMIT) * (limit.state.V - path.V0):
+    added = path.last.state.V - path.history.V0
+    limit = path.last_limit
+    if limit is not None and added > (1 + PAST_LIMIT) * (limit.state.V - path.history.V0):
         raise PathEnd("the pressure has a limit point", limit)
     if not path.by_volume and added > path.largest_growth * path.plane.V_scale:
         why = f"the cavity has grown {path.largest_growth:g}-fold without reaching the requested value"
-        raise passed.ended(PathEnd(why), path.requested)
+        raise path.ended(PathEnd(why))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Predictor of the continuation: the next state and the tangent there, from the last points and their tangents.
 
 
-LONGEST = 3.0
+MAX_PREDICTION_RATIO = 3.0
 """Maximum prediction distance, in distances between the last two points, for the cubic rather than the last tangent."""
 MIN_RELATIVE_DISTANCE = 1e-2
 """Minimum distance of a new state for predicting the tangent; closer, its change is rounding."""
@@ -493,7 +526,7 @@ def _agree(places: Array, rates: Array, at: float) -> bool:
     if len(places) < 2 or rates[0] * rates[1] <= 0.0:
         return False
     apart = places[1] - places[0]
-    return bool(apart != 0.0 and abs(at - places[1]) <= LONGEST * abs(apart))
+    return bool(apart != 0.0 and abs(at - places[1]) <= MAX_PREDICTION_RATIO * abs(apart))
 
 
 def _weights(places: Array, at: float) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
@@ -522,56 +555,78 @@ def _sum(points: Sequence[Point], values: Array, slopes: Array) -> tuple[Array, 
 # ----------------------------------------------------------------------------------------------------------------------
 # The end of a path: its last two points, from which the next is predicted.
 
+MIN_RELEASE = 0.01
+"""How far beyond the last state a device is released at least, in first steps."""
 
+
+@dataclasses.dataclass
 class PathHistory:
-    """The end of a path of a device.
+    """All that changes along a path.
 
     Attributes:
         points: The last one or two, in order.
         modes: Those of the bifurcations that the path has passed: a state with much of one lies on another branch.
         line: Name of what the path follows.
+        limit, turn: The first limit point of the pressure passed so far, and the last one of the requested quantity itself.
+        level: The value at that one if the path has not come to where the device lands yet, else nan.
+        snaps: How often the device has been released.
+        released_at, ahead: The value at which it was released last, and how far beyond it, in first steps.
+        V0, plane: Set where the path begins: the volume there, and the scales of arc lengths.
+        requested, parameters: Set there too: the requested quantity, and what may be followed, by name.
     """
 
-    def __init__(self, solver: Solver):
-        self.solver, self.stability = solver, Stability.of(solver)
-        self.points: list[Point] = []
-        self.modes: list[Mode] = []
-        self.line = ""
+    points: list[Point] = dataclasses.field(default_factory=list)
+    modes: list[Mode] = dataclasses.field(default_factory=list)
+    line: str = ""
+    limit: Point | None = None
+    turn: Point | None = None
+    level: float = math.nan
+    snaps: int = 0
+    released_at: float = math.inf
+    ahead: float = MIN_RELEASE
+    V0: float = dataclasses.field(init=False)
+    plane: ArcLengthMetric = dataclasses.field(init=False)
+    requested: PathQuantity = dataclasses.field(init=False)
+    parameters: dict[str, ContinuationParameter] = dataclasses.field(init=False)
 
     @property
     def last(self) -> Point:
         return self.points[-1]
 
-    def keep(self, point: Point) -> Point:
-        """Make a point the last one, which friction and silicone remember."""
-        self.solver.system.potential.keep(point.state.w)
-        return self.add(point)
-
     def add(self, point: Point) -> Point:
-        """Make a point the last one that they remember already; what lies before a jump predicts nothing behind it."""
+        """Make a point the last one; what lies before a jump predicts nothing behind it."""
         if point.jump:
             self.points, self.modes = [], []
         self.points = [*self.points[-1:], point]
         return point
+
+    def pass_limits(self, point: Point, value: float, rising: bool) -> None:
+        """Pass a point with a value of the requested quantity, on a step that begins at a rising pressure or not."""
+        if self.limit is None and point.limit and rising:
+            self.limit = point
+        if point.turn:
+            self.turn, self.level = point, value
+        elif not value < self.level:
+            self.level = math.nan
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Corrector of the continuation: solve for states on a control's curve from the predictor, and between two points.
 
 
-LARGEST_MODE_SHARE = 0.5
+MAX_MODE_SHARE = 0.5
 """Amplitude of a bifurcation's mode in the predictor's error, relative to the step, above which the state is on another
 branch."""
-FARTHEST = 4.0
+MAX_TRAVEL_RATIO = 4.0
 """Maximum travel of a dead load in one step, relative to the predicted one."""
-LOST, ROUNDED = 0.25, 1e-9
+MAX_MISSING_WORK, ENERGY_ROUNDING = 0.25, 1e-9
 """Share of a step's work that may be missing in the stored energy, and rounding of that energy."""
-STEEPEST = 3.0
+MAX_CUBIC_SLOPE = 3.0
 """Slope at the ends of a cubic, over its chord's, up to which it rises throughout (Fritsch and Carlson 1980, doi
 10.1137/0717021)."""
-MOST_SECANTS = 25
+MAX_SECANTS = 25
 """Maximum secant iterations to locate a value between two points."""
-ALONG = 0.9
+MIN_DIRECTION_COSINE = 0.9
 """Cosine between a motion and a tangent from which the motion is along the path."""
 
 
@@ -587,44 +642,49 @@ def at_once(state: State) -> controls.Tangent:
     return controls.Tangent(np.zeros_like(state.w), 1.0, 0.0)
 
 
-class Emptied(newton.NoConvergence):
+class CavityCollapsed(newton.NoConvergence):
     """A cavity has negative volume: its walls have passed through each other."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Drawn:
-    """The energy stored in a state, magnitudes of all drivers there and what they work on, shape (k,)."""
+class LoadedState:
+    """A state with its loads, dimensionless: magnitudes of all drivers there and what they work on, shape (k,), and the stored
+    energy; ``number`` counts the program's steps up to it."""
 
     state: State
-    energy: float
     drives: Array
     driven: Array
+    energy: float = math.nan
+    number: int = 0
 
     @classmethod
-    def at(cls, system: System, state: State) -> Drawn:
+    def at(cls, system: System, state: State, number: int = 0) -> LoadedState:
         system.load(state)
-        return cls(state, system.stored_energy(), system.drives_at(state), system.driven())
+        return cls(state, system.drives_at(state), system.driven(), system.stored_energy(), number)
 
 
 class Corrector:
-    """Newton's method along a path, from its last points, with the scales of volume and pressure."""
+    """Newton's method along a path, from its last points."""
 
-    def __init__(self, solver: Solver, trail: PathHistory, plane: ArcLengthMetric):
-        self.solver, self.trail, self.plane = solver, trail, plane
-        self.stability = trail.stability
-        self._drawn: Drawn | None = None
+    def __init__(self, solver: Solver, history: PathHistory):
+        self.solver, self.history, self.stability = solver, history, Stability.of(solver)
+        self._loaded: LoadedState | None = None
+
+    @property
+    def plane(self) -> ArcLengthMetric:
+        return self.history.plane
 
     def tangent(self, state: State, tolerance: float = TANGENT_TOLERANCE) -> controls.Tangent:
         """Return the tangent at a state, oriented forwards; scaled along the last direction, so it is regular at
         limit points."""
-        if not self.trail.points:
+        if not self.history.points:
             return self.solver.tangent(state, Control(1 / self.plane.V_scale, 1.0, 0.0), tolerance)
-        last = self.trail.last
+        last = self.history.last
         line = self.plane.stiffened(last.stiffest).square_to(last.tangent, last.state)
         # If nothing moves, a guess would consist of rounding errors, so solve without one.
         locked = self.plane.locked(last.tangent.compliance)
         creeping = bool(self.solver.system.potential.histories)
-        guess = None if locked else predict_direction(self.trail.points, state, line, creeping)
+        guess = None if locked else predict_direction(self.history.points, state, line, creeping)
         found = self.solver.tangent(state, line, tolerance, guess)
         if locked or creeping or self.solver.system.direction > 0:
             return found
@@ -636,7 +696,7 @@ class Corrector:
         Where a shell snaps back, pressure and volume turn back at nearly the same state: their plane shows a cusp, and orients
         the tangent wrongly. Motions from one branch to another, or back to where an event is located, are not along the path.
         """
-        step = state.w - self.trail.last.state.w
+        step = state.w - self.history.last.state.w
         if not mpi.largest(self.solver.system.comm, float(np.abs(step).max(initial=0.0))):
             return False
         motion = Mode(self.stability.mass, step)
@@ -645,7 +705,7 @@ class Corrector:
             size = motion.size(w)
             return motion.share(w) / size if size > 0.0 else 0.0
 
-        return cosine(found.w) < -ALONG and cosine(self.trail.last.tangent.w) > ALONG
+        return cosine(found.w) < -MIN_DIRECTION_COSINE and cosine(self.history.last.tangent.w) > MIN_DIRECTION_COSINE
 
     def solve(self, line: controls.Curve, around: Sequence[Point]) -> State:
         """Return the state on a line, guessed by the cubic through one or two points and their tangents. Past a bifurcation
@@ -656,8 +716,8 @@ class Corrector:
         """
         w, P = predict(around, line)
         state = self.solve_from(line, w, P, around[-1].state)
-        for mode in self.trail.modes:
-            if abs(mode.share(state.w - w)) > LARGEST_MODE_SHARE * mode.size(w - around[-1].state.w):
+        for mode in self.history.modes:
+            if abs(mode.share(state.w - w)) > MAX_MODE_SHARE * mode.size(w - around[-1].state.w):
                 raise newton.NoConvergence("Newton converged to another branch")
         return state
 
@@ -678,10 +738,10 @@ class Corrector:
     def point(self, state: State, requested: bool = False, limit: bool = False, step: float | None = None) -> Point:
         """Return the point of a state near the last one, with tangent and signature, factorised if these need it, and with the
         last point's ``step`` if None is given."""
-        solver, last = self.solver, self.trail.last
+        solver, last = self.solver, self.history.last
         if solver.system.potential.motion:
             return dataclasses.replace(last, state=state, tangent=at_once(state), requested=requested)
-        stale = solver.stale
+        stale = solver.lagged.needs_update
         # At a limit point K is singular: no usable preconditioner, and a signature of rounding errors.
         stale = (stale or self.stability.wants(state)) and not (limit and solver.bordered.factorisations)
         if stale:
@@ -701,15 +761,15 @@ class Corrector:
             signature = Signature(negative, self.stability.critical_lowest(state, negative))
         else:
             signature = self.stability.signature(stale, negative)
-        return Point(state, tangent, requested, limit, step, self.trail.line, stiffest, signature)
+        return Point(state, tangent, requested, limit, step, self.history.line, stiffest, signature)
 
     def check_whole(self, state: State, since: State | None = None) -> None:
         """Reject a converged state that is inverted, or behind a wall as seen from another one, by default the last; see
         `check_branch`."""
         system = self.solver.system
         if (system.volumes() <= 0.0).any():
-            raise Emptied("a cavity would collapse to zero volume")
-        if not system.potential.admits((since or self.trail.last.state).w, state.w):
+            raise CavityCollapsed("a cavity would collapse to zero volume")
+        if not system.potential.is_admissible((since or self.history.last.state).w, state.w):
             raise newton.NoConvergence("a wall passed through an obstacle")
 
     def check_branch(self, state: State, line: controls.Curve) -> None:
@@ -721,14 +781,14 @@ class Corrector:
             NoConvergence: It lies there.
             Emptied: A cavity's walls have passed through each other, which no short step mends.
         """
-        s, t = self.trail.last.state, self.trail.last.tangent
-        system, plane = self.solver.system, self.plane.stiffened(self.trail.last.stiffest)
+        s, t = self.history.last.state, self.history.last.tangent
+        system, plane = self.solver.system, self.plane.stiffened(self.history.last.stiffest)
         self.check_whole(state)
         if plane.product((state.V - s.V, state.P - s.P), (t.V, t.P)) <= 0.0:
             raise newton.NoConvergence("Newton converged to another branch")
         if not (line.needs_volume or system.drives_cavities):
             predicted = t.V * (state.P - s.P) / t.P if t.P else math.inf
-            if abs(state.V - s.V) > FARTHEST * abs(predicted):
+            if abs(state.V - s.V) > MAX_TRAVEL_RATIO * abs(predicted):
                 raise newton.NoConvergence("the travel was too large for one step")
 
     def check_work(self, point: Point) -> None:
@@ -739,18 +799,18 @@ class Corrector:
         Raises:
             NoConvergence: It lost some.
         """
-        system, last = self.solver.system, self.trail.last
+        system, last = self.solver.system, self.history.last
         if system.potential.remembers or system.body.seal:
             return
-        known = self._drawn
-        before = known if known is not None and known.state is last.state else Drawn.at(system, last.state)
-        after = self._drawn = Drawn.at(system, point.state)
+        known = self._loaded
+        before = known if known is not None and known.state is last.state else LoadedState.at(system, last.state)
+        after = self._loaded = LoadedState.at(system, point.state)
         moved, gained = after.driven - before.driven, after.energy - before.energy
         chord = 0.5 * float((before.drives + after.drives) @ moved)
         scale = 0.5 * float((np.abs(before.drives) + np.abs(after.drives)) @ np.abs(moved))
-        scale = max(scale, abs(gained), ROUNDED * max(abs(after.energy), self.plane.V_scale))
+        scale = max(scale, abs(gained), ENERGY_ROUNDING * max(abs(after.energy), self.plane.V_scale))
         missing = [abs(gained - chord - bulge) for bulge in self._bulges(last, point)]
-        if missing and min(missing) > LOST * scale:
+        if missing and min(missing) > MAX_MISSING_WORK * scale:
             raise newton.NoConvergence("the stored energy has not changed by the work done: the state has leapt")
 
     def _bulges(self, before: Point, after: Point) -> list[float]:
@@ -760,7 +820,11 @@ class Corrector:
         dV, dP, found = t.V - s.V, t.P - s.P, []
         if dV * a.V > 0.0 and dV * b.V > 0.0:
             found.append(dV**2 * (a.P / a.V - b.P / b.V) / 12)
-        if dP * a.P > 0.0 and dP * b.P > 0.0 and max(abs(a.V / a.P), abs(b.V / b.P)) * abs(dP) <= STEEPEST * abs(dV):
+        if (
+            dP * a.P > 0.0
+            and dP * b.P > 0.0
+            and max(abs(a.V / a.P), abs(b.V / b.P)) * abs(dP) <= MAX_CUBIC_SLOPE * abs(dV)
+        ):
             found.append(dP**2 * (b.V / b.P - a.V / a.P) / 12)
         return found
 
@@ -811,7 +875,7 @@ class Corrector:
         f_low, f_high = f(low), f(high)
         scale = max(abs(f_low), abs(f_high))
         best, side = low, 0
-        for _ in range(MOST_SECANTS):
+        for _ in range(MAX_SECANTS):
             V = (low.state.V * f_high - high.state.V * f_low) / (f_high - f_low)
             state = self.solve(controls.volume_control(V), (low, high))
             best = dataclasses.replace(high, state=state, tangent=self.tangent(state, tight(self.solver)))
@@ -830,96 +894,25 @@ class Corrector:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Limit points passed by a path, which decide where it ends and where a device would snap through.
-
-
-@dataclasses.dataclass
-class PassedLimits:
-    """The first limit point of the pressure passed so far, the last one of the requested quantity itself, and the value at
-    that one if the path has not come to where the device lands yet, else nan."""
-
-    limit: Point | None = None
-    turn: Point | None = None
-    level: float = math.nan
-
-    @classmethod
-    def among(cls, points: Sequence[Point], requested: PathQuantity) -> PassedLimits:
-        """Return those of the points, in order, from which a path continues."""
-        limit = next((point for point in points if point.limit), None)
-        turn = next((point for point in reversed(points) if point.turn), None)
-        if turn is None:
-            return cls(limit)
-        level, value = (requested.value(one.state.V, one.state.P) for one in (turn, points[-1]))
-        return cls(limit, turn, level if level > value else math.nan)
-
-    def add(self, point: Point, value: float, rising: bool) -> None:
-        """Pass a point with a value of the requested quantity, on a step that begins at a rising pressure or not."""
-        if self.limit is None and point.limit and rising:
-            self.limit = point
-        if point.turn:
-            self.turn, self.level = point, value
-        elif not value < self.level:
-            self.level = math.nan
-
-    def ended(self, end: PathEnd, requested: PathQuantity) -> PathEnd:
-        """Return the end of a path, with the limit point of the requested quantity."""
-        limit = requested.limit_met(self.limit, self.turn)
-        return PathEnd(str(end), limit, end.cause if limit is None else None)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
 # Physical ends of a path besides limit points: no equilibrium exists beyond them.
 
 
-EMPTIED = component.PathFailure(
+CAVITY_COLLAPSES = component.PathFailure(
     "a cavity collapses to zero volume, so that its walls would pass through each other",
     "Reduce the load, or use a stiffer silicone or thicker walls; where the cavity's walls are not in contact yet, enable that "
     "([walls] with faces = 'cavity')",
 )
-LOCKED = component.PathFailure(
+DEVICE_LOCKED = component.PathFailure(
     "the requested volume or travel cannot change at any pressure or force: the supports prevent any change",
     "Support less of the device; a fully supported cavity in incompressible silicone (poisson = 0.5) keeps its volume "
     "and takes only a pressure",
 )
-SNAPPED = component.PathFailure(
+DEVICE_SNAPS_BACK = component.PathFailure(
     "the device snaps back: pressures and forces have a limit point, and their volumes and travels turn "
     "back there too, so neither can be raised further",
     "Stay below, or remove the cause of the snap-back",
     snaps=True,
 )
-
-
-def folded(cells: float, place: str, at: str) -> component.PathFailure:
-    """Return the end of a path at which only a few cells fold, around an undeformed place with its unit; ``at`` is a clause
-    that begins with a comma on what it is at, empty inside."""
-    few = "one cell" if cells < 1.5 else f"{cells:.0f} cells"
-    return component.PathFailure(
-        f"{few} of the mesh would fold at {place} of the undeformed device{at}, and the requested quantity turns "
-        f"back there: a mesh fold at a sharp edge, not a limit of the device",
-        "Round that edge (--fillet, --rounding or --clamp-rounding, as the device has it), add contact to the faces "
-        "beside it, or use larger cells there (--cell-size, fewer cells --through); the states up to here are not "
-        "affected",
-        snaps=True,
-        of_mesh=True,
-    )
-
-
-CREASED = 0.647**2
-"""Product of a surface's smaller stretch squared and its larger one below which neo-Hookean silicone folds into itself (Hong,
-Zhao and Suo 2009, doi 10.1063/1.3211917)."""
-
-
-def creased(stretch: float, least: float, place: str, at: str, closed: bool) -> component.PathFailure:
-    """Return the end of a path at which the surface creases, or at which it has done so and the crease is ``closed``; the rest
-    is as for `folded`."""
-    what, first = ("is folded onto itself", "Round") if closed else ("creases", "Stay below, or round")
-    return component.PathFailure(
-        f"the silicone's surface {what} at {place} of the undeformed device{at}: it is compressed to a stretch of "
-        f"{stretch:.2f}, and creases from about {least:.2f} on",
-        f"{first} that edge more (--fillet, --rounding or --clamp-rounding, as the device has it), so that its surface is "
-        "compressed less; smaller cells there (--cell-size) resolve the fold",
-        snaps=True,
-    )
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -930,31 +923,21 @@ def creased(stretch: float, least: float, place: str, at: str, closed: bool) -> 
 # part, which is regular there, as near a bifurcation (`Branch`).
 
 
-MOST_STATES = 24
+MAX_DIAGNOSIS_STATES = 24
 """Number of states computed beyond the last one."""
 SNAP_STEP_GROWTH = 1.5
 """Growth factor from one step to the next."""
-HALVINGS = 10
+MAX_HALVINGS = 10
 """Reduction factor of a failed step."""
-ASTRAY = 2.0
+MAX_STEP_OVERSHOOT = 2.0
 """Step length relative to the predicted one above which Newton has converged to another branch."""
-TOLERANCE = 1e-10
+DIRECTION_TOLERANCE = 1e-10
 """Relative tolerance of the directions, whose local part may be a thousandth of the whole motion."""
-FEW = (6.0, 0.1)
-"""Maximum number and fraction of cells in a motion that counts as a mesh fold."""
-CLOSED = math.radians(150.0)
-"""Angle by which a facet turns from one end to the other where it is folded onto itself; a quadratic one turns by 180 degrees
-at most, and one beside a held edge by 130 without a crease."""
-NEAR_CORNERS = 0.9
-"""Where on its way from the middle of a facet to a corner its turn is taken: on the axis itself a hoop is 0 / 0, and in a sharp
-corner that is blown up a cell's own corner may turn over."""
-PART = 1e-3
-"""Share of the largest part that a cell has of a motion, above which it takes part."""
-FALLING = 2
+DECREASES_PAST_TURN = 2
 """Consecutive decreases after which the requested quantity counts as turned back."""
 
 
-def lost(corrector: Corrector, requested: PathQuantity, why: str, failure: newton.NoConvergence) -> PathEnd:
+def failed_path(corrector: Corrector, requested: PathQuantity, why: str, failure: newton.NoConvergence) -> PathEnd:
     """Return the end of a path that could not be continued from its last point, with its cause if that is physical; the path's
     factorisation is not kept."""
     return PathEnd(f"{why} ({failure})", cause=_cause_of(corrector, requested, failure))
@@ -963,10 +946,10 @@ def lost(corrector: Corrector, requested: PathQuantity, why: str, failure: newto
 def _cause_of(
     corrector: Corrector, requested: PathQuantity, failure: newton.NoConvergence
 ) -> component.PathFailure | None:
-    if isinstance(failure, Emptied):
-        return EMPTIED
+    if isinstance(failure, CavityCollapsed):
+        return CAVITY_COLLAPSES
     system = corrector.solver.system
-    system.load(corrector.trail.last.state)
+    system.load(corrector.history.last.state)
     for term in system.potential.terms.values():
         if cause := term.breakdown(system):
             return cause
@@ -974,14 +957,14 @@ def _cause_of(
         part = snapping(corrector, requested)
     except newton.NoConvergence:
         part = None
-    system.load(corrector.trail.last.state)
+    system.load(corrector.history.last.state)
     if part is None:
-        return crease(system)
-    fold = Concentration(system, part)
+        return creases.find_crease(system)
+    fold = creases.MotionConcentration(system, part)
     if not fold.local:
-        return SNAPPED
-    system.load(corrector.trail.last.state)
-    return crease(system, fold.part) or folded(fold.cells, *fold.place)
+        return DEVICE_SNAPS_BACK
+    system.load(corrector.history.last.state)
+    return creases.find_crease(system, fold.part) or creases.fold_failure(fold.cells, *fold.place)
 
 
 def snapping(corrector: Corrector, requested: PathQuantity) -> Array | None:
@@ -991,17 +974,17 @@ def snapping(corrector: Corrector, requested: PathQuantity) -> Array | None:
     Raises:
         NoConvergence: There are no states near beyond it.
     """
-    last, points = corrector.trail.last, corrector.trail.points
+    last, points = corrector.history.last, corrector.history.points
     value = requested.value(last.state.V, last.state.P)
     if len(points) < 2 or not requested.rate(last.state, last.tangent) > 0.0:  # the first point has no predecessor
         return None
-    ahead, fallen, unstable = Ahead(corrector), 0, _unstable(requested, last)
-    for _ in range(MOST_STATES):
+    ahead, fallen, unstable = StatesBeyond(corrector), 0, _unstable(requested, last)
+    for _ in range(MAX_DIAGNOSIS_STATES):
         ahead.step()
         now = requested.value(ahead.state.V, ahead.state.P)
         fallen = fallen + 1 if now < value else 0
         value = now
-        if fallen == FALLING:
+        if fallen == DECREASES_PAST_TURN:
             # If Newton has only converged to another branch, no direction is unstable.
             corrector.solver.factorise(ahead.state)
             signature = corrector.stability.signature(exact=True)
@@ -1015,7 +998,7 @@ def _unstable(requested: PathQuantity, point: Point) -> int:
     return point.signature.negative_eigenvalues - int(requested.rate(point.state, point.tangent) * point.tangent.P < 0)
 
 
-class Ahead:
+class StatesBeyond:
     """States beyond a path's last two points, controlled by the motion of the snapping part; `NoConvergence` if the path has
     no direction there.
 
@@ -1027,7 +1010,7 @@ class Ahead:
 
     def __init__(self, corrector: Corrector):
         self.solver, self._mass = corrector.solver, corrector.stability.mass
-        before, last = corrector.trail.points
+        before, last = corrector.history.points
         self._whole = self._direction(before.state, self._measure(before.tangent.w))
         self.state, self.tangent = last.state, self._direction(last.state, self._measure(last.tangent.w))
         self._amount = abs(self._part().share(last.state.w - before.state.w))
@@ -1035,13 +1018,13 @@ class Ahead:
     def step(self) -> None:
         """Solve for the next state; `NoConvergence` if there is none near."""
         state, rate, part = self.state, self.tangent, self._part()
-        for _ in range(HALVINGS):
+        for _ in range(MAX_HALVINGS):
             far = self._amount / part.share(rate.w)
             try:
                 found = self.solver.solve_along(
                     part.image, state.w, self._amount, state.w + far * rate.w, state.P + far * rate.P
                 )
-                near = self._measure(found.w - state.w).length < ASTRAY * far
+                near = self._measure(found.w - state.w).length < MAX_STEP_OVERSHOOT * far
                 if near and (self.solver.system.volumes() > 0.0).all():
                     self.state, self.tangent = found, self._direction(found, part)
                     self._amount *= SNAP_STEP_GROWTH
@@ -1072,94 +1055,9 @@ class Ahead:
     def _direction(self, state: State, along: Mode) -> controls.Tangent:
         """Return the path's direction at a state, towards more of a measure, its dofs of unit length."""
         self.solver.factorise(state)
-        rate = self.solver.tangent_along(state, along.image, TOLERANCE)
+        rate = self.solver.tangent_along(state, along.image, DIRECTION_TOLERANCE)
         length = self._measure(rate.w).length
         return controls.Tangent(rate.w / length, rate.P / length, rate.V / length)
-
-
-class Concentration:
-    """Effective number of cells in a motion (local dofs), by its squared gradient: a fold moves the rest only rigidly. w is
-    overwritten.
-
-    ``cells`` is (sum e)^2 / sum e^2 of the cells' integrals e: 1 where one has all of it, all of them where all have as much.
-    """
-
-    def __init__(self, system: System, shape: Array):
-        self.system, body = system, system.body
-        system.w.x.array[:] = shape[: system.dofs]
-        test = ufl.TestFunction(fem.functionspace(body.mesh, ("DG", 0)))
-        slope = body.deformation_gradient(system.potential.displacement) - ufl.Identity(3)
-        form = system.form(ufl.inner(slope, slope) * test * body.hoop * body.measures()[0])
-        self._shares = fem.assemble_vector(form).array[: len(system.cells)]
-        whole, squares = (mpi.total(system.comm, float((self._shares**k).sum())) for k in (1, 2))
-        self.cells = whole**2 / squares if squares else math.inf
-
-    @property
-    def local(self) -> bool:
-        """Whether the motion is local: in a few of many cells."""
-        return self.cells <= min(FEW[0], FEW[1] * mpi.total(self.system.comm, float(len(self.system.cells))))
-
-    @property
-    def part(self) -> npt.NDArray[np.bool_]:
-        """Which cells take part, shape (cells,)."""
-        return np.asarray(self._shares > PART * mpi.largest(self.system.comm, float(self._shares.max(initial=0.0))))
-
-    @property
-    def place(self) -> tuple[str, str]:
-        """The place of the cell with the largest part."""
-        mine = int(self._shares.argmax()) if len(self._shares) else 0
-        return place_of(self.system, mine, float(self._shares[mine]) if len(self._shares) else -math.inf)
-
-
-def place_of(system: System, cell: int, amount: float) -> tuple[str, str]:
-    """Return the undeformed centre in mm of a cell, and its faces: of the rank with the largest amount, the same on all."""
-    body, comm, found = system.body, system.comm, ("", "")
-    topology, d = body.mesh.topology, body.mesh.topology.dim
-    topology.create_connectivity(d - 1, 0)
-    if amount == mpi.largest(comm, amount):
-        middle = meshes.compute_midpoints(body.mesh, d, np.array([cell], dtype=np.int32)) * system.length_unit
-        place = ", ".join(f"{x:.4g}" for x in body.actuator.device_points(middle)[0] * 1e3)
-        links, corners = topology.connectivity(d - 1, 0).links, set(topology.connectivity(d, 0).links(cell).tolist())
-        faces = [
-            role
-            for role in body.faces
-            if any(not corners.isdisjoint(links(facet).tolist()) for facet in body.entities[role][1])
-        ]
-        found = (f"({place}) mm", f", where it is at {' and '.join(faces)}" if faces else "")
-    return next(one for one in comm.allgather(found) if one[0])
-
-
-def crease(system: System, cells: npt.NDArray[np.bool_] | None = None) -> component.PathFailure | None:
-    """Return the end of a path where a surface of some cells, a mask of shape (cells,), is compressed until it creases in the
-    loaded state, at the most compressed one; None if none is. Without a mask it is that of the cells on whose surface a crease
-    has closed already, within one facet, which no contact can see."""
-    body, topology, d = system.body, system.body.mesh.topology, system.body.mesh.topology.dim
-    F, N = body.deformation_gradient(system.potential.displacement), body.normal
-    area = ufl.dot(ufl.cofac(F), N)
-    both, product = ufl.inner(F, F) - ufl.inner(F * N, F * N), ufl.inner(area, area)
-    smaller = ufl.sqrt((both - ufl.sqrt(ufl.max_value(both**2 - 4 * product, 0.0))) / 2)
-    values = ufl.as_vector([smaller, ufl.sqrt(product) / smaller, *(area[k] / ufl.sqrt(product) for k in range(3))])
-    middle = np.full(d - 1, 1 / d)
-    places = np.vstack([middle, middle + NEAR_CORNERS * (np.vstack([np.zeros(d - 1), np.eye(d - 1)]) - middle)])
-    topology.create_connectivity(d, d - 1)
-    exterior = fem.IntegralType.exterior_facet
-    pairs = fem.compute_integration_domains(exterior, topology, body.outer_facets).reshape(-1, 2)
-    at = (
-        fem.Expression(values, places, jit_options=compiling.JIT)
-        .eval(body.mesh, pairs)
-        .reshape(len(pairs), len(places), 5)
-    )
-    smaller, larger, normals = at[:, 0, 0], at[:, 0, 1], at[..., 2:]
-    if cells is not None:
-        of = cells[pairs[:, 0]]
-    else:
-        of = np.einsum("fpi,fqi->fpq", normals, normals).min(axis=(1, 2), initial=1.0) < math.cos(CLOSED)
-    found = zip(smaller[of].tolist(), larger[of].tolist(), pairs[of, 0].tolist(), strict=True)
-    mine = min(((a**2 * b, a, b, cell) for a, b, cell in found), default=(math.inf, 1.0, 1.0, 0))
-    product, stretch, other, _ = min(system.comm.allgather(mine))
-    if product >= CREASED:
-        return None
-    return creased(stretch, math.sqrt(CREASED / other), *place_of(system, mine[-1], -mine[0]), closed=cells is None)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -1170,20 +1068,20 @@ def crease(system: System, cells: npt.NDArray[np.bool_] | None = None) -> compon
 # the path continues smoothly, and another branch crosses it. At an extremum of the volume K is regular.
 
 
-Known = tuple[float, Point]
+EigenvalueSample = tuple[float, Point]
 """An eigenvalue and its state."""
 
-DEEPEST = 10
+MAX_BISECTIONS = 10
 """Maximum bisections of an interval with several events; closer ones are reported as one."""
-SPREADS = (0.5, 0.2, 0.08)
+EIGENVALUE_SAMPLE_POSITIONS = (0.5, 0.2, 0.08)
 """Sampling positions of the eigenvalue around its expected root, relative to the interval's farther end.
 
 Not closer: a mesh without the device's symmetry bends the path towards the branch where K is nearly singular, and a nearby
 state would contain some of the mode and give the imperfect mesh's eigenvalue instead of the device's. The eigenvalue is a
 smooth function of the volume, so the rest is interpolated."""
-TOO_NEAR = 3e-3
+MIN_EIGENVALUE_RATIO = 3e-3
 """Eigenvalue, relative to the largest on the path, below which a state is not used for the interpolation."""
-SAMPLES = 4
+MAX_INTERPOLATION_POINTS = 4
 """Number of states whose eigenvalues are interpolated."""
 
 
@@ -1208,11 +1106,11 @@ def events(
     which a run that is resumed could not follow.
     """
     solver, stability = corrector.solver, corrector.stability
-    kept = solver.kept.base, stability.modes
+    kept = solver.lagged.base, stability.modes
     found = changes(corrector, before, after, report)
     if turn := own_limit(corrector, requested, before, after):
         found = sorted([*turn, *found], key=lambda point: abs(point.state.V - before.state.V))
-    if solver.kept.base is not kept[0] or stability.modes is not kept[1]:
+    if solver.lagged.base is not kept[0] or stability.modes is not kept[1]:
         solver.factorise(after.state)
         stability.lowest()
     return found
@@ -1241,7 +1139,7 @@ def changes(
     gained = unexplained(before, after)
     if gained == 0:
         return [limit(corrector, before, after)] if turned else []
-    if (turned or abs(gained) > 1) and depth < DEEPEST:
+    if (turned or abs(gained) > 1) and depth < MAX_BISECTIONS:
         try:
             middle = corrector.middle(before, after)
         except newton.NoConvergence as failure:
@@ -1273,7 +1171,7 @@ def bifurcation(corrector: Corrector, before: Point, after: Point) -> Point:
     known = [(f_low, before), (f_high, after)]
     scale = max(stability.largest, abs(f_low), abs(f_high))
     start, width = before.state.V, after.state.V - before.state.V
-    for spread in SPREADS:
+    for spread in EIGENVALUE_SAMPLE_POSITIONS:
         root = _root(known, scale)
         reach = max(abs(root - start), abs(root - after.state.V))
         for V in (root - spread * reach, root + spread * reach):
@@ -1295,30 +1193,30 @@ def bifurcation(corrector: Corrector, before: Point, after: Point) -> Point:
     return dataclasses.replace(point, mode=mode, limit=False, requested=False, signature=signature)
 
 
-def _root(known: list[Known], scale: float) -> float:
+def _root(known: list[EigenvalueSample], scale: float) -> float:
     """Return the volume at which the eigenvalue is zero, by interpolation through the states far enough
     from it."""
     far = _far(known, scale)
     (_, low), (_, high) = _around(far)
     middle = (low.state.V + high.state.V) / 2
-    used = sorted(far, key=lambda entry: abs(entry[1].state.V - middle))[:SAMPLES]
+    used = sorted(far, key=lambda entry: abs(entry[1].state.V - middle))[:MAX_INTERPOLATION_POINTS]
     through = scipy.interpolate.BarycentricInterpolator(
         [point.state.V for _, point in used], [value for value, _ in used]
     )
     return float(scipy.optimize.brentq(through, low.state.V, high.state.V, xtol=1e-13 * abs(middle)))
 
 
-def _around(known: list[Known]) -> tuple[Known, Known]:
+def _around(known: list[EigenvalueSample]) -> tuple[EigenvalueSample, EigenvalueSample]:
     return next((a, b) for a, b in itertools.pairwise(known) if a[0] * b[0] <= 0)
 
 
-def _far(known: list[Known], scale: float) -> list[Known]:
+def _far(known: list[EigenvalueSample], scale: float) -> list[EigenvalueSample]:
     """Return the states, by rising volume, that are far enough from the singular one; all of them, if these lie on
     one side."""
     every = sorted(
         {point.state.V: (value, point) for value, point in known}.values(), key=lambda entry: entry[1].state.V
     )
-    far = [entry for entry in every if abs(entry[0]) > TOO_NEAR * scale]
+    far = [entry for entry in every if abs(entry[0]) > MIN_EIGENVALUE_RATIO * scale]
     return far if len({value > 0 for value, _ in far}) == 2 else every
 
 
@@ -1330,19 +1228,17 @@ def _far(known: list[Known], scale: float) -> list[Known]:
 # perhaps more sharply than any step follows, but a real device jumps to the next stable state and goes on from it.
 
 
-AHEAD = 0.01
-"""How far beyond the last state a device is released at least, in first steps."""
-MOST_SNAPS = 30
+MAX_SNAPS = 30
 """Maximum number of times that a device is released on one path."""
-CRUMPLED = component.PathFailure(
-    f"the device crumples: it has snapped {MOST_SNAPS} times, each time into further folds",
+DEVICE_CRUMPLES = component.PathFailure(
+    f"the device crumples: it has snapped {MAX_SNAPS} times, each time into further folds",
     "Stay below, or use smaller cells (--cell-size), which resolve the folds; the device came to rest in each state up to here",
     of_mesh=True,
 )
-FIRST_CREEP, LAST_CREEP, SHORTEST_CREEP = 0.3, 1e4, 1e-4
+FIRST_CREEP_STEP, LAST_CREEP_STEP, MIN_CREEP_STEP = 0.3, 1e4, 1e-4
 """First step of a device that is released, the one from which on it rests, and the shortest, in times that a shear wave takes
 to cross the device."""
-MOST_CREEP = 1000
+MAX_CREEP_STEPS = 1000
 """Maximum number of steps until it rests."""
 FREE_GROWTH = 500.0
 """Cavity volumes at which a device that moves freely has burst, and at which the search for another stable part ends: a balloon
@@ -1364,16 +1260,16 @@ def come_to_rest(path: Continuation, curve: controls.Curve, state: State, why: s
     """
     if path.solver.system.potential.motion:
         return None
-    if path.snaps == MOST_SNAPS:
-        raise PathEnd(why, cause=CRUMPLED)
-    path.snaps += 1
+    if path.history.snaps == MAX_SNAPS:
+        raise PathEnd(why, cause=DEVICE_CRUMPLES)
+    path.history.snaps += 1
     path.report(f"{why}; letting the device go there")
     try:
         return creep(path, curve, state)
     except newton.NoConvergence as failure:
         path.report(f"it finds no state of rest ({failure})")
-        if isinstance(failure, Emptied):
-            raise PathEnd(why, cause=EMPTIED) from failure
+        if isinstance(failure, CavityCollapsed):
+            raise PathEnd(why, cause=CAVITY_COLLAPSES) from failure
         return None
 
 
@@ -1386,17 +1282,17 @@ def creep(path: Continuation, curve: controls.Curve, state: State) -> State:
     no time.
 
     Raises:
-        NoConvergence: It does not come to rest; `Emptied` if a cavity collapses.
+        NoConvergence: It does not come to rest; `CavityCollapsed` if a cavity collapses.
     """
     system, potential = path.solver.system, path.solver.system.potential
     motion = memory.Motion(
         system, assembly.Inertia((1.0,) * len(system.matter)), system.stress_unit / system.length_unit**2
     )
-    potential.motion, step = motion, FIRST_CREEP
+    potential.motion, step = motion, FIRST_CREEP_STEP
     try:
-        for _ in range(MOST_CREEP):
-            motion.keep(state.w, anew=True)
-            motion.begin(step if step < LAST_CREEP else 0.0)
+        for _ in range(MAX_CREEP_STEPS):
+            motion.commit(state.w, reset=True)
+            motion.begin(step if step < LAST_CREEP_STEP else 0.0)
             try:
                 found = path.corrector.solve_from(curve, state.w, state.P, state)
                 path.corrector.check_whole(found, state)
@@ -1404,17 +1300,17 @@ def creep(path: Continuation, curve: controls.Curve, state: State) -> State:
                     raise newton.NoConvergence("a saddle")
             except newton.NoConvergence:
                 step /= 2.0
-                if step < SHORTEST_CREEP:
+                if step < MIN_CREEP_STEP:
                     raise
                 continue
             state = found
-            potential.keep(state.w)
-            if step >= LAST_CREEP:
+            potential.commit(state.w)
+            if step >= LAST_CREEP_STEP:
                 return state
             if abs(state.V) > FREE_GROWTH * path.plane.V_scale:
                 break
-            quick, slow = found.iterations <= QUICK, found.iterations >= SLOW
-            step = LAST_CREEP if not found.iterations else step * (2.0 if quick else 1.0 if slow else 1.3)
+            quick, slow = found.iterations <= FAST_ITERATIONS, found.iterations >= SLOW_ITERATIONS
+            step = LAST_CREEP_STEP if not found.iterations else step * (2.0 if quick else 1.0 if slow else 1.3)
     finally:
         potential.motion = None
     raise newton.NoConvergence("the device did not come to rest")
@@ -1429,15 +1325,15 @@ def creep(path: Continuation, curve: controls.Curve, state: State) -> State:
 # two states predict the third, arc-length control takes over.
 
 
-AMOUNTS = (0.05, 0.1, 0.02, 0.2, 0.01)
+MODE_AMPLITUDES = (0.05, 0.1, 0.02, 0.2, 0.01)
 """Amounts of the mode tried in turn for the first state, as largest displacement relative to the device's size."""
-GROWTH = 1.3
+MODE_GROWTH = 1.3
 """Factor between prescribed amounts of the mode."""
-MOST_AMOUNTS = 14
+MAX_AMPLITUDES = 14
 """Maximum number of prescribed amounts before arc-length control takes over."""
-FORETOLD = 0.2
+MAX_PREDICTION_ERROR = 0.2
 """Relative error of a predicted amount below which arc-length control takes over."""
-MOST_POINTS = 60
+MAX_BRANCH_POINTS = 60
 
 
 class Branch:
@@ -1448,8 +1344,9 @@ class Branch:
         self.path, self.start, self.sign = path, bifurcation, sign
         assert bifurcation.mode is not None
         self.shape = bifurcation.mode
-        self.mode = Mode(path.trail.stability.mass, self.shape)
-        path.trail.points, path.trail.modes, path.trail.line = [], [], ArcLength.name
+        self.mode = Mode(path.stability.mass, self.shape)
+        path.history.points, path.history.modes, path.history.line = [], [], ArcLength.name
+        path.history.level = math.nan  # a branch has passed no limit
 
     def amount(self, w: npt.NDArray[np.float64]) -> float:
         """Return the amount of the mode in dofs (shape as `State.w`) relative to the bifurcation, along the chosen
@@ -1459,7 +1356,7 @@ class Branch:
     def first(self) -> Point:
         """Return the first state on the branch; `NoConvergence` if no amount of the mode led to one."""
         at = self.start.state
-        for amount in AMOUNTS:
+        for amount in MODE_AMPLITUDES:
             try:
                 return self._given(amount, at.w + self.sign * amount * self.shape, at.P)
             except newton.NoConvergence as failure:
@@ -1467,13 +1364,14 @@ class Branch:
         raise newton.NoConvergence("no converged state on the branch")
 
     def next(self) -> Point:
-        """Return the state with `GROWTH` times as much of the mode as the last."""
+        """Return the state with `MODE_GROWTH` times as much of the mode as the last."""
         path, last = self.path, self.path.last.state
-        points = path.trail.points
+        points = path.history.points
         before = points[0].state if len(points) > 1 else self.start.state
         old, new = self.amount(before.w), self.amount(last.w)
-        ahead = (GROWTH - 1) * new / (new - old)
-        return self._given(GROWTH * new, last.w + ahead * (last.w - before.w), last.P + ahead * (last.P - before.P))
+        ahead = (MODE_GROWTH - 1) * new / (new - old)
+        w, P = last.w + ahead * (last.w - before.w), last.P + ahead * (last.P - before.P)
+        return self._given(MODE_GROWTH * new, w, P)
 
     def _given(self, amount: float, guess: npt.NDArray[np.float64], P: float) -> Point:
         """Return the state with the given amplitude of the mode, its tangent towards larger ones."""
@@ -1481,10 +1379,10 @@ class Branch:
         solver.factorise(dataclasses.replace(at, w=guess, P=P))
         state = solver.solve_along(self.mode.image, at.w, self.sign * amount, guess, P)
         solver.factorise(state)
-        signature = path.trail.stability.signature(exact=True)
+        signature = path.stability.signature(exact=True)
         t = path.corrector.tangent(state)
         tangent = t if self.sign * self.mode.share(t.w) > 0 else -t
-        step = self._distance(path.last.state, state) if path.trail.points else path.first_step
+        step = self._distance(path.last.state, state) if path.history.points else path.first_step
         return dataclasses.replace(
             self.start, state=state, tangent=tangent, mode=None, line="mode", step=step, signature=signature,
             stiffest=abs(tangent.compliance),
@@ -1505,7 +1403,7 @@ class Branch:
             return False
         amount = self.amount(new.w)
         error = self.amount(predict(known, line)[0]) - amount
-        return abs(error) <= FORETOLD * abs(amount - self.amount(s.w))
+        return abs(error) <= MAX_PREDICTION_ERROR * abs(amount - self.amount(s.w))
 
 
 def follow(path: Continuation, bifurcation: Point, sign: int = 1, farthest: float = float("inf")) -> Iterator[Point]:
@@ -1514,7 +1412,7 @@ def follow(path: Continuation, bifurcation: Point, sign: int = 1, farthest: floa
     It ends at the value ``farthest`` of the path's quantity, and where a cavity has grown or shrunk too far.
 
     Yields:
-        The branch's points, limit points and further bifurcations among them; at most `MOST_POINTS`.
+        The branch's points, limit points and further bifurcations among them; at most `MAX_BRANCH_POINTS`.
 
     Raises:
         PathEnd: The branch could be followed no further.
@@ -1524,25 +1422,25 @@ def follow(path: Continuation, bifurcation: Point, sign: int = 1, farthest: floa
     def ends(point: Point) -> bool:
         value, growth = path.value(point.state), abs(point.state.V) / path.plane.V_scale
         least = 0.05 if system.drives_cavities else -1.0  # the travel of a dead load may be zero
-        return value >= farthest or value <= 0.0 or not least < growth < LARGEST_GROWTH
+        return value >= farthest or value <= 0.0 or not least < growth < MAX_GROWTH
 
     branch = Branch(path, bifurcation, sign)
     try:
-        yield path.keep(branch.first())
-        for _ in range(MOST_AMOUNTS):
-            known, found = path.trail.points, branch.next()
-            yield path.keep(found)
+        yield path.commit(branch.first())
+        for _ in range(MAX_AMPLITUDES):
+            known, found = path.history.points, branch.next()
+            yield path.commit(found)
             if ends(found):
                 return
             if branch.predicted(known, found):
                 break
     except newton.NoConvergence as failure:
         raise PathEnd(str(failure)) from failure
-    path.trail.modes = [branch.mode]
-    for _ in range(MOST_POINTS):
+    path.history.modes = [branch.mode]
+    for _ in range(MAX_BRANCH_POINTS):
         stops, leak = path.stops(min(path.last.step, 0.5))
         for stop in stops:
-            yield stop if stop.bifurcation else path.keep(dataclasses.replace(stop, step=stops[-1].step))
+            yield stop if stop.bifurcation else path.commit(dataclasses.replace(stop, step=stops[-1].step))
         if leak:
             raise leak
         if ends(stops[-1]):

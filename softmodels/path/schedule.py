@@ -6,11 +6,12 @@ Each step changes either pressures, forces and the like, or volumes and travels,
 
 from __future__ import annotations
 
+import abc
 import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Generator, Iterator, Sequence
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +22,7 @@ from softmodels.mechanics.controls import Control
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 from softmodels.path import continuation, stability
-from softmodels.path.continuation import Continuation
+from softmodels.path.continuation import Continuation, LoadedState
 from softmodels.path.steps import (
     FLOW,
     PRESSURE,
@@ -45,9 +46,10 @@ class Cycle:
     the curve."""
 
     def __init__(self, path: Continuation, most: float):
+        control, growth = stability.ArcLength.name, continuation.FREE_GROWTH
+        path = dataclasses.replace(path, control=control, largest_growth=growth, release=False)
         self.path, self.most = path, most
         self.lost: stability.PathEnd | None = None
-        path.control, path.largest_growth, path.release = stability.ArcLength.name, continuation.FREE_GROWTH, False
         self.parts = _stable_parts(self._curve(path, most), path)
         if not self.parts:
             raise self.lost or stability.PathEnd("there is no stable state")
@@ -58,7 +60,7 @@ class Cycle:
             points.extend(continuation.trace(path, [goal]))
         except stability.PathEnd as end:
             self.lost = end
-        return points or list(path.trail.points)
+        return points or list(path.history.points)
 
     def along(self, here: int, goals: Sequence[float], way: int) -> Generator[stability.Point, None, int]:
         """Yield points from the part ``here`` through the goals, up (1) or down (-1); return the last part."""
@@ -95,7 +97,8 @@ class Cycle:
     def _snapped(self, here: int, edge: stability.Point, P: float, way: int) -> int:
         """Return the part that a device snaps to at a pressure from the end of another, up (1) or down (-1)."""
         options = range(here + way, len(self.parts) if way > 0 else -1, way) if edge.limit else ()
-        found = next((k for k in options if self._part(k, way).leads_on(P, way, APART * self.path.plane.P_scale)), None)
+        least = MIN_ADVANCE * self.path.plane.P_scale
+        found = next((k for k in options if self._part(k, way).leads_on(P, way, least)), None)
         if found is None and (rest := self._released(edge, P, way)) is not None:
             self.parts.insert(found := here + 1 if way > 0 else here, rest)
         if found is None and edge.limit:
@@ -104,7 +107,7 @@ class Cycle:
         if found is None:
             why = "the curve of its stable states ends"
             if way > 0 and self.parts[here].buckles:
-                raise stability.PathEnd(why, cause=BUCKLED)
+                raise stability.PathEnd(why, cause=DEVICE_BUCKLES)
             raise self.lost or stability.PathEnd(why)
         return found
 
@@ -112,10 +115,10 @@ class Cycle:
         """Return the stable part on which a device comes to rest that is released at a pressure from the end of another;
         None if it does not."""
         path, state, why = self.path, edge.state, "no stable state was met behind the end of a stable part"
-        path.trail.add(edge)  # the last state, if this fails
+        path.history.add(edge)  # the last state, if this fails
         if edge.limit:
             system, rate = path.solver.system, edge.tangent.w
-            push = way * NUDGE / mpi.largest(system.comm, float(np.abs(rate[: system.n]).max(initial=0.0)))
+            push = way * NUDGE_DISPLACEMENT / mpi.largest(system.comm, float(np.abs(rate[: system.n]).max(initial=0.0)))
             state = dataclasses.replace(state, w=state.w + push * rate)
         rest = continuation.come_to_rest(path, controls.pressure_control(P), dataclasses.replace(state, P=P), why)
         if rest is None:
@@ -127,9 +130,8 @@ class Cycle:
         """Return the stable part that leads up (1) or down (-1) from where the device is at rest."""
         path = self.path
         quantity, goal = (path.requested, self.most) if way > 0 else (Fall(rest.P), rest.P)
-        one = dataclasses.replace(path, requested=quantity, start=rest)
+        one = dataclasses.replace(path, quantity=quantity, start=rest, history=continuation.PathHistory())
         points = self._curve(one, goal)
-        one.requested = path.requested
         if way < 0:
             points = [dataclasses.replace(point, tangent=-point.tangent, requested=False) for point in points[::-1]]
         alone = CyclePart((points[0 if way > 0 else -1],), one, buckles=False)  # where the curve is lost at once
@@ -173,8 +175,8 @@ def _state(part: CyclePart, P: float) -> stability.Point:
         return dataclasses.replace(known, requested=True)
     for before, after in itertools.pairwise(part.points):
         if before.state.P <= P <= after.state.P:
-            part.path.trail.points = [before, after]  # the curve's last points predict nothing here
-            return part.path.between(before, after, P)
+            part.path.history.points = [before, after]  # the curve's last points predict nothing here
+            return part.path.corrector.between(stability.Pressure(), before, after, P)
     nearest = min(part.points, key=lambda point: abs(point.state.P - P))  # rounding puts P beyond the part's end
     return dataclasses.replace(nearest, requested=True)
 
@@ -188,29 +190,29 @@ def _state(part: CyclePart, P: float) -> stability.Point:
 # with every accepted state. With inertia (`softmodels.mechanics.memory`) a lost equilibrium is no end.
 
 
-FEWEST_STEPS = 12
+MIN_STEPS = 12
 """Usual minimum number of steps of a stage, for smooth curves."""
-SAFETY, SHORTER, LONGER = 0.8, 0.2, 2.5
+SAFETY_FACTOR, MIN_CHANGE, MAX_CHANGE = 0.8, 0.2, 2.5
 """Share of the step that would just meet the tolerance, and the least and the most by which a step changes."""
-LOCATED = 1e-3
-"""Error of the time at which an equilibrium is lost, over the time since the stage began; `FIRST` at least."""
-FIRST = 1e-5
+LOSS_TIME_TOLERANCE = 1e-3
+"""Error of the time at which an equilibrium is lost, over the time since the stage began; `FIRST_STEP` at least."""
+FIRST_STEP = 1e-5
 """Step that is short enough for any memory, over the stage, or over the silicone's shortest relaxation time in a longer one."""
-SEEN = 10.0
+MAX_RELAXATION_TIMES = 10.0
 """First step of a stage, over the shortest relaxation time, unless the step before was longer. Of a stress that fades within a
 much longer one nothing is left at its end, where the error is estimated, and what it dissipates would be taken for many times
 too much."""
-FIRST_CHANGE = 1e-3
+FIRST_GAS_SHARE = 1e-3
 """Gas that comes in the first step, over what brings the largest pressure into a rigid cavity."""
-SHORTEST = 1e-9
+MIN_STEP_RATIO = 1e-9
 """Shortest step with gas that comes, over the stage."""
-SNAPPING = 0.05
+SNAP_THROUGH_RATE = 0.05
 """Rate of the gas along the path, over its parts, below which a snap-through with that gas is what ends it."""
-SHAKEN = 1.25
+REFACTOR_CHANGE = 1.25
 """Change of the step from which on K with the mass needs a new factorisation."""
-KEPT = 1.6
+MIN_INERTIA_CHANGE = 1.6
 """With inertia, the change of the step that is not worth it: vibrations keep their energy best in equal steps."""
-GROWTH, MOST_GROWTH = 1e-3, 1.0
+FIRST_PROBED_GROWTH, MAX_PROBED_GROWTH = 1e-3, 1.0
 """First and last volume, over the cavity's, that a lost equilibrium is looked for at beyond its last state."""
 
 
@@ -227,74 +229,75 @@ class SnapInTime(stability.PathEnd):
     """The device snaps through with the gas it holds, faster than any gas can come."""
 
 
-class Drive(Protocol):
+class Drive(abc.ABC):
     """What drives a device through a stage of a duration in s, above 0, in a fewest number of steps; ``recovers`` says
     whether these may grow again after one that failed."""
 
     duration: float
-    fewest: int
-    recovers: bool
+    fewest = MIN_STEPS
+    recovers = False
 
+    @abc.abstractmethod
     def begin(self, path: Continuation, first: stability.Point) -> float:
         """Begin at the first point of a path; return the length of the first step in s."""
 
-    def solved(self, path: Continuation, time: float, step: float, end: bool, earlier: Earlier | None) -> State:
+    @abc.abstractmethod
+    def solved(self, path: Continuation, time: float, step: float, end: bool, earlier: PreviousStep | None) -> State:
         """Return the state at the end of a step that begins at a time, the stage's own end if ``end``."""
 
     def error(self, state: State) -> float:
         """Return the error of this state by the length of its step, of the drive's own, as `TOLERANCE` counts it."""
+        return 0.0
 
+    @abc.abstractmethod
     def check(self, point: stability.Point, first: stability.Point) -> None:
         """Raise `NoConvergence` where a device does not stay in a state."""
 
+    @abc.abstractmethod
     def shortest(self, time: float) -> float:
         """Return the length in s of a step that is not halved any more at a time."""
 
     def ended(self, path: Continuation, time: float, step: float, failure: newton.NoConvergence) -> stability.PathEnd:
         """Return the end of a path of which not even the shortest step converged."""
+        return stability.PathEnd(f"no step in time converged, down to {step:.3g} s ({failure})")
 
 
-Earlier = tuple[float, State]
+PreviousStep = tuple[float, State]
 """Length of the step before, and the state where it began."""
 
 
-class Ramp:
+class Ramp(Drive):
     """A requested quantity that rises by a dimensionless amount at a constant rate, or is held (0), over a duration in s."""
 
-    recovers = False
-
-    def __init__(self, rise: float, duration: float, fewest: int = FEWEST_STEPS):
+    def __init__(self, rise: float, duration: float, fewest: int = MIN_STEPS):
         self.rise, self.duration, self.fewest = rise, duration, fewest
 
     def begin(self, path: Continuation, first: stability.Point) -> float:
         self.start, self.by_pressure = path.value(first.state), isinstance(path.requested, stability.Pressure)
-        self.first = FIRST * min(self.duration, path.solver.system.potential.relaxation)
+        self.first = FIRST_STEP * min(self.duration, path.solver.system.potential.relaxation)
         return self.duration / self.fewest
 
     def _value(self, time: float) -> float:
         return self.start + self.rise * time / self.duration
 
-    def solved(self, path: Continuation, time: float, step: float, end: bool, earlier: Earlier | None) -> State:
+    def solved(self, path: Continuation, time: float, step: float, end: bool, earlier: PreviousStep | None) -> State:
         value = self.start + self.rise if end else self._value(time + step)
         last, requested = path.last, path.requested
         w, P = last.state.w, last.state.P
         if earlier is not None:
-            ratio = min(step / earlier[0], LONGER)
+            ratio = min(step / earlier[0], MAX_CHANGE)
             w, P = w + ratio * (w - earlier[1].w), P + ratio * (P - earlier[1].P)
         elif self.rise:
             ratio = (value - path.value(last.state)) / requested.rate(last.state, last.tangent)
             w, P = w + ratio * last.tangent.w, P + ratio * last.tangent.P
         return requested.exactly(path.corrector.solve_from(requested.curve(value), w, P, last.state), value)
 
-    def error(self, state: State) -> float:
-        return 0.0
-
     def check(self, point: stability.Point, first: stability.Point) -> None:
         if self.by_pressure and point.signature.negative_eigenvalues > first.signature.negative_eigenvalues:
             raise newton.NoConvergence("no stable state")
 
     def shortest(self, time: float) -> float:
-        return max(LOCATED * time, self.first)
+        return max(LOSS_TIME_TOLERANCE * time, self.first)
 
     def ended(self, path: Continuation, time: float, step: float, failure: newton.NoConvergence) -> stability.PathEnd:
         if (
@@ -303,21 +306,21 @@ class Ramp:
             and _none(path, self._value(time + 2 * step), 2 * step)
         ):
             return LostInTime(time, dataclasses.replace(path.last, limit=True))
-        return stability.PathEnd(f"no step in time converged, down to {step:.3g} s ({failure})")
+        return super().ended(path, time, step, failure)
 
 
-class Filling:
+class Filling(Drive):
     """Gas that comes from a source, whose pressure and valve change at constant rates between the stage's beginning and end,
     over a duration in s, and leaks; ``rest`` is gas at rest, dimensionless. The error of the gas counts over what brings the
     largest gauge pressure of the source, in Pa, into a rigid cavity, or over what has come so far, if that is more."""
 
-    recovers, fewest = True, FEWEST_STEPS
+    recovers = True
 
     def __init__(self, gas: Gas, sources: tuple[Source, Source], duration: float, rest: float, largest: float):
         self.gas, self.sources, self.duration, self.rest, self.largest = gas, sources, duration, rest, largest
         self.scale = 0.0
         self.curve: GasStep
-        self.earlier: Earlier | None = None
+        self.earlier: PreviousStep | None = None
 
     def _grow(self, state: State) -> None:
         """Let the scale of the gas grow with what has come."""
@@ -326,13 +329,13 @@ class Filling:
 
     def begin(self, path: Continuation, first: stability.Point) -> float:
         self._grow(first.state)
-        come = max(abs(self.gas.flow(self._source(t), first.state.P)[0]) for t in (0.0, FIRST * self.duration))
-        return float(min(self.duration / FEWEST_STEPS, FIRST_CHANGE * self.scale / come if come else math.inf))
+        inflow = max(abs(self.gas.flow(self._source(t), first.state.P)[0]) for t in (0.0, FIRST_STEP * self.duration))
+        return float(min(self.duration / MIN_STEPS, FIRST_GAS_SHARE * self.scale / inflow if inflow else math.inf))
 
     def _source(self, time: float) -> Source:
         return self.sources[0].toward(self.sources[1], min(time / self.duration, 1.0))
 
-    def solved(self, path: Continuation, time: float, step: float, end: bool, earlier: Earlier | None) -> State:
+    def solved(self, path: Continuation, time: float, step: float, end: bool, earlier: PreviousStep | None) -> State:
         last = path.last
         sources = self._source(time), self.sources[1] if end else self._source(time + step)
         self.curve, self.earlier = self.gas.step(last, sources, step), earlier
@@ -352,17 +355,19 @@ class Filling:
         self._grow(point.state)
 
     def shortest(self, time: float) -> float:
-        return SHORTEST * self.duration
+        return MIN_STEP_RATIO * self.duration
 
     def ended(self, path: Continuation, time: float, step: float, failure: newton.NoConvergence) -> stability.PathEnd:
         t, (a, b) = path.last.tangent, self.gas.slopes(path.last.state.V, path.last.state.P)
-        if not path.solver.system.potential.motion and a * t.V + b * t.P <= SNAPPING * (abs(a * t.V) + abs(b * t.P)):
+        if not path.solver.system.potential.motion and a * t.V + b * t.P <= SNAP_THROUGH_RATE * (
+            abs(a * t.V) + abs(b * t.P)
+        ):
             why = (
                 "the device snaps through with the gas that tubes and cavity hold, faster than any flow; a smaller dead volume "
                 "holds less"
             )
             return SnapInTime(why, dataclasses.replace(path.last, turn=True))
-        return stability.PathEnd(f"no step in time converged, down to {step:.3g} s ({failure})")
+        return super().ended(path, time, step, failure)
 
 
 def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Iterator[tuple[float, stability.Point]]:
@@ -372,39 +377,39 @@ def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Ite
     first = path.begin()
     yield 0.0, first
     potential, corrector, duration = path.solver.system.potential, path.corrector, drive.duration
-    motion, first_step = potential.motion, FIRST * min(duration, potential.relaxation)
+    motion, first_step = potential.motion, FIRST_STEP * min(duration, potential.relaxation)
     time, step, errors, shrunk = 0.0, drive.begin(path, first), _Errors(path, drive, tolerance), False
-    step = min(step, max(SEEN * potential.relaxation, potential.taken))
+    step = min(step, max(MAX_RELAXATION_TIMES * potential.relaxation, potential.last_step))
     step = min(step, motion.first_step(duration)) if motion else step
-    earlier: Earlier | None = None
+    earlier: PreviousStep | None = None
     while time < duration:
         left = duration - time
         step = min(step, duration / drive.fewest)
         step = left if step > 0.99 * left else min(step, left / 2) if step > left / 2 else step
         share = 1.0 if step == left else (time + step) / duration
         last = path.last
-        since = potential.remembered()
+        checkpoint = potential.checkpoint()
         try:
             potential.pass_time(step)
-            if motion and not motion.last / SHAKEN < step < motion.last * SHAKEN:
-                path.solver.kept.worn = True  # K has mass: it is factorised anew for a much longer or shorter step
+            if motion and not motion.last / REFACTOR_CHANGE < step < motion.last * REFACTOR_CHANGE:
+                path.solver.lagged.exhausted = True  # K has mass, which a much longer or shorter step changes
             state = drive.solved(path, time, step, share == 1.0, earlier)
             wanted = step * errors.change(state)
-            if wanted < SAFETY * step and step > min(first_step, _shortest(path, drive, time)):
+            if wanted < SAFETY_FACTOR * step and step > min(first_step, _shortest(path, drive, time)):
                 step = wanted
                 continue
             corrector.check_whole(state)
-            potential.keep(state.w)
+            potential.commit(state.w)
             point = corrector.point(state, requested=share == 1.0)
             drive.check(point, first)
         except newton.NoConvergence as failure:
-            potential.forget(since)
+            checkpoint.restore()
             step, shrunk = step / 2, True
             if step < _shortest(path, drive, time):
                 raise drive.ended(path, time, step, failure) from failure
             continue
         earlier, time = (step, last.state), duration if share == 1.0 else time + step
-        path.trail.add(point)
+        path.history.add(point)
         yield share, point
         _check_growth(path)
         step = min(wanted, step) if shrunk else wanted
@@ -425,17 +430,18 @@ class _Errors:
         found = self._change(max(error / self.largest if self.largest else 0.0, self.drive.error(state)), math.sqrt)
         if motion := self.potential.motion:
             found = min(found, self._change(motion.error(state.w), math.cbrt))
-            found = 1.0 if SAFETY <= found < KEPT else found
+            found = 1.0 if SAFETY_FACTOR <= found < MIN_INERTIA_CHANGE else found
         return found
 
     def _change(self, error: float, root: Callable[[float], float]) -> float:
         """Return the same for an error, and the root of it that grows as the step."""
-        return LONGER if error == 0.0 else min(LONGER, max(SHORTER, SAFETY * root(self.tolerance / error)))
+        change = MAX_CHANGE if error == 0.0 else SAFETY_FACTOR * root(self.tolerance / error)
+        return min(MAX_CHANGE, max(MIN_CHANGE, change))
 
 
 def _shortest(path: Continuation, drive: Drive, time: float) -> float:
     """Return the length in s of a step that is not halved any more."""
-    return SHORTEST * drive.duration if path.solver.system.potential.motion else drive.shortest(time)
+    return MIN_STEP_RATIO * drive.duration if path.solver.system.potential.motion else drive.shortest(time)
 
 
 def _check_growth(path: Continuation) -> None:
@@ -449,11 +455,11 @@ def _none(path: Continuation, pressure: float, step: float) -> bool:
     """Return whether there is no equilibrium at a pressure at the end of a step: over growing volumes the pressure of the
     equilibria has a maximum below it."""
     potential, solver, last = path.solver.system.potential, path.solver, path.last.state
-    since = potential.remembered()
+    checkpoint = potential.checkpoint()
     potential.pass_time(step)
-    state, growth = last, GROWTH
+    state, growth = last, FIRST_PROBED_GROWTH
     try:
-        while growth < MOST_GROWTH:
+        while growth < MAX_PROBED_GROWTH:
             found = solver.solve(controls.volume_control(last.V * (1.0 + growth)), state.w, state.P)
             if pressure <= found.P:
                 return False
@@ -463,7 +469,7 @@ def _none(path: Continuation, pressure: float, step: float) -> bool:
     except newton.NoConvergence:
         pass
     finally:
-        potential.forget(since)
+        checkpoint.restore()
     return False
 
 
@@ -478,7 +484,7 @@ POINTS_PER_STAGE = 4
 """Minimum number of points per stage, for smooth curves."""
 
 
-class HangingEnd(stability.PathEnd):
+class PreloadFailure(stability.PathEnd):
     """No equilibrium exists under the preload: ``what`` was being applied, a clause, and ``share`` of it was reached."""
 
     def __init__(self, end: stability.PathEnd, what: str, share: float):
@@ -502,23 +508,12 @@ class HangingEnd(stability.PathEnd):
         )
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class StageEnd:
-    """The end of a stage of a number; dimensionless: the state, magnitudes of all drivers there and what they work on, shape
-    (k,)."""
-
-    number: int
-    state: State
-    drives: Array
-    driven: Array
-
-
-def at_rest(solver: Solver) -> StageEnd:
+def at_rest(solver: Solver) -> LoadedState:
     """Return the undeformed state without loads."""
-    system = solver.system
-    state = system.rest()
-    driven = system.driven()
-    return StageEnd(0, state, np.zeros(len(driven)), driven)  # independent of the coupling of an earlier path
+    rest = LoadedState.at(solver.system, solver.system.rest())
+    return dataclasses.replace(
+        rest, drives=np.zeros_like(rest.drives)
+    )  # independent of the coupling of an earlier path
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -533,7 +528,7 @@ class Stage:
         duration: Time in s that it takes.
     """
 
-    start: StageEnd
+    start: LoadedState
     coupling: controls.Coupling
     requested: stability.PathQuantity
     goal: float
@@ -541,7 +536,7 @@ class Stage:
 
     @classmethod
     def between(
-        cls, start: StageEnd, change: Array, held: Sequence[int], volumes: Array, duration: float = 0.0,
+        cls, start: LoadedState, change: Array, held: Sequence[int], volumes: Array, duration: float = 0.0,
         before: Array | None = None,
     ) -> Stage:  # fmt: skip
         """Return a stage that changes either magnitudes or, of the drivers ``held``, their conjugates, by ``change``, shape
@@ -585,18 +580,11 @@ class Stage:
             yield path.value(point.state) / self.goal, point
 
 
-def stopped(solver: Solver, point: stability.Point, number: int) -> StageEnd:
-    """Return the end of a stage of this number at a point."""
-    system = solver.system
-    system.load(point.state)
-    return StageEnd(number, point.state, system.drives_at(point.state), system.driven())
-
-
-def hang(
+def apply_preload(
     solver: Solver,
     targets: Sequence[tuple[str, Array]],
     report: Callable[[str], None] = lambda text: None,
-) -> StageEnd:
+) -> LoadedState:
     """Apply the preload to the undeformed state, one magnitude after the other, such as the dead loads and then a pressure.
     The coupling of the drivers is changed.
 
@@ -614,30 +602,31 @@ def hang(
         if not change.any():
             continue
         stage = Stage.between(here, change, (), here.driven)
-        come: list[tuple[float, stability.Point]] = []
+        reached: list[tuple[float, stability.Point]] = []
         try:
-            come.extend(stage.follow(solver, "auto", report))
+            reached.extend(stage.follow(solver, "auto", report))
         except (stability.PathEnd, newton.NoConvergence) as failure:
             end = failure if isinstance(failure, stability.PathEnd) else stability.PathEnd(str(failure))
-            raise HangingEnd(end, what, come[-1][0] if come else 0.0) from failure
-        here = stopped(solver, come[-1][1], here.number)
+            raise PreloadFailure(end, what, reached[-1][0] if reached else 0.0) from failure
+        here = LoadedState.at(solver.system, reached[-1][1].state)
     return here
 
 
-def inflate_from(solver: Solver, hung: StageEnd) -> State:
+def inflate_from(solver: Solver, preload: LoadedState) -> State:
     """Couple the cavities by the device's pressure ratios from the preloaded state, with constant dead loads; return the start
     of P."""
     system = solver.system
     cavities = len(system.body.actuator.ratios)
-    dead = hung.drives[cavities:]
-    return solver.couple(system.inflating(dead), hung.state, hung.drives)
+    dead = preload.drives[cavities:]
+    return solver.couple(system.inflating(dead), preload.state, preload.drives)
 
 
-def load_from(solver: Solver, hung: StageEnd, driver: int) -> State:
+def load_from(solver: Solver, preload: LoadedState, driver: int) -> State:
     """Couple the drivers so that P is one dead load's magnitude, all others constant; return the start of P."""
-    change = np.zeros(len(hung.drives))
+    change = np.zeros(len(preload.drives))
     change[driver] = 1.0
-    return solver.couple(controls.Coupling.by_pressure(hung.drives, change, (), hung.driven), hung.state, hung.drives)
+    coupling = controls.Coupling.by_pressure(preload.drives, change, (), preload.driven)
+    return solver.couple(coupling, preload.state, preload.drives)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -650,15 +639,15 @@ class Settings:
     tolerance: float = TOLERANCE
 
 
-DEFAULT = Settings()
+DEFAULT_SETTINGS = Settings()
 
 
 def follow(
     solver: Solver,
     steps: Steps,
-    settings: Settings = DEFAULT,
-    begin: StageEnd | None = None,
-    hung: StageEnd | None = None,
+    settings: Settings = DEFAULT_SETTINGS,
+    begin: LoadedState | None = None,
+    preload: LoadedState | None = None,
 ) -> Iterator[tuple[float, stability.Point]]:
     """Follow a device at rest through a program, which drives each of its cavities, or none of them, and dead loads. The
     coupling of its cavities is changed.
@@ -668,7 +657,7 @@ def follow(
         steps: The program.
         settings: How.
         begin: The end of a step to go on from; where it hangs if None.
-        hung: Where it hangs under the loads that the program does not change; the undeformed state if None.
+        preload: Where it hangs under the loads that the program does not change; the undeformed state if None.
 
     Yields:
         How far the program has come (1.5 is half way through the second step), and its point.
@@ -677,16 +666,16 @@ def follow(
         PathEnd: A step's values are not on the path that leads there.
     """
     eq = solver.system
-    hung = hung or at_rest(solver)
+    preload = preload or at_rest(solver)
     eq.load(eq.rest())
     rest = eq.driven()
-    rest[len(eq.volumes()) :] = hung.driven[len(eq.volumes()) :]
-    values, held = in_drivers(solver, steps, hung.drives)
-    first, here = int(begins_at_rest(steps)), begin or hung
+    rest[len(eq.volumes()) :] = preload.driven[len(eq.volumes()) :]
+    values, held = in_drivers(solver, steps, preload.drives)
+    first, here = int(begins_at_rest(steps)), begin or preload
     # A held volume counts from the undeformed cavity, a travel from the preloaded state, and 0 means the preloaded state
     # for both; all other values are magnitudes.
-    before = hung.drives.copy()
-    before[held] = (hung.driven - rest)[held]
+    before = preload.drives.copy()
+    before[held] = (preload.driven - rest)[held]
     values[:, held] = np.where(values[:, held] == 0.0, before[held], values[:, held])
     changed = np.ones(len(before))  # a hold before anything changes
     for number, (step, row) in enumerate(zip(steps[first:], values[first:], strict=True), 1):
@@ -698,12 +687,12 @@ def follow(
         point = yield from _told(
             stage.follow(solver, settings.control, settings.report, settings.tolerance), number, begin, bool(first)
         )
-        here = stopped(solver, point, number)
+        here = LoadedState.at(solver.system, point.state, number)
         before = row
 
 
 def _told(
-    points: Iterator[tuple[float, stability.Point]], number: int, begin: StageEnd | None, at_rest: bool
+    points: Iterator[tuple[float, stability.Point]], number: int, begin: LoadedState | None, at_rest: bool
 ) -> Generator[tuple[float, stability.Point], None, stability.Point]:
     """Yield how far a program has come at a stage's points, and these; return the last one.
 
@@ -722,9 +711,9 @@ def supply(
     solver: Solver,
     steps: Steps,
     gas: Gas,
-    settings: Settings = DEFAULT,
-    begin: StageEnd | None = None,
-    hung: StageEnd | None = None,
+    settings: Settings = DEFAULT_SETTINGS,
+    begin: LoadedState | None = None,
+    preload: LoadedState | None = None,
 ) -> Iterator[tuple[float, stability.Point]]:
     """Follow a device that gas is supplied to in time, by the steps of its source, perhaps with those of the valve; see
     `follow`. A jump of the source leaves the device where it is.
@@ -732,7 +721,7 @@ def supply(
     Raises:
         PathEnd: The device snaps through, or no step was found.
     """
-    here, first = begin or hung or at_rest(solver), int(begins_at_rest(steps))
+    here, first = begin or preload or at_rest(solver), int(begins_at_rest(steps))
     numbers = range(1, last_number(steps) + 1)
     sources = [source_at(steps, float(number)) for number in (0, *numbers)]
     times = [time_at(steps, float(number)) for number in (0, *numbers)]
@@ -757,15 +746,15 @@ def supply(
             continue
         filling = Filling(gas, (sources[number - 1], sources[number]), duration, rest, largest)
         point = yield from _told(march(path, filling, settings.tolerance), number, begin, bool(first))
-        here = stopped(solver, point, number)
+        here = LoadedState.at(solver.system, point.state, number)
 
 
-def source_at(steps: Steps, come: float) -> Source:
+def source_at(steps: Steps, reached: float) -> Source:
     """Return what the source of an air supply does after so many steps of a program."""
     if prescribes(steps, FLOW):
-        return Source(flow=value_at(steps, FLOW, come))
-    opening = value_at(steps, VALVE, come) if prescribes(steps, VALVE) else 1.0
-    return Source(value_at(steps, SOURCE_PRESSURE, come), opening)
+        return Source(flow=value_at(steps, FLOW, reached))
+    opening = value_at(steps, VALVE, reached) if prescribes(steps, VALVE) else 1.0
+    return Source(value_at(steps, SOURCE_PRESSURE, reached), opening)
 
 
 def in_drivers(
@@ -801,14 +790,14 @@ def in_drivers(
 # from there on the way back.
 
 
-NUDGE = 0.01
+NUDGE_DISPLACEMENT = 0.01
 """Largest displacement, in sizes of the device, by which it is pushed off a limit point."""
 
-APART = 1e-6
+MIN_ADVANCE = 1e-6
 """Least way on in pressure, in the device's scale, of a part that a device snaps to: one on which it was released may be the
 same as the one before, and ends at the same limit point."""
 
-BUCKLED = component.PathFailure(
+DEVICE_BUCKLES = component.PathFailure(
     "the device buckles: its stable states end at a bifurcation, and none was found in which it would come to rest",
     "Stay below; smaller cells (--cell-size) may resolve the folds into which it collapses",
 )

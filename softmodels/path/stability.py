@@ -72,7 +72,7 @@ class Stability:
             (shape.sub(0) if eq.mixed else shape).interpolate(lambda x, turn=turn: np.roll(rough(x), turn, axis=0))
             for bc in eq.bcs:
                 bc.set(shape.x.array, alpha=0.0)
-            seed.array_w[:] = eq.unknowns.nearest(shape.x.array)
+            seed.array_w[:] = eq.unknowns.project(shape.x.array)
         self.spectrum.seeds = seeds
         self.sense = self.M.createVecLeft()  # fixes the sign of a mode
         self.M.mult(seeds[0], self.sense)
@@ -87,13 +87,14 @@ class Stability:
         It does where faces are pressed on: a kept K has other places in contact, and corrections by its inverse creep.
         """
         system = self.solver.system
-        if self.unknowns <= ALWAYS or not self.modes or system.unknowns.turns or system.assembled.touches(state.w):
+        turns = system.unknowns.turns
+        if self.unknowns <= SMALL_SYSTEM or not self.modes or turns or system.assembled.touches(state.w):
             return True
         try:
             self._guess = self.spectrum.corrected(state, self.modes)
         except newton.NoConvergence:
             return True
-        return self._guess < NEAR * self.reference
+        return self._guess < NEAR_CRITICAL_RATIO * self.reference
 
     def signature(self, exact: bool, known: int = 0) -> Signature:
         """Return the signature of the state passed to `wants`: of K if factorised there, else with the last
@@ -126,7 +127,7 @@ class Stability:
         reference, largest = self.reference, self.largest
         value = self.lowest()
         self.reference, self.largest = reference, largest
-        return 0.0 if abs(value) < SINGULAR * largest else value
+        return 0.0 if abs(value) < SINGULAR_TOLERANCE * largest else value
 
     def negative_eigenvalues(self) -> int:
         """Return the negative eigenvalues of the factorised K beyond those of a stable one."""
@@ -145,7 +146,7 @@ class Stability:
 
     def _mode(self, vector: PETSc.Vec) -> Array:
         function = fem.Function(self.solver.system.space)
-        self.solver.system.unknowns.push(vector.array_r, function.x.array)
+        self.solver.system.unknowns.to_dofs(vector.array_r, function.x.array)
         function.x.scatter_forward()
         # The largest entry alone would make the sign of an antisymmetric mode depend on rounding.
         largest = max(vector.max()[1], -vector.min()[1])
@@ -169,7 +170,7 @@ class Stability:
             (abs(measure.share(mode)) / measure.size(mode), value, mode) for value, mode in self.eigenpairs(state, 8)
         ]
         likeness, value, mode = max(pairs, key=lambda pair: pair[0])
-        if likeness < ALIKE:
+        if likeness < MIN_MODE_COSINE:
             raise newton.NoConvergence("its mode could not be tracked between two states")
         return value, mode
 
@@ -223,17 +224,17 @@ class Mode:
 # that none is missed once it has as many.
 
 
-MOST_DIRECTIONS, PER_MODE = 32, 4
+MAX_DIRECTIONS, DIRECTIONS_PER_MODE = 32, 4
 """Size of the space at which it restarts with the best modes; for many modes so many times as many."""
-MOST_SOLVES, SOLVES_PER_MODE = 150, 18
+MAX_SOLVES, SOLVES_PER_MODE = 150, 18
 """Default maximum number of solves, after which an eigenvalue counts as not converged; that for each of many modes."""
-LOOSE, TIGHT = 1e-2, 1e-3
+LOOSE_SOLVE_TOLERANCE, TIGHT_SOLVE_TOLERANCE = 1e-2, 1e-3
 """Tolerances of the solves: looser ones leave inconsistent p, tighter ones do not help."""
-LIFTED = 1e-9
+ADDED_STIFFNESS_TOLERANCE = 1e-9
 """Tolerance of the solves for added stiffnesses."""
-POLISH = 1e-2
+MAX_LAST_CORRECTION = 1e-2
 """Maximum relative change of an eigenvalue by its last correction, whose p may be inconsistent with its displacement."""
-DEPENDENT = 1e-8
+MIN_NEW_DIRECTION = 1e-8
 """Minimum remainder of a new direction after orthogonalisation."""
 
 
@@ -268,7 +269,7 @@ class Space:
             x.maxpy([-share for share in x.mDot(self.Mx)], self.x)
         M.mult(x, Mx)
         left = x.dot(Mx)
-        if not left > DEPENDENT**2 * size:
+        if not left > MIN_NEW_DIRECTION**2 * size:
             return False
         x.scale(left**-0.5)
         Mx.scale(left**-0.5)
@@ -306,7 +307,7 @@ def nearest(
     pencil: Pencil,
     start: Sequence[PETSc.Vec],
     tolerances: Sequence[float],
-    most: int = MOST_SOLVES,
+    most: int = MAX_SOLVES,
     negatives: int | None = None,
 ) -> Modes:
     """Return the eigenvalues nearest zero, and all negative ones.
@@ -324,7 +325,7 @@ def nearest(
         NoConvergence: A residual did not fall below its tolerance, or more eigenvalues are negative.
     """
     space, count = Space(pencil), len(tolerances)
-    widest = max(MOST_DIRECTIONS, PER_MODE * count)
+    widest = max(MAX_DIRECTIONS, DIRECTIONS_PER_MODE * count)
     for x in start:
         space.add(x.copy())
     first, found, polished = len(space.x), list[float](), dict[int, float]()
@@ -352,7 +353,7 @@ def nearest(
             return Modes(best, [space.combined(column, space.x) for column in shares[:, chosen].T])
         place = min(len(found), len(chosen) - 1)
         tolerance = tolerances[min(place, count - 1)]
-        solved = min(LOOSE, max(TIGHT, tolerance))
+        solved = min(LOOSE_SOLVE_TOLERANCE, max(TIGHT_SOLVE_TOLERANCE, tolerance))
         size, new = _correction(space, here[place], shares[:, chosen[place]], solved, negatives is not None)
         if size <= tolerance and len(found) < len(chosen):
             found.append(here[place])
@@ -370,7 +371,7 @@ def _polished(space: Space, value: float, new: PETSc.Vec) -> float:
     values = np.linalg.eigvalsh(space.K)
     space.x, space.Kx, space.Mx, space.K = kept
     best = float(values[np.argmin(np.abs(values - value))])
-    return best if abs(best - value) <= POLISH * abs(value) else value
+    return best if abs(best - value) <= MAX_LAST_CORRECTION * abs(value) else value
 
 
 def _chosen(values: Array, of_first: Array, count: int) -> npt.NDArray[np.intp]:
@@ -403,26 +404,26 @@ def _correction(space: Space, value: float, shares: Array, tolerance: float, exa
 # The lowest eigenvalues of a device's tangent, by its factorisation or, without one, by iterations.
 
 
-BLOCK = 4
+TRACKED_MODES = 4
 """Modes of the last factorised point, used to find the lowest eigenvalue of an unfactorised one."""
-CORRECTED, MOST_CORRECTIONS = 1e-3, 6
+CORRECTION_TOLERANCE, MAX_CORRECTIONS = 1e-3, 6
 """Residual tolerance of that eigenvalue, and the maximum corrections of its mode by the lagged inverse. If they do not
 suffice, the point is factorised."""
-EIGENVALUE = 1e-10
+EIGENVALUE_SOLVE_TOLERANCE = 1e-10
 """Relative tolerance of back-substitutions that are refined with a single-precision factorisation. Others are not, because
 they are only search directions."""
-REFINED = 3e-5
+REFINED_MODE_TOLERANCE = 3e-5
 """Residual tolerance of the lowest eigenvalue where K was factorised; the eigenvalue's error is about the square."""
-LOWEST, OTHERS, LOCATED = 3e-4, 5e-2, 1e-5
+LOWEST_MODE_TOLERANCE, OTHER_MODES_TOLERANCE, BIFURCATION_MODE_TOLERANCE = 3e-4, 5e-2, 1e-5
 """Residual tolerances of modes: the lowest along a path, those kept to start the next search,
 and all at a bifurcation."""
-NATURAL, HIGHER = [1e-4] * 8, 1e-3
+NATURAL_MODE_TOLERANCE, HIGH_MODE_TOLERANCE = [1e-4] * 8, 1e-3
 """The same of natural modes, the first ones and those above: of high ones smaller corrections are noise of p."""
 
 
 def natural(count: int) -> list[float]:
     """Return the tolerances of so many natural modes."""
-    return [*NATURAL[:count], *[HIGHER] * (count - len(NATURAL))]
+    return [*NATURAL_MODE_TOLERANCE[:count], *[HIGH_MODE_TOLERANCE] * (count - len(NATURAL_MODE_TOLERANCE))]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -441,7 +442,7 @@ class Springs:
         lifted = [pencil.M.createVecRight() for _ in columns]
         for column, entries, x in zip(columns, self.columns, lifted, strict=True):
             column.array_w[:] = entries
-            pencil.solve(column, x, LIFTED)
+            pencil.solve(column, x, ADDED_STIFFNESS_TOLERANCE)
         inner = np.diag(1 / self.stiffnesses) + np.array([[column.dot(x) for x in lifted] for column in columns])
 
         def product(x: PETSc.Vec, y: PETSc.Vec) -> None:
@@ -473,7 +474,7 @@ class Spectrum(abc.ABC):
         """Return K^-1 M times a seed."""
         image, lifted = self.M.createVecLeft(), self.M.createVecRight()
         self.M.mult(seed, image)
-        pencil.solve(image, lifted, OTHERS)
+        pencil.solve(image, lifted, OTHER_MODES_TOLERANCE)
         return lifted
 
     @property
@@ -520,24 +521,24 @@ class Factorised(Spectrum):
 
         def solve(b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> None:
             if refined:
-                bordered.solve(b, x, EIGENVALUE)
+                bordered.solve(b, x, EIGENVALUE_SOLVE_TOLERANCE)
             else:
                 bordered.solve_roughly(b, x)
 
-        pencil, seeds, most = Pencil(bordered.K.mult, self.M, solve), self.seeds[:1], MOST_SOLVES
+        pencil, seeds, most = Pencil(bordered.K.mult, self.M, solve), self.seeds[:1], MAX_SOLVES
         if springs is not None:
             pencil, removed = springs.added_to(pencil)
             negatives, seeds, most = negatives - removed, self.seeds, max(most, SOLVES_PER_MODE * len(tolerances))
         return nearest(pencil, [self._lifted(pencil, seed) for seed in seeds], tolerances, most, negatives)
 
     def lowest(self, modes: Sequence[PETSc.Vec]) -> tuple[float, list[PETSc.Vec]]:
-        bordered, others = self.solver.bordered, [math.inf] * (BLOCK - 1)
+        bordered, others = self.solver.bordered, [math.inf] * (TRACKED_MODES - 1)
         found: Modes | None = None
         # Pressures that hold volumes are large relative to a small residual.
         if bordered.inverse.rounded and not bordered.constraint_columns:
             with contextlib.suppress(newton.NoConvergence):
-                found = self._search([REFINED, *others], refined=False)
-        found = found or self._search([REFINED, *others], refined=True)
+                found = self._search([REFINED_MODE_TOLERANCE, *others], refined=False)
+        found = found or self._search([REFINED_MODE_TOLERANCE, *others], refined=True)
         return float(found.values[0]), found.vectors
 
     def corrected(self, state: State, modes: Sequence[PETSc.Vec]) -> float:
@@ -550,11 +551,11 @@ class Factorised(Spectrum):
         def solve(b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> None:
             bordered.solve_roughly(b, x)
 
-        tolerances = [CORRECTED, *[math.inf] * (len(modes) - 1)]
-        return float(nearest(Pencil(product, self.M, solve), modes, tolerances, MOST_CORRECTIONS).values[0])
+        tolerances = [CORRECTION_TOLERANCE, *[math.inf] * (len(modes) - 1)]
+        return float(nearest(Pencil(product, self.M, solve), modes, tolerances, MAX_CORRECTIONS).values[0])
 
     def pairs(self, count: int, springs: Springs | None = None) -> list[tuple[float, PETSc.Vec]]:
-        tolerances = [LOCATED] * count if springs is None else natural(count)
+        tolerances = [BIFURCATION_MODE_TOLERANCE] * count if springs is None else natural(count)
         found = self._search(tolerances, refined=True, springs=springs)
         return list(zip(map(float, found.values), found.vectors, strict=True))
 
@@ -573,13 +574,13 @@ class Iterated(Spectrum):
     @property
     def negative_eigenvalues(self) -> int:
         """Those of the loaded state; if not converged, those of the state before."""
-        if self._counted != self.solver.kept.made:
+        if self._counted != self.solver.lagged.updates:
             with contextlib.suppress(newton.NoConvergence):
                 self.lowest(self._modes)
         return self._negative
 
     def _take(self, found: Modes) -> Modes:
-        self._negative, self._counted, self._modes = found.negative, self.solver.kept.made, found.vectors
+        self._negative, self._counted, self._modes = found.negative, self.solver.lagged.updates, found.vectors
         return found
 
     def _pencil(self) -> Pencil:
@@ -605,11 +606,11 @@ class Iterated(Spectrum):
         return [self._lifted(self._pencil(), self.seeds[0])]
 
     def lowest(self, modes: Sequence[PETSc.Vec]) -> tuple[float, list[PETSc.Vec]]:
-        tolerances = [LOWEST, *[OTHERS] * (BLOCK - 1)]
+        tolerances = [LOWEST_MODE_TOLERANCE, *[OTHER_MODES_TOLERANCE] * (TRACKED_MODES - 1)]
         if modes:  # one of the others in turn
-            self._turn = self._turn % (BLOCK - 1) + 1
-            tolerances = [OTHERS if k == self._turn else math.inf for k in range(BLOCK)]
-            tolerances[0] = LOWEST
+            self._turn = self._turn % (TRACKED_MODES - 1) + 1
+            tolerances = [OTHER_MODES_TOLERANCE if k == self._turn else math.inf for k in range(TRACKED_MODES)]
+            tolerances[0] = LOWEST_MODE_TOLERANCE
         found = self._take(nearest(self._pencil(), self._start([*modes, *self._before] if modes else ()), tolerances))
         self._before = list(modes[:1])
         return float(found.values[0]), found.vectors
@@ -619,22 +620,22 @@ class Iterated(Spectrum):
 
     def pairs(self, count: int, springs: Springs | None = None) -> list[tuple[float, PETSc.Vec]]:
         if springs is None:
-            found = self._take(nearest(self._pencil(), self._start(()), [LOCATED] * count))
+            found = self._take(nearest(self._pencil(), self._start(()), [BIFURCATION_MODE_TOLERANCE] * count))
         else:
             pencil, _ = springs.added_to(self._pencil())
-            most = max(MOST_SOLVES, SOLVES_PER_MODE * count)
+            most = max(MAX_SOLVES, SOLVES_PER_MODE * count)
             found = nearest(pencil, [self._lifted(pencil, seed) for seed in self.seeds], natural(count), most)
         return list(zip(map(float, found.values), found.vectors, strict=True))
 
 
-ALWAYS = 6000
+SMALL_SYSTEM = 6000
 """Number of unknowns up to which every point is factorised, which costs no more than the iterations it saves."""
-NEAR = 0.4
+NEAR_CRITICAL_RATIO = 0.4
 """Ratio of the lowest eigenvalue to that at the last factorised point below which a larger system is factorised too."""
-SINGULAR = 1e-6
+SINGULAR_TOLERANCE = 1e-6
 """Eigenvalue relative to the largest on the path below which K counts as singular."""
 
-ALIKE = 0.6
+MIN_MODE_COSINE = 0.6
 """Cosine of the angle between two modes (in the inner product of M) above which they are the same mode at two states."""
 
 
@@ -743,10 +744,10 @@ class PathEnd(Exception):
 
 FIRST_STEP = 0.1
 """First step of a path, in the device's scales of volume and pressure."""
-LOCKED_BELOW = 1e-12
+MIN_COMPLIANCE = 1e-12
 """dV/dP, in volumes per shear modulus, below which the device counts as rigid: the stiffest parts leave 1e-8, rounding
 1e-18."""
-LARGEST_VOLUME_STEP = 0.2
+MAX_VOLUME_STEP = 0.2
 """First step in volume after a switch to volume control, in cavity volumes."""
 
 
@@ -760,15 +761,15 @@ class ArcLengthMetric:
     @classmethod
     def of(cls, V_scale: float, compliance: float) -> ArcLengthMetric:
         """Return the plane scaled by the device's compliance dV/dP."""
-        return cls(V_scale, V_scale / max(abs(compliance), LOCKED_BELOW * V_scale))
+        return cls(V_scale, V_scale / max(abs(compliance), MIN_COMPLIANCE * V_scale))
 
     def felt(self, compliance: float) -> float:
         """Return |dV/dP|, but at least the value below which only rounding is left."""
-        return max(abs(compliance), LOCKED_BELOW * self.V_scale)
+        return max(abs(compliance), MIN_COMPLIANCE * self.V_scale)
 
     def locked(self, compliance: float) -> bool:
         """Return whether a dV/dP means that nothing moves."""
-        return abs(compliance) <= LOCKED_BELOW * self.V_scale
+        return abs(compliance) <= MIN_COMPLIANCE * self.V_scale
 
     def stiffened(self, compliance: float) -> ArcLengthMetric:
         """Return the plane scaled at the stiffest state, by the smallest dV/dP on the path: for a flat membrane the scale at
@@ -898,7 +899,7 @@ class AddedVolume(PathQuantity):
         return controls.volume_control(state.V + step)
 
     def largest_step(self, state: State, plane: ArcLengthMetric) -> float:
-        return LARGEST_VOLUME_STEP * max(state.V, plane.V_scale)
+        return MAX_VOLUME_STEP * max(state.V, plane.V_scale)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -922,7 +923,7 @@ class LoadDisplacement(VolumeGain):
     name: ClassVar[str] = "travel"
 
 
-DIRECT: dict[str, PathQuantity] = {
+QUANTITIES: dict[str, PathQuantity] = {
     one.name: one for one in (Pressure(), AddedVolume(), DeadForce(), LoadDisplacement())
 }
 """Quantities without a supply, by name."""

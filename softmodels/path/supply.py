@@ -344,15 +344,15 @@ class Source:
 # Resistances: flow in Pa m3/s (pressure times volume, isothermal) between two absolute pressures in Pa, with its derivatives.
 
 
-VISCOSITY = 1.81e-5
+AIR_VISCOSITY = 1.81e-5
 """Dynamic viscosity of air at 20 °C in Pa s."""
 DENSITY_AT_1_PA = 1.0 / (287.05 * 293.15)
 """Density of air in kg/m3 per Pa at 20 °C."""
-STANDARD = 100e3
+REFERENCE_PRESSURE = 100e3
 """Absolute pressure in Pa to which a sonic conductance refers (ISO 6358)."""
-LAMINAR_FROM = 0.999
+MIN_LAMINAR_RATIO = 0.999
 """Ratio of the pressures above which an orifice counts as laminar: its flow is then linear."""
-TURBULENT_FROM = 2300.0
+MAX_LAMINAR_REYNOLDS = 2300.0
 """Reynolds number above which Poiseuille's law for a tube is wrong."""
 Flow = tuple[float, float, float]
 """Flow, and its derivatives by the pressure upstream and downstream."""
@@ -368,7 +368,7 @@ class Tube:
     @property
     def factor(self) -> float:
         """Flow over the difference of the squares of the pressures."""
-        return math.pi * self.bore**4 / (256.0 * VISCOSITY * self.length)
+        return math.pi * self.bore**4 / (256.0 * AIR_VISCOSITY * self.length)
 
     def flow(self, p1: float, p2: float) -> Flow:
         k = self.factor
@@ -376,7 +376,7 @@ class Tube:
 
     def reynolds(self, flow: float) -> float:
         """Return the Reynolds number of a flow in Pa m3/s."""
-        return 4.0 * abs(flow) * DENSITY_AT_1_PA / (math.pi * self.bore * VISCOSITY)
+        return 4.0 * abs(flow) * DENSITY_AT_1_PA / (math.pi * self.bore * AIR_VISCOSITY)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -391,15 +391,15 @@ class Orifice:
         if p2 > p1:
             back, upstream, downstream = self.flow(p2, p1)
             return -back, -downstream, -upstream
-        r, k = p2 / p1, self.conductance * STANDARD
+        r, k = p2 / p1, self.conductance * REFERENCE_PRESSURE
         if r <= self.ratio:
             return k * p1, k, 0.0
-        at = min(r, LAMINAR_FROM)
+        at = min(r, MIN_LAMINAR_RATIO)
         share = (at - self.ratio) / (1.0 - self.ratio)
         value = math.sqrt(1.0 - share * share)
         slope = -share / (value * (1.0 - self.ratio))
-        if r > LAMINAR_FROM:
-            slope = -value / (1.0 - LAMINAR_FROM)
+        if r > MIN_LAMINAR_RATIO:
+            slope = -value / (1.0 - MIN_LAMINAR_RATIO)
             value = (1.0 - r) * -slope
         return k * p1 * value, k * (value - r * slope), k * slope
 

@@ -26,7 +26,7 @@ from softmodels.materials import silicones
 from softmodels.pictures import curves
 from softmodels.pictures.style import LINE_COLOURS, STYLE, WIDTH, chart
 from softmodels.runs import columns, table
-from softmodels.runs.states import StoredStates
+from softmodels.runs.states import FolderStates
 from softmodels.runs.store import ResultsError
 
 
@@ -173,7 +173,7 @@ class Compared:
         wrong."""
         if not (folder / "case.toml").is_file():
             raise ResultsError(f"{folder} holds no results of a run ({errors.no_case(folder)})")
-        states = StoredStates(folder)
+        states = FolderStates(folder)
 
         def displacement(step: int) -> Array:
             return states.field(step, "displacement")

@@ -22,7 +22,7 @@ from softmodels.common.arrays import Array
 from softmodels.materials import silicones
 from softmodels.pictures.style import BRANCH, CURVE, DPI, EDGE, FAINT, INK, LINES, SPAN, STYLE, WARNING, WIDTH, chart
 from softmodels.runs import columns, grid, labels, notes, states, table
-from softmodels.runs.states import Line, States
+from softmodels.runs.states import Line, StoredStates
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -92,7 +92,7 @@ def over_of(case: Case) -> tuple[str, str]:
     return case.variable, str(columns.term(column))
 
 
-def rise_of(states: States) -> Figure:
+def rise_of(states: StoredStates) -> Figure:
     """Plot the rise of the gauge of stored states over their load; see `rise`."""
     gauge, over = states.actuator.gauge, over_of(states.case)
     return rise(states.rows, gauge, states.case.cm, states.branch, over, states.sources)

@@ -28,7 +28,7 @@ from softmodels.common.folders import InUseError, OwnFolderError
 from softmodels.components import contact
 from softmodels.pictures import curves, offscreen, report, solid, style
 from softmodels.runs import store
-from softmodels.runs.states import States, StoredStates, axes_of, cut_line
+from softmodels.runs.states import FolderStates, StoredStates, axes_of, cut_line
 from softmodels.runs.store import ResultsError
 
 
@@ -54,7 +54,7 @@ def draw(
     own = store.picture_folder(folder)
     own.take(folders.PATIENCE)
     try:
-        states = StoredStates(folder, name)
+        states = FolderStates(folder, name)
         # Check all files before removing any, so that a foreign file does not cost the earlier pictures.
         own.check_names(store.picture_files(states.actuator.gauge))
         own.remove(own.files)
@@ -109,7 +109,7 @@ def _draw(
     out.drew(page.write())
 
 
-def _curves(states: States, out: style.DrawnFolder) -> None:
+def _curves(states: StoredStates, out: style.DrawnFolder) -> None:
     actuator, path = states.actuator, (states.rows, states.words)
     if states.case.program:
         out.save(actuator.gauge, curves.steps(*path))
@@ -135,7 +135,7 @@ def _curves(states: States, out: style.DrawnFolder) -> None:
         out.save("profile", curves.cut_profiles(lines, rest, path, axes_of(cut[0], actuator.lift), plane))
 
 
-def _plate(states: States) -> float | None:
+def _plate(states: StoredStates) -> float | None:
     """Return the height in m of a rigid plane across the lift that stops the device; None without one."""
     obstacle = contact.obstacle_of(states.case.components)
     if obstacle is None or obstacle.on_cut:

@@ -25,7 +25,7 @@ from softmodels.materials import silicones
 from softmodels.pictures import curves, offscreen, solid, style
 from softmodels.pictures.draw import reported
 from softmodels.runs import grid, labels, table
-from softmodels.runs.states import States, StoredStates
+from softmodels.runs.states import FolderStates, StoredStates
 from softmodels.runs.store import ResultsError
 
 if TYPE_CHECKING:
@@ -178,7 +178,7 @@ def parameters(told: Sequence[result.ParameterTold]) -> Figure:
 NAMES = ("as given", "design")
 
 
-def shapes(pair: tuple[States, States], colormap: str = commands.COLORMAP) -> Figure:
+def shapes(pair: tuple[StoredStates, StoredStates], colormap: str = commands.COLORMAP) -> Figure:
     """Return both devices at their last requested state, coloured by von Mises stress."""
     looks = [offscreen.look(states, colormap) for states in pair]
     scales = [one.scales["von_mises"] for one in looks]
@@ -199,7 +199,7 @@ def shapes(pair: tuple[States, States], colormap: str = commands.COLORMAP) -> Fi
     return figure
 
 
-def sections(pair: tuple[States, States]) -> Figure:
+def sections(pair: tuple[StoredStates, StoredStates]) -> Figure:
     """Return the outlines of both half sections, at rest and deformed; of axisymmetric devices."""
     figure = Figure((style.WIDTH, 5.6), dpi=style.DPI, layout="constrained")
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
@@ -223,7 +223,7 @@ def draw(folder: Path, colormap: str = commands.COLORMAP) -> list[Path]:
         told = files.read_json(folder / "design.json")
     except (OSError, ValueError):
         raise ResultsError(f"{folder} holds no design (design.json)") from None
-    before, after = (StoredStates(folder / name) for name in ("before", "after"))
+    before, after = (FolderStates(folder / name) for name in ("before", "after"))
     actuator = before.actuator
     with style.DrawnFolder(folder) as out, matplotlib.rc_context(style.STYLE):
         charts = {
@@ -252,7 +252,9 @@ def draw(folder: Path, colormap: str = commands.COLORMAP) -> list[Path]:
     return [*out.written, folder / result.REPORT]
 
 
-def page(folder: Path, told: result.DesignTold, drawn: Sequence[pages.Part], pair: tuple[States, States]) -> str:
+def page(
+    folder: Path, told: result.DesignTold, drawn: Sequence[pages.Part], pair: tuple[StoredStates, StoredStates]
+) -> str:
     """Return the report of a design: ``told`` is its ``design.json``, ``drawn`` are its pictures."""
     rows = [
         (one["name"], *(f"{one[name]:.5g} {one['unit']}".strip() for name in ("low", "before", "after", "high")))  # type: ignore[literal-required]

@@ -23,7 +23,7 @@ from softmodels.components.contact import RigidShape
 from softmodels.pictures.style import DPI, EDGE, INK, WARNING, WIDTH, Caption, Scale, subject
 from softmodels.runs import grid, labels
 from softmodels.runs.fields import coloured
-from softmodels.runs.states import States
+from softmodels.runs.states import StoredStates
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -291,11 +291,11 @@ def shape_surface(shape: RigidShape, reach: float) -> PolyData:
     return swept.triangulate().clean(polys_to_lines=False).translate(shape.at)
 
 
-def shapes_of(states: States) -> list[RigidShape]:
+def shapes_of(states: StoredStates) -> list[RigidShape]:
     return [part for part in states.case.components if isinstance(part, RigidShape)]
 
 
-def way(states: States, shape: RigidShape, step: float) -> Array:
+def way(states: StoredStates, shape: RigidShape, step: float) -> Array:
     """Return the displacement of a shape at a step or between two, in m, shape (3,)."""
     if not shape.guide:
         return np.zeros(3)
@@ -303,7 +303,7 @@ def way(states: States, shape: RigidShape, step: float) -> Array:
     return float(np.interp(step, np.arange(len(ways)), ways)) * shape.gives_way
 
 
-def shape_layers(states: States, step: float) -> list[Layer]:
+def shape_layers(states: StoredStates, step: float) -> list[Layer]:
     """Return the translucent surfaces of the shapes beside a device at a step; a cylinder and a plane extend slightly beyond
     it."""
     style: Style = {"color": WARNING, "opacity": 0.25, "smooth_shading": True}
@@ -331,7 +331,7 @@ def below(plane: RigidShape, normal: Array, device: Array) -> tuple[RigidShape, 
     return dataclasses.replace(plane, at=tuple(map(float, foot))), 1.1 * float(np.linalg.norm(beside, axis=1).max())
 
 
-def draw_outlines(axes: Axes, states: States, step: int) -> None:
+def draw_outlines(axes: Axes, states: StoredStates, step: int) -> None:
     """Draw the outlines of shapes at a step into an axisymmetric section in millimetres, whose limits stay."""
     limits = axes.get_xlim(), axes.get_ylim()
     for shape in shapes_of(states):
@@ -358,7 +358,7 @@ class Look:
     """A device to look at from a direction, shape (3,): its states, the images of the slice that are shown (of a round device
     about a quarter is left out, to see inside), and the colour map of fields."""
 
-    states: States
+    states: StoredStates
     kept: npt.NDArray[np.intp]
     direction: Array
     colours: str = commands.COLORMAP
@@ -532,7 +532,7 @@ def direction(azimuth: float, elevation: float, up: Array) -> Array:
     return np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)]) @ turned
 
 
-def look(states: States, colours: str = commands.COLORMAP) -> Look:
+def look(states: StoredStates, colours: str = commands.COLORMAP) -> Look:
     """Return how a device is shown: a round one without a quarter, another one whole, from the side of its free end."""
     skin, up = states.skin, np.asarray(states.actuator.lift)
     whole = np.arange(len(skin.images))
@@ -550,7 +550,7 @@ def look(states: States, colours: str = commands.COLORMAP) -> Look:
     return Look(states, order[: len(whole) - removed], direction(begin - removed * angle / 2, 32.0, up), colours)
 
 
-def towards_slice(states: States) -> Array:
+def towards_slice(states: StoredStates) -> Array:
     """Return the view of a slice; that of a whole device if it is one."""
     if not len(states.skin.planes):
         return look(states).direction
@@ -583,7 +583,7 @@ class HotSpot:
     note: str
 
 
-def hot_spot(states: States, step: int) -> HotSpot:
+def hot_spot(states: StoredStates, step: int) -> HotSpot:
     """Return the largest stretch of a state: that of ``path.csv``, or without its place there the largest at a node."""
     row, stretch, skin = states.rows[step], states.field(step, "largest_stretch"), states.skin
     value = row["max_stretch"] if "max_stretch" in row else float(stretch.max())

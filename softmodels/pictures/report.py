@@ -34,7 +34,7 @@ from softmodels.path import steps
 from softmodels.pictures import curves, offscreen, style
 from softmodels.runs import columns, grid, labels, outcomes, table
 from softmodels.runs.notes import ending, left_out, notes_of, stability_text
-from softmodels.runs.states import States
+from softmodels.runs.states import StoredStates
 
 CAPTIONS = {
     "undeformed.png": "The device at rest",
@@ -109,7 +109,7 @@ type CaseTable = tuple[str, list[tuple[str, str, str]]]
 """A heading, and for each parameter its name, value and description."""
 
 
-def case_tables(states: States) -> list[CaseTable]:
+def case_tables(states: StoredStates) -> list[CaseTable]:
     """Return all tables of a case."""
     device, material = states.actuator, states.case.material
     fields, laws = schema.about(device), {field.name: field.metadata["help"] for field in parameter_fields(material)}
@@ -129,7 +129,7 @@ def case_tables(states: States) -> list[CaseTable]:
     ]
 
 
-def _load(states: States) -> Iterator[tuple[str, object, str]]:
+def _load(states: StoredStates) -> Iterator[tuple[str, object, str]]:
     case = states.case
     asked = [] if case.program else [(case.load.requested.words, ", ".join(map(units.written, case.values)))]
     for one in steps.courses(case.steps) if case.program else ():
@@ -187,7 +187,7 @@ def view(look: offscreen.Look) -> dict[str, object]:
     }  # fmt: skip
 
 
-def _steps(states: States) -> list[int]:
+def _steps(states: StoredStates) -> list[int]:
     """Return the steps of the view: all, or as many as possible, preferring the requested ones."""
     count = len(states.rows)
     most = max(VALUES // max(len(states.points), 1), 2)
@@ -201,7 +201,7 @@ PARTS = ((0, 4, 6, 7), (1, 5, 4, 8), (2, 6, 5, 9), (3, 7, 9, 8), (4, 9, 5, 6), (
 """A tetrahedron of ten nodes, in VTK's order, as eight of four nodes, whose faces are those of `QUARTERS`."""
 
 
-def solid_cells(states: States) -> tuple[grid.Cells, grid.Cells]:
+def solid_cells(states: StoredStates) -> tuple[grid.Cells, grid.Cells]:
     """Return cells of a solid, shape (c, k), and the tetrahedra that each is cut as, of k nodes, shape (p, 4).
 
     Those of a half section are prisms between its nodes and the turned ones, each quarter of which is three tetrahedra.
@@ -273,7 +273,7 @@ def _bytes(column: npt.NDArray[np.number]) -> bytes:
 # The answer, and what it rests on.
 
 
-def facts(states: States, told: dict[str, object]) -> list[pages.Fact]:
+def facts(states: StoredStates, told: dict[str, object]) -> list[pages.Fact]:
     """Return the figures that a run was made for: rise, limit, largest stretch."""
     row, words = states.rows[states.main], states.words
     overlap = labels.overlap_text(row)
@@ -282,7 +282,7 @@ def facts(states: States, told: dict[str, object]) -> list[pages.Fact]:
     return [rise, _limit(states, told), *_stretch(states)]
 
 
-def _limit(states: States, told: dict[str, object]) -> pages.Fact:
+def _limit(states: StoredStates, told: dict[str, object]) -> pages.Fact:
     """Return the limit point that was met and the margin to it, or how far none was."""
     rows, words, row = states.rows, states.words, states.rows[states.main]
     name, raised = f"Limit point of the {words.kept[0]}", words.along[0]
@@ -300,7 +300,7 @@ def _limit(states: States, told: dict[str, object]) -> pages.Fact:
     return pages.Fact(name, f"none {way} to {labels.load(highest, words)}", note if words.kept[0] == "pressure" else "")
 
 
-def _stretch(states: States) -> list[pages.Fact]:
+def _stretch(states: StoredStates) -> list[pages.Fact]:
     """Return the largest stretch beside those that the material was fitted to and breaks at."""
     if "max_stretch" not in states.rows:
         return []
@@ -312,10 +312,12 @@ def _stretch(states: States) -> list[pages.Fact]:
     return [pages.Fact("Largest stretch", f"{most:.4g}", "; ".join(known), beyond)]
 
 
-def convergence(states: States) -> list[str]:
+def convergence(states: StoredStates) -> list[str]:
     """Return what is known of the errors of a run's numbers, in sentences."""
     rows = states.rows.where(lambda row: not row.get("bifurcation"))
-    text = f"Newton's method converged in every state: residual below {newton.TOLERANCE:g} of the pressure's load"
+    text = (
+        f"Newton's method converged in every state: residual below {newton.RESIDUAL_TOLERANCE:g} of the pressure's load"
+    )
     if "newton_iterations" in states.rows:
         text += f", {rows['newton_iterations'].sum():.0f} iterations in {len(rows)} states"
     count = f"{len(states.cells)} cells of second order, {len(states.points)} nodes"
@@ -336,7 +338,7 @@ def summary(folder: Path) -> dict[str, object]:
     return found if isinstance(found, dict) else {}
 
 
-def _curves(states: States) -> list[tuple[str, str]]:
+def _curves(states: StoredStates) -> list[tuple[str, str]]:
     """Return the curves of a path: names of files and drawings."""
     with matplotlib.rc_context(style.STYLE):
         rows, words = states.rows, states.words
@@ -350,7 +352,7 @@ def _curves(states: States) -> list[tuple[str, str]]:
         return [(f"{states.name}-{name}.svg", curves.drawing(figure, states.case.cm)) for name, figure in figures]
 
 
-def _contact(states: States) -> str:
+def _contact(states: StoredStates) -> str:
     """The rigid plane of a run, and the force on it, in a sentence."""
     obstacle = contact.obstacle_of(states.case.components)
     if obstacle is None:
@@ -365,7 +367,7 @@ def _contact(states: States) -> str:
     return f"{text}, the penetration {depth}."
 
 
-def _lines(rows: table.PathTable, states: States) -> pages.Table:
+def _lines(rows: table.PathTable, states: StoredStates) -> pages.Table:
     """Return the rows of ``path.csv`` side by side: one line per column of the file, with exact and displayed values."""
     lines = []
     for name in states.rows.columns:
@@ -399,7 +401,7 @@ def _last_frame(path: Path) -> str:
         return files.data_uri(style.encoded(film.convert("RGB"), style.DPI), "image/png")
 
 
-def _notes(states: States) -> list[str]:
+def _notes(states: StoredStates) -> list[str]:
     """Return the warnings of the report."""
     actuator, words = states.actuator, states.words
     kept = words.kept[0]

@@ -45,7 +45,7 @@ from softmodels.pictures.style import (
     wrapped,
 )
 from softmodels.runs import grid, labels, states
-from softmodels.runs.states import States
+from softmodels.runs.states import StoredStates
 from softmodels.runs.store import ResultsError
 
 if TYPE_CHECKING:
@@ -79,12 +79,12 @@ def section_stress(look: offscreen.Look, step: float, plate: float | None = None
     return figure
 
 
-def _section_points(states: States, step: float) -> Array:
+def _section_points(states: StoredStates, step: float) -> Array:
     """Return the nodes of a half section in mm, at rest and at a step."""
     return np.concatenate([states.points, states.moved(step)])[:, ::2] * 1e3
 
 
-def _coloured_section(axes: Axes, states: States, step: float, scale: Scale) -> None:
+def _coloured_section(axes: Axes, states: StoredStates, step: float, scale: Scale) -> None:
     """Draw a deformed half section in the colours of a field, over the undeformed outline."""
     after, values = states.moved(step)[:, ::2] * 1e3, scale.factor * states.field(step, scale.field)
     fine, triangles = grid.fine_triangles(np.column_stack([after, values]), states.cells)
@@ -235,7 +235,7 @@ def _section_area(corners: Array, normal: Array, place: Array) -> float:
     return float(abs((np.cross(begin - place, end - place) @ normal).sum()) / 2)
 
 
-def cut_open(states: States, step: float, plane: Plane, viewer: Array, scale: Scale) -> list[offscreen.Layer]:
+def cut_open(states: StoredStates, step: float, plane: Plane, viewer: Array, scale: Scale) -> list[offscreen.Layer]:
     """Return the layers of a state whose material before a plane of the undeformed device is taken away; the cut is turned to
     the viewer."""
     normal, place = plane
@@ -481,7 +481,7 @@ class AtRest:
     def draw_early(self, folder: Path, name: str) -> None:
         """Draw them from the first states of results with their ``case.toml``; errors are reported when all is drawn."""
         with contextlib.suppress(ResultsError, CaseError, OSError):
-            self.pictures(offscreen.look(states.StoredStates(folder, name)))
+            self.pictures(offscreen.look(states.FolderStates(folder, name)))
 
     def pictures(self, shown: offscreen.Look) -> dict[str, bytes]:
         """Return PNG files by their stems, drawn now unless already drawn of this device."""

@@ -25,7 +25,7 @@ from softmodels.materials.laws import Material
 from softmodels.mechanics import mpi, newton
 from softmodels.mechanics.body import Body
 from softmodels.path import continuation, schedule, stability, supply
-from softmodels.path.continuation import Continuation
+from softmodels.path.continuation import Continuation, LoadedState
 from softmodels.path.steps import PRESSURE, VOLUME, Prescribed, Step, Steps
 from softmodels.runs import grid, notes, outcomes, simulation
 from softmodels.runs.fields import Fields
@@ -40,12 +40,12 @@ from softmodels.runs.simulation import Equilibrium, Mode, Model
 
 LONGEST_TEXT = 300
 """Maximum number of characters of a tolerance: patterns are slow on very long texts."""
-VACUUM = 0.999
+MAX_VACUUM_SHARE = 0.999
 """Share of ambient pressure at which the search ends below it."""
-LARGEST_STRETCH = 5.0
+MAX_STRETCH = 5.0
 """Stretch at which the search ends if it finds no limit: silicones fail at 3 to 10, and laws are mostly fitted to less."""
 
-KINDS = {
+END_TEXTS = {
     "limit": "limit point", "bifurcation": "bifurcation", "none": "no limit up to this stretch",
     "lost": "path lost", "stopped": "stopped by the user",
 }  # fmt: skip
@@ -58,7 +58,7 @@ class Limit(cards.Shown):
 
     Attributes:
         kind: ``"limit"`` (the pressure has a maximum, or the device another end, see ``why``), ``"bifurcation"`` (it leaves its
-            shape before that), ``"none"`` (the stretch of `LARGEST_STRETCH` came first), or ``"lost"`` (the path could not be
+            shape before that), ``"none"`` (the stretch of `MAX_STRETCH` came first), or ``"lost"`` (the path could not be
             followed so far).
         pressure: Pressure in Pa there, below 0 of a vacuum; for ``"none"`` at that stretch or at nearly absolute vacuum, for
             ``"lost"`` the last one known to be stable.
@@ -88,12 +88,12 @@ class Limit(cards.Shown):
         return self.kind in ("limit", "bifurcation")
 
     def _line(self) -> str:
-        return f"at {self.pressure / 1e3:.4g} kPa: {KINDS[self.kind]}, largest stretch {self.stretch:.4g}"
+        return f"at {self.pressure / 1e3:.4g} kPa: {END_TEXTS[self.kind]}, largest stretch {self.stretch:.4g}"
 
     def _figures(self) -> cards.Table:
         place = ", ".join(f"{axis} = {1e3 * x:.3g}" for axis, x in zip("xyz", self.place, strict=True))
         return [
-            ("end", KINDS[self.kind]),
+            ("end", END_TEXTS[self.kind]),
             ("pressure", f"{self.pressure / 1e3:.4g} kPa"),
             *([("held for", f"{self.held:.4g} s")] if self.held else []),
             ("added volume", f"{self.added_volume * 1e6:.4g} ml"),
@@ -145,7 +145,7 @@ def check_hold(hold: object, materials: Sequence[Material]) -> float:
     return seconds
 
 
-HELD_WITHIN = 1e-3
+HOLD_TOLERANCE = 1e-3
 """Relative error of a pressure that is borne for a time."""
 
 
@@ -157,16 +157,17 @@ def _held(case: Case, body: Body, material: Material, relaxed: Limit, hold: floa
     model = Model.of(asked, body)
     try:
         potential, rest = model.system.potential, model.system.rest()
-        hung = model.preload()
-        best, low, high = relaxed, relaxed.pressure, _search(model, hung).pressure
-        while high > low * (1 + HELD_WITHIN):
+        preload = model.preload()
+        best, low, high = relaxed, relaxed.pressure, _search(model, preload).pressure
+        while high > low * (1 + HOLD_TOLERANCE):
             tried = (low * high) ** 0.5
             applied = tuple(
                 Prescribed(PRESSURE, (tried * ratio,), f"cavity{i}") for i, ratio in enumerate(case.actuator.ratios, 1)
             )
-            potential.keep(rest.w, anew=True)
+            potential.commit(rest.w, reset=True)
             try:
-                for _, point in schedule.follow(model.solver, (Step(applied, 0.0), Step(applied, hold)), hung=hung):
+                held = (Step(applied, 0.0), Step(applied, hold))
+                for _, point in schedule.follow(model.solver, held, preload=preload):
                     last = point
             except stability.PathEnd as end:
                 if not isinstance(end, schedule.LostInTime):
@@ -179,21 +180,20 @@ def _held(case: Case, body: Body, material: Material, relaxed: Limit, hold: floa
         model.release()
 
 
-def _search(model: Model, hung: schedule.StageEnd | None = None) -> Limit:
-    """Return the first limit of a device; ``hung``: its `Model.preload`, where it is known."""
-    path, fields = model.continuation(hung=hung), model.fields
+def _search(model: Model, preload: LoadedState | None = None) -> Limit:
+    """Return the first limit of a device; ``preload``: its `Model.preload`, where it is known."""
+    path, fields = model.continuation(preload=preload), model.fields
     kind, why, last, passed = "none", "", None, list[tuple[float, float]]()
     try:
-        goal = (
-            load.STIFFNESS_RANGE if model.system.direction > 0 else VACUUM * supply.AMBIENT / model.system.stress_unit
-        )
+        vacuum = MAX_VACUUM_SHARE * supply.AMBIENT / model.system.stress_unit
+        goal = load.STIFFNESS_RANGE if model.system.direction > 0 else vacuum
         for point in continuation.trace(path, [goal]):
             before, last = last, point
             passed.append(_volume_and_pressure(fields, point))
             if point.limit or point.bifurcation:
                 kind = "limit" if point.limit else "bifurcation"
                 break
-            if before is not None and fields.figures(point.state).max_stretch > LARGEST_STRETCH:
+            if before is not None and fields.figures(point.state).max_stretch > MAX_STRETCH:
                 last = _stretched(path, fields, before, point)
                 passed[-1] = _volume_and_pressure(fields, last)
                 break
@@ -220,12 +220,12 @@ def _limit_of(fields: Fields, point: stability.Point, kind: str, why: str = "") 
 
 
 def _stretched(path: Continuation, fields: Fields, before: stability.Point, after: stability.Point) -> stability.Point:
-    """Return the point between two where the largest stretch is `LARGEST_STRETCH`, to about 0.1 %."""
+    """Return the point between two where the largest stretch is `MAX_STRETCH`, to about 0.1 %."""
     for _ in range(2):  # from the nearer end
         low, high = (fields.figures(point.state).max_stretch for point in (before, after))
-        between = path.corrector.on_the_way(before, after, (LARGEST_STRETCH - low) / (high - low))
+        between = path.corrector.on_the_way(before, after, (MAX_STRETCH - low) / (high - low))
         before, after = (
-            (between, after) if fields.figures(between.state).max_stretch < LARGEST_STRETCH else (before, between)
+            (between, after) if fields.figures(between.state).max_stretch < MAX_STRETCH else (before, between)
         )
     return between
 
@@ -413,7 +413,7 @@ def _because(actuator: Actuator, name: str) -> str:
 # Natural frequencies of a device along its path: at rest, and at every state up to the requested pressures or volumes.
 
 
-MOST_MODES = 20
+MAX_MODES = 20
 """Largest number of modes: of higher ones the mesh decides."""
 
 

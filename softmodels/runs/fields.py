@@ -391,12 +391,12 @@ def _nearest(system: System, name: str, wanted: Array, facets: Nodes, places: Ar
     distance = np.linalg.norm(found - wanted, axis=1)
     away = -largest(comm, -float(distance.min()) if len(distance) else -math.inf)
     # Among equally near places the first in order of x, y, z, so that the rank does not decide.
-    near = np.flatnonzero(distance <= away + body.SAME * unit)
+    near = np.flatnonzero(distance <= away + body.LENGTH_TOLERANCE * unit)
     place = []
     for axis in range(3):
         least = -largest(comm, -float(found[near, axis].min()) if len(near) else -math.inf)
-        near = near[found[near, axis] <= least + body.SAME * unit]
-        place.append(least if abs(least) > body.SAME * unit else 0.0)
+        near = near[found[near, axis] <= least + body.LENGTH_TOLERANCE * unit]
+        place.append(least if abs(least) > body.LENGTH_TOLERANCE * unit else 0.0)
     holders = mpi.total(comm, float(bool(len(near))))  # several ranks know a place on an edge between them
     edge = places[near, 0] - places[near, 1] if len(near) else np.zeros((0, 3))
     size = largest(comm, float(np.linalg.norm(edge, axis=1).max()) if len(near) else -math.inf)

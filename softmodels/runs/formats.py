@@ -11,7 +11,7 @@ import functools
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol, TypedDict
+from typing import Any, Protocol
 from xml.sax.saxutils import escape, quoteattr
 
 import h5py
@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.common import files
+from softmodels.common.arrays import Array
 from softmodels.path import stability
 from softmodels.runs import table
 
@@ -26,30 +27,27 @@ from softmodels.runs import table
 # Restart data of a state, besides its fields.
 
 
-class Restart(TypedDict):
-    """Data to rebuild a `Point` besides its fields; see there. Pressure, volume and their changes along the path,
-    dimensionless."""
-
-    P: float
-    V: float
-    requested: bool
-    limit: bool
-    jump: bool
-    turn: bool
-    step: float
-    line: str
-    stiffest: float
-    tangent: list[float]
-    signature: dict[str, Any]
+type Restart = dict[str, Any]
+"""Data to rebuild a `Point` besides its fields: P, V and their changes along the path (``tangent``), dimensionless, the
+``signature``, and what `POINT_FIELDS` names."""
+POINT_FIELDS = ("requested", "limit", "jump", "turn", "step", "line", "stiffest")
 
 
 def restart_of(point: stability.Point) -> Restart:
     """Return the restart data of a point's step."""
-    return {
-        "P": point.state.P, "V": point.state.V, "requested": point.requested, "limit": point.limit, "jump": point.jump,
-        "turn": point.turn, "step": point.step, "line": point.line, "stiffest": point.stiffest,
-        "tangent": [point.tangent.P, point.tangent.V], "signature": dataclasses.asdict(point.signature),
-    }  # fmt: skip
+    plain = {name: getattr(point, name) for name in POINT_FIELDS}
+    tangent, signature = [point.tangent.P, point.tangent.V], dataclasses.asdict(point.signature)
+    return {"P": point.state.P, "V": point.state.V, **plain, "tangent": tangent, "signature": signature}
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class StateRecord:
+    """What is stored of a state: its row of the table, on all ranks, nodal fields by name in SI units, shape (n,), (n, 3) or
+    (n, 3, 3), with the ``mode`` at a bifurcation, on rank 0, and its restart data."""
+
+    row: table.Row
+    fields: Mapping[str, Array]
+    restart: Restart
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -59,9 +57,9 @@ def restart_of(point: stability.Point) -> Restart:
 # or is behind a link. Results never use these, so they are rejected: they would expose the bytes of other files.
 
 
-LARGEST = 1 << 50
+MAX_FILE_SIZE = 1 << 50
 """Size limit of a results file: none."""
-NUMBERS = "fiu"
+NUMBER_KINDS = "fiu"
 """Kinds of numpy's types that fields have."""
 
 
@@ -72,7 +70,7 @@ class ForeignDataError(ValueError):
 @contextlib.contextmanager
 def opened(path: Path) -> Iterator[h5py.File]:
     """Open a results file for reading; `OSError` if it is not a regular file, or not HDF5."""
-    files.check_file(path, LARGEST)
+    files.check_file(path, MAX_FILE_SIZE)
     with h5py.File(path, "r") as file:
         yield file
 
@@ -94,7 +92,7 @@ def inside(group: h5py.Group, path: str) -> Any:
     if isinstance(place, h5py.Dataset):
         if place.external is not None or place.is_virtual:
             raise ForeignDataError(f"{path} takes its values from other files; these are not read")
-        if place.dtype.kind not in NUMBERS or place.size * place.dtype.itemsize > place.id.get_storage_size():
+        if place.dtype.kind not in NUMBER_KINDS or place.size * place.dtype.itemsize > place.id.get_storage_size():
             raise ForeignDataError(
                 f"{path} is compressed, or holds fewer numbers than declared; results are stored uncompressed"
             )

@@ -25,7 +25,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.lazy import scipy
 from softmodels.components import contact, shapes
 from softmodels.components.contact import RigidShape
-from softmodels.components.pressing import Grip, Rubbed
+from softmodels.components.pressing import FrictionHistory, Rubbed
 from softmodels.mechanics import assembly, component, controls, mpi, newton
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.system import State
@@ -34,7 +34,7 @@ from softmodels.runs import outcomes, simulation
 from softmodels.runs.outcomes import RunError
 from softmodels.runs.simulation import Model
 
-STEPS, SHORTEST = 10, 1 / 64
+DEFAULT_STEPS, MIN_STEP = 10, 1 / 64
 """Steps to a pressure or to the load, and the shortest one in theirs."""
 
 
@@ -43,7 +43,7 @@ class Grasp:
     the direction of the load on that in the plane, and the steps to a pressure or to the load; friction depends on these to
     first order."""
 
-    def __init__(self, case: Case, label: str, fingers: int, direction: Array, steps: int = STEPS):
+    def __init__(self, case: Case, label: str, fingers: int, direction: Array, steps: int = DEFAULT_STEPS):
         chosen = check_grasp(case, label, fingers, direction)
         self.shape = HeldShape(**{field.name: getattr(chosen, field.name) for field in dataclasses.fields(chosen)})
         parts: tuple[Component, ...] = tuple(self.shape if part is chosen else part for part in case.components)
@@ -68,7 +68,7 @@ class Grasp:
         states, grips = [self.system.rest()] * n, [self.term.grip] * n
         return Held(0.0, 0.0, np.zeros(2), 0.0, np.zeros((n, 2)), none, none, none, away, away, states, grips)
 
-    def _put(self, pose: Array, finger: int, grip: Grip) -> None:
+    def _put(self, pose: Array, finger: int, grip: FrictionHistory) -> None:
         away = pose[:2] @ self.plane
         back = turning(self.axis, -self.angles[finger])
         self.term.place(back @ away, turning(self.axis, pose[2]), grip)
@@ -105,16 +105,15 @@ class Grasp:
         near."""
         held = self.at(self._pose(before), P, load, before)
         wrong, J = self.imbalance(held), None
-        for _ in range(MOST_UPDATES):
-            if np.abs(wrong).max() <= BALANCED * max(held.press.sum(), abs(load), 1e-6):
+        for _ in range(MAX_UPDATES):
+            if np.abs(wrong).max() <= BALANCE_TOLERANCE * max(held.press.sum(), abs(load), 1e-6):
                 return self._kept(held)
             if J is None:
                 columns = []
                 for k in range(3):
-                    nudged = self.at(
-                        self._pose(held) + NUDGE * np.eye(3)[k], P, load, dataclasses.replace(held, grips=before.grips)
-                    )
-                    columns.append((self.imbalance(nudged) - wrong) / NUDGE)
+                    pose, begun = self._pose(held) + PROBE_STEP * np.eye(3)[k], before.grips
+                    nudged = self.at(pose, P, load, dataclasses.replace(held, grips=begun))
+                    columns.append((self.imbalance(nudged) - wrong) / PROBE_STEP)
                 J = np.array(columns).T
             step = -np.linalg.lstsq(J, wrong, rcond=1e-6)[0]
             if not 0.0 < np.abs(step).max() < 0.2:  # 0 where no finger resists
@@ -129,7 +128,7 @@ class Grasp:
         grips = []
         for finger, state in enumerate(held.states):
             self._put(self._pose(held), finger, held.grips[finger])
-            self.term.keep(state.w)
+            self.term.commit(state.w)
             grips.append(self.term.grip)
         return dataclasses.replace(held, grips=grips)
 
@@ -144,7 +143,7 @@ class Grasp:
                 here = self.balanced(P0 + at * (P - P0), start.load + at * (load - start.load), here)
             except newton.NoConvergence:
                 step = share / 2
-                if step < SHORTEST / self.steps:
+                if step < MIN_STEP / self.steps:
                     return
                 continue
             done, step = done + share, min(2 * share, 1 / self.steps)
@@ -160,12 +159,12 @@ class Grasp:
         return found
 
 
-MOST_FINGERS = 12
-BALANCED = 1e-7
+MAX_FINGERS = 12
+BALANCE_TOLERANCE = 1e-7
 """Residual of the object's equilibrium, relative to the sum of the fingers' forces."""
-NUDGE = 1e-5
+PROBE_STEP = 1e-5
 """Displacement in sizes, and rotation, by which the fingers' stiffness is measured."""
-MOST_UPDATES = 12
+MAX_UPDATES = 12
 
 
 class GraspError(errors.Spoken, ValueError):
@@ -180,7 +179,7 @@ class HeldTerm(contact.RubbingShapeTerm):
         self.centre = np.asarray(shape.at) / setting.body.actuator.size
         super().__init__(shape, standing, setting)
 
-    def place(self, moved: Array, turn: Array, grip: Grip) -> None:
+    def place(self, moved: Array, turn: Array, grip: FrictionHistory) -> None:
         """Set where the shape is, and the friction's history."""
         self.moved, self.turn, self.grip = moved, turn, grip
         self.forget_state()
@@ -205,7 +204,7 @@ class HeldTerm(contact.RubbingShapeTerm):
         T = scipy.sparse.kron(scipy.sparse.eye_array(len(self.nodes.places)), self.turn, format="csr")
         return scipy.sparse.csr_array(T @ matrix @ T.T)
 
-    def admits(self, before: Array, after: Array) -> bool:
+    def is_admissible(self, before: Array, after: Array) -> bool:
         return self.standing.clear(self._back(self.nodes.moved(before)), self._back(self.nodes.moved(after)))
 
     def pushes(self, w: Array) -> Pushes:
@@ -265,7 +264,7 @@ class Held:
     arms: Array
     pressing: Array
     states: Sequence[State]
-    grips: Sequence[Grip]
+    grips: Sequence[FrictionHistory]
 
     def closed(self, friction: float) -> bool:
         """Return whether it is in force closure: the edges of the friction cones span all forces and moments in the plane.
@@ -328,8 +327,8 @@ def check_grasp(case: Case, label: str, fingers: int, direction: Array) -> Rigid
     form = shape.form
     if not isinstance(form, shapes.Cylinder) or form.hollow or shape.guide:
         raise GraspError(f"{shape.where}: the object of a grasp is a fixed cylinder around which the fingers stand")
-    if not 2 <= fingers <= MOST_FINGERS:
-        raise GraspError(f"{fingers} fingers: a grasp has 2 to {MOST_FINGERS} (--fingers)")
+    if not 2 <= fingers <= MAX_FINGERS:
+        raise GraspError(f"{fingers} fingers: a grasp has 2 to {MAX_FINGERS} (--fingers)")
     if case.actuator.dimension == 2 or not any(
         abs(np.asarray(plane.normal) @ form.axis) > 1 - 1e-9 for plane in case.actuator.cut_planes
     ):
@@ -347,7 +346,7 @@ def check_grasp(case: Case, label: str, fingers: int, direction: Array) -> Rigid
 
 
 def grasp(
-    case: Case, fingers: int, load: float, direction: Array, label: str = "", steps: int = STEPS
+    case: Case, fingers: int, load: float, direction: Array, label: str = "", steps: int = DEFAULT_STEPS
 ) -> tuple[Grasp, list[Held]]:
     """Return the grasp, and its states: one at each requested pressure, then those on the way to the load in N, as far as it
     goes. The object is the only shape if ``label`` is empty; see `Grasp`.

@@ -26,7 +26,7 @@ from softmodels.materials import laws, silicones, specimens
 from softmodels.mechanics import compiling, component, controls, mpi
 from softmodels.path import schedule, stability, steps
 from softmodels.path.continuation import Continuation
-from softmodels.path.supply import TURBULENT_FROM, Reservoir
+from softmodels.path.supply import MAX_LAMINAR_REYNOLDS, Reservoir
 from softmodels.runs import columns, labels, outcomes, table
 from softmodels.runs.fields import Fields
 from softmodels.runs.outcomes import RunError
@@ -107,10 +107,10 @@ def supply_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
             lost = 1 - left[-1] / left[0]
             yield f"with the valve closed the leak takes {lost:.1%} of {left[0]:.4g} cm in {since[-1]:.3g} s"
     flow = float(np.abs(rows["flow"]).max()) * supply.ambient
-    if supply.tube is not None and (number := supply.tube.reynolds(flow)) > TURBULENT_FROM:
+    if supply.tube is not None and (number := supply.tube.reynolds(flow)) > MAX_LAMINAR_REYNOLDS:
         yield (
             f"the flow in the tube has a Reynolds number up to {number:.0f} and is turbulent above "
-            f"{TURBULENT_FROM:.0f}; it is computed as laminar, which is too fast"
+            f"{MAX_LAMINAR_REYNOLDS:.0f}; it is computed as laminar, which is too fast"
         )
 
 

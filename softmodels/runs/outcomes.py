@@ -42,6 +42,10 @@ class RunError(errors.Spoken, RuntimeError):
         self.status = status
 
 
+class PathEnded(RunError):
+    """A requested value is not on the path, or the continuation failed; the states so far are valid."""
+
+
 class UnwrittenError(RunError):
     """States, or a mesh, that could not be written."""
 
@@ -69,7 +73,17 @@ class Ended:
 # What a run says while it works: a bar on a terminal or in a notebook, a line per step in a log, nothing when quiet.
 
 
-class Progress:
+class Listener:
+    """Receives the progress of a run, and does nothing with it; a program's log and a notebook are derived from it."""
+
+    def say(self, text: str) -> None:
+        """Report a sentence on the current step."""
+
+    def step(self, row: table.Row, value: float) -> None:
+        """Report a solved state: its row of the table, and the progress towards the last requested value."""
+
+
+class Progress(Listener):
     """Reports the progress of a path towards its last requested value, unless quiet; ``text`` writes a value, SI."""
 
     def __init__(self, last: float, text: Callable[[float], str], words: labels.StateLabels, quiet: bool):

@@ -24,13 +24,14 @@ from softmodels.common.lazy import MPI
 from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics import controls, mpi
 from softmodels.mechanics.system import State
-from softmodels.path import schedule, stability, steps
+from softmodels.path import stability, steps
+from softmodels.path.continuation import LoadedState
 from softmodels.runs import columns, formats, labels, notes, outcomes, store, table
 from softmodels.runs.fields import Fields
 from softmodels.runs.notes import events
 from softmodels.runs.outcomes import RunError
-from softmodels.runs.simulation import FROM_REST, Begun, Listener, PathEnded, Simulation, Step, solve_sources
-from softmodels.runs.states import States
+from softmodels.runs.simulation import FROM_REST, RunStart, Simulation, solve_sources
+from softmodels.runs.states import StoredStates
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Resume an interrupted run: check that the case matches the stored results, and load the states to continue from.
@@ -79,7 +80,7 @@ def check_values(case: Case, results: store.Results) -> None:
             raise RunError(f"{text}; resume with the run's own values, or run without --resume", outcomes.BAD_INPUT)
 
 
-def last_stop(case: Case, results: store.Results, fields: Fields, comm: MPI.Comm) -> schedule.StageEnd:
+def last_stop(case: Case, results: store.Results, fields: Fields, comm: MPI.Comm) -> LoadedState:
     """Return the end of a program's step that the stored states end with."""
     last, row, record = mpi.on_root(
         comm, lambda: (len(results.stored) - 1, results.rows[-1], results.stored[-1].restart)
@@ -90,7 +91,7 @@ def last_stop(case: Case, results: store.Results, fields: Fields, comm: MPI.Comm
     dead = [row[load.variables[0]] for load in system.dead.loads] / system.dead.units
     system.load(state)
     drives = np.concatenate([pressures[: len(system.body.actuator.ratios)], dead])
-    return schedule.StageEnd(round(row["load_step"]), state, drives, system.driven())
+    return LoadedState(state, drives, system.driven(), number=round(row["load_step"]))
 
 
 def stopped_at(case: Case, results: store.Results, value: float) -> bool:
@@ -110,19 +111,19 @@ def stored_points(results: store.Results, fields: Fields, comm: MPI.Comm) -> lis
     return [stored_point(results, fields, comm, i, records[i], i in branching) for i in chosen]
 
 
-def recall(results: store.Results | States, fields: Fields, comm: MPI.Comm, steps: Mapping[int, float]) -> None:
+def replay(results: store.Results | StoredStates, fields: Fields, comm: MPI.Comm, steps: Mapping[int, float]) -> None:
     """Restore what friction, silicone and motion remember, by going through stored steps, whose times in s are given."""
     potential, last = fields.system.potential, 0.0
     for step, time in steps.items() if potential.remembers else ():
         potential.pass_time(time - last)
         if potential.motion and time == last:
             potential.motion.jump()
-        potential.keep(stored_state(results, fields, comm, step, 0.0, 0.0).w)
+        potential.commit(stored_state(results, fields, comm, step, 0.0, 0.0).w)
         last = time
 
 
 def stored_point(
-    results: store.Results | States,
+    results: store.Results | StoredStates,
     fields: Fields,
     comm: MPI.Comm,
     step: int,
@@ -138,14 +139,12 @@ def stored_point(
         shape = None if nodal is None else {"displacement": nodal["mode"], "p": np.zeros(len(nodal["mode"]))}
         mode = fields.state(shape, 0.0, 0.0).w
         mode /= mpi.largest(comm, float(np.abs(mode).max()))
-    return stability.Point(
-        state, tangent, restart["requested"], restart["limit"], restart["step"], restart["line"], restart["stiffest"],
-        stability.Signature(**restart["signature"]), mode, restart["jump"], restart["turn"],
-    )  # fmt: skip
+    plain = {name: restart[name] for name in formats.POINT_FIELDS}
+    return stability.Point(state, tangent, signature=stability.Signature(**restart["signature"]), mode=mode, **plain)
 
 
 def stored_state(
-    results: store.Results | States, fields: Fields, comm: MPI.Comm, step: int, P: float, V: float
+    results: store.Results | StoredStates, fields: Fields, comm: MPI.Comm, step: int, P: float, V: float
 ) -> State:
     """A stored step's state."""
     return fields.state(results.fields(step, ("displacement", "p")) if mpi.is_root(comm) else None, P, V)
@@ -339,7 +338,7 @@ def solved_into(
     place: ResultsPlace,
     case: Case,
     comm: MPI.Comm,
-    listener: Listener | None = None,
+    listener: outcomes.Listener | None = None,
     *,
     branch: bool = False,
     observer: Observer | None = None,
@@ -407,7 +406,7 @@ def record(
     calls ``begun`` as soon as the folder holds a state of this run.
 
     Raises:
-        PathEnded, RunError, ResultsError: The path ended, or it was stopped, or the states there are of another mesh.
+        outcomes.PathEnded, RunError, ResultsError: The path ended, or it was stopped, or the states there are of another mesh.
     """
     case, comm = simulation.case, simulation.comm
     mesh = results.folder / f"{case.name}.msh"
@@ -422,10 +421,10 @@ def record(
     start = _begun(simulation, results) if resumed else FROM_REST
     if not resumed:
         _begin(simulation, results)
-    ended: PathEnded | None = None
+    ended: outcomes.PathEnded | None = None
     try:
         _store(simulation.steps(start), results, comm, begun)
-    except PathEnded as end:
+    except outcomes.PathEnded as end:
         if case.program:
             raise
         ended = end
@@ -443,40 +442,35 @@ def _begin(simulation: Simulation, results: store.Results) -> None:
 
 
 def _store(
-    steps: Iterable[Step],
+    steps: Iterable[formats.StateRecord],
     results: store.Results,
     comm: MPI.Comm,
     begun: Callable[[store.Results], None] = lambda results: None,
 ) -> None:
     for number, step in enumerate(steps):
-
-        def add(step: Step = step, first: bool = number == 0) -> None:
-            assert step.fields is not None
-            results.add(step.row, step.fields, step.restart)
-            if first:
-                begun(results)
-
-        mpi.on_root(comm, add)
+        mpi.on_root(comm, functools.partial(results.add, step))
+        if number == 0:
+            mpi.on_root(comm, lambda: begun(results))
 
 
-def _begun(simulation: Simulation, results: store.Results) -> Begun:
+def _begun(simulation: Simulation, results: store.Results) -> RunStart:
     """Return the state from which a resumed run continues."""
     case, fields, comm = simulation.case, simulation.fields, simulation.comm
     rows = mpi.on_root(comm, lambda: results.rows)
     if case.load_unload:
-        return Begun(rows)
+        return RunStart(rows)
     solved = mpi.on_root(
         comm, lambda: {i: row.get("time") for i, row in enumerate(results.rows) if not row["bifurcation"]}
     )
-    again = functools.partial(recall, results, fields, comm, solved)
+    again = functools.partial(replay, results, fields, comm, solved)
     if case.program:
         stop = last_stop(case, results, fields, comm)
         simulation.listener.say(f"resuming from step {stop.number} of the program")
-        return Begun(rows, stop=stop, recall=again)
+        return RunStart(rows, stop=stop, replay=again)
     left = mpi.on_root(comm, lambda: [not stopped_at(case, results, value) for value in case.values])
     points = stored_points(results, fields, comm)
     simulation.listener.say(f"resuming from step {len(rows) - 1}")
-    return Begun(rows, left, points, recall=again)
+    return RunStart(rows, left, points, replay=again)
 
 
 def _record_branch(simulation: Simulation, results: store.Results) -> None:

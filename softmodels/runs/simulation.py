@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import NoneType
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 
@@ -33,16 +33,16 @@ from softmodels.mechanics.component import Component
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 from softmodels.path import continuation, schedule, stability, steps, supply
-from softmodels.path.continuation import Continuation
+from softmodels.path.continuation import Continuation, LoadedState
 from softmodels.path.stability import Stability
 from softmodels.runs import columns, formats, notes, outcomes, table
 from softmodels.runs.fields import Fields, Figures, check_requested
 from softmodels.runs.outcomes import RunError
-from softmodels.runs.states import States
+from softmodels.runs.states import StoredStates
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Begun:
+class RunStart:
     """Stored data from which a run is resumed.
 
     Attributes:
@@ -50,19 +50,19 @@ class Begun:
         left: Which of the case's requested values are still to come.
         points: The points to go on from; see `Continuation.resume`.
         stop: The same of a program: the end of its last complete step.
-        recall: Lets parts remember what they do after those states; called where the path has begun.
+        replay: Restores the histories at those states; called where the path has begun.
     """
 
     rows: table.PathTable = dataclasses.field(default_factory=table.PathTable)
     left: Sequence[bool] = ()
     points: Sequence[stability.Point] = ()
-    stop: schedule.StageEnd | None = None
-    recall: Callable[[], None] = lambda: None
+    stop: LoadedState | None = None
+    replay: Callable[[], None] = lambda: None
 
 
-FROM_REST = Begun()
+FROM_REST = RunStart()
 
-FEWEST_STEPS = 12
+MIN_STEPS = 12
 """Minimum number of steps to the last requested value, for smooth curves."""
 
 
@@ -80,10 +80,10 @@ class Simulation:
     model: Model
 
     def __init__(
-        self, case: Case, comm: MPI.Comm, listener: Listener | None = None, stopped: Callable[[], bool] = bool
+        self, case: Case, comm: MPI.Comm, listener: outcomes.Listener | None = None, stopped: Callable[[], bool] = bool
     ):
         self.case, self.comm, self.stopped = case, comm, stopped
-        self.listener: Listener = listener or Silent()
+        self.listener = listener or outcomes.Listener()
         self._path: Continuation | None = None
         self._bifurcations: list[stability.Point] = []
 
@@ -104,7 +104,7 @@ class Simulation:
         case, say = self.case, self.listener.say
         say("compiling kernels (first run only, about 10 s; then cached)")
         self._stop_if_asked()
-        with compiling.told_of_waits(say, self._stop_here):
+        with compiling.report_waits(say, self._stop_here):
             self.body = body_of(case.actuator, file, self.comm)
             self.model = Model.of(case, self.body)
             self.solver, self.fields = self.model.solver, self.model.fields
@@ -135,23 +135,23 @@ class Simulation:
         unknowns = space.dofmap.index_map.size_global * space.dofmap.index_map_bs
         cells = topology.index_map(topology.dim).size_global
         say(f"{cells} cells, {unknowns} unknowns, {ranks} rank{'s' if ranks > 1 else ''}")
-        if told := self.solver.method.told:
+        if told := self.solver.method.description:
             say(told)
         for note in self.model.notes:
             say(f"warning: {note}")
         if weak := specimens.weakness(self.case.material):
             say(f"warning: {weak}; results at larger stretches are invalid")
 
-    def steps(self, begun: Begun = FROM_REST) -> Iterator[Step]:
+    def steps(self, begun: RunStart = FROM_REST) -> Iterator[formats.StateRecord]:
         """Solve state by state, through all requested values that are not ``begun``.
 
         Raises:
-            PathEnded: The path ends before the last requested value, with where, why, and what can be done.
+            outcomes.PathEnded: The path ends before the last requested value, with where, why, and what can be done.
             RunError: It was stopped between two states, or no state was found where no step can be shortened.
         """
         yield from self._reported(self._program(begun) if self.case.program else self._load_path(begun))
 
-    def _reported(self, steps: Iterator[Step]) -> Iterator[Step]:
+    def _reported(self, steps: Iterator[formats.StateRecord]) -> Iterator[formats.StateRecord]:
         """Yield the same steps; notify the listener of each, and stop between steps if asked to."""
         for step in steps:
             yield step
@@ -159,16 +159,16 @@ class Simulation:
                 self.listener.step(step.row, step.row[self.case.variable])
             self._stop_if_asked()
 
-    def _load_path(self, begun: Begun) -> Iterator[Step]:
+    def _load_path(self, begun: RunStart) -> Iterator[formats.StateRecord]:
         case, count = self.case, len(begun.rows)
         last = begun.rows[-1] if begun.rows else None
         goals = self._goals()
         self._path = path = self._continuation(goals[-1])
-        path.start, path.recall = self.model.hanging(self.listener.say), begun.recall
         self._check_volumes(path.start)
         if begun.rows and not case.load_unload:
             goals = [goal for goal, wanted in zip(goals, begun.left, strict=True) if wanted]
-        points = schedule.cycle(path, goals) if case.load_unload else continuation.trace(path, goals, begun.points)
+        following = continuation.trace(path, goals, begun.points, begun.replay)
+        points = schedule.cycle(path, goals) if case.load_unload else following
         try:
             for number, point in enumerate(points):
                 if case.load_unload and number < count:
@@ -179,7 +179,7 @@ class Simulation:
                 yield step
         except stability.PathEnd as end:
             text = notes.explain(case, end, self.fields, path, _own_words())
-            raise PathEnded(text, outcomes.NO_EQUILIBRIUM if end.physical else outcomes.FAILED) from end
+            raise outcomes.PathEnded(text, outcomes.NO_EQUILIBRIUM if end.physical else outcomes.FAILED) from end
         except newton.NoConvergence as failure:
             raise RunError(notes.explain_failure(case, failure, last, _own_words())) from failure
 
@@ -210,38 +210,40 @@ class Simulation:
     def quantity(self, name: str) -> stability.PathQuantity:
         """Return a requested quantity by its name; the stroke is that of the case's supply."""
         eq, supply = self.solver.system, self.case.supply
-        if supply is None or name in stability.DIRECT:
-            return stability.DIRECT[name]
+        if supply is None or name in stability.QUANTITIES:
+            return stability.QUANTITIES[name]
         return supply.control(eq.rest().V * eq.volume_unit, eq.stress_unit, eq.volume_unit)
 
     def _continuation(self, last: float) -> Continuation:
-        case = self.case
-        path = Continuation(self.solver, self.quantity(case.quantity), case.control, last / FEWEST_STEPS)
-        path.report, path.release = lambda text: self.listener.say(f"  {text}"), True
-        return path
+        case, say = self.case, self.listener.say
+        quantity = self.quantity(case.quantity)
+        return Continuation(
+            self.solver, quantity, case.control, last / MIN_STEPS, start=self.model.path_start(say),
+            report=lambda text: say(f"  {text}"), release=True,
+        )  # fmt: skip
 
-    def _program(self, begun: Begun) -> Iterator[Step]:
+    def _program(self, begun: RunStart) -> Iterator[formats.StateRecord]:
         """Follow the device's program."""
         case, rows = self.case, table.PathTable(begun.rows)
-        come = float(begun.stop.number) if begun.stop else 0.0
+        reached = float(begun.stop.number) if begun.stop else 0.0
         try:
             say = self.listener.say
-            hung = self.model.preload(say)
+            preload = self.model.preload(say)
             self.model.set_in_motion()
-            begun.recall()
+            begun.replay()
             settings = schedule.Settings(case.control, say, case.time_tolerance)
             gas = self.quantity(supply.Gas.name) if case.supply else None
             if isinstance(gas, supply.Gas):
-                points = schedule.supply(self.solver, case.steps, gas, settings, begun.stop, hung)
+                points = schedule.supply(self.solver, case.steps, gas, settings, begun.stop, preload)
             else:
-                points = schedule.follow(self.solver, case.steps, settings, begun.stop, hung)
-            for come, point in points:
-                step = self.step_of(point, len(rows), come)
+                points = schedule.follow(self.solver, case.steps, settings, begun.stop, preload)
+            for reached, point in points:
+                step = self.step_of(point, len(rows), reached)
                 rows.append(step.row)
                 yield step
         except stability.PathEnd as end:
-            text = notes.explain_step(case, end, rows, come, _own_words())
-            raise PathEnded(text, outcomes.NO_EQUILIBRIUM if end.physical else outcomes.FAILED) from end
+            text = notes.explain_step(case, end, rows, reached, _own_words())
+            raise outcomes.PathEnded(text, outcomes.NO_EQUILIBRIUM if end.physical else outcomes.FAILED) from end
         except newton.NoConvergence as failure:
             raise RunError(notes.explain_failure(case, failure, rows[-1] if rows else None, _own_words())) from failure
 
@@ -250,12 +252,12 @@ class Simulation:
         """Whether `steps` has passed a bifurcation, from which `branch` can start."""
         return bool(self._bifurcations)
 
-    def branch(self) -> Iterator[Step]:
+    def branch(self) -> Iterator[formats.StateRecord]:
         """Follow the branch at the first bifurcation, after `steps`, as far as it
         converges; report its end to the listener."""
         yield from self._reported(self._branch())
 
-    def _branch(self) -> Iterator[Step]:
+    def _branch(self) -> Iterator[formats.StateRecord]:
         assert self._path is not None
         start = self._bifurcations[0]
         value = self._path.value(start.state) * self.model.unit_of(self.case.quantity)
@@ -280,8 +282,8 @@ class Simulation:
         if self.stopped():
             raise RunError(outcomes.INTERRUPTED, outcomes.STOPPED)
 
-    def step_of(self, point: stability.Point, number: int, come: float = 0.0) -> Step:
-        """Return a point of the path in SI units; ``come`` is the number of program steps taken."""
+    def step_of(self, point: stability.Point, number: int, reached: float = 0.0) -> formats.StateRecord:
+        """Return a point of the path in SI units; ``reached`` is the number of program steps taken."""
         case, fields = self.case, self.fields
         figures = fields.figures(point.state)
         nodal = fields.nodal(point.state)  # on rank 0 only
@@ -291,9 +293,9 @@ class Simulation:
         band = self._band.cells(point) if self._band else {}
         row = mpi.on_root(
             self.comm,
-            lambda: columns.row_of(columns.Solved(case, fields, point, figures, nodal or {}, number, come, band)),
+            lambda: columns.row_of(columns.Solved(case, fields, point, figures, nodal or {}, number, reached, band)),
         )
-        return Step(row, nodal, formats.restart_of(point))
+        return formats.StateRecord(row, nodal or {}, formats.restart_of(point))
 
 
 def _own_words() -> bool:
@@ -301,30 +303,30 @@ def _own_words() -> bool:
     return bool(PETSc.Options().getAll())
 
 
-class InMemory(States):
+class MemoryStates(StoredStates):
     """States of a prepared simulation in memory, identical on all ranks; its mesh's file is read on rank 0."""
 
     def __init__(self, simulation: Simulation, mesh: Callable[[], bytes]):
         self._comm, grid = simulation.comm, simulation.fields.grid
         # Only rank 0 has the whole grid.
         points, cells, self._mesh = mpi.on_root(self._comm, lambda: (grid.points, grid.cells, mesh()))
-        kept: list[dict[str, Array]] = []
-        super().__init__(simulation.case, (), (points, cells, grid.cell_name), lambda step, name: kept[step][name])
-        self.mesh_notes, self._fields = simulation.model.notes, kept
-        self._restarts: list[formats.Restart] = []
+        records: list[formats.StateRecord] = []
+        grid_of_all = points, cells, grid.cell_name
+        super().__init__(simulation.case, (), grid_of_all, lambda step, name: records[step].fields[name])
+        self.mesh_notes, self._records = simulation.model.notes, records
 
-    def add(self, step: Step) -> None:
-        """Keep a state."""
-        self.rows.append(step.row)
-        self._fields.append(mpi.on_root(self._comm, lambda: step.fields or {}))
-        self._restarts.append(step.restart)
+    def add(self, record: formats.StateRecord) -> None:
+        """Store a state."""
+        self.rows.append(record.row)
+        fields = mpi.on_root(self._comm, lambda: record.fields)
+        self._records.append(dataclasses.replace(record, fields=fields))
 
     def fields(self, step: int, names: Sequence[str] | None = None) -> Mapping[str, Array]:
-        there = self._fields[step]
+        there = self._records[step].fields
         return there if names is None else {name: there[name] for name in names}
 
     def restart(self, step: int) -> formats.Restart:
-        return self._restarts[step]
+        return self._records[step].restart
 
     def mesh(self) -> bytes:
         return self._mesh
@@ -474,7 +476,7 @@ class Model(cards.Shown):
             RunError: There is no such equilibrium on the path, or it was not found.
         """
         if pressure is None and volume is None:
-            state = self.hanging() or self.system.rest()
+            state = self.path_start() or self.system.rest()
             return Equilibrium(self, state)
         *_, last = self.path(None if pressure is None else [pressure], None if volume is None else [volume])
         return last
@@ -522,29 +524,30 @@ class Model(cards.Shown):
             raise RunError(f"the path could not be followed ({failure})") from failure
 
     def continuation(
-        self, quantity: str = "pressure", control: str = "auto", hung: schedule.StageEnd | None = None
+        self, quantity: str = "pressure", control: str = "auto", preload: LoadedState | None = None
     ) -> Continuation:
-        """The path to pressures or added volumes, not begun yet; its values are dimensionless. ``hung``: see `hanging`."""
-        return Continuation(self.solver, stability.DIRECT[quantity], control, start=self.hanging(hung=hung))
+        """The path to pressures or added volumes, not begun yet; its values are dimensionless; see `path_start`."""
+        start = self.path_start(preload=preload)
+        return Continuation(self.solver, stability.QUANTITIES[quantity], control, start=start)
 
     # -- preload ------------------------------------------------------------------------------------------------------
 
-    def hanging(
-        self, report: Callable[[str], None] = lambda text: None, hung: schedule.StageEnd | None = None
+    def path_start(
+        self, report: Callable[[str], None] = lambda text: None, preload: LoadedState | None = None
     ) -> State | None:
-        """The state in which the device hangs under its preload (``hung``, where it is known), from which the path to
+        """The state in which the device hangs under its preload (``preload``, where it is known), from which the path to
         requested values starts; None without dead loads, `RunError` if there is none. ``report`` takes sentences on what is
         going on."""
-        hung, driven = self.preload(report) if hung is None else hung, self.case.driven
-        if hung is None:
+        preload, driven = self.preload(report) if preload is None else preload, self.case.driven
+        if preload is None:
             self.system.coupling = self.system.inflating(np.empty(0))
             return None
         if driven is None:
-            return schedule.inflate_from(self.solver, hung)
-        return schedule.load_from(self.solver, hung, len(self.case.actuator.ratios) + self.driven_load)
+            return schedule.inflate_from(self.solver, preload)
+        return schedule.load_from(self.solver, preload, len(self.case.actuator.ratios) + self.driven_load)
 
-    def preload(self, report: Callable[[str], None] = lambda text: None) -> schedule.StageEnd | None:
-        """The state under all loads that act before the first requested value, its drivers not coupled, see `hanging`;
+    def preload(self, report: Callable[[str], None] = lambda text: None) -> LoadedState | None:
+        """The state under all loads that act before the first requested value, its drivers not coupled, see `path_start`;
         `RunError` if there is none."""
         case, system, dead = self.case, self.system, self.system.dead
         if not dead.loads:
@@ -562,11 +565,11 @@ class Model(cards.Shown):
         if words := [what for what, amounts in targets if amounts.any()]:
             report(f"applying {', then '.join(words)}")
         try:
-            hung = schedule.hang(self.solver, targets, report)
-        except schedule.HangingEnd as end:
+            preload = schedule.apply_preload(self.solver, targets, report)
+        except schedule.PreloadFailure as end:
             raise RunError(end.sentence, outcomes.NO_EQUILIBRIUM if end.physical else outcomes.FAILED) from end
-        dead.origins = hung.driven
-        return hung
+        dead.origins = preload.driven
+        return preload
 
     @property
     def driven_load(self) -> int:
@@ -620,7 +623,7 @@ class Model(cards.Shown):
         except newton.NoConvergence as failure:
             raise RunError(f"the modes were not found ({failure}); ask for fewer, or use smaller cells") from failure
         unit = self.system.stress_unit / self.system.length_unit**2
-        least = NEUTRAL * max((abs(value) for value, _ in pairs), default=0.0)
+        least = ZERO_EIGENVALUE_TOLERANCE * max((abs(value) for value, _ in pairs), default=0.0)
         values = [value if abs(value) > least else 0.0 for value, _ in pairs]
         return [Mode(value * unit, density, self._shape(w)) for value, (_, w) in zip(values, pairs, strict=True)]
 
@@ -676,7 +679,7 @@ class Model(cards.Shown):
         return names.read_only(found)
 
 
-NEUTRAL = 1e-9
+ZERO_EIGENVALUE_TOLERANCE = 1e-9
 """Eigenvalue over the largest of those asked for up to which it is 0, as at a limit point: there its sign is rounding."""
 
 
@@ -749,7 +752,7 @@ class Equilibrium(cards.Shown):
         ]
 
     @property
-    def _states(self) -> States:
+    def _states(self) -> StoredStates:
         """This state as pictures take it."""
         case, grid = self.model.case, self.model.fields.grid
         row = table.Row({
@@ -758,7 +761,7 @@ class Equilibrium(cards.Shown):
             "requested": 1, "limit": 0,
         }, case.cm)  # fmt: skip
         nodes = self.points, grid.cells, grid.cell_name
-        return States(case, [row], nodes, lambda step, name: self.fields[name])
+        return StoredStates(case, [row], nodes, lambda step, name: self.fields[name])
 
     @functools.cached_property
     def figures(self) -> Figures:
@@ -830,44 +833,6 @@ class Equilibrium(cards.Shown):
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Interface between a simulation and its callers: states, listeners and restart data.
-
-
-class Listener(Protocol):
-    """Receives the progress of a run: nothing, a program's log, a notebook."""
-
-    def say(self, text: str) -> None:
-        """Report a sentence on the current step."""
-
-    def step(self, row: table.Row, value: float) -> None:
-        """Report a solved state: its row of the table, and the progress towards the last requested value."""
-
-
-class Silent:
-    """A listener that does nothing."""
-
-    def say(self, text: str) -> None:
-        pass
-
-    def step(self, row: table.Row, value: float) -> None:
-        pass
-
-
-class PathEnded(RunError):
-    """A requested value is not on the path, or the continuation failed; the states so far are valid."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Step:
-    """One state of a run: its row of the table, on all ranks, its nodal fields by name, SI units, as `Fields.nodal` gives
-    them, with the ``mode`` at a bifurcation, on rank 0, and numbers that a restart needs beside these."""
-
-    row: table.Row
-    fields: dict[str, Array] | None
-    restart: formats.Restart
-
-
-# ----------------------------------------------------------------------------------------------------------------------
 # Solve a case with every other source of its silicone, on the mesh of the run.
 
 
@@ -890,7 +855,7 @@ def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, table.PathTab
             aside.prepare(mesh)
             for step in aside.steps():
                 rows.append(step.row)
-        except PathEnded as end:
+        except outcomes.PathEnded as end:
             simulation.listener.say(f"  {end}")
         except RunError as error:
             if error.status == outcomes.STOPPED:

@@ -13,12 +13,12 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import MPI, basix, fem, la, plot, ufl
+from softmodels.components import creases
 from softmodels.materials.laws import Material
 from softmodels.mechanics import compiling, mpi, system
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body, in_space
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
-from softmodels.path import continuation
 from softmodels.runs import grid
 
 
@@ -538,12 +538,12 @@ class FacingWalls:
 
     def folded(self, displacement: Array) -> bool:
         """Return whether a facet is folded onto itself, in a crease that the cells do not resolve: it turns by more than
-        `CLOSED`, and its middle is compressed until it creases (`softmodels.path.continuation.crease`)."""
+        `CLOSED_FOLD_ANGLE`, and its middle is compressed until it creases (`softmodels.components.creases.find_crease`)."""
         at = self.points + displacement
-        near = self._middle + continuation.NEAR_CORNERS * (self._lattice - self._middle)
+        near = self._middle + creases.CORNER_SHARE * (self._lattice - self._middle)
         every = np.arange(len(self.facets))
         n = np.stack([self._normal(self._tangents(at, own), every) for own in near], axis=1)
-        turned = (np.einsum("fpi,fqi->fpq", n, n) < math.cos(continuation.CLOSED)).any(axis=(1, 2))
+        turned = (np.einsum("fpi,fqi->fpq", n, n) < math.cos(creases.CLOSED_FOLD_ANGLE)).any(axis=(1, 2))
         rest, now = (self._tangents(shape, self._middle) for shape in (self.points, at))
         squares = np.linalg.eigvals(
             np.linalg.solve(np.einsum("fai,fbi->fab", rest, rest), np.einsum("fai,fbi->fab", now, now))
@@ -551,7 +551,7 @@ class FacingWalls:
         if self.flat:
             hoop = self._middles(at)[0][:, :1] / self._rest[0][:, :1]
             squares = np.concatenate([squares, hoop**2], axis=1)
-        return bool((turned & (squares.min(axis=1) * np.sqrt(squares.max(axis=1)) < continuation.CREASED)).any())
+        return bool((turned & (squares.min(axis=1) * np.sqrt(squares.max(axis=1)) < creases.CREASE_LIMIT)).any())
 
     def _tangents(self, at: Array, own: Array) -> Array:
         """Return the tangents of a shape's facets at one place of each in its own coordinates, shape (f, d, 3)."""

@@ -26,14 +26,14 @@ from softmodels.common.lazy import pyvista
 from softmodels.runs import columns, fields, formats, grid, labels, state_values, store, table
 from softmodels.runs.store import ResultsError
 
-STILLS = 4
+MAX_STILLS = 4
 """Maximum number of states shown side by side."""
 
 type NodalGrid = tuple[Array, npt.NDArray[np.int64], str]
 """Undeformed nodes in m, shape (n, 3); cells in VTK's order, shape (c, 6 or 10); XDMF's name of the cells."""
 
 
-class States:
+class StoredStates:
     """States on one mesh, for pictures, tables and what is solved from them. ``read`` returns a nodal field of a state by its
     number and the field's name; KeyError where there is none.
 
@@ -141,7 +141,7 @@ class States:
         along = np.concatenate([[0.0], np.cumsum(lengths)])
         return np.asarray(along / (along[-1] or 1.0))
 
-    def shown(self, most: int = STILLS) -> list[float]:
+    def shown(self, most: int = MAX_STILLS) -> list[float]:
         """Return the steps of the states to show: the requested ones under load, or some spread over the path, at most so
         many, the last included. A round pressure between two steps is a fraction: the state there is interpolated."""
         asked = [k for k in self.loaded if self.rows[k]["requested"]]
@@ -159,7 +159,7 @@ class States:
         return list[float](sorted(found | set(asked))[-most:])
 
 
-class StoredStates(States):
+class FolderStates(StoredStates):
     """The states of a folder of results, with its ``case.toml``, of the stem ``name`` or the case's own; the mesh is at
     ``home`` or in the same folder.
 
@@ -195,16 +195,16 @@ class StoredStates(States):
         self.branch, self.mesh_notes = self.results.branch_rows, self.results.mesh_notes
         self.made = commands.Provenance.from_table(self.results.own.about.get("made"))
 
-    def branch_states(self) -> StoredStates | None:
+    def branch_states(self) -> FolderStates | None:
         """Return the states of the followed branch; None if there is none."""
-        return StoredStates(self.results.branch().folder, None, self.folder) if self.branch else None
+        return FolderStates(self.results.branch().folder, None, self.folder) if self.branch else None
 
     def fields(self, step: int, names: Sequence[str] | None = None) -> Mapping[str, Array]:
         there = self.results.stored[step].shapes
         if missing := [name for name in names or () if name not in there]:
             if self.results.format != store.FORMAT:
                 raise self.results.other_format(missing[0])
-            raise ResultsError(f"the states in {self.folder} hold no {missing[0]}; {store.OLDER}")
+            raise ResultsError(f"the states in {self.folder} hold no {missing[0]}; {store.RERUN_ADVICE}")
         with self._readable():
             found = self.results.fields(step, tuple(there if names is None else names))
         return {name: values.astype(float) for name, values in found.items()}
@@ -259,7 +259,7 @@ def round_steps(rows: table.PathTable, variable: str, most: int) -> list[float]:
 # Section of a device's outer surface by a plane: the undeformed line and its deformed shape.
 
 
-BESIDE = 1e-7
+CUT_OFFSET = 1e-7
 """Offset of the cut from the plane, relative to the device's size, so that vertices in the plane do no harm."""
 
 
@@ -269,7 +269,7 @@ def cut_line(skin: grid.Surface, points: Array, displacement: Array, normal: Vec
     as ``size`` m."""
     rest, moved = (skin.device(skin.points(nodal)) for nodal in (points, points + displacement))
     triangles = skin.device_triangles(skin.part == grid.OUTSIDE)
-    height = rest @ np.asarray(normal) - at - BESIDE * size
+    height = rest @ np.asarray(normal) - at - CUT_OFFSET * size
     above = height[triangles] > 0.0
     hit = triangles[above.any(axis=1) & ~above.all(axis=1)]
     pieces = np.empty((len(hit), 2, 3))
@@ -302,9 +302,9 @@ def axes_of(normal: Vector, lift: Vector) -> Array:
 
 POINTS = 201
 """Default number of points of a line."""
-NEAR_BODY = 5e-4
+BODY_TOLERANCE = 5e-4
 """Distance from the body within which a point counts as in it, over the device's size."""
-NAMES = {"displacement": "xyz", "principal_stresses": "123", "principal_stretches": "123"}
+COMPONENT_NAMES = {"displacement": "xyz", "principal_stresses": "123", "principal_stretches": "123"}
 """Names of a vector's components in columns."""
 
 
@@ -360,7 +360,7 @@ class Line:
             known = fields.OUTPUTS.get(name)
             unit = known.unit if isinstance(known, fields.OutputField) else ""
             ending, factor = {"Pa": ("_kPa", 1e-3), "m": ("_mm", 1e3)}.get(unit, ("", 1.0))
-            axes = NAMES.get(name, "123" if name.startswith("principal") else "xyz")
+            axes = COMPONENT_NAMES.get(name, "123" if name.startswith("principal") else "xyz")
             parts = [""] if values.ndim == 1 else [f"_{i}" for i in axes] if values.ndim == 2 else [
                 f"_{i}{j}" for i in axes for j in "xyz"
             ]  # fmt: skip
@@ -398,7 +398,7 @@ class Probe:
         chosen = np.argmin(np.maximum(beyond, 0.0), axis=1)
         return back[np.arange(len(points)), chosen], turns @ images[chosen]
 
-    def at(self, points: Array, fields: Mapping[str, Array], beside: float = NEAR_BODY) -> dict[str, Array]:
+    def at(self, points: Array, fields: Mapping[str, Array], beside: float = BODY_TOLERANCE) -> dict[str, Array]:
         """Return nodal scalars, vectors and tensors at places of the undeformed device, shape (k, 3), interpolated within the
         cells; nan farther outside than ``beside`` times the device's size."""
         places, turns = self.modelled(points)

@@ -199,25 +199,24 @@ class Results:
         text = f"{self.folder} was written by {'a later' if later else 'an earlier'} version of softmodels"
         without = f" without {missing}" if missing else ""
         return ResultsError(
-            f"{text} (format {self.format}, not {FORMAT}){without}; {'update softmodels' if later else OLDER}"
+            f"{text} (format {self.format}, not {FORMAT}){without}; {'update softmodels' if later else RERUN_ADVICE}"
         )
 
-    def add(self, row: table.Row, fields: Mapping[str, npt.NDArray[np.float64]], restart: formats.Restart) -> None:
-        """Store one step: its row of ``path.csv``, nodal fields (n,), (n, 3) or (n, 3, 3), and its restart data."""
-        flat = {
-            name: values if values.ndim < 3 else values.reshape(-1, formats.TENSOR) for name, values in fields.items()
-        }
+    def add(self, record: formats.StateRecord) -> None:
+        """Store one state."""
+        cells, restart, fields = record.row.cells, record.restart, record.fields.items()
+        flat = {name: values if values.ndim < 3 else values.reshape(-1, formats.TENSOR) for name, values in fields}
         self.steps.mkdir(exist_ok=True)
 
         def fill(file: h5py.File) -> None:
             for name, values in flat.items():
                 file[name] = values
-            file.attrs[formats.ROW], file.attrs[formats.RESTART] = json.dumps(row.cells), json.dumps(restart)
+            file.attrs[formats.ROW], file.attrs[formats.RESTART] = json.dumps(cells), json.dumps(restart)
 
         path = self.steps / f"{len(self.stored):04d}.h5"
         replace_hdf5(path, fill)
         self.stored.append(
-            formats.StoredStep(f"{self.steps.name}/{path.name}", "", row.cells, restart.copy(), formats.shapes_of(flat))
+            formats.StoredStep(f"{self.steps.name}/{path.name}", "", cells, restart.copy(), formats.shapes_of(flat))
         )
         known = dict(enumerate(self.stored))
         self.later = {step: self.later[step] for step in not_passed(self.later | known) if step not in known}
@@ -269,7 +268,7 @@ PICTURES = ("profile", "loop", "mesh", "slice", "mode", "undeformed", "cut", "ho
 PAGES = ("film.gif", "film.webp", "film.mp4", "report.html")
 FORMAT = 5
 """Of the stored steps, in the HDF5 file's attribute ``format``. An older one is read, but not resumed."""
-OLDER = "run its case.toml again into another folder (--output), without --resume"
+RERUN_ADVICE = "run its case.toml again into another folder (--output), without --resume"
 INPUTS = "files/"
 """Subfolder for copies of a case's input files, such as a part's mesh."""
 

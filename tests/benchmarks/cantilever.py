@@ -25,7 +25,7 @@ def main(cells: list[float]) -> None:
     from softmodels.mechanics.mpi import start
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
-    from softmodels.path.schedule import hang
+    from softmodels.path.schedule import apply_preload
     from softmodels.runs.fields import Fields
 
     comm = start()
@@ -37,7 +37,7 @@ def main(cells: list[float]) -> None:
         solver = Solver(System(body, STIFF, components=components))
         fields, weight = Fields(solver), float(solver.system.dead.amounts[0])
         for heavy, pulled in ((weight, 0.0), (0.0, 0.3 * weight), (weight, 0.3 * weight)):
-            hung = hang(solver, [("the loads", np.array([heavy, pulled]) / solver.system.dead.units)])
+            hung = apply_preload(solver, [("the loads", np.array([heavy, pulled]) / solver.system.dead.units)])
             device = fields.figures(hung.state).device
             wanted = elastica(heavy, pulled)
             apart = np.array([device["tip_x_mm"], device["tip_z_mm"]]) * 1e-3 - wanted

@@ -104,7 +104,7 @@ def run(folder: Path, angle: float, cell_mm: float, solver_name: str, one: bool)
     busy = time.process_time()
     ctypes.CDLL(None).malloc_trim(0)  # what reading the mesh has freed would be taken again, and not be counted
     _, before = needed(comm, _now())
-    solver_module.AMPLE = math.inf
+    solver_module.AMPLE_FACTORISATION_BYTES = math.inf
     estimate = solver_module.select_solver(system, solver_name).memory
     solver = Solver(system, solver_name)
     counted = Counted(solver.bordered)

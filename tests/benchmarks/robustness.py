@@ -168,10 +168,10 @@ def supply_of(trial: Trial, equations: Any) -> Any:
 
 def outcome(trial: Trial, equations: Any) -> tuple[str, list[Any]]:
     """How the path of a trial ends, in a word, and its points."""
-    from softmodels.path.stability import DIRECT, PathEnd
+    from softmodels.path.stability import QUANTITIES, PathEnd
 
     goal = trial.goal * (1.0 if trial.quantity == "pressure" else equations.system.rest().V)
-    requested = supply_of(trial, equations) or DIRECT[trial.quantity]
+    requested = supply_of(trial, equations) or QUANTITIES[trial.quantity]
     settings = requested, trial.control, math.inf
     points, end = follow(equations, goal, *settings)
     if end is None:

@@ -18,7 +18,7 @@ from softmodels.pictures.solid import cut_open
 from softmodels.pictures.style import DPI, FOOT, STYLE, Caption, Pixels, Scale, drawn, page
 from softmodels.runs.grid import fine_triangles, outline
 from softmodels.runs.labels import StateLabels, load
-from softmodels.runs.states import StoredStates
+from softmodels.runs.states import FolderStates
 from softmodels.runs.table import PathTable, Row
 
 
@@ -31,7 +31,7 @@ def corners(states):
 
 def test_little_of_a_picture_is_of_the_darkest_colour(half_slab):
     """By the square root, the colours tell states apart of which one has a tenth of the other's stress."""
-    states = StoredStates(half_slab, "slab")
+    states = FolderStates(half_slab, "slab")
     assert isinstance(states.actuator, SeminarActuator)
     values = corners(states)
     scale = Scale(values)
@@ -80,7 +80,7 @@ def centred(places):
 
 def test_ten_values_are_read_off_a_section(half_section):
     """Places inside the section, off its lines."""
-    shown = look(StoredStates(half_section, "disk"))
+    shown = look(FolderStates(half_section, "disk"))
     states, scale = shown.states, shown.scales["von_mises"]
     with matplotlib.rc_context(STYLE):
         figure = solid.section_stress(shown, states.main)
@@ -101,7 +101,7 @@ def test_ten_values_are_read_off_a_section(half_section):
 @pytest.mark.parametrize(("kind", "name"), [("wedge", "disk"), ("half_slab", "slab")])
 def test_ten_values_are_read_off_a_solid(kind, name, request):
     """Places on its surface, in all directions to the viewer, and on its cut: no light on them, or none would fit."""
-    shown = look(StoredStates(request.getfixturevalue(kind), name))
+    shown = look(FolderStates(request.getfixturevalue(kind), name))
     states, scale = shown.states, shown.scales["von_mises"]
     step = states.main
     camera = shown.camera([0, step])
@@ -141,7 +141,7 @@ def test_ten_values_are_read_off_a_solid(kind, name, request):
 
 def test_a_hot_spot_is_marked_on_the_wall_that_has_it(wedge):
     """At the node with the largest stretch, or where ``path.csv`` has it; a place away from all walls is inside."""
-    states = StoredStates(wedge, "disk")
+    states = FolderStates(wedge, "disk")
     step, disk = states.main, states.actuator
     found = offscreen.hot_spot(states, step)
     node = int(np.argmax(states.field(step, "largest_stretch")))
@@ -173,7 +173,7 @@ def test_a_films_gradients_are_not_banded():
 
 def test_a_cut_has_no_seam_where_images_of_the_slice_meet(half_slab):
     """No line is drawn there: the halves of the cut are one face."""
-    states = StoredStates(half_slab, "slab")
+    states = FolderStates(half_slab, "slab")
     plane = (np.array([0.0, 0.0, 1.0]), np.zeros(3))
     rim = cut_open(states, 0, plane, plane[0], Scale(states.field(1, "von_mises")))[2][0]
     ends = np.abs(rim.points[rim.lines.reshape(-1, 3)[:, 1:], 1])

@@ -16,7 +16,8 @@ import softmodels as sm
 from softmodels.common.units import pascal_per_cm
 from softmodels.design.trials import Squares
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.runs.simulation import PathEnded, Simulation
+from softmodels.runs import outcomes
+from softmodels.runs.simulation import Simulation
 
 CM = pascal_per_cm()
 COARSE = {"section": "axisymmetric", "cell_size": 6e-3, "refinement": 1.0}
@@ -197,7 +198,7 @@ def test_a_run_past_its_limit_point_comes_back_with_it(ballooned, tmp_path):
 def test_a_run_without_a_state_under_load_raises(monkeypatch):
     def ends_at_rest(self, begun=None):
         yield from (step for step, _ in zip(real(self), range(1), strict=False))
-        raise PathEnded("no step of any length succeeded", 1)
+        raise outcomes.PathEnded("no step of any length succeeded", 1)
 
     real = Simulation.steps
     monkeypatch.setattr(Simulation, "steps", ends_at_rest)

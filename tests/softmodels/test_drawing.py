@@ -23,7 +23,7 @@ from softmodels.pictures import offscreen, solid
 from softmodels.pictures.offscreen import can_render, look
 from softmodels.pictures.solid import AtRest
 from softmodels.pictures.style import DrawnFolder, png
-from softmodels.runs.states import StoredStates
+from softmodels.runs.states import FolderStates
 from tests.support import made_up as drawings, runs
 
 
@@ -128,7 +128,7 @@ def test_a_film_is_made_if_it_is_asked_for(section, monkeypatch):
         raise RuntimeError("the film could not be encoded (broken)")
 
     monkeypatch.setattr(solid, "write_mp4", broken)
-    files, left_out = solid.make_film(look(StoredStates(section.folder, "disk")), section.folder)
+    files, left_out = solid.make_film(look(FolderStates(section.folder, "disk")), section.folder)
     assert [file.name for file in files] == ["film.gif", "film.webp"] and "could not be encoded" in left_out
     for file in files:
         with Picture.open(file) as found:
@@ -143,8 +143,8 @@ def test_pictures_at_rest_are_drawn_once_and_only_of_this_device(wedge, half_sec
     rest.draw_early(wedge, "disk")
     early = rest._drawn
     assert set(early) == {"undeformed", "mesh"}
-    assert rest.pictures(look(StoredStates(wedge, "disk"))) is early
-    other = rest.pictures(look(StoredStates(half_section, "disk")))
+    assert rest.pictures(look(FolderStates(wedge, "disk"))) is early
+    other = rest.pictures(look(FolderStates(half_section, "disk")))
     assert set(other) == {"mesh"} and other["mesh"] != early["mesh"]
 
 
@@ -167,7 +167,7 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_is_drawn_after_it(wedge, tmp_
 
 @pytest.mark.skipif(not can_render(), reason="this machine cannot render")
 def test_lights_without_gloss_are_those_of_vtk(wedge, monkeypatch):
-    shown = look(StoredStates(wedge, "disk"))
+    shown = look(FolderStates(wedge, "disk"))
     layers = shown.translucent(0, {"color": "#2f6f9f"}, {"opacity": 0.35, "culling": "back"})
     with offscreen.studio(shown.camera([0], 480)) as shoot:
         own = shoot(layers).astype(int)

@@ -22,7 +22,7 @@ from softmodels.runs import notes
 from softmodels.runs.columns import term
 from softmodels.runs.labels import headline
 from softmodels.runs.notes import advice
-from softmodels.runs.states import StoredStates
+from softmodels.runs.states import FolderStates
 from softmodels.runs.table import Row
 from tests.support import runs
 
@@ -169,7 +169,7 @@ def drawn(states):
 def test_a_device_without_a_cavity_shows_no_air(beam):
     folder, done = beam
     assert done.status == 0, done.err
-    states = StoredStates(folder, "beam")
+    states = FolderStates(folder, "beam")
     closing = done.out.splitlines()[0]
     assert closing.startswith("force 0.2 N: tip rise") and "added volume" not in done.out and "0.2 N" in done.err
     steps = [line for line in done.err.splitlines() if line.startswith("step ")]
@@ -185,7 +185,7 @@ def test_a_device_without_a_cavity_shows_no_air(beam):
 def test_a_membrane_under_its_weight_shows_its_volume_and_no_pressure(weighed):
     folder, done = weighed
     assert done.status == 0, done.err
-    states = StoredStates(folder, "membrane")
+    states = FolderStates(folder, "membrane")
     texts = [done.out, done.err, *drawn(states)]
     assert [text for text in texts if re.search(r"\d cm\b|under pressure|a pressure,", text)] == []
     assert " ml" in done.out.splitlines()[0] and "the cavity has lost" in notes.ending(
@@ -194,6 +194,6 @@ def test_a_membrane_under_its_weight_shows_its_volume_and_no_pressure(weighed):
 
 
 def test_a_disk_that_is_inflated_shows_both_at_rest_too(half_section):
-    states = StoredStates(half_section, "disk")
+    states = FolderStates(half_section, "disk")
     assert headline(states.rows[0], states.words) == "0 cm, 0.97 g/ml (0 kPa), apex rise 0.00 mm"
     assert "the cavity has gained" in ended(states)

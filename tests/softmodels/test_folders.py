@@ -27,6 +27,7 @@ from softmodels.common import folders
 from softmodels.common.folders import OwnFolder
 from softmodels.components.contact import Obstacle
 from softmodels.disk import command
+from softmodels.runs import formats
 from softmodels.runs.store import Results
 from softmodels.runs.table import Row
 from tests.support import runs
@@ -322,7 +323,7 @@ def few_new(tmp_path, monkeypatch):
         (results.folder / "case.toml").write_text(str(first))
         for step in range(steps):
             fields = {"displacement": np.full((6, 3), first + step), "p": np.full(6, float(step))}
-            results.add(Row({"step": step, "pressure_cm": first}), fields, {"P": step})
+            results.add(formats.StateRecord(Row({"step": step, "pressure_cm": first}), fields, {"P": step}))
 
     write(3, 1.0)
     made[-1].own.claim(["summary.json"])

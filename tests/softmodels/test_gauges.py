@@ -167,9 +167,9 @@ def test_a_point_beside_the_part_is_refused(block, tmp_path):
 
 
 def test_the_profile_is_the_outside_in_the_plane(block):
-    from softmodels.runs.states import StoredStates, axes_of, cut_line
+    from softmodels.runs.states import FolderStates, axes_of, cut_line
 
-    states = StoredStates(block[1], "part")
+    states = FolderStates(block[1], "part")
     normal, at = states.case.gauges.cut
     size = states.actuator.size
     rest = 1e3 * cut_line(states.skin, states.points, np.zeros_like(states.points), normal, at, size)

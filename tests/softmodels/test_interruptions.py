@@ -15,6 +15,7 @@ import h5py
 import numpy as np
 import pytest
 
+from softmodels.runs import formats
 from softmodels.runs.store import Results, ResultsError
 from softmodels.runs.table import Row
 from tests.benchmarks import kills
@@ -144,7 +145,7 @@ def few(tmp_path):
     results.begin(np.zeros((6, 3)), np.arange(6).reshape(1, 6), "Triangle_6")
     for step in range(3):
         fields = {"displacement": np.full((6, 3), step), "p": np.full(6, float(step))}
-        results.add(Row({"step": step, "pressure_cm": 10.0 * step}), fields, {"P": step})
+        results.add(formats.StateRecord(Row({"step": step, "pressure_cm": 10.0 * step}), fields, {"P": step}))
     return results
 
 

@@ -21,7 +21,7 @@ from softmodels.pictures.style import Pixels
 from softmodels.runs.columns import every_variable, term
 from softmodels.runs.labels import StateLabels, headline, overlap_of, state_labels
 from softmodels.runs.notes import events, gained, jumps_text, pressed, risen, unlocated
-from softmodels.runs.states import StoredStates
+from softmodels.runs.states import FolderStates
 from softmodels.runs.table import PathTable, Row
 from tests.support import runs
 
@@ -64,7 +64,7 @@ def test_the_largest_stress_and_stretch_are_the_same_everywhere(inflated):
     folder, done = inflated
     row = runs.rows(folder)[-1]
     stress, stretch = f"{row['max_von_mises_kPa']:.4g}", f"{row['max_stretch']:.4g}"
-    states = StoredStates(folder, "disk")
+    states = FolderStates(folder, "disk")
     nodal = states.field(states.main, "von_mises").max() / 1e3
     assert f"{nodal:.4g}" != stress  # or this shows nothing
     assert f"stretch {stretch} and von Mises stress {stress} kPa (at integration points)" in done.out
@@ -80,7 +80,7 @@ def test_the_largest_stress_and_stretch_are_the_same_everywhere(inflated):
 def test_a_picture_has_the_largest_value_of_its_own_state(inflated):
     """One colour scale for all, and below it the largest value of the shown states, of the sheet's of all that it shows."""
     folder, _ = inflated
-    rows, seen = runs.rows(folder), look(StoredStates(folder, "disk"))
+    rows, seen = runs.rows(folder), look(FolderStates(folder, "disk"))
     lower = next(k for k, row in enumerate(rows) if row["pressure_cm"] == 70.0)
     scale = seen.scales["von_mises"]
     for step, row in ((lower, rows[lower]), (len(rows) - 1, rows[-1])):
@@ -95,7 +95,7 @@ def test_centimetres_name_their_liquid(inflated, tmp_path):
     """0.97 g/ml of the thesis unless another is given: on the command line, in titles, at axes, in the report's menu."""
     folder, done = inflated
     assert "177 cm, 0.97 g/ml (16.837 kPa): apex" in done.out
-    states = StoredStates(folder, "disk")
+    states = FolderStates(folder, "disk")
     assert curves.rise_of(states).axes[0].get_xlabel() == "pressure in cm, 0.97 g/ml"
     page = report.Report(look(states), folder, "disk").write().read_text()
     assert (
@@ -132,7 +132,7 @@ def test_without_walls_near_each_other_no_gap_is_told(inflated):
     folder, _ = inflated
     rows = runs.rows(folder)
     assert rows[0]["least_gap_mm"] is rows[-1]["least_gap_mm"] is None
-    states = StoredStates(folder, "disk")
+    states = FolderStates(folder, "disk")
     assert "gap between" not in report.Report(look(states), folder, "disk").write().read_text()
     assert overlap_of(states.rows[-1]) == 0.0 and overlap_of(Row({"least_gap_mm": -0.5})) == 0.5e-3
 

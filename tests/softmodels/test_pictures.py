@@ -24,7 +24,7 @@ from softmodels.pictures.style import Caption, Scale, png
 from softmodels.runs import grid
 from softmodels.runs.grid import CUT
 from softmodels.runs.labels import StateLabels
-from softmodels.runs.states import States, StoredStates, round_steps
+from softmodels.runs.states import FolderStates, StoredStates, round_steps
 from softmodels.runs.store import Results, ResultsError
 from softmodels.runs.table import PathTable
 from tests.support import made_up as drawings
@@ -33,8 +33,8 @@ RISE, SPREAD, STEPS = 4e-3, 0.05, 6
 """Of the made-up results; see the fixtures."""
 
 
-def loaded(folder: Path) -> tuple[States, HollowDisk]:
-    states = StoredStates(folder, "disk")
+def loaded(folder: Path) -> tuple[StoredStates, HollowDisk]:
+    states = FolderStates(folder, "disk")
     return states, states.actuator
 
 
@@ -64,7 +64,7 @@ def test_stress_has_one_camera_and_one_scale(kind, drawn):
         assert len({page.text[key] for page in pages}) == 1, key
     assert pages[0].size == pages[1].size and pages[0].text["Title"] != pages[1].text["Title"]
     low, high = pages[0].text["Scale"].split(" to ")
-    states = StoredStates(folder, "disk" if kind != "half_slab" else "slab")
+    states = FolderStates(folder, "disk" if kind != "half_slab" else "slab")
     stresses = np.concatenate([states.field(step, "von_mises") for step in range(STEPS)])  # the film shows all
     assert float(low) == 0.0 and 0.3 * stresses.max() < float(high.split()[0]) * 1e3 <= 1.2 * stresses.max()
 
@@ -260,9 +260,9 @@ def test_a_bifurcation_is_drawn_with_its_mode(kind, request, monkeypatch):
     if kind == "wedge" and not offscreen.can_render():
         pytest.skip("nothing can render here")
     states, _ = loaded(request.getfixturevalue(kind))
-    step, field = STEPS - 1, States.field
+    step, field = STEPS - 1, StoredStates.field
     monkeypatch.setattr(
-        States,
+        StoredStates,
         "field",
         lambda self, k, name: field(self, k, "displacement") / 5e-3 if name == "mode" else field(self, k, name),
     )
@@ -275,7 +275,7 @@ def test_a_bifurcation_is_drawn_with_its_mode(kind, request, monkeypatch):
 @pytest.mark.parametrize(("kind", "name", "slices"), [("half_slab", "slab", 1), ("wedge", "disk", 2)])
 def test_a_cut_in_a_symmetry_plane_has_no_cracks(kind, name, slices, request):
     """The faces of cells lie in it; what is seen of the device is what bounds its slices there, and closed lines around it."""
-    states = StoredStates(request.getfixturevalue(kind), name)
+    states = FolderStates(request.getfixturevalue(kind), name)
     skin = states.skin
     plane = (skin.planes[0], np.zeros(3))
     layers = cut_open(states, 0, plane, plane[0], Scale(states.field(0, "von_mises")))
@@ -299,7 +299,7 @@ def test_a_rendered_image_stands_on_its_page_as_it_is():
 
 @pytest.mark.skipif(not offscreen.can_render(), reason="this machine cannot render")
 def test_a_picture_is_soft_at_its_edges(wedge):
-    shown = look(StoredStates(wedge, "disk"))
+    shown = look(FolderStates(wedge, "disk"))
     with offscreen.studio(shown.camera([0], width=320)) as shoot:
         found = shoot(shown.coloured(0, shown.scales["von_mises"])).astype(float)
     between = (found > 60).all(axis=2) & (found < 245).all(axis=2) & (np.ptp(found, axis=2) < 40)

@@ -17,7 +17,7 @@ from softmodels.pictures.offscreen import look
 from softmodels.pictures.report import packed
 from softmodels.pictures.solid import LARGEST
 from softmodels.runs.grid import CUT, SECTOR, turn
-from softmodels.runs.states import StoredStates
+from softmodels.runs.states import FolderStates
 
 VOID = {"meta", "link", "img", "input", "br", "hr"}
 
@@ -131,7 +131,7 @@ def test_the_view_holds_the_steps(report):
         return low.astype(int) | column(count).astype(int) << 16
 
     triangles, edges = numbers(3 * meta["triangles"]).reshape(-1, 3), numbers(2 * meta["edges"])
-    states = StoredStates(folder, "slab" if "slab" in folder.name else "disk")
+    states = FolderStates(folder, "slab" if "slab" in folder.name else "disk")
     skin, last = states.skin, len(states.rows) - 1
     cells = numbers(states.cells.size).reshape(states.cells.shape)
     assert (
@@ -155,7 +155,7 @@ def test_the_view_holds_the_steps(report):
 @pytest.mark.parametrize("kind", ["wedge", "half_section"])
 def test_the_cells_of_the_view_fill_the_silicone(kind, request):
     """What the view cuts: the parts of each cell have its volume, and no gap is between them."""
-    states = StoredStates(request.getfixturevalue(kind), "disk")
+    states = FolderStates(request.getfixturevalue(kind), "disk")
     skin, meta = states.skin, packed(look(states), [0])[0]
     cells = states.cells
     points = skin.points(states.points)
@@ -170,7 +170,7 @@ def test_the_cells_of_the_view_fill_the_silicone(kind, request):
 
 def test_a_long_path_leaves_steps_out_of_the_view(wedge, monkeypatch):
     monkeypatch.setattr("softmodels.pictures.report.VALUES", 1)
-    states = StoredStates(wedge, "disk")
+    states = FolderStates(wedge, "disk")
     from softmodels.pictures.report import view
 
     shown = view(look(states))
@@ -223,7 +223,7 @@ def test_its_view_shows_the_field_in_a_browser(browser, report):
     tab.wait_for_selector('#viewer[data-drawn="yes"]', state="attached")
     tab.select_option("#viewer-axis", "-1")
     meta = json.loads(page.texts["viewer-meta"])
-    states = StoredStates(folder, "disk" if "disk" in folder.name else next(folder.glob("*.h5")).stem)
+    states = FolderStates(folder, "disk" if "disk" in folder.name else next(folder.glob("*.h5")).stem)
     shown, skin, step = look(states), states.skin, states.main
     size = tab.evaluate("(({width, height}) => [width, height])(document.getElementById('viewer-canvas'))")
     moved, rest = (skin.device(skin.points(points)) for points in (states.moved(step), states.points))

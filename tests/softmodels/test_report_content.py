@@ -15,7 +15,7 @@ from softmodels.case.load import steps_of
 from softmodels.pictures import report
 from softmodels.pictures.offscreen import look
 from softmodels.runs.columns import term
-from softmodels.runs.states import StoredStates
+from softmodels.runs.states import FolderStates
 from tests.support import runs
 
 SOFT = ("--variant", "shadow", "--material", "ecoflex-00-30", "--volume-ml", "0:120:60", "--quiet")
@@ -24,7 +24,7 @@ SOFT = ("--variant", "shadow", "--material", "ecoflex-00-30", "--volume-ml", "0:
 
 def page(folder):
     """The report of a folder, written anew without pictures."""
-    return report.Report(look(StoredStates(folder, "disk")), folder, "disk").write().read_text()
+    return report.Report(look(FolderStates(folder, "disk")), folder, "disk").write().read_text()
 
 
 @pytest.fixture(scope="module")
@@ -76,10 +76,10 @@ def test_the_answer_comes_first_with_the_numbers_of_the_path(stretched):
 
 
 def test_the_margin_to_the_limit_point_that_was_met(wedge):
-    facts = {fact.label: fact for fact in report.facts(StoredStates(wedge, "disk"), {})}
+    facts = {fact.label: fact for fact in report.facts(FolderStates(wedge, "disk"), {})}
     limit = facts["Limit point of the pressure"]
     assert limit.value.startswith("120 cm, 0.97 g/ml") and limit.note == "1.2 times the last requested pressure"
-    beyond = report.facts(StoredStates(wedge, "disk"), {"status": 3})[1]
+    beyond = report.facts(FolderStates(wedge, "disk"), {"status": 3})[1]
     assert beyond.alarm and "no equilibrium" in beyond.note
 
 
@@ -111,7 +111,7 @@ def test_a_contact_runs_report_tells_plane_and_force(pressed):
 
 
 def test_the_plane_is_in_the_pictures_and_a_cut_plane_is_not(pressed):
-    shown = look(StoredStates(pressed, "disk"))
+    shown = look(FolderStates(pressed, "disk"))
     assert shown.plate is not None and shown.plate[:, 2] == pytest.approx(0.017)
     assert len(shown.plate_layers(0)) == 2
 

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from softmodels.case.case import Case
+from softmodels.runs import formats
 from softmodels.runs.store import Results
 from softmodels.runs.table import Row
 from tests.support import runs
@@ -58,7 +59,7 @@ def cut_off(whole, folder, count):
         part.begin(file["mesh/points"][:], file["mesh/cells"][:], str(file["mesh"].attrs["cell_name"]))
         for stored in whole.stored[:count]:
             fields = {name: values[:] for name, values in file[stored.group].items()}
-            part.add(Row(stored.cells), fields, stored.restart)
+            part.add(formats.StateRecord(Row(stored.cells), fields, stored.restart))
     return part.folder
 
 

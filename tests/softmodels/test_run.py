@@ -16,7 +16,7 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.cli.options import main
 from softmodels.disk import command
-from softmodels.mechanics.compiling import told_of_waits, use_cache
+from softmodels.mechanics.compiling import report_waits, use_cache
 from softmodels.runs.simulation import Simulation
 from tests.support import runs
 
@@ -122,7 +122,7 @@ def test_a_kernel_is_waited_for_and_one_that_a_killed_run_left_half_compiled_is_
 
     monkeypatch.setattr(jit, "get_cached_module", look_up)
     use_cache()
-    with told_of_waits(said.append, finished):
+    with report_waits(said.append, finished):
         for source in (young, old):
             jit.get_cached_module(source.stem, [], tmp_path, 1)
     assert len(said) == 1 and "compile" in said[0]

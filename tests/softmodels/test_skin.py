@@ -13,7 +13,7 @@ from softmodels.components.contact import RigidShape
 from softmodels.pictures.offscreen import look, shape_layers, shape_surface, shapes_of, way
 from softmodels.pictures.solid import best_plane
 from softmodels.runs.grid import CUT, OUTSIDE, surface_of
-from softmodels.runs.states import StoredStates
+from softmodels.runs.states import FolderStates
 from softmodels.runs.table import PathTable
 from tests.support import made_up as drawings
 
@@ -148,7 +148,7 @@ def test_a_ball_that_is_lifted_stays_in_the_picture(tmp_path):
     ball = sm.RigidShape("sphere", "top", (0.0, 0.0, 0.0265), 0.01, guide="z", spring=20.0, name="ball")
     disk = sm.HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.004)
     sm.inflate(disk, sm.NeoHookean(30e3), "0,40 cm", components=[ball], folder=tmp_path / "disk")
-    shown = look(StoredStates(tmp_path / "disk", "disk"))
+    shown = look(FolderStates(tmp_path / "disk", "disk"))
     steps = [0, shown.states.main]
     camera = shown.camera(steps)
     direction, up = np.array(camera.direction), np.array(camera.up)

@@ -15,7 +15,7 @@ from softmodels.case.load import steps_of
 from softmodels.case.materials import DEFAULT
 from softmodels.runs.columns import every_variable
 from softmodels.runs.outcomes import Ended
-from softmodels.runs.states import States
+from softmodels.runs.states import StoredStates
 from softmodels.runs.table import UNITS, PathTable, Row, parsed
 
 CELLS = {
@@ -62,7 +62,7 @@ def run():
     ]
     grid = np.zeros((6, 3)), np.arange(6)[None], "Triangle_6"
     return Run(
-        States(
+        StoredStates(
             Case("disk", HollowDisk(), DEFAULT, steps_of(pressure_cm=(10.0,))),
             rows,
             grid,

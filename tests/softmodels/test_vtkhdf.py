@@ -15,6 +15,7 @@ import h5py
 import numpy as np
 import pytest
 
+from softmodels.runs import formats
 from softmodels.runs.store import Results
 from softmodels.runs.table import Row
 
@@ -93,7 +94,7 @@ def test_each_step_is_read_while_the_run_goes_on_and_after_it(cell, tmp_path):
         assert np.array_equal(found["0/cells"].reshape(len(MESHES[cell]), -1)[:, 1:], MESHES[cell])
 
     for step in range(STEPS):
-        results.add(Row({"step": step, "bifurcation": int(step == MODE)}), fields(step), {})
+        results.add(formats.StateRecord(Row({"step": step, "bifurcation": int(step == MODE)}), fields(step), {}))
         if step in (0, MODE):
             check(step + 1)
     results.finish()
@@ -126,7 +127,11 @@ def test_the_time_of_a_step_is_its_time_or_its_load(columns, times, tmp_path):
     results.folder.mkdir()
     results.begin(np.column_stack([POINTS, np.arange(9)]), MESHES["Triangle_6"], "Triangle_6")
     for step in range(3):
-        results.add(Row({"step": step, **{name: values[step] for name, values in columns.items()}}), fields(0), {})
+        results.add(
+            formats.StateRecord(
+                Row({"step": step, **{name: values[step] for name, values in columns.items()}}), fields(0), {}
+            )
+        )
     for _ in range(2):
         with h5py.File(results.folder / "disk.vtkhdf") as file:
             assert tuple(file["VTKHDF/Steps/Values"]) == times
@@ -142,7 +147,11 @@ def test_nothing_is_stored_twice(tmp_path):
     cells = np.random.default_rng(0).integers(0, count, size=(count, 6))
     results.begin(np.zeros((count, 3)), cells, "Triangle_6")
     for step in range(3):
-        results.add(Row({"step": step}), {"displacement": np.random.default_rng(step).normal(size=(count, 3))}, {})
+        results.add(
+            formats.StateRecord(
+                Row({"step": step}), {"displacement": np.random.default_rng(step).normal(size=(count, 3))}, {}
+            )
+        )
     light = results.folder / "disk.vtkhdf"
     assert light.stat().st_size < 0.1 * results.heavy.stat().st_size
     results.finish()
@@ -161,11 +170,11 @@ def test_a_run_continued_after_its_end_has_all_steps(tmp_path):
     results.folder.mkdir()
     results.begin(np.column_stack([POINTS, np.arange(9)]), MESHES["Triangle_6"], "Triangle_6")
     for step in range(2):
-        results.add(Row({"step": step}), fields(step), {})
+        results.add(formats.StateRecord(Row({"step": step}), fields(step), {}))
     results.finish()
     again = Results(tmp_path / "run", "disk")
     again.load()
-    again.add(Row({"step": 2}), fields(2), {})
+    again.add(formats.StateRecord(Row({"step": 2}), fields(2), {}))
     for _ in range(2):  # while it goes on, and gathered again
         found = read(again.folder, 3, tmp_path)
         for step in range(3):

@@ -12,6 +12,7 @@ from geometries.meshing import private_model
 from softmodels.case.case import Case
 from softmodels.case.load import steps_of
 from softmodels.case.materials import DEFAULT
+from softmodels.runs import formats
 from softmodels.runs.store import Results
 from softmodels.runs.table import Row
 
@@ -70,7 +71,8 @@ def made_up(folder, device, name="disk"):
             "of_tomorrow_N": 1.0 / 3.0 + k,
         }
         fields = {"displacement": displacement(device, points, share), "von_mises": stress}
-        results.add(Row(row), {**fields, "p": stress, "largest_stretch": 1 + 1e-5 * stress, "J": 1 + 0 * stress}, {})
+        nodal = {**fields, "p": stress, "largest_stretch": 1 + 1e-5 * stress, "J": 1 + 0 * stress}
+        results.add(formats.StateRecord(Row(row), nodal, {}))
     results.finish()
     return folder
 

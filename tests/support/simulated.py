@@ -16,7 +16,7 @@ from softmodels.fitting.outlines.device import DeviceModel
 from softmodels.fitting.outlines.residuals import readings_of
 from softmodels.fitting.outlines.shapes import Silhouette, half_outline, shadow_of
 from softmodels.mechanics.solver import Solver
-from softmodels.path.schedule import Settings, follow, hang
+from softmodels.path.schedule import Settings, apply_preload, follow
 from softmodels.runs.grid import QuadraticCurve
 
 
@@ -123,13 +123,13 @@ class Creeping:
         corners, looks = _corners(levels, rise, holds)
         dead, silhouette, curves, apex, hung = solver.system.dead, Silhouette(solver.system), [], 0.0, None
         if dead.loads:
-            hung = hang(solver, [("its loads", np.concatenate([[0.0], dead.amounts / dead.units]))])
+            hung = apply_preload(solver, [("its loads", np.concatenate([[0.0], dead.amounts / dead.units]))])
             corners, looks = [(0.0, 0.0), *((DAY + time, P) for time, P in corners)], [1, *(at + 1 for at in looks)]
         times, pressures = np.array(corners).T
         begin = 0 if hung else 1
         cm, times = (pressures[begin:] / pascal_per_cm()).tolist(), times[begin:].tolist()
         program = steps_of(**{"cavity1": {"pressure_cm": cm}, "time_s": times})
-        for come, point in follow(solver, program, Settings(tolerance=tolerance), hung=hung):
+        for come, point in follow(solver, program, Settings(tolerance=tolerance), preload=hung):
             if point.requested and round(come) in looks:
                 curves.append(silhouette.curve(point.state))
         if hung:

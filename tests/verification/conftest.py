@@ -62,10 +62,10 @@ def solved():
     The points end where the path does; `PathEnd` is the third value then, else None.
     """
     from softmodels.path.continuation import Continuation, trace
-    from softmodels.path.stability import DIRECT, PathEnd
+    from softmodels.path.stability import QUANTITIES, PathEnd
 
     def solve(equations, goals, control="auto", quantity="pressure", **options):
-        path = Continuation(equations, DIRECT.get(quantity, quantity), control, **options)
+        path = Continuation(equations, QUANTITIES.get(quantity, quantity), control, **options)
         points, end = [], None
         try:
             points.extend(trace(path, goals))

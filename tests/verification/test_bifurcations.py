@@ -98,7 +98,7 @@ def test_a_bifurcation_comes_once_where_a_value_behind_it_is_not_located(tube, b
     wanted = first.state.V - rest + 1e-3 * first.state.V
     path, points, end = solved(tube, [wanted, 6 * rest], "arc-length", "volume")
     assert end is None and failed
-    assert len(bifurcations(points)) == len(path.trail.modes) == 1
+    assert len(bifurcations(points)) == len(path.history.modes) == 1
     assert (np.diff([point.state.V for point in points]) > 0).all()
     assert [point.state.V - rest for point in points if point.requested] == pytest.approx([wanted, 6 * rest])
 

@@ -12,8 +12,8 @@ from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.materials.specimens import balloon_pressure
 from softmodels.mechanics.controls import pressure_control
 from softmodels.path import continuation
-from softmodels.path.continuation import AHEAD, Continuation, creep
-from softmodels.path.schedule import NUDGE, Cycle, CyclePart, _state, cycle
+from softmodels.path.continuation import MIN_RELEASE, Continuation, creep
+from softmodels.path.schedule import NUDGE_DISPLACEMENT, Cycle, CyclePart, _state, cycle
 from softmodels.path.stability import PathEnd
 from tests.support import bodies
 from tests.support.campaigns import sampled
@@ -84,7 +84,9 @@ def test_a_balloon_let_go_at_its_limit_point_rests_where_the_curve_leads(balloon
     path = Continuation(balloon)
     path.begin()
     edge = points[limit]
-    pushed = edge.state.w + (1 if way == "up" else -1) * NUDGE / np.abs(edge.tangent.w).max() * edge.tangent.w
+    pushed = (
+        edge.state.w + (1 if way == "up" else -1) * NUDGE_DISPLACEMENT / np.abs(edge.tangent.w).max() * edge.tangent.w
+    )
     state = creep(path, pressure_control(edge.state.P), dataclasses.replace(edge.state, w=pushed))
     assert balloon.system.potential.motion is None
     figure(SHELL, "volume where it comes to rest", state.V / points[limit + 1].state.V - 1, 1e-8)
@@ -113,9 +115,9 @@ def test_a_cycle_whose_curve_is_lost_is_the_same(balloon, ridden, monkeypatch, a
     points, top = ridden
     cut, path = lose_curves(monkeypatch, again), Continuation(balloon)
     found = list(cycle(path, [0.5 * top, top]))
-    assert cut[0] > 10 and path.snaps >= 1 + again
+    assert cut[0] > 10 and path.history.snaps >= 1 + again
     landed = [point for point in found if point.jump][: 1 + again]
-    first = AHEAD * path.requested.first_step(path.plane, path.V0)
+    first = MIN_RELEASE * path.requested.first_step(path.plane, path.history.V0)
     at = [point.state.P for point in landed]
     further = [min(on * first, top - P) for on, P in zip((1.0, 10.0), at, strict=False)][:again]  # not beyond the top
     assert np.diff(at) == pytest.approx(further, rel=1e-6)
@@ -127,12 +129,12 @@ def test_a_cycle_whose_curve_is_lost_is_the_same(balloon, ridden, monkeypatch, a
 
 def test_a_device_that_snaps_too_often_is_said_to_crumple(balloon, ridden, monkeypatch):
     lose_curves(monkeypatch, 5)
-    monkeypatch.setattr(continuation, "MOST_SNAPS", 1)
+    monkeypatch.setattr(continuation, "MAX_SNAPS", 1)
     points, path = [], Continuation(balloon)
     with pytest.raises(PathEnd) as end:
         points.extend(cycle(path, [ridden[1]]))
-    assert end.value.cause is continuation.CRUMPLED and not end.value.physical
-    assert path.snaps == 1 and points[-1].jump and points[-1].stable_under_pressure
+    assert end.value.cause is continuation.DEVICE_CRUMPLES and not end.value.physical
+    assert path.history.snaps == 1 and points[-1].jump and points[-1].stable_under_pressure
 
 
 def test_a_pressure_beyond_a_part_by_rounding_is_that_of_its_end(ridden):

@@ -15,7 +15,7 @@ import pytest
 from scipy.optimize import brentq, root
 
 import softmodels as sm
-from softmodels.components.fibres import ONSET, Fabric, Fibres
+from softmodels.components.fibres import ONSET_STRAIN, Fabric, Fibres
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 from softmodels.path.continuation import Continuation, trace
@@ -41,7 +41,7 @@ def square(x, slack):
     """The square of a change of squared length, of slack fibres rounded at its onset."""
     if not slack:
         return x * x
-    e = 2 * ONSET
+    e = 2 * ONSET_STRAIN
     rounded = np.where(x.real < e, x**3 / (3 * e), x**2 - e * x + e**2 / 3)
     return np.where(x.real < 0.0, 0.0, rounded)
 

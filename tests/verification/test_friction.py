@@ -11,7 +11,14 @@ import pytest
 import softmodels as sm
 from softmodels.case.load import steps_of
 from softmodels.components.contact import RigidShape
-from softmodels.components.pressing import Grip, HardeningPenalty, PressedByDistance, Rubbed, Rubbing, Surface
+from softmodels.components.pressing import (
+    FrictionHistory,
+    HardeningPenalty,
+    PressedByDistance,
+    Rubbed,
+    Rubbing,
+    Surface,
+)
 from softmodels.components.shapes import slopes
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.problem import FitError
@@ -62,7 +69,7 @@ def test_forces_of_a_step_have_their_derivative(numbers, way, figure):
     rng = np.random.default_rng(3)
     nodes, pressed = _faces(numbers, rng)
     rubbing, moved = Rubbing(0.4, 0.003), nodes - np.array([-0.01, 0.02, 0.06])
-    grip = Rubbed(pressed(moved), rubbing, Grip.of_free(pressed(nodes))).kept()
+    grip = Rubbed(pressed(moved), rubbing, FrictionHistory.of_free(pressed(nodes))).kept()
     places = moved + way * np.array([-0.5, 1.0, -0.2]) + 0.1 * way * rng.normal(size=nodes.shape)
     here = Rubbed(pressed(places), rubbing, grip)
     assert here.touching.any() and here.slides.any() == (way > 0.01)
@@ -91,7 +98,7 @@ def test_forces_of_a_step_have_their_derivative(numbers, way, figure):
 def test_a_kept_state_stays():
     nodes, pressed = _faces(ROUND, np.random.default_rng(5))
     rubbing, moved = Rubbing(0.4, 0.003), nodes - np.array([-0.01, 0.02, 0.06])
-    here = Rubbed(pressed(moved), rubbing, Grip.of_free(pressed(nodes)))
+    here = Rubbed(pressed(moved), rubbing, FrictionHistory.of_free(pressed(nodes)))
     again = Rubbed(pressed(moved), rubbing, here.kept())
     np.testing.assert_allclose(again.forces, here.forces, atol=1e-15)
     assert again.kept().lost == pytest.approx(here.kept().lost, abs=1e-15) and here.kept().lost > 0.0

@@ -74,13 +74,13 @@ def stepped(system, motion, pressure, steps, shape=None):
     solver, potential = Solver(system), system.potential
     rest = system.rest()
     w = rest.w if shape is None else shape
-    potential.keep(w, anew=True)
+    potential.commit(w, reset=True)
     rows, P, time = [], pressure / system.stress_unit, 0.0
     for step in steps:
         potential.pass_time(step)
-        solver.kept.worn = True
+        solver.lagged.exhausted = True
         state = solver.solve(pressure_control(P), motion.predicted(w), P)
-        potential.keep(state.w)
+        potential.commit(state.w)
         w, time = state.w, time + step
         rows.append((*row_of(system, motion, time, state), w))
     return rows
@@ -222,14 +222,14 @@ def test_a_plate_that_turns_keeps_the_energy(figure):
     system.potential.motion = motion
     period = 2 * math.pi * math.sqrt(motion.unit / value)
     potential, rest = system.potential, system.rest()
-    potential.keep(rest.w, anew=True)
+    potential.commit(rest.w, reset=True)
     motion._v = 0.15 * shape[: system.n] * math.sqrt(value / motion.unit)
     w, energies = rest.w, []
     for step in equal(200, 2 * period / 100):
         potential.pass_time(step)
-        solver.kept.worn = True
+        solver.lagged.exhausted = True
         state = solver.solve(pressure_control(0.0), motion.predicted(w), 0.0)
-        potential.keep(state.w)
+        potential.commit(state.w)
         w = state.w
         system.load(state)
         energies.append((motion.kinetic, system.stored_energy()))

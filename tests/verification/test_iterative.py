@@ -91,7 +91,7 @@ def test_section_past_its_limit(paths, figure):
 
 def test_model_that_does_not_fit(body_of, monkeypatch):
     """It is given to the iterative solver where that one fits, and refused with the estimate before anything is solved."""
-    monkeypatch.setattr(solver_module, "AMPLE", math.inf)
+    monkeypatch.setattr(solver_module, "AMPLE_FACTORISATION_BYTES", math.inf)
     system = System(body_of(WEDGE), LAW)
     both = [solver_module.select_solver(system, method) for method in ("auto", "direct", "iterative")]
     assert [method.name for method in both] == ["direct", "direct", "iterative"]
@@ -102,7 +102,10 @@ def test_model_that_does_not_fit(body_of, monkeypatch):
             solver_module.select_solver(system, method)
     monkeypatch.setattr(Multigrid, "memory", lambda system: 0.1 * min(direct, iterative))
     switched = solver_module.select_solver(system, "auto")
-    assert switched.name == "iterative" and f"a factorisation would take about {direct / 1e9:.2g} GB" in switched.told
+    assert (
+        switched.name == "iterative"
+        and f"a factorisation would take about {direct / 1e9:.2g} GB" in switched.description
+    )
     with pytest.raises(TooLargeError, match='or solver="iterative"'):
         solver_module.select_solver(system, "direct")
 
@@ -192,7 +195,7 @@ def test_a_cycle_is_linear_and_near_the_inverse(set_up, figure):
         inverse.apply(b, into)
     apart = z.array_r - (3.0 * x.array_r - 1e4 * y.array_r)
     figure("theory", "a cycle of a sum less the cycles' sum", apart / np.abs(z.array_r).max(), 1e-11)
-    solver.kept.set_columns()
+    solver.lagged.set_columns()
     assert solver.bordered.iterate(one, x, 1e-8) <= MOST
 
 
@@ -209,7 +212,7 @@ def solver_of(body_of, monkeypatch):
     """Return a function that gives a device's solver in a precision, whatever the device's size."""
 
     def made(device, rounded):
-        monkeypatch.setattr(direct, "SMALL", 0 if rounded else 10**9)
+        monkeypatch.setattr(direct, "MAX_CACHED_UNKNOWNS", 0 if rounded else 10**9)
         return Solver(System(body_of(device), LAW), "direct")
 
     return made

@@ -17,7 +17,7 @@ from softmodels.components.rigid import Rigid
 from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
-from softmodels.path.schedule import hang
+from softmodels.path.schedule import apply_preload
 from softmodels.path.stability import Stability
 from tests.support.campaigns import sampled
 
@@ -56,7 +56,7 @@ def inflated(system, method, pressures):
 
 def iterations(solver, state):
     """Of a solve at a state, to 1e-7."""
-    solver.kept.spoil()  # a set-up of this state, not of one before
+    solver.lagged.invalidate()  # a set-up of this state, not of one before
     system, b = solver.system, solver.system.K.createVecRight()
     solver.factorise(state)
     b.array_w[:] = system.pressure_loads()[0]
@@ -87,7 +87,7 @@ def test_a_plate_that_turns(body_of, figure):
     for method in METHODS:
         solver = Solver(System(body_of(BEAM), LAW, components=pushed), method)
         dead = solver.system.dead
-        found.append(hang(solver, [("the forces", dead.amounts / dead.units)]).state)
+        found.append(apply_preload(solver, [("the forces", dead.amounts / dead.units)]).state)
     one, other = found
     turn = np.trace(solver.system.unknowns.moving["plate"].rotation)
     assert math.degrees(math.acos((turn - 1) / 2)) > 45.0
@@ -116,11 +116,11 @@ def test_friction(body_of, figure):
         solver = Solver(System(body_of(SECTION), LAW, components=[ball]), method)
         system = solver.system
         state = system.rest()
-        system.potential.keep(state.w, anew=True)
+        system.potential.commit(state.w, reset=True)
         for pressure in np.linspace(0.02, 0.2, 10):
             solver.factorise(state)
             state = solver.solve(pressure_control(pressure), state.w, pressure)
-            system.potential.keep(state.w)
+            system.potential.commit(state.w)
         ways.append(state.w)
         assert system.assembled.remembers
     figure(

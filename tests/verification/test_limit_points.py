@@ -81,7 +81,7 @@ def test_other_controls_meet_the_same_limit(balloon, limit, solved, control, fig
 
 def test_a_pressure_beyond_the_limit_ends_a_little_past_it(balloon, limit, solved):
     path, points, _ = solved(balloon, [1.1 * limit.state.P])
-    past = (points[-1].state.V - path.V0) / (limit.state.V - path.V0)
+    past = (points[-1].state.V - path.history.V0) / (limit.state.V - path.history.V0)
     assert 1.05 < past < 1.5
     assert points[-1].state.P < limit.state.P
 

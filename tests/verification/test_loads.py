@@ -22,8 +22,8 @@ from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
-from softmodels.path.schedule import HangingEnd, follow, hang, inflate_from, load_from
-from softmodels.path.stability import DIRECT, PathEnd
+from softmodels.path.schedule import PreloadFailure, apply_preload, follow, inflate_from, load_from
+from softmodels.path.stability import QUANTITIES, PathEnd
 from softmodels.runs.fields import Fields
 from tests.support.exact_beam import BEAM, STIFF, elastica
 
@@ -163,9 +163,9 @@ def hanging(body_of):
     """A rod under its own weight, and then pulled as hard again."""
     solver = solver_of(body_of, ROD, NeoHookean(MU, 0.5), GRAVITY, PULL)
     weight = float(solver.system.dead.amounts[0])
-    hung = hang(solver, [("its weight", magnitudes(solver, gravity=weight))], lambda text: None)
+    hung = apply_preload(solver, [("its weight", magnitudes(solver, gravity=weight))], lambda text: None)
     goal = weight / solver.system.dead.units[1]
-    path = Continuation(solver, DIRECT["force"], largest_step=goal / 12, start=load_from(solver, hung, 1))
+    path = Continuation(solver, QUANTITIES["force"], largest_step=goal / 12, start=load_from(solver, hung, 1))
     points = list(trace(path, [goal / 2, goal]))
     return solver, weight, hung, points
 
@@ -188,7 +188,7 @@ def test_a_rod_of_two_densities(body_of, figure):
         solver = Solver(System(body, law, components=[GRAVITY, Region(law, density, name="lower"), PULL]))
         weight = float(solver.system.dead.amounts[0])
         assert weight == pytest.approx((DENSITY + density) * ACCELERATION * half * ROD.area, rel=1e-12)
-    hung = hang(solver, [("its weight", magnitudes(solver, gravity=weight))], lambda text: None)
+    hung = apply_preload(solver, [("its weight", magnitudes(solver, gravity=weight))], lambda text: None)
     below = density * ACCELERATION * half * ROD.area
     tip = drawn(density, 0.0, half) + drawn(DENSITY, below, half)
     found = (hung.driven * solver.system.dead.moved_units)[1]
@@ -234,15 +234,15 @@ def test_any_steps_lead_to_the_same(hanging, body_of, figure):
     """Weight and force together in one step, in another order, and by the end's travel."""
     solver, weight, hung, points = hanging
     wanted = moved(solver, points[-1].state)
-    both = hang(solver, [("both", magnitudes(solver, gravity=weight, tip=weight))], lambda text: None)
-    turned = hang(
+    both = apply_preload(solver, [("both", magnitudes(solver, gravity=weight, tip=weight))], lambda text: None)
+    turned = apply_preload(
         solver,
         [("the pull", magnitudes(solver, tip=weight)), ("all", magnitudes(solver, gravity=weight, tip=weight))],
         lambda text: None,
     )
     travel = wanted[1] - moved(solver, hung.state)[1]
     steps = steps_of(force={"tip": {"travel_mm": travel * 1e3}})
-    *_, (_, last) = follow(solver, steps, hung=hung)
+    *_, (_, last) = follow(solver, steps, preload=hung)
     ways = [stop.driven * solver.system.dead.moved_units for stop in (both, turned)] + [moved(solver, last.state)]
     figure("the same loads in other steps", "what they move", np.array(ways) / wanted - 1, 1e-9)
     assert solver.system.drives_at(last.state)[1] * solver.system.dead.units[1] == pytest.approx(weight, rel=1e-9)
@@ -250,7 +250,7 @@ def test_any_steps_lead_to_the_same(hanging, body_of, figure):
 
 def test_a_pulled_block(body_of, figure):
     solver = solver_of(body_of, BLOCK, NeoHookean(MU, 0.5), PULL)
-    path = Continuation(solver, DIRECT["travel"], start=load_from(solver, hang(solver, [], print), 0))
+    path = Continuation(solver, QUANTITIES["travel"], start=load_from(solver, apply_preload(solver, [], print), 0))
     unit = solver.system.length_unit
     *_, last = trace(path, [0.001 / unit, BLOCK.length / unit])
     wanted = MU * (2.0 - 2.0**-2) * BLOCK.area
@@ -276,7 +276,7 @@ def test_a_force_past_its_limit_point(body_of, figure):
     unit = solver.system.dead.units[0]
 
     def path(quantity):
-        return Continuation(solver, DIRECT[quantity], start=load_from(solver, hang(solver, [], print), 0))
+        return Continuation(solver, QUANTITIES[quantity], start=load_from(solver, apply_preload(solver, [], print), 0))
 
     with pytest.raises(PathEnd) as end:
         list(trace(path("force"), [1.2 * top / unit]))
@@ -289,8 +289,8 @@ def test_a_force_past_its_limit_point(body_of, figure):
     held = nominal(SOFTENING, 1.4 * most.x) * BLOCK.area
     figure("the largest nominal stress of the law", "force past it", points[-1].state.P * unit / held - 1, 1e-9)
     assert not points[-1].stable_under_pressure
-    with pytest.raises(HangingEnd, match="limit point") as end:
-        hang(solver, [("the pull", magnitudes(solver, tip=1.2 * top))], lambda text: None)
+    with pytest.raises(PreloadFailure, match="limit point") as end:
+        apply_preload(solver, [("the pull", magnitudes(solver, tip=1.2 * top))], lambda text: None)
     assert 0.5 < end.value.share < 0.9
 
 
@@ -305,12 +305,12 @@ def test_a_weight_on_a_disk(body_of, figure):
     amount = float(system.dead.amounts[0])
     assert amount == pytest.approx(9.81 * (0.05 + 1070 * DISK.solid_volume), rel=1e-4)
     weight = magnitudes(solver, gravity=amount)
-    hung = hang(solver, [("its weight", weight)], lambda text: None)
+    hung = apply_preload(solver, [("its weight", weight)], lambda text: None)
     assert hung.driven[1] > 0 and hung.driven[0] < system.scales()[0] * (1 + hung.driven[1])
     *_, last = trace(Continuation(solver, start=inflate_from(solver, hung)), [0.1])
     pressure = np.array([0.1, 0.0])
-    other = hang(solver, [("a pressure", pressure), ("the weight", pressure + weight)], lambda text: None)
-    together = hang(solver, [("all", pressure + weight)], lambda text: None)
+    other = apply_preload(solver, [("a pressure", pressure), ("the weight", pressure + weight)], lambda text: None)
+    together = apply_preload(solver, [("all", pressure + weight)], lambda text: None)
     system.load(last.state)
     wanted = system.driven()
     figure(
@@ -342,7 +342,7 @@ def test_a_cantilever_in_large_deflection(body_of, figure):
     fields, weight = Fields(solver), float(solver.system.dead.amounts[0])
     moment = 1.6 * 2 * STIFF.shear_modulus_0 * 1.49 * BEAM.width * BEAM.thickness**3 / 12 / BEAM.length
     for name, loads in (("weight", {}), ("weight and a force", {"tip": 0.3 * weight})):
-        hung = hang(solver, [(name, magnitudes(solver, gravity=weight, **loads))], lambda text: None)
+        hung = apply_preload(solver, [(name, magnitudes(solver, gravity=weight, **loads))], lambda text: None)
         device = fields.figures(hung.state).device
         wanted = elastica(weight, loads.get("tip", 0.0))
         apart = np.array([device["tip_x_mm"], device["tip_z_mm"]]) * 1e-3 - wanted
@@ -350,7 +350,7 @@ def test_a_cantilever_in_large_deflection(body_of, figure):
             "a geometrically exact beam", f"place of the tip by its {name}, in deflections", apart / -wanted[1], 5e-3
         )
         assert -wanted[1] > 0.75 * BEAM.length
-    hung = hang(solver, [("a moment", magnitudes(solver, end=moment))], lambda text: None)
+    hung = apply_preload(solver, [("a moment", magnitudes(solver, end=moment))], lambda text: None)
     device = fields.figures(hung.state).device
     angle = brentq(lambda t: t - 1.6 * np.cos(t), 0.0, 1.5)  # the forces keep their direction: M cos t is left
     wanted = BEAM.length / angle * np.array([np.sin(angle), 1 - np.cos(angle)])
@@ -368,7 +368,7 @@ def test_derivatives_with_a_weight(body_of, figure):
     for mu in (30e3, 30.03e3, 29.97e3):
         system.set_material(NeoHookean(mu, 0.49))
         weight = magnitudes(solver, gravity=float(system.dead.amounts[0]))
-        hung = hang(solver, [("its weight", weight)], lambda text: None)
+        hung = apply_preload(solver, [("its weight", weight)], lambda text: None)
         *_, last = trace(Continuation(solver, start=inflate_from(solver, hung)), [3e3 / mu])
         volumes.append(last.state.V * system.volume_unit)
         if mu == 30e3:

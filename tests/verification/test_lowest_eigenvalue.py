@@ -89,7 +89,7 @@ def test_at_a_bifurcation_past_a_limit_point(equilibrium, solved, figure):
 
 def test_where_the_tangent_is_not_factorised(equilibrium, solved, monkeypatch, figure):
     """The modes of the last factorisation lead there."""
-    monkeypatch.setattr(stability, "ALWAYS", 0)
+    monkeypatch.setattr(stability, "SMALL_SYSTEM", 0)
     equations = equilibrium(DISK, SOFT)
     _, points, _ = solved(equations, [25e-6 / equations.system.volume_unit], quantity="volume", largest_step=0.2)
     aside = [point for point in points if not point.signature.exact]
@@ -101,7 +101,7 @@ def test_where_the_tangent_is_not_factorised(equilibrium, solved, monkeypatch, f
 @pytest.mark.campaign
 def test_thin_walls_whose_tangent_is_not_factorised(equilibrium, solved, monkeypatch, figure):
     """A correction that is short may work much there."""
-    monkeypatch.setattr(stability, "ALWAYS", 0)
+    monkeypatch.setattr(stability, "SMALL_SYSTEM", 0)
     equations = equilibrium(SLAB, SOFT)
     _, points, _ = solved(equations, [0.4], largest_step=0.08)
     watched = stability.Stability.of(equations)
@@ -116,7 +116,7 @@ def test_thin_walls_whose_tangent_is_not_factorised(equilibrium, solved, monkeyp
 
 def test_where_walls_press_on_each_other_it_is_exact(body_of, solved, monkeypatch, figure):
     """Which places press changes from state to state, so that a kept factorisation is of another device."""
-    monkeypatch.setattr(stability, "ALWAYS", 0)
+    monkeypatch.setattr(stability, "SMALL_SYSTEM", 0)
     finger = PneuNet(chambers=2, cell_size=0.006)
     equations = Solver(System(body_of(finger), NeoHookean(16e3, 0.49), components=[Walls()]))
     _, points, _ = solved(equations, [0.0125, 0.025, 0.0625])
@@ -157,7 +157,7 @@ def test_what_is_not_found_is_not_a_number(ballooned, monkeypatch):
     equations, points = ballooned
     watched = stability.Stability.of(equations)
     equations.factorise(points[-1].state)
-    monkeypatch.setattr("softmodels.path.stability.MOST_SOLVES", 3)
+    monkeypatch.setattr("softmodels.path.stability.MAX_SOLVES", 3)
     assert math.isnan(watched.lowest())
     # Nor is one taken where the matrix has fewer negative eigenvalues than it is said to have, or more.
     monkeypatch.undo()
@@ -173,7 +173,7 @@ def test_what_is_not_found_is_not_a_number(ballooned, monkeypatch):
 def test_a_nan_has_the_next_point_factorised(ballooned, monkeypatch):
     equations, points = ballooned
     watched = stability.Stability.of(equations)
-    monkeypatch.setattr(stability, "ALWAYS", 0)
+    monkeypatch.setattr(stability, "SMALL_SYSTEM", 0)
     monkeypatch.setattr("softmodels.path.stability.nearest", lambda *words: (_ for _ in ()).throw(NoConvergence("")))
     equations.factorise(points[-1].state)
     assert math.isnan(watched.signature(exact=True).lowest)

@@ -347,7 +347,7 @@ def test_the_estimated_memory_counts_the_history(body_of, monkeypatch):
     """On a small solid: the arrays of a step, and what both solvers are said to take more than for the relaxed silicone."""
     from dolfinx import fem
 
-    monkeypatch.setattr(solver_module, "AMPLE", np.inf)
+    monkeypatch.setattr(solver_module, "AMPLE_FACTORISATION_BYTES", np.inf)
     law = NeoHookean(MU, 0.5).with_memory(branches=[*BRANCHES, (0.1, 30.0)])
     system, relaxed = (System(body_of(bodies.Octant()), law, creeping=creeping) for creeping in (True, False))
     (history,), potential = system.potential.histories, system.potential
@@ -357,7 +357,7 @@ def test_the_estimated_memory_counts_the_history(body_of, monkeypatch):
     potential.memory_error(system.w.x.array)
     gathered = sum(a.nbytes for form in system._internal[:1] for a in fem.pack_coefficients(form).values())
     elastic = sum(a.nbytes for form in relaxed._internal[:1] for a in fem.pack_coefficients(form).values())
-    taken = history.copied()[0].nbytes + history._next.nbytes + gathered - elastic
+    taken = history.save()[0].nbytes + history._next.nbytes + gathered - elastic
     assert history.step_bytes == taken
     for method in ("direct", "iterative"):
         more, less = (solver_module.select_solver(one, method).memory for one in (system, relaxed))
@@ -438,7 +438,7 @@ def test_the_tangent_of_a_step_is_symmetric_and_that_of_its_forces(device, body_
     system = System(body, law, creeping=True)
     generator, n = np.random.default_rng(5), system.dofs
     first, w, v = (3e-3 * generator.normal(size=n) for _ in range(3))
-    system.potential.keep(first)
+    system.potential.commit(first)
     system.potential.pass_time(0.7)
 
     def forces(t):

@@ -13,7 +13,7 @@ from geometries import HollowDisk
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.load import steps_of
-from softmodels.components.contact import ONSET, Obstacle
+from softmodels.components.contact import ONSET_DEPTH, Obstacle
 from softmodels.materials.laws import HomogeneousStrain, NeoHookean
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.controls import pressure_control
@@ -58,16 +58,16 @@ def test_a_block_that_swells_against_a_plane_is_in_a_uniform_state(plane, sectio
     def out_of_balance(stretches):
         a, b = stretches  # across, along the normal
         across, along = energy(a + 1e-30j, b).imag / 1e-30, energy(a, b + 1e-30j).imag / 1e-30
-        return across + 2 * P * a * b, along + P * a * a + k * (b - 1 - ONSET / 2)
+        return across + 2 * P * a * b, along + P * a * a + k * (b - 1 - ONSET_DEPTH / 2)
 
     across, along = fsolve(out_of_balance, [1.1, 1.01], xtol=1e-12)
     figures = Fields(equations).figures(state)
     unit = SOFT.shear_modulus_0 * block.edge**2
     area = 1.0 if section == "cube" else math.pi
-    assert along - 1 > 5 * ONSET
+    assert along - 1 > 5 * ONSET_DEPTH
     depth, force = (figures.device[name] for name in ("contact_depth_mm", "contact_force_N"))
     figure(UNIFORM, "depth", depth / ((along - 1) * block.edge * 1e3) - 1, 1.2e-8)
-    figure(UNIFORM, "force", force / (area * k * (along - 1 - ONSET / 2) * unit) - 1, 8e-10)
+    figure(UNIFORM, "force", force / (area * k * (along - 1 - ONSET_DEPTH / 2) * unit) - 1, 8e-10)
     figure(UNIFORM, "stretch", figures.max_stretch / across - 1, 5e-11)
 
 

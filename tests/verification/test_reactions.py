@@ -14,7 +14,7 @@ from softmodels.components.rigid import Rigid
 from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System, _nodes_of, held_force
-from softmodels.path.schedule import hang, inflate_from
+from softmodels.path.schedule import apply_preload, inflate_from
 from softmodels.runs.fields import Fields
 
 LAW = sm.NeoHookean(30e3)
@@ -28,7 +28,7 @@ def hung(body, components):
     solver = Solver(System(body, LAW, components=components))
     system = solver.system
     amounts = np.concatenate([np.zeros(len(body.actuator.ratios)), system.dead.amounts / system.dead.units])
-    stop = hang(solver, [("its loads", amounts)])
+    stop = apply_preload(solver, [("its loads", amounts)])
     return solver, stop, system.stress_unit * system.length_unit**2 * body.actuator.copies
 
 

@@ -22,7 +22,7 @@ from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.regions import Turn, amounts, nearest, rotation_vector
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
-from softmodels.path.schedule import hang, inflate_from
+from softmodels.path.schedule import apply_preload, inflate_from
 from softmodels.path.stability import Stability
 
 DISK = sm.HollowDisk(section="axisymmetric", cell_size=0.002)
@@ -246,7 +246,7 @@ def bent(body_of):
         Force("end", "y", name="aside"),
     ]
     solver = Solver(System(body_of(Beam()), LAW, components=components))
-    return solver, hang(
+    return solver, apply_preload(
         solver, [("the forces", np.array([0.02, 0.01]) / solver.system.dead.units)], lambda text: None
     ).state
 
@@ -275,7 +275,7 @@ def test_tangent_of_a_turned_plate(bent, figure):
     """The tangent's product against differences of the residual, where the plate has turned on from the state as well."""
     solver, state = bent
     system = solver.system
-    q, scalars = system.unknowns.begin(state.w[: system.dofs]).copy(), np.array([state.P, *state.w[system.dofs :]])
+    q, scalars = system.unknowns.to_reduced(state.w[: system.dofs]).copy(), np.array([state.P, *state.w[system.dofs :]])
     slots = system.unknowns.slots[0][1]
     q[slots] += 0.05 * np.arange(1, 7)
     way = np.random.default_rng(5).standard_normal(system.n)
@@ -322,7 +322,9 @@ def test_a_half_beam_is_the_half_of_a_whole_one(body_of, figure):
             )
         )
         system = solver.system
-        system.load(hang(solver, [("the force", np.array([0.02]) / system.dead.units)], lambda text: None).state)
+        system.load(
+            apply_preload(solver, [("the force", np.array([0.02]) / system.dead.units)], lambda text: None).state
+        )
         motion = system.unknowns.moving["plate"]
         assert motion.freedom.count == (3 if half == "yes" else 6)
         found[half] = np.concatenate([motion.translation, rotation_vector(motion.rotation)])
@@ -341,11 +343,11 @@ def test_a_rigid_block_is_a_block_whose_nodes_are_moved_so(body_of, figure, monk
 
     Both are solved to a thousandth of a run's tolerance: with that itself they differ by 2e-10, each by its own remainder.
     """
-    monkeypatch.setattr("softmodels.mechanics.newton.TOLERANCE", 1e-12)
+    monkeypatch.setattr("softmodels.mechanics.newton.RESIDUAL_TOLERANCE", 1e-12)
     body, block = body_of(Beam(head=0.008)), Rigid(region="head", name="block")
     loads = [Force("side", "-z", name="down"), Force("side", "y", name="aside")]
     solver = Solver(System(body, LAW, components=[block, *loads]))
-    stop = hang(solver, [("the forces", np.array([0.04, 0.03]) / solver.system.dead.units)], lambda text: None)
+    stop = apply_preload(solver, [("the forces", np.array([0.04, 0.03]) / solver.system.dead.units)], lambda text: None)
     solver.system.load(stop.state)
     motion = solver.system.unknowns.moving["block"]
     vector = rotation_vector(motion.rotation)

@@ -14,14 +14,15 @@ from scipy.interpolate import CubicHermiteSpline
 
 from geometries import Membrane
 from softmodels import inflate, silicone
+from softmodels.components import creases
 from softmodels.components.loads import Force, Gravity
 from softmodels.components.rigid import Rigid
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System, _nodes_of
-from softmodels.path.continuation import Concentration, Continuation, crease, trace
-from softmodels.path.schedule import Stage, hang, inflate_from, stopped
-from softmodels.path.stability import DIRECT
+from softmodels.path.continuation import Continuation, LoadedState, trace
+from softmodels.path.schedule import Stage, apply_preload, inflate_from
+from softmodels.path.stability import QUANTITIES
 from tests.support import bodies, membrane_shooting as shooting
 from tests.support.campaigns import sampled
 
@@ -69,19 +70,19 @@ class Plated:
 
     def inflated(self):
         """Points of the path from where it hangs, through the volumes that the membrane equations have at `HEIGHTS`."""
-        start = inflate_from(self.solver, hang(self.solver, [("the weight", self.loads)], lambda text: None))
+        start = inflate_from(self.solver, apply_preload(self.solver, [("the weight", self.loads)], lambda text: None))
         goals = [one.volume / self.system.volume_unit for one in self.exact]
-        path = Continuation(self.solver, DIRECT["volume"], "volume", 0.05 * goals[-1], start=start)
+        path = Continuation(self.solver, QUANTITIES["volume"], "volume", 0.05 * goals[-1], start=start)
         return start, list(trace(path, goals))
 
     def held_at(self, height):
         """Force of the load cell that holds the plate at a height, at the pressure that the membrane equations have there."""
-        here = hang(self.solver, [("the weight", self.loads)], lambda text: None)
+        here = apply_preload(self.solver, [("the weight", self.loads)], lambda text: None)
         pressure = next(one.pressure for one in self.exact if math.isclose(one.height, height))
         for change in ([0.0, 0.0, height / RADIUS - here.driven[2]], [pressure / MU, 0.0, 0.0]):
             stage = Stage.between(here, np.array(change), (2,), here.driven)
             *_, (_, last) = stage.follow(self.solver, "auto", lambda text: None)
-            here = stopped(self.solver, last, 0)
+            here = LoadedState.at(self.solver.system, last.state)
         return here
 
 
@@ -176,7 +177,7 @@ def test_a_motion_of_the_whole_is_no_fold_of_the_mesh(body_of):
     bent, one = np.zeros(system.dofs), np.zeros(system.dofs)
     bent[dofs[:, 1]] = np.cos(np.pi * places[:, 0])
     one[dofs[len(dofs) // 2, 1]] = 1.0
-    whole, part = Concentration(system, bent), Concentration(system, one)
+    whole, part = creases.MotionConcentration(system, bent), creases.MotionConcentration(system, one)
     assert not whole.local and whole.cells > 0.3 * len(system.cells)
     assert part.local and part.cells < 6
 
@@ -202,13 +203,13 @@ def test_a_surface_creases_from_a_compression_of_a_third_on(section, stretches, 
     one, rest = np.zeros(system.dofs), system.rest()
     corner = places.sum(axis=1).argmax()
     one[dofs[corner, -1]] = 1.0
-    fold, w = Concentration(system, one), rest.w.copy()
+    fold, w = creases.MotionConcentration(system, one), rest.w.copy()
     moved = places * (np.array(stretches)[[0, 1, 2] if section == "cube" else [0, 2]] - 1.0)
     w[dofs] = moved @ body.skew.T
     system.load(dataclasses.replace(rest, w=w))
-    found = crease(system, fold.part)
+    found = creases.find_crease(system, fold.part)
     assert (found is None) == (known is None)
-    assert crease(system) is None
+    assert creases.find_crease(system) is None
     if known is None:
         return
     at = "stretch of {:.2f}, and creases from about {:.2f} on".format(*known)
@@ -219,4 +220,4 @@ def test_a_surface_creases_from_a_compression_of_a_third_on(section, stretches, 
     between = np.flatnonzero(near)[np.argsort(apart[near])[1]]
     w[dofs[between]] -= 0.72 * (moved + places)[[corner, between]].T @ [1.0, -1.0] @ body.skew.T
     system.load(dataclasses.replace(rest, w=w))
-    assert "surface is folded onto itself at" in crease(system).clause
+    assert "surface is folded onto itself at" in creases.find_crease(system).clause

@@ -147,7 +147,7 @@ def test_no_step_goes_through_the_ball(pressed):
     for distance, allowed in ((0.02, True), (0.2, False), (5.0, False)):
         moved = state.w.copy()
         moved[dofs] += distance
-        assert system.potential.admits(state.w, moved) is allowed
+        assert system.potential.is_admissible(state.w, moved) is allowed
 
 
 def test_a_case_keeps_its_shapes_and_refuses_what_makes_none(body_of):

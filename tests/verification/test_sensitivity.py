@@ -17,7 +17,7 @@ from softmodels.mechanics.sensitivity import MeshMotion, Sensitivity, known_para
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
-from softmodels.path.schedule import hang, inflate_from
+from softmodels.path.schedule import apply_preload, inflate_from
 from softmodels.path.stability import AddedVolume
 from tests.support.campaigns import sampled
 
@@ -173,7 +173,7 @@ def test_rates_under_dead_loads(actuator, law, components, volumes, body_of, fig
     rates = Sensitivity(equations, MeshMotion(equations.system.body))
     dead, cavities = equations.system.dead, np.zeros(len(actuator.ratios))
     hung = inflate_from(
-        equations, hang(equations, [("its loads", np.concatenate([cavities, dead.amounts / dead.units]))])
+        equations, apply_preload(equations, [("its loads", np.concatenate([cavities, dead.amounts / dead.units]))])
     )
     names = (*known_parameters(law), *actuator.variable)
     check(figure, equations, lambda _: rates, law, hung, 0.0, names)

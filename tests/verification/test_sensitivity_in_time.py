@@ -37,7 +37,7 @@ def through(solver, kind="pressure", by=0.0, in_time=None):
     """States at `LOOKS` under a pressure in Pa or an added volume in m3, raised by a share; and their rates."""
     eq, found = solver.system, []
     state, last, rest = eq.rest(), 0.0, eq.rest().V
-    eq.potential.keep(state.w, anew=True)
+    eq.potential.commit(state.w, reset=True)
     for number, time in enumerate(TIMES.tolist()):
         level = float(np.interp(time, CORNERS, LEVELS[kind]))
         value = level * (1.0 + by)
@@ -49,7 +49,7 @@ def through(solver, kind="pressure", by=0.0, in_time=None):
         eq.potential.pass_time(time - last)
         state, last = solver.solve(line, state.w, state.P), time
         rates = in_time.step(state, line, {"level": level})[1] if in_time else {}
-        eq.potential.keep(state.w)
+        eq.potential.commit(state.w)
         if number in LOOKS:
             found.append((state, eq.stress_unit, eq.volume_unit, rates))
     return found
@@ -135,13 +135,13 @@ def test_two_silicones(body_of, figure):
 
     def last(in_time=None):
         state, rates = eq.rest(), {}
-        eq.potential.keep(state.w, anew=True)
+        eq.potential.commit(state.w, reset=True)
         for step, pressure in zip([0.5] * 6 + [2.0] * 6, [*np.linspace(3e3, 15e3, 6), *[15e3] * 6], strict=True):
             eq.potential.pass_time(step)
             line = pressure_control(pressure / eq.stress_unit)
             state = solver.solve(line, state.w, line.target)
             rates = in_time.step(state, line)[1] if in_time else {}
-            eq.potential.keep(state.w)
+            eq.potential.commit(state.w)
         return state, rates
 
     names = ("shear_modulus", "share1", "time1", "shell.c1", "shell.share1", "shell.time2", "shell.share2")

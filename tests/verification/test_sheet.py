@@ -147,8 +147,7 @@ def paths(sheeted):
     found = {}
     for stiffness in STIFFNESSES:
         equations, reports = sheeted(stiffness), []
-        path = Continuation(equations)
-        path.report = reports.append
+        path = Continuation(equations, report=reports.append)
         points = list(trace(path, [PRESSURE / equations.system.stress_unit]))
         found[stiffness] = points[-1].state.V, reports
     return found

@@ -50,7 +50,7 @@ def test_stroke_pressure_and_volume_obey_the_gas_law(disk, drive, gas, figure):
     asked = [point for point in points if point.requested]
     for point, stroke in zip(asked, (20, 45), strict=True):
         gas_now = 65 * ML - stroke * ML + point.state.V * disk.system.volume_unit
-        gas_rest = 65 * ML + path.V0 * disk.system.volume_unit
+        gas_rest = 65 * ML + path.history.V0 * disk.system.volume_unit
         absolute = point.state.P * disk.system.stress_unit + syringe.ambient
         kept = absolute * gas_now**power / (syringe.ambient * gas_rest**power)
         figure(LAW, "P V^n over a stroke, isothermal and adiabatic", kept - 1, 1e-12)
@@ -93,7 +93,7 @@ def test_pistons_work_is_in_rubber_and_gas(disk, drive, gas, figure):
     work = CubicHermiteSpline(S, P, slope).integrate(0, S[-1]) * disk.system.stress_unit * disk.system.volume_unit
     disk.system.load(points[-1].state)
     rubber = disk.system.stored_energy() * disk.system.stress_unit * disk.system.volume_unit
-    last, cavity = points[-1].state, path.V0 * disk.system.volume_unit
+    last, cavity = points[-1].state, path.history.V0 * disk.system.volume_unit
     gas_took = syringe.gas_energy(
         45 * ML, last.V * disk.system.volume_unit - cavity, last.P * disk.system.stress_unit, cavity
     )
@@ -108,7 +108,7 @@ def test_a_leak_lowers_the_pressure_by_the_mass_it_takes(disk, drive, figure):
     assert lost[-1].state.P < points[-1].state.P and lost[-1].state.V < points[-1].state.V
     gas_now = (65 - 20) * ML + lost[-1].state.V * disk.system.volume_unit
     mass = (lost[-1].state.P * disk.system.stress_unit + leaking.ambient) * gas_now
-    wanted = 0.99 * leaking.ambient * (65 * ML + path.V0 * disk.system.volume_unit)
+    wanted = 0.99 * leaking.ambient * (65 * ML + path.history.V0 * disk.system.volume_unit)
     figure(LAW, "P V with a leak of 1 %", mass / wanted - 1, 1e-12)
 
 

@@ -43,7 +43,7 @@ class Creep:
         assert self.model.spectrum is not None
         weightless = dict.fromkeys(self.model.spectrum.names, 0.0)
         self.model.set_parameters({**values, **weightless})
-        self._hung, self._hung_rates, self.levels = self.model.hang(names)
+        self._hung, self._hung_rates, self.levels = self.model.apply_preload(names)
         self._steps = self._steps or [self._chosen(test, values) for test in self.timetable.tests]
         self.model.set_parameters(values)
         before: Sequence[_Walk | None] = self._walks or [None] * len(self._steps)
@@ -87,13 +87,13 @@ class Creep:
     def _begun(self, in_time: sensitivity.InTime | None = None) -> State:
         """Return the state at rest, where the device has hung for ever, and let its silicone remember only that."""
         model, state = self.model, self._hung
-        model.system.potential.keep(state.w, anew=True)
+        model.system.potential.commit(state.w, reset=True)
         if model.loaded:
             assert model.spectrum is not None
             model.system.potential.pass_time(FOREVER * model.spectrum.times[-1])
             if in_time is not None:
                 in_time.begin(state, self._hung_rates)
-            model.system.potential.keep(state.w)
+            model.system.potential.commit(state.w)
         return state
 
     def _jumped(self, start: State, rise: float) -> State:
@@ -104,7 +104,7 @@ class Creep:
                 state = model.solver.solve(controls.pressure_control(P), state.w, P)
         except newton.NoConvergence as failure:
             raise problem.CannotEvaluate(f"the device cannot follow a jump of the pressure: {failure}") from None
-        model.system.potential.keep(state.w)
+        model.system.potential.commit(state.w)
         return state
 
     def _walked(
@@ -143,7 +143,7 @@ class Creep:
                 raise problem.CannotEvaluate(
                     f"the device cannot follow the pressures of its photographs: {failure}"
                 ) from None
-            potential.keep(state.w)
+            potential.commit(state.w)
             walk.states.append(state)
             walk.rates.append({back.get(name, name): rate for name, rate in rates.items()})
             done = share

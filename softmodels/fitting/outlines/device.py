@@ -39,7 +39,7 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 from softmodels.path import continuation, schedule, stability
 from softmodels.path.continuation import Continuation
-from softmodels.path.schedule import hang
+from softmodels.path.schedule import apply_preload
 from softmodels.runs import grid
 
 MODULUS = 30e3
@@ -130,7 +130,7 @@ class DeviceModel:
             self.hanging.state(self._present)
             self.system.set_material(material)
 
-    def hang(self, names: Sequence[str]) -> tuple[State, dict[str, sensitivity.Rate], dict[str, float]]:
+    def apply_preload(self, names: Sequence[str]) -> tuple[State, dict[str, sensitivity.Rate], dict[str, float]]:
         """Return where the device of the present parameters hangs, with the derivatives of state and zero of heights by
         parameters of its law; its branches have to be without weight."""
         names = [name for name in names if self.spectrum is None or name not in self.spectrum.names]
@@ -143,7 +143,7 @@ class DeviceModel:
         """Return the path of the current parameters from the preloaded state, not started yet."""
         start = self.hanging.state(self._present) if self.loaded else None
         self.paths += 1
-        return Continuation(self.solver, stability.DIRECT[quantity], start=start)
+        return Continuation(self.solver, stability.QUANTITIES[quantity], start=start)
 
     def height(self, state: State) -> float:
         """Return the height of the apex above the zero plane at a state of the current parameters, in m."""
@@ -272,7 +272,7 @@ def near(solver: Solver, base: State, line: Control, w: Array, P: float) -> Stat
     """Return the state on a line next to a guess of the dofs, shape as `State.w`, and of the dimensionless pressure, made
     from a state of other parameters; None if it does not converge directly, or is elsewhere."""
     try:
-        if solver.stale:
+        if solver.lagged.needs_update:
             solver.factorise(base)
         found = solver.solve(line, w, P)
     except newton.NoConvergence:
@@ -442,8 +442,8 @@ class Hanging:
         system = self.system
         amounts = np.concatenate([np.zeros(len(system.body.actuator.ratios)), system.dead.amounts / system.dead.units])
         try:
-            return schedule.inflate_from(self.solver, hang(self.solver, [("its loads", amounts)]))
-        except schedule.HangingEnd as end:
+            return schedule.inflate_from(self.solver, apply_preload(self.solver, [("its loads", amounts)]))
+        except schedule.PreloadFailure as end:
             self.couple()
             raise problem.CannotEvaluate(end.sentence) from None
 
@@ -492,7 +492,7 @@ def _check(load: controls.LoadPart, actuator: Actuator) -> None:
     if not (
         isinstance(load, loads.DirectedLoad)
         and load.arm == 2
-        and abs(float(np.asarray(load.vector) @ np.asarray(actuator.lift))) > 1 - component.ALONG
+        and abs(float(np.asarray(load.vector) @ np.asarray(actuator.lift))) > 1 - component.IN_PLANE_TOLERANCE
     ):
         raise FitError(
             f"the case has a {load.where} that does not act along the device's axis; fits assume symmetric "

@@ -474,9 +474,7 @@ def volumes_of(model: DeviceModel, values: dict[str, float], heights: Array) -> 
     eq, rest = model.system, model.rest_volume
     model.set_parameters(values)
     model.hanging.check(values)
-    goals = rest * np.concatenate(
-        [np.linspace(0.05, 1.0, 12), np.geomspace(1.2, 0.95 * continuation.LARGEST_GROWTH, 30)]
-    )
+    goals = rest * np.concatenate([np.linspace(0.05, 1.0, 12), np.geomspace(1.2, 0.95 * continuation.MAX_GROWTH, 30)])
     rises, volumes = list[float](), list[float]()
     highest = float(heights.max())
     path, why = model.path("volume"), ""

@@ -29,14 +29,14 @@ def figures(comm, folder) -> dict[str, list[float]]:
     solver = Solver(System(Body.from_file(MESHES["creeping"], folder / "creeping.msh", comm), LAW, creeping=True))
     eq = solver.system
     state, last, found = eq.rest(), 0.0, dict[str, list[float]]()
-    eq.potential.keep(state.w, anew=True)
+    eq.potential.commit(state.w, reset=True)
     in_time = InTime(Sensitivity(solver), NAMES, ["level"])
     for number, time in enumerate(TIMES.tolist(), 1):
         eq.potential.pass_time(time - last)
         line = pressure_control(pressure(time) / eq.stress_unit)
         state, last = solver.solve(line, state.w, line.target), time
         _, rates = in_time.step(state, line, {"level": pressure(time)})
-        eq.potential.keep(state.w)
+        eq.potential.commit(state.w)
         if number % 4 == 0:
             for name, rate in rates.items():
                 found.setdefault(name, []).append(rate.V)

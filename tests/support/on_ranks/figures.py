@@ -84,7 +84,7 @@ def ending(comm) -> list[float]:
     from softmodels.mechanics.mpi import on_root
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
-    from softmodels.path.continuation import LOCKED, Continuation, trace
+    from softmodels.path.continuation import DEVICE_LOCKED, Continuation, trace
     from softmodels.path.stability import AddedVolume, PathEnd
 
     held = (Rigid(region="cap", kind="held", name="plate"), Clamp("outer", slip="z", name="grip"))
@@ -96,7 +96,7 @@ def ending(comm) -> list[float]:
     try:
         reached = [point.state.V for point in trace(Continuation(equations, AddedVolume()), [10.0])]
     except PathEnd as end:
-        return [float(end.cause == LOCKED)]
+        return [float(end.cause == DEVICE_LOCKED)]
     return reached
 
 
@@ -125,8 +125,8 @@ def loaded(comm, section: Path) -> list[float]:
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
     from softmodels.path.continuation import Continuation, trace
-    from softmodels.path.schedule import hang, load_from
-    from softmodels.path.stability import DIRECT
+    from softmodels.path.schedule import apply_preload, load_from
+    from softmodels.path.stability import QUANTITIES
 
     components = (
         Gravity(direction="-z"),
@@ -136,8 +136,8 @@ def loaded(comm, section: Path) -> list[float]:
     solver = Solver(System(Body.from_file(SECTION, section, comm), NeoHookean(20e3, 0.495), components=components))
     system = solver.system
     weight = np.concatenate([[0.0], system.dead.amounts / system.dead.units])
-    hung = hang(solver, [("its weight", weight), ("a pressure", weight + np.array([0.05, 0.0, 0.0]))])
-    path = Continuation(solver, DIRECT["force"], start=load_from(solver, hung, 2))
+    hung = apply_preload(solver, [("its weight", weight), ("a pressure", weight + np.array([0.05, 0.0, 0.0]))])
+    path = Continuation(solver, QUANTITIES["force"], start=load_from(solver, hung, 2))
     *_, last = trace(path, [0.3 / system.dead.units[1]])
     system.load(last.state)
     return [*hung.driven.tolist(), *system.driven().tolist(), last.signature.lowest, system.stored_energy()]

@@ -18,14 +18,14 @@ def figures(comm, folder):
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
     from softmodels.path.continuation import Continuation, trace
-    from softmodels.path.stability import DIRECT
+    from softmodels.path.stability import QUANTITIES
     from softmodels.runs.fields import Fields
 
     components = [Region(Yeoh(60e3, 2e3, 100.0, 0.49), name="shell")]
     body = Body.from_file(MESHES["sphere"], folder / "sphere.msh", comm)
     solver = Solver(System(body, NeoHookean(30e3, 0.48), components=components))
     system = solver.system
-    *_, last = trace(Continuation(solver, DIRECT["volume"], "volume"), [0.5 * system.rest().V])
+    *_, last = trace(Continuation(solver, QUANTITIES["volume"], "volume"), [0.5 * system.rest().V])
     fields = Fields(solver)
     found = fields.figures(last.state)
     again = fields.state(fields.nodal(last.state), last.state.P, last.state.V)

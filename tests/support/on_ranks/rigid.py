@@ -12,7 +12,7 @@ from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.regions import rotation_vector
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
-from softmodels.path.schedule import hang
+from softmodels.path.schedule import apply_preload
 from softmodels.path.stability import Stability
 
 MEMBRANE = sm.Membrane(
@@ -43,7 +43,7 @@ def inflated(system, pressures, method):
 def turned(system, method):
     """Motion of a plate that dead forces turn, the energy stored, and the lowest eigenvalue."""
     solver = Solver(system, method)
-    state = hang(solver, [("the forces", system.dead.amounts / system.dead.units)], lambda text: None).state
+    state = apply_preload(solver, [("the forces", system.dead.amounts / system.dead.units)], lambda text: None).state
     solver.factorise(state)
     stability = Stability.of(solver)
     system.load(state)
