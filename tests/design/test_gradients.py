@@ -90,6 +90,7 @@ def test_tubes(designed, second_order, comm, name):
     second_order(designed(tube, names, quantities, comm), name, TAYLOR, "tube")
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("name", sampled(["membrane", "profile[1]"]))
 def test_wedges(designed, second_order, comm, name):
     wedge = HollowDisk.variant(
@@ -118,6 +119,7 @@ def test_slabs(designed, second_order, comm, name):
     second_order(designed(slab, names, quantities, comm), name, TAYLOR, "slab")
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("name", sampled(["thickness", "offset"]))
 def test_blocked_forces(designed, second_order, comm, name):
     held = SeminarActuator(channels=1, spread=20.0, around=4.0, cell_size=0.006, tip="held")
@@ -160,6 +162,7 @@ def test_limit_pressures(designed, thin_disk, comm, figure, name):
     )
 
 
+@pytest.mark.campaign
 def test_designs_are_carried(designed, thin_disk, of_all_kinds, comm, figure):
     """A state that was carried through another design is the same again, and nearly that of a fresh mesh there."""
     model = designed(thin_disk, LENGTHS, of_all_kinds, comm)

@@ -60,6 +60,7 @@ def exact(taylor, figure):
     return check
 
 
+@pytest.mark.campaign
 def test_a_tube_with_all_that_is_no_contact(comm, exact):
     """Weight, a hanging mass, a pull, a cap of its own silicone, fibres in the silicone, cloth and a sheet on its faces."""
     parts = (
@@ -107,6 +108,7 @@ DISK = HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.005)
 BALL = RigidShape("sphere", "top", (0.0, 0.0, 0.02702), radius=0.015, name="ball")
 
 
+@pytest.mark.campaign
 def test_a_disk_under_a_ball_that_gives_way(comm, exact):
     """On a spring; the air's work is the integral of p dV."""
     ball = dataclasses.replace(BALL, guide="z", spring=50.0)

@@ -39,6 +39,7 @@ def test_a_death_is_a_sentence(number, words):
         apart(signal.raise_signal, number)
 
 
+@pytest.mark.campaign
 def test_a_signal_to_both_processes_is_no_crash():
     """A batch queue ends all processes of a job at once."""
     asked = []

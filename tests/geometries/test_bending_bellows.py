@@ -69,6 +69,7 @@ def test_wall_has_one_thickness():
     assert SHAPES["deep"].crest == pytest.approx(max(arc.height(arc.end) for arc in SHAPES["deep"].arcs(True)))
 
 
+@pytest.mark.campaign
 def test_default_mesh_is_small_and_sound(tmp_path):
     bellows = BendingBellows()
     found = summarize(bellows.write(tmp_path / "bellows.msh"))

@@ -97,6 +97,7 @@ def roles(part, folder):
     }
 
 
+@pytest.mark.campaign
 def test_every_role_by_name_or_colour(part, text, tmp_path):
     labelled = coloured(named(text, {(0, 0): "flange", (2, 3): "air", (1, 0): "cut"}), {(2, 10): ORANGE, (2, 0): RED})
     labels = {

@@ -126,6 +126,7 @@ def test_roles_lie_where_they_should(mesh):
         assert np.linalg.norm(found["solid"] - place, axis=1).min() < near
 
 
+@pytest.mark.campaign
 def test_full_slab_is_two_halves(mesh):
     half, _ = mesh()
     full, path = mesh(part="full")
@@ -191,6 +192,7 @@ OWN = {
 """A fan of three channels that are all different."""
 
 
+@pytest.mark.campaign
 def test_lists_of_common_values_are_the_common_device(mesh):
     """The same values given one by one: the same cells."""
     plain, path = mesh()
@@ -207,6 +209,7 @@ def test_lists_of_common_values_are_the_common_device(mesh):
         assert same.cones[0] == pytest.approx(line.cones[0], rel=1e-12) and same.angle == line.angle
 
 
+@pytest.mark.campaign
 def test_every_channel_has_its_own_shape(mesh):
     """Volumes of the cones in closed form; ends and radii where they were asked for, on the mesh too."""
     slab, path = mesh(**OWN)

@@ -112,6 +112,7 @@ def test_unusable_photographs(tmp_path):
     assert "does not name its camera" in run("setup", blank, "-o", tmp_path / "setup.toml").stderr
 
 
+@pytest.mark.campaign
 def test_calibrate_then_setup(tmp_path):
     """Boards drawn through the photographer's truth, calibrated, and the camera file used for a setup."""
     lens = (-0.2, 0.04)

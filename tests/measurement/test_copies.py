@@ -125,6 +125,7 @@ def test_few_photographs_tell_a_plain_copy():
     assert judged([pictures[3], copy], (5.0, 5.0), (500.0, 550.0)) == {}
 
 
+@pytest.mark.campaign
 def test_the_command_refuses_a_copy_saved_anew_with_its_reason(tmp_path):
     save(tmp_path / "grid.jpg", photograph(SCENE, None, seed=1)[0])
     for k, height in enumerate(HEIGHTS):

@@ -255,6 +255,7 @@ def test_no_lines_have_no_shape():
     assert [line is None for line in LineShape.fitted(distance, inks)] == [False, True]
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("blur", sampled([4.0, 9.2]))
 def test_grid_lines_do_not_move_an_edge_that_is_out_of_focus(blur):
     bench, height = Bench.random(28), 1.8e-3

@@ -58,6 +58,7 @@ def test_at_the_same_pressure(run, column):
     assert found[f"{name}_ci95_{unit}"] == pytest.approx(expected, rel=2e-4)
 
 
+@pytest.mark.campaign
 def test_the_limit_point(run):
     """There the pressure at the same volume is the highest one, of every material near by."""
     row = next(row for row in run.rows if row["limit"])

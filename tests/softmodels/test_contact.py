@@ -233,6 +233,7 @@ def test_a_facet_that_is_folded_onto_itself_is_an_invalid_state(name, width, dep
     assert note.startswith("SURFACE FOLDED: from 3 cm on, in one state, ")
 
 
+@pytest.mark.campaign
 def test_a_state_between_two_is_judged_as_their_rows_are(fingers):
     """Walls that overlap at two states overlap between them, and by an amount between."""
     run = sm.inflate(COARSE, sm.NeoHookean(16e3), "0,3,5 cm", components=[sm.Walls("none")])

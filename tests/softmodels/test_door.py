@@ -356,6 +356,7 @@ assert handlers() == before, (before, handlers())
     assert not script(text)
 
 
+@pytest.mark.campaign
 def test_threads_take_turns(tmp_path):
     """Each call of the door by two threads at a time, begun at once: what each returns alone."""
     text = f"""

@@ -131,6 +131,7 @@ def test_a_branch_is_a_run_of_its_own(twin, tmp_path):
         twin.branch.at("0.1 ml")
 
 
+@pytest.mark.campaign
 def test_a_branch_is_followed_into_the_folder(twin, tmp_path):
     run = sm.inflate(TWIN, TWIN_LAW, volumes="0:90:30 ml", branch=True, folder=tmp_path / "disk")
     for one, other in zip(map(dict, [*run.rows, *run.branch.rows]), [*twin.rows, *twin.branch.rows], strict=True):
@@ -174,6 +175,7 @@ def test_strokes_in_between(monkeypatch):
     assert run.at("9 cm").pressure == pytest.approx(9 * run.case.cm, rel=1e-9)
 
 
+@pytest.mark.campaign
 @pytest.mark.quick
 @pytest.mark.parametrize("ranks", [2])
 def test_several_ranks_write_one_folder(ranks, tmp_path, in_memory):
@@ -233,6 +235,7 @@ def roof(file):
     file.write_text("\n".join([*lines, "endsolid roof", ""]))
 
 
+@pytest.mark.campaign
 def test_what_a_folder_needs_lies_in_it(tmp_path, monkeypatch):
     """Its part and its shapes come along: it is read, solved in and run again without the files that it was made from."""
     (tmp_path / "bench").mkdir()

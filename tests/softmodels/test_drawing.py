@@ -148,6 +148,7 @@ def test_pictures_at_rest_are_drawn_once_and_only_of_this_device(wedge, half_sec
     assert set(other) == {"mesh"} and other["mesh"] != early["mesh"]
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(not can_render(), reason="this machine cannot render")
 def test_what_is_drawn_while_a_run_goes_on_is_what_is_drawn_after_it(wedge, tmp_path):
     """The same pictures, to the byte, from orders in two steps and from the folder at once."""

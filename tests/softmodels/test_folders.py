@@ -420,6 +420,7 @@ def foreign(tmp_path, monkeypatch):
     return hit
 
 
+@pytest.mark.campaign
 def test_a_run_there_is_the_run_of_elsewhere(foreign, whole, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))  # so that the equations are compiled there
     started = "from softmodels.disk import command; from softmodels.cli.options import main; main(command)"

@@ -180,6 +180,7 @@ def test_laws_profiles_and_a_tensile_curve(run_of):
     assert report.chosen.fit.error("c1") < alone.fit.error("c1")
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("height_datum", sampled(["shadow", "apex", "undeformed"]))
 def test_heights_from_where_they_count(height_datum, run_of):
     """A displacement sensor on the plate that was set to zero as it hung, a photograph, and a height above the clamp."""

@@ -62,6 +62,7 @@ def test_a_path_that_ends_says_what_is_unstable(tmp_path):
     assert closed.ended.status == 3 and np.isfinite(closed.frequency).all() and not closed.unstable
 
 
+@pytest.mark.campaign
 def test_a_solid_is_drawn_and_a_case_file_read(tmp_path):
     case = sm.Case("beam", BEAM, LAW, components=sm.Gravity("-z"), steps=steps_of(share=(1.0,)))
     (tmp_path / "beam.toml").write_text(case.to_toml())

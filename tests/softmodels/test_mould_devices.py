@@ -93,6 +93,7 @@ def _check(device, found, bodies, folder):
                 assert sum(occ.getMass(*solid) for solid in common) < 1e-6
 
 
+@pytest.mark.campaign
 def test_a_balloon_is_cast_without_a_seam_around_wax(tmp_path):
     """The wax core is the cavity, larger by both shrinkages, with a peg of 1 degree; it is cast, not printed."""
     device = DEVICES[Balloon][0]
@@ -128,6 +129,7 @@ stiffness = "1 kN/m"
 THREAD = {"thread": 8e-4, "chord": 1e-4, "shrinkage": 0.01, "vents": 1, "bolt": 0.0}
 
 
+@pytest.mark.campaign
 def test_grooves_lie_where_the_fibres_are(tmp_path):
     """Small cubes along the model's own direction are in the ridges of the mould's halves, and half-way to the next thread they
     are not; nothing is undercut, nothing collides, and tube, casts and grooves add up."""
@@ -222,6 +224,7 @@ def test_the_lid_of_a_piece_called_cup_is_no_cup():
     assert "Put the cup cup on the cup lid and bolt" in steps
 
 
+@pytest.mark.campaign
 def test_slender_fins_are_named_with_a_remedy_that_cures():
     """Between the chambers of a finger: as thick as the gap, as deep and long as the chambers' outsides; one sentence each."""
     finger = PneuNet(chambers=3)

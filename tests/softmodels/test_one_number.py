@@ -137,6 +137,7 @@ def test_without_walls_near_each_other_no_gap_is_told(inflated):
     assert overlap_of(states.rows[-1]) == 0.0 and overlap_of(Row({"least_gap_mm": -0.5})) == 0.5e-3
 
 
+@pytest.mark.campaign
 def test_a_cycle_tells_its_jumps(cycled):
     folder, done = cycled
     assert done.status == 0, done.err

@@ -134,6 +134,7 @@ def test_noiseless_outlines_give_their_material_back(inflation, figure):
     assert device.paths <= 40  # a search over 20 x 20 values follows 400
 
 
+@pytest.mark.campaign
 def test_outlines_past_a_limit_point(inflation, figure):
     """Readings that fall at last while the device grows."""
     device = inflation(THIN, "neo-hookean")
@@ -198,6 +199,7 @@ def test_a_casting_tolerance_is_in_the_interval(inflation):
     assert share == pytest.approx(100 * abs(other / exact.values["shear_modulus"] - 1), rel=0.15)
 
 
+@pytest.mark.campaign
 def test_heights_consider_a_casting_tolerance(inflation):
     device, rng = inflation(law="neo-hookean", poisson=0.5), np.random.default_rng(16)
     made = simulated_outlines(device, THICKER, PRESSURES, SimulatedCamera(), rng=rng)
@@ -218,6 +220,7 @@ def test_heights_consider_a_casting_tolerance(inflation):
     assert np.sqrt(errors["5 %"] ** 2 - errors["exact"] ** 2) == pytest.approx(2.5 * by_membrane, rel=1e-6)
 
 
+@pytest.mark.campaign
 def test_neo_hookean_cannot_follow_a_hardening_silicone(inflation, figure):
     device, plain = inflation(), inflation(law="neo-hookean")
     rng = np.random.default_rng(3)
@@ -298,6 +301,7 @@ def test_heights_alone_hold_the_truth_of_an_imperfect_bench(inflation):
     assert np.mean(held) >= 0.75 and np.mean(scatter) <= 0.5
 
 
+@pytest.mark.campaign
 def test_a_tensile_curve_tells_the_leak(inflation):
     """Outlines hold leak and hardening together only as their product; a curve of the same silicone parts them."""
     device, rng = inflation(poisson=0.5), np.random.default_rng(6)

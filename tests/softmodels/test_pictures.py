@@ -38,6 +38,7 @@ def loaded(folder: Path) -> tuple[States, HollowDisk]:
     return states, states.actuator
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("kind", ["wedge", "half_slab"])
 def test_every_picture_is_drawn_and_shows_something(kind, drawn):
     folder, done = drawn(kind)

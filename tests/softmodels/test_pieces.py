@@ -106,6 +106,7 @@ def test_amounts_that_do_not_fit_are_refused(ended, tmp_path):
         )
 
 
+@pytest.mark.campaign
 def test_a_ring_within_the_layer_of_a_membrane():
     """With rings of no thickness the cells end at their radii, so that the region is the whole ring of the layer."""
     membrane = sm.Membrane(rings=(0.008, 0.010))
@@ -144,6 +145,7 @@ def test_regions_that_share_cells_are_refused():
     assert heights[0] == pytest.approx(heights[1], rel=1e-9)
 
 
+@pytest.mark.campaign
 def test_named_faces_of_a_part_that_overlap(step_file, tmp_path):
     """A force on a face acts on all of it, whatever other names its pieces have; so does what holds the part."""
     file = step_file(tmp_path / "bar.step", lambda occ: occ.fragment(
@@ -155,6 +157,7 @@ def test_named_faces_of_a_part_that_overlap(step_file, tmp_path):
     assert rises[1] == pytest.approx(rises[0], rel=1e-9)
 
 
+@pytest.mark.campaign
 def test_a_part_without_air(step_file, tmp_path):
     """A bar from a STEP file bends as the library's beam does; its faces have names of the user's."""
     file = step_file(tmp_path / "bar.step", lambda occ: occ.addBox(0, -5, -2.5, 40, 10, 5))

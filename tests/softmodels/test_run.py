@@ -40,6 +40,7 @@ def test_a_failed_mesher_is_a_sentence_and_status_1(monkeypatch, capsys, tmp_pat
     assert not (tmp_path / "disk").exists()  # nothing was made that a folder would be needed for
 
 
+@pytest.mark.campaign
 def test_a_solver_kept_from_converging_leaves_its_states(tmp_path):
     """One iteration of the linear solver is enough where the tangent was factorised close by, not on a plane that stops it."""
     plane = ("--contact", "top", "--contact-plane", "z = 30 mm")
@@ -160,6 +161,7 @@ print(len(left))
         assert (done.status, done.out, done.err) == (0, f"{count}\n", "")
 
 
+@pytest.mark.campaign
 def test_a_case_files_solver_is_replaced_and_its_run_resumed_by_the_other(tmp_path):
     """A rigid plate on a membrane: begun by iterations, resumed by a factorisation."""
     text = '[geometry]\ndevice = "Membrane"\nplate_radius = "8 mm"\n[rigid.plate]\nface = "plate"\n[load]\nvolume_ml = "{}"\n'

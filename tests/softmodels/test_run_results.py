@@ -167,6 +167,7 @@ def test_a_run_goes_on_to_higher_pressures(whole, whole_copy):
     assert longer[: len(rows)] == rows and longer[-1]["pressure_cm"] == 190.0 and longer[-1]["requested"] == 1
 
 
+@pytest.mark.campaign
 def test_two_ranks_say_everything_once_and_find_the_same(whole, tmp_path):
     done = runs.disk(tmp_path / "disk", "--pressure-cm", "0:177:5", launcher=[mpirun(), "-n", "2"])
     assert done.status == 0, done.err

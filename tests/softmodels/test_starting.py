@@ -143,6 +143,7 @@ def test_another_petsc_beside_the_wheels_is_refused_by_name(name, tmp_path):
     assert "ninstall" in done.stderr and "Traceback" not in done.stderr and not (tmp_path / "disk").exists()
 
 
+@pytest.mark.campaign
 def test_equations_are_compiled_without_what_debuggers_read(tmp_path, monkeypatch):
     """That took two thirds of the compiler's time, and says nothing of the numbers."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))

@@ -81,6 +81,7 @@ def test_a_plane_that_does_not_lie_along_an_axis(tmp_path, figure):
     figure(CALCULIX, "rise of a tip on a rigid plane askew", probes_off(row, found), 1e-4)
 
 
+@pytest.mark.campaign
 def test_a_clamp_that_slips_and_a_ball(tmp_path, figure):
     """A tip that slips along z alone, and a rigid sphere on a spring beside the first chamber."""
     row, found = solved(tmp_path, "clamped", 20.0, components=(sm.Clamp("tip", slip="z"), BALL))

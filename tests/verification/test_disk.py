@@ -66,6 +66,7 @@ def wedge(inflated):
     return inflated(HollowDisk())
 
 
+@pytest.mark.campaign
 def test_wedge_matches_the_section(wedge, section, figure):
     against = "axisymmetric section, default cells, 70, 130 and 177 cm"
     figure(against, "wedge's apex", wedge.apex / section.apex - 1, 2.5e-3)

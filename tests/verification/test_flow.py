@@ -208,6 +208,7 @@ def test_a_thick_sphere_filled_held_and_emptied(tolerance, bound, body_of, figur
     figure(WALL, f"pressure in time over the largest, tolerance {tolerance:g}", off, bound)
 
 
+@pytest.mark.campaign
 def test_a_sphere_keeps_a_set(body_of, figure):
     """A branch that flows above a stress: raised in 3 s, held for 2 s, vented in 3 s, at rest for an hour.
 

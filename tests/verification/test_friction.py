@@ -114,6 +114,7 @@ def test_a_beam_that_slides_on_a_table_has_coulombs_ratio(figure):
     assert np.diff(path["rod_friction_mJ"]).min() > 0.4 * pressing * drawn * 1e3
 
 
+@pytest.mark.campaign
 def test_a_strip_around_a_rod_holds_as_euler_and_eytelwein_have_it(figure):
     """A strip that hangs over a rod by a quarter of a turn: the pull at its clamp is the tip's over exp(mu pi / 2).
 
@@ -142,6 +143,7 @@ def pressed_disk():
     return found
 
 
+@pytest.mark.campaign
 def test_a_state_between_two_remembers_what_they_do(pressed_disk):
     run = sm.inflate(SECTION, LAW, "0:120 cm", components=[PLATE])
     row, beside = run.at("100 cm").row, pressed_disk[24]

@@ -37,6 +37,7 @@ def rough():
     return grasp(finger(0.5), 3, LOAD, DOWN, steps=2)
 
 
+@pytest.mark.campaign
 def test_forces_and_moments_balance_the_load(smooth, rough, figure):
     wrong = [np.abs(made.imbalance(held)).max() / held.press.sum() for made, found in (smooth, rough) for held in found]
     assert len(wrong) == 6 and all(held.press.min() > 0.0 for held in rough[1])

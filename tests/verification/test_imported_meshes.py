@@ -53,6 +53,7 @@ def states(step_file, tmp_path_factory):
     }
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("kind", sampled(["msh", "stl"]))
 def test_the_same_path(states, kind):
     """Sharp corners on 2.4 and 3 mm cells: the tip's rises are 2 to 5 % apart, the volumes 1 %."""

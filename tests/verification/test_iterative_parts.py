@@ -63,6 +63,7 @@ def iterations(solver, state):
     return solver.bordered.iterate(b, b.duplicate(), 1e-7)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("case", sampled(RIGID))
 def test_rigid_parts(case, body_of, figure):
     device, components, formulation, pressures = RIGID[case]
@@ -209,6 +210,7 @@ volume_ml = "0,10,30"
 }
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("name", sampled(CASES))
 def test_other_parts(name, figure):
     """Whole paths from a case file, requested states compared column by column with what each column has at most."""

@@ -78,6 +78,7 @@ def test_past_a_limit_point_of_a_disk(equilibrium, solved, figure):
     figure(DENSE, "a disk past its limit point", found / wanted - 1, 8e-9)
 
 
+@pytest.mark.campaign
 def test_at_a_bifurcation_past_a_limit_point(equilibrium, solved, figure):
     """There the lowest eigenvalue is negative already, and another one is zero."""
     equations = equilibrium(TWIN, HARDENING)

@@ -171,6 +171,7 @@ def test_a_branch_does_not_see_a_turn():
     assert energy(Q @ C @ Q.T, entries(Q @ tensor(H) @ Q.T), b) == pytest.approx(energy(C, H, b), rel=1e-12)
 
 
+@pytest.mark.campaign
 def test_a_closed_cycle_never_gives_energy_back():
     """Random histories in random steps: the work on a spring and its dashpot is above what the spring stores."""
     for seed in range(40):

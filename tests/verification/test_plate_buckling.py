@@ -95,6 +95,7 @@ def wanted(slenderness, waves, material):
     return nominal_stress(material.shear_modulus_0, critical_stretch(waves * math.pi / 2 / slenderness))
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("slenderness", "waves", "material"), sampled(PLATES))
 def test_plate_bends_at_its_critical_loads(pushed, slenderness, waves, material, figure):
     loads = [wanted(slenderness, n + 1, material) for n in range(waves)]

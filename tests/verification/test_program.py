@@ -171,6 +171,7 @@ def part(two_cavities):
     )
 
 
+@pytest.mark.campaign
 def test_pressures_and_volumes_are_two_ways_to_one_state(part, run, figure):
     """Volumes that a program of pressures leads to lead, given by themselves, to those pressures; in any order of steps."""
     pressures = ((60.0, 60.0, 30.0), (0.0, 45.0, 45.0))

@@ -82,6 +82,7 @@ def test_the_face_moves_as_one_and_its_forces_cancel(plated, figure):
     )
 
 
+@pytest.mark.campaign
 def test_tangent_and_inertia_are_those_of_the_free_dofs(plated, figure):
     """K, its product, its negative eigenvalues and its lowest one, against a dense T^T K T."""
     solver, state = plated
@@ -335,6 +336,7 @@ def test_a_half_beam_is_the_half_of_a_whole_one(body_of, figure):
     )
 
 
+@pytest.mark.campaign
 @pytest.mark.quick
 def test_a_rigid_block_is_a_block_whose_nodes_are_moved_so(body_of, figure, monkeypatch):
     """A region that is rigid against the same region with all its nodes held where that motion, computed aside, puts them.

@@ -99,6 +99,7 @@ def orders(solver, law, names, states, kind, figure):
             assert quantity[0] < 1e-5, names
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("law", "kind"),
     sampled(
