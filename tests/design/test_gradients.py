@@ -28,7 +28,7 @@ WORKING = 2000.0
 PAST = JudgedLoad("volume", 40e-6)
 
 
-@pytest.mark.parametrize("name", sampled(LENGTHS, 3))
+@pytest.mark.parametrize("name", sampled(LENGTHS))
 def test_sections(designed, thin_disk, of_all_kinds, second_order, comm, name):
     second_order(designed(thin_disk, LENGTHS, of_all_kinds, comm), name, TAYLOR, "section")
 

@@ -324,7 +324,7 @@ def test_walls_are_those_of_the_plan():
     assert min(own.values()) >= 0.0005 and min(found.values()) >= 0.0005
 
 
-@pytest.mark.parametrize("name", sampled(SLABS, 3))
+@pytest.mark.parametrize("name", sampled(SLABS, ("even",)))
 def test_the_check_passes_where_clearances_are_kept(name, monkeypatch):
     """Hundreds of devices, sound and not, with sizes of all kinds: what has its clearances is never refused."""
     slab, random = SLABS[name], np.random.default_rng(3)

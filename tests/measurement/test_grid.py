@@ -48,8 +48,8 @@ def shot(view, condition, seed=0):
     return image, truth, camera
 
 
-@pytest.mark.parametrize("condition", CONDITIONS)
-@pytest.mark.parametrize("view", sampled(VIEWS, 2))
+@pytest.mark.parametrize("condition", sampled(CONDITIONS, list(CONDITIONS)[2:]))
+@pytest.mark.parametrize("view", sampled(VIEWS))
 def test_grid_is_found_and_its_residual_is_its_error(view, condition):
     image, truth, camera = shot(view, condition)
     grid = find_grid(image, camera, 0.009)
@@ -164,9 +164,11 @@ UNUSABLE = {
     too_few: "fewest|crossings", one_crossing: "fewest|crossings|no grid", chessboard: "fewest", random_lines: "too few places",
     rings: "too faint or too blurred", uneven_spacing: "only 0 crossings", diagonal: "45 degrees", tiny: "32 x 32",
 }  # fmt: skip
+ALIKE = {noise, shadow_only, too_blurred, too_few}
+"""Refused with the sentence of another one: in campaigns."""
 
 
-@pytest.mark.parametrize("picture", UNUSABLE, ids=lambda picture: picture.__name__)
+@pytest.mark.parametrize("picture", sampled(UNUSABLE, UNUSABLE.keys() - ALIKE), ids=lambda picture: picture.__name__)
 def test_refused_with_the_reason(picture):
     with pytest.raises(GridError, match=UNUSABLE[picture]):
         find_grid(picture())

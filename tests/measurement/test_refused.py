@@ -204,7 +204,11 @@ def bench(tmp_path_factory, request):
     run's tests look at."""
     items = [item for item in request.session.items if item.path == request.path]
     anyway = [name for item in items if "anyway" in item.name for _, name in ANYWAY]
-    asked = {item.callspec.params["kind"] for item in items if hasattr(item, "callspec")} | {"plain", *BY_DEFAULT, *anyway}
+    asked = {item.callspec.params["kind"] for item in items if hasattr(item, "callspec")} | {
+        "plain",
+        *BY_DEFAULT,
+        *anyway,
+    }
     folder = tmp_path_factory.mktemp("refused")
     save(folder / "grid.jpg", photograph(SCENE, None, seed=1)[0])
     save(folder / "zero.jpg", photograph(SCENE, dome(0.0, floor=FLOOR), seed=2)[0])

@@ -54,7 +54,7 @@ def bench():
     return Photographs()
 
 
-@pytest.mark.parametrize("kind", sampled(runs.THINGS, ("cable", "ruler")))
+@pytest.mark.parametrize("kind", sampled(runs.THINGS, ("ruler",)))
 def test_a_second_thing_beside_the_body_is_named(bench, kind):
     with pytest.raises(Unmeasurable, match=r"second thing|several shadows") as raised:
         bench.outline(bench.picture(bench.thing(kind)))
@@ -100,7 +100,7 @@ def test_a_second_thing_may_be_used_anyway(bench):
     assert not outline.trusted and any("second thing" in reason for reason in outline.reasons)
 
 
-@pytest.mark.parametrize("height", [2.6e-3, 4e-3], ids=["grid line along the top", "steep top"])
+@pytest.mark.parametrize("height", sampled([4e-3, 2.6e-3]), ids=["steep top", "grid line along the top"])
 def test_a_grid_line_along_the_top_and_a_steep_top_are_trusted_and_right(bench, height):
     """Before: the steep one bends sharply by 11 degrees."""
     outline = bench.outline(bench.picture(height=height))

@@ -69,6 +69,7 @@ def test_the_limit_point(run):
     assert f"between {low:.4g} and {high:.4g} cm" in note
 
 
+@pytest.mark.campaign
 def test_at_the_same_volume():
     rows = sm.inflate(DISK, law(), volumes="2 ml", band=ERRORS).rows
     expected = half(slopes(lambda other: sm.inflate(DISK, other, volumes="2 ml").rows[-1]["apex_mm"]))

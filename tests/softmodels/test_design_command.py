@@ -81,6 +81,7 @@ def test_a_killed_run_leaves_its_best_design_and_goes_on_to_the_same_end(place, 
     assert Case.from_file(place / "out" / "design.toml") == Case.from_file(reference[0] / "design.toml")
 
 
+@pytest.mark.campaign
 def test_another_program_is_kept_out(place):
     process = begun(place, 0, 60.0)
     other = design(place, "--no-pictures")

@@ -61,6 +61,7 @@ def fit(taken, **how):
     return sm.fit(pairs, material="neo-hookean", options=dataclasses.replace(QUICK, **how))
 
 
+@pytest.mark.campaign
 def test_one_material_and_the_bench_of_each_come_back(outlines):
     """Without noise and without priors, which pull towards a bench that does nothing wrong."""
     loose = {name: {"prior": None} for name in ("scale", "zero")}

@@ -238,6 +238,7 @@ def arrays_of(thing, found, seen, depth=0):
     return found
 
 
+@pytest.mark.campaign
 def test_the_runs_arrays_are_its_own(ballooned, tmp_path):
     """What a user does with an array of a run changes neither the run, nor what is solved from it, nor what it saves."""
     before = ballooned.save(tmp_path / "before")

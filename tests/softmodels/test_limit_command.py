@@ -248,6 +248,7 @@ def test_any_device_by_its_options(ended):
     assert status == 0 and 1e3 * float(re.search(r"\(([\d.]+) kPa\)", out)[1]) == pytest.approx(most, rel=1e-3)
 
 
+@pytest.mark.campaign
 def test_straight_edges_are_told_wherever_a_device_is_meshed(ended, monkeypatch):
     """A mesh with edges that could not be curved; no device's has some today, so that their number is set."""
     monkeypatch.setattr(body.meshing, "straight_edges", lambda: 12)

@@ -358,6 +358,7 @@ def test_ten_thousand_readings_give_the_weights_of_a_hundred():
             assert found[name] == pytest.approx(value, abs=0.01), name
 
 
+@pytest.mark.campaign
 def test_the_relaxation_times_are_what_the_data_can_show():
     slow = curve(LAW, (100.0 * PULL[0], PULL[1]))
     assert memory.spectrum([slow]).times == (100.0, 1000.0)

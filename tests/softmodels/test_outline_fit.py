@@ -176,6 +176,7 @@ THICKER = {"shear_modulus": 33.7e3, "membrane": DISK.membrane + 1e-4}
 """A part whose membrane was cast 0.1 mm thicker than drawn."""
 
 
+@pytest.mark.campaign
 def test_a_casting_tolerance_is_in_the_interval(inflation):
     """By default; with the membrane taken as drawn, the interval leaves the truth out, and the note says by how much."""
     device = inflation(law="neo-hookean", poisson=0.5)

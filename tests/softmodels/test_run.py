@@ -19,6 +19,7 @@ from softmodels.disk import command
 from softmodels.mechanics.compiling import told_of_waits, use_cache
 from softmodels.runs.simulation import Simulation
 from tests.support import runs
+from tests.support.campaigns import sampled
 
 STEPS = ("--pressure-cm", "0:177:5", "--quiet")
 
@@ -93,7 +94,8 @@ def test_no_compiler_is_a_sentence(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("job", "status", "sentence"), [(True, 130, "stopped by the user"), (False, 1, "SIGTERM ended the C compiler")]
+    ("job", "status", "sentence"),
+    sampled([(True, 130, "stopped by the user"), (False, 1, "SIGTERM ended the C compiler")]),
 )
 def test_a_signal_during_compilation_is_no_missing_compiler(job, status, sentence, tmp_path):
     """A batch queue ends all processes of a job at once."""

@@ -253,6 +253,7 @@ def test_a_balloon_with_much_gas_snaps_at_once(limit, filled):
     assert pressures[-1] == pytest.approx(limit, rel=0.05) and times[-1] < 400.0
 
 
+@pytest.mark.campaign
 def test_a_sealed_device_loses_its_pressure_through_a_leak(filled, equilibrium, solved, figure):
     law, disk = (
         NeoHookean(20e3, 0.495),

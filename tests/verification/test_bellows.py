@@ -51,6 +51,7 @@ def test_its_blocked_force_is_its_stiffness_times_its_free_rise(equilibrium, sol
     )
 
 
+@pytest.mark.campaign
 def test_its_mesh_has_converged(equilibrium, solved, figure):
     rises = []
     for cell_size, through in ((0.8e-3, 2), (0.4e-3, 4)):

@@ -73,6 +73,7 @@ def test_wedge_matches_the_section(wedge, section, figure):
     figure(against, "wedge's added volume", wedge.volume / section.volume - 1, 2e-3)
 
 
+@pytest.mark.campaign
 def test_default_cells_are_fine_enough(wedge, section, fine, figure):
     against = "a section with cells of 0.4 mm"
     for name, coarse in (("wedge", wedge), ("section", section)):

@@ -177,6 +177,7 @@ def test_the_stiffness_of_a_spring_is_the_derivative_of_its_stress(x, figure):
 SOFT = NeoHookean(MU, 0.5).with_memory(branches=[dataclasses.replace(VHB, time=20.0), (0.2, 3.0)])
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("tolerance", "bound"), sampled([(5e-5, 2.5e-4), (1e-6, 8e-5)]), ids=["default", "fine"])
 def test_a_thick_sphere_filled_held_and_emptied(tolerance, bound, body_of, figure):
     """Filled in 3 s to 1.8 times its inner radius, held for 7 s and let out in 1 s to 1.3 times."""

@@ -109,6 +109,7 @@ def test_a_cycle_leaves_still_dofs_alone(body_of):
         np.testing.assert_array_equal(x.array_r[still], b.array_r[still])
 
 
+@pytest.mark.campaign
 def test_friction(body_of, figure):
     """Newton's product is unsymmetric. The steps are given: what friction has held depends on them."""
     ball = sm.RigidShape("sphere", "top", (0.0, 0.0, 0.026), radius=0.010, friction=0.3, name="ball")

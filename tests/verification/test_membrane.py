@@ -62,6 +62,7 @@ def apart(request, equilibrium, solved):
     return shares, paths
 
 
+@pytest.mark.campaign
 def test_the_equations_balance_their_energy(figure):
     """What is stored is the work of the pressure and of the weight on a plate: shooting against itself."""
     for plate, weight in ((0.0, 0.0), (0.008, 0.1)):

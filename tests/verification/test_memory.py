@@ -387,6 +387,7 @@ def test_a_thin_sphere_snaps_after_a_while(body_of, figure):
         figure(SNAP, f"time of the snap at {over:g} times the relaxed limit", end.time / lost - 1, 0.01)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     "law",
     sampled(

@@ -272,6 +272,7 @@ def test_a_turned_plate_is_in_balance(bent, figure):
     figure("the undeformed plate", "distances within a turned plate", np.abs(moved - rest).max(), 1e-13)
 
 
+@pytest.mark.campaign
 def test_tangent_of_a_turned_plate(bent, figure):
     """The tangent's product against differences of the residual, where the plate has turned on from the state as well."""
     solver, state = bent

@@ -75,6 +75,7 @@ def test_mirrored_channels_lift_the_other_way(inflated, comm, solved, tmp_path, 
         assert image.max_stretch_at == pytest.approx(np.array(plain.max_stretch_at) * (1, 1, -1), abs=1e-9)
 
 
+@pytest.mark.campaign
 def test_half_is_the_full_slab(inflated, figure):
     """The full slab's cells are the half's and their images: what is left is the solver's tolerance."""
     for half, full in zip(inflated(), inflated(part="full"), strict=True):

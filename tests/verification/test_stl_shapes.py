@@ -89,6 +89,7 @@ def plane():
     return sm.inflate(EIGHTH, LAW, "0,40 cm", components=[sm.Obstacle("top", f"z = {CEILING * 1e3} mm")])
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("hollow", sampled([False, True]))
 def test_a_side_of_a_box_is_a_plane(hollow, plane, tmp_path):
     low, high = (
