@@ -17,13 +17,13 @@ import pytest
 
 from softmodels.runs.store import Results
 from softmodels.runs.table import Row
+from tests.support.campaigns import sampled
 
 # VTK and h5py each bring an HDF5: VTK reads in a process of its own.
 READ = """
 import sys, numpy as np, pyvista
 from vtkmodules.vtkIOHDF import vtkHDFReader
 from vtkmodules.vtkIOXdmf2 import vtkXdmfReader
-from tests.support.campaigns import sampled
 from tests.support.campaigns import sampled
 
 def steps(reader, file, count):
