@@ -209,6 +209,7 @@ def test_a_design_that_balloons_below_its_load_is_stepped_back_from(thin_disk, c
     assert again.values["rise at 2 kPa"] == pytest.approx(here.values["rise at 2 kPa"], rel=1e-7)
 
 
+@pytest.mark.campaign
 def test_a_poor_mesh_is_made_anew_and_its_states_are_interpolated(comm, monkeypatch, figure):
     """Another length is free too, so that the two meshes have other units of length."""
     disk = HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.004)

@@ -99,7 +99,7 @@ def grid():
     ("name", "words", "made"),
     [
         ("setup.png", (), "setup-overlay.png"),
-        ("grid.png", ("-o", "grid.toml"), "grid-overlay.png"),
+        pytest.param("grid.png", ("-o", "grid.toml"), "grid-overlay.png", marks=pytest.mark.campaign),
         ("grid.png", ("--overlay", "grid.png"), None),
         ("grid.png", ("-o", "grid.png"), None),
         ("grid.png", ("-o", "notes.toml"), None),

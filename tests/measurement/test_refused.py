@@ -340,6 +340,7 @@ def test_a_list_without_a_zero_is_bad_input(bench, tmp_path):
     assert "the undeformed surface is unknown" in done.stderr
 
 
+@pytest.mark.campaign
 def test_the_region_of_interest_must_not_cut_the_shadow(bench, tmp_path):
     folder = bench[0]
     for roi, reason in (

@@ -146,6 +146,7 @@ def test_unreadable(tmp_path):
         refused("cannot be read as a photograph", tmp_path, path, "--lens", "none")
 
 
+@pytest.mark.campaign
 def test_setup_is_kept_when_its_picture_or_itself_cannot_be_written(tmp_path):
     path, output = save(tmp_path / "photo.png", grid()), tmp_path / "setup.toml"
     earlier = 'plane = "earlier"'

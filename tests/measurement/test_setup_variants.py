@@ -118,6 +118,7 @@ def test_scale_and_lamp(tmp_path):
     assert error == pytest.approx(0.01 / 1.02 * np.hypot(0.05 / 25, setup.magnification_error / 1.02), rel=1e-6)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("focal", sampled([18.0, 35.0]))
 def test_lens_from_exif_through_the_command(focal, tmp_path):
     """A photograph bent by lensfun's own map for what its EXIF names, against its truth with and without the lens."""

@@ -138,6 +138,7 @@ def coloured_share(picture):
     return np.mean(np.ptp(pixels, axis=2) > 40)
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(not can_render(), reason="this machine cannot render")
 def test_without_a_display_a_device_in_space_is_a_picture(run, wedge, monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)

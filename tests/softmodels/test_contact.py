@@ -187,6 +187,7 @@ def fingers():
     ]
 
 
+@pytest.mark.campaign
 def test_chambers_do_not_pass_through_each_other_by_default(fingers):
     pressed, passing = (run.path for run in fingers)
     assert not pressed["walls_touch"].any() and pressed["walls_contact_N"][-1] > 0.0

@@ -59,6 +59,7 @@ def begun(place, count, seconds=0.3):
     return process
 
 
+@pytest.mark.campaign
 def test_ctrl_c_leaves_the_best_design_so_far(place):
     process = begun(place, 3)
     process.send_signal(signal.SIGINT)

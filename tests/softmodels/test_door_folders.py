@@ -63,6 +63,7 @@ def test_states_are_in_the_folder_as_soon_as_they_are_solved(in_memory, tmp_path
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.campaign
 def test_a_killed_script_leaves_its_states_and_is_resumed(in_memory, tmp_path):
     text = """
 def die(row):
@@ -116,6 +117,7 @@ def test_whose_folder_it_is_and_what_was_run_there(in_memory, tmp_path):
         sm.inflate(BALLOONS, LAW, pressures="0:10 cm", load_unload=True, branch=True)
 
 
+@pytest.mark.campaign
 def test_a_branch_is_a_run_of_its_own(twin, tmp_path):
     at = next(k for k, row in enumerate(twin.rows) if row["bifurcation"])
     assert twin.branch.case == twin.case and twin.branch.limit is None

@@ -41,6 +41,7 @@ def drawing(section):
     found.leave()
 
 
+@pytest.mark.campaign
 def test_a_process_that_was_ready_draws(section, drawing, monkeypatch, capsys):
     monkeypatch.setattr(module.processes, "cores", lambda: 2)
     drawing.get_ready(ranks=1)

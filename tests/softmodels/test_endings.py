@@ -138,6 +138,7 @@ def test_and_its_syringe_compresses_the_gas_alone():
     assert run.pressure[-1] == pytest.approx(syringe.ambient * 1e-6 / (gas - 1e-6), rel=0.02)
 
 
+@pytest.mark.campaign
 def test_a_part_that_snaps_while_the_volume_is_given_is_let_go():
     """The edge of a bellows' cap is pushed over on the plane that stops it: pressure and volume turn back both at once."""
     device = sm.Bellows(

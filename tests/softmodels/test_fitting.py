@@ -255,7 +255,7 @@ def test_autocorrelation_time():
 
 
 @pytest.mark.parametrize("factor", sampled([0.0, 0.7]))
-@pytest.mark.parametrize("loss", ["linear", "soft_l1"])
+@pytest.mark.parametrize("loss", sampled(["linear", "soft_l1"]))
 def test_intervals_cover(factor, loss):
     """400 lines with white or correlated noise: the 95 % intervals hold the truth in 90 to 99 %."""
     rng, hits = np.random.default_rng(7), 0

@@ -249,6 +249,7 @@ SLOTS = [(1.0, 8.0, 0.0), (1.6, 8.0, 0.0), (1.0, 4.95, 0.0), (0.8, 8.0, 0.6), (0
 """Width and depth in mm of a slot at its middle, and draft of its flanks in degrees; the first and the last are slender."""
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("slot", sampled(SLOTS, whole=True), ids=str)
 def test_slender_fins_of_a_part_are_cured_by_width_depth_or_draft(slot, tmp_path):
     import gmsh
@@ -284,6 +285,7 @@ def test_slender_fins_of_a_part_are_cured_by_width_depth_or_draft(slot, tmp_path
     assert len(found.notes) == (slot in (SLOTS[0], SLOTS[-1]))
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("kind", sampled([PneuNet, SuctionCup, Membrane, Bellows]))
 def test_the_pictures_of_the_steps_show_the_sheet(kind, monkeypatch):
     """A cup that the sheet fills before the lid comes on is filled in the pictures, and the silicone there is up to the rim; a

@@ -80,6 +80,7 @@ def test_a_program_goes_on_from_its_last_step(program, tmp_path):
             assert row[name] == pytest.approx(expected[name], rel=1e-8, abs=1e-10), name
 
 
+@pytest.mark.campaign
 def test_a_program_that_meets_a_limit_says_which_step_and_where(program, tmp_path):
     """Neo-Hookean walls blow up at some pressure, whatever the other cavity does."""
     done = program("cavity1.volume_ml = 0.02\ncavity2.pressure_cm = [0, 2000]\n", "--no-pictures")

@@ -127,6 +127,7 @@ def test_compliance_is_symmetric_and_positive(model):
         assert np.linalg.eigvalsh(C / np.outer(D, D)).min() > 0.0
 
 
+@pytest.mark.campaign
 def test_band_of_the_tip(model):
     state = model.states[-1]
     low, high = (fresh([state.pressure], sm.NeoHookean(MU + way))[-1] for way in (-30.0, 30.0))
@@ -159,6 +160,7 @@ def test_round_bellows():
 # -- files --------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.campaign
 def test_chain_in_mujoco(run, model, tmp_path):
     mujoco = pytest.importorskip("mujoco")
     run.reduce(tmp_path / "finger.xml")

@@ -86,7 +86,7 @@ def worst(found, wanted):
     return most
 
 
-@pytest.mark.parametrize("name", ["past a limit point by volume", "a syringe", "friction, there and back"])
+@pytest.mark.parametrize("name", sampled(["past a limit point by volume", "a syringe", "friction, there and back"], 2))
 def test_resumed_from_the_middle_equals_uninterrupted(name, tmp_path, figure):
     _resumed(name, tmp_path, figure, lambda counts: counts[len(counts) // 2 :][:1])
 

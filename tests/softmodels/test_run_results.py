@@ -111,6 +111,7 @@ def test_values_between_the_requested_ones_rise_too(tmp_path):
     assert sorted(rows, key=lambda row: row["added_volume_ml"]) == rows
 
 
+@pytest.mark.campaign
 def test_paraviews_reader_finds_all_fields_on_one_grid_during_and_after(whole, tmp_path):
     folder = tmp_path / "disk"
     process = runs.start(*runs.DISK, "--output", folder, "--pressure-cm", "0:177:5", "--quiet")

@@ -119,6 +119,7 @@ finally:
 """
 
 
+@pytest.mark.campaign
 def test_a_section_is_solved_without_what_it_has_no_use_for(tmp_path):
     words = [sys.executable, "-c", LOADED, *SMALL, "--output", str(tmp_path / "disk")]
     subprocess.run(words, capture_output=True, check=True)  # the first may have to compile the equations

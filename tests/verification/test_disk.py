@@ -178,6 +178,7 @@ def thin_inflated(equilibrium, solved):
     return inflate
 
 
+@pytest.mark.campaign
 def test_a_uniform_profile_is_the_plain_disk(thin_inflated):
     """Apart from a vertex on the top the meshes are alike: 1.3e-6 measured with cells of 1 mm."""
     fine = {"section": "axisymmetric", "cell_size": 0.001, "fillet": 0.0, "base_fillet": 0.0}

@@ -101,6 +101,7 @@ def _run(sizes, mu, shape, load):
     return sm.run(sm.Case.from_toml(BEAM.format(sizes=sizes, mu=mu, shape=shape, load=load))).path
 
 
+@pytest.mark.campaign
 def test_a_beam_that_slides_on_a_table_has_coulombs_ratio(figure):
     """It lies down under its weight, and its tip is drawn out and pushed back."""
     table = 'shape = "plane"\nat = ["0 mm", "0 mm", "-6 mm"]\nalong = [0, 0, 1]\nslip = "0.05 mm"'

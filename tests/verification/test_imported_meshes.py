@@ -85,6 +85,7 @@ def test_a_wedge_of_a_ball_inflates_as_the_ball(angle, copies, wedge_part, equil
     )
 
 
+@pytest.mark.campaign
 def test_a_sheet_bonded_to_chosen_faces_holds_them_back(wedge_part, body_of, solved):
     part = wedge_part("can", 45, surfaces=("lid = z = 10 mm",), gauge_point="at 0, 0, 10 mm")
     rises = []

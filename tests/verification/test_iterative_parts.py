@@ -245,6 +245,7 @@ method = "iterative"
 """
 
 
+@pytest.mark.campaign
 def test_what_iterations_do_not_solve_ends_in_a_sentence(tmp_path, capsys):
     """Paper half a million times stiffer than the silicone, in flat cells."""
     assert run(Case.from_toml(STIFF), tmp_path / "finger", RunOptions(no_pictures=True)) == 1

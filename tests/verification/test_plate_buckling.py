@@ -129,6 +129,7 @@ def test_modes_bend_the_plate_into_half_waves(pushed, slenderness, waves, materi
         assert amplitudes[0] == pytest.approx(amplitudes[1], rel=0.01)  # both faces go the same way: it bends
 
 
+@pytest.mark.campaign
 def test_steps_do_not_move_the_plates_load(pushed, figure):
     """Steps of a tenth of the load and of a third against one of all of it."""
     _, _, (usual,) = pushed(*PLATES[1])
