@@ -127,6 +127,7 @@ def test_blocked_forces(designed, second_order, comm, name):
     second_order(model, name, TAYLOR, "blocked force of a slab")
 
 
+@pytest.mark.campaign
 def test_numbers_of_the_material(of_all_kinds, thin_disk, comm, figure):
     """Against differences of states that were solved for on one mesh with other numbers."""
     law, names = Yeoh(10e3, 100.0, 0.0, 0.49), ("c1", "c2", "poisson")

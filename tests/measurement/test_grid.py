@@ -69,6 +69,7 @@ def test_grid_is_found_and_its_residual_is_its_error(view, condition):
     assert np.abs(missed).max() < 3e-6
 
 
+@pytest.mark.campaign
 def test_origin_is_the_crossing_nearest_to_the_middle_or_to_the_pixel_given():
     image, truth, camera = shot("tilted", "clean")
     grid = find_grid(image, camera)

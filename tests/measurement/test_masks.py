@@ -51,6 +51,7 @@ def measured(picture, setup, zero):
     return outline_of(trace_image(picture, setup), zero, 1000.0, 10.0, "one.jpg")
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("place", sampled([SCREEN, FLANK], whole=True), ids=["on the screen", "over the edge"])
 def test_a_label_is_cured_by_a_mask(setup, zero, clean, place):
     whole = measured(clean, setup, zero)

@@ -59,6 +59,7 @@ def measured(setup, folder, moved):
     return [result.outcome for result in measure_all(photographs, setup, zero)]
 
 
+@pytest.mark.campaign
 def test_a_soft_body_is_measured_and_trusted(setup, tmp_path, figure):
     for outline, height in zip(measured(setup, tmp_path, (0.0,) * 5), HEIGHTS, strict=True):
         assert isinstance(outline, Outline) and outline.trusted, outline

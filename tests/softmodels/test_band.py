@@ -50,6 +50,7 @@ def slopes(value):
                      (value(law(c2=C2 + c2)) - value(law(c2=C2 - c2))) / (2 * c2)])  # fmt: skip
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("column", ["apex_mm", "ceiling_mm", "added_volume_ml"])
 def test_at_the_same_pressure(run, column):
     found = next(row for row in run.rows if row["requested"] and row["pressure_cm"] == 30.0)

@@ -147,7 +147,7 @@ def test_a_branch_is_followed_into_the_folder(twin, tmp_path):
     assert sm.inflate(TWIN, TWIN_LAW, volumes="5 ml", branch=True).branch is None
 
 
-@pytest.mark.parametrize("share", sampled([0.02, 0.5, 0.98], 2))
+@pytest.mark.parametrize("share", sampled([0.5, 0.02, 0.98]))
 @pytest.mark.parametrize("stored", sampled([False, True]))
 def test_a_state_in_between_starts_from_its_neighbours(share, stored, in_memory, tmp_path, monkeypatch):
     """The path from rest to there gives the same to 1e-10 of it; nothing of that is solved here."""

@@ -52,6 +52,7 @@ def test_a_process_that_was_ready_draws(section, drawing, monkeypatch, capsys):
     assert "could not" not in capsys.readouterr().err
 
 
+@pytest.mark.campaign
 def test_few_pictures_are_the_curves_the_stress_and_the_report(section):
     """And those that were drawn before and are not among them are taken away."""
     assert runs.run("-m", "softmodels", "draw", section.folder, "--colormap", "gray").status == 0

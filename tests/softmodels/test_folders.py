@@ -263,6 +263,7 @@ def test_where_the_system_knows_no_locks_the_file_alone_counts(tmp_path, monkeyp
                 lock.take()
 
 
+@pytest.mark.campaign
 def test_runs_keep_out_of_each_others_way(says, tmp_path):
     for words in (["--pressure-cm=0,30"], ["--pressure-cm=0,20"], ["--pressure-cm=0,30"]):
         assert says(command, *BASIC, *words)[0] == 0

@@ -86,7 +86,8 @@ def test_residuals_are_independent_whatever_the_points_of_a_photograph_share(sha
 
 
 @pytest.mark.parametrize(
-    ("components", "height_datum"), sampled([((), ""), (HEAVY, ""), (HEAVY, "apex"), (HEAVY, "undeformed")], 2)
+    ("components", "height_datum"),
+    sampled([((), ""), (HEAVY, ""), (HEAVY, "apex"), (HEAVY, "undeformed")], [(HEAVY, "")]),
 )
 def test_derivatives_are_exact(components, height_datum, inflation):
     """The Jacobian along a random direction against central differences, at values that fit nothing."""

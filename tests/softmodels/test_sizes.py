@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import re
 from pathlib import Path
 
@@ -36,9 +37,14 @@ def _files():
             yield path.relative_to(package.parent).as_posix(), path.read_text(encoding="utf-8")
 
 
+@functools.cache
+def _trees():
+    return {file: ast.parse(text) for file, text in _files()}
+
+
 def _functions():
-    for file, text in _files():
-        for node in ast.walk(ast.parse(text)):
+    for file, tree in _trees().items():
+        for node in ast.walk(tree):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 yield f"{file}: {node.name}", node
 

@@ -111,6 +111,7 @@ def test_force_is_that_of_the_spring_and_of_the_weight(figure):
     assert path["ball_travel_mm"][-1] > 0.4 and path["ball_force_z_N"][1] < 0.02 * 9.81
 
 
+@pytest.mark.campaign
 def test_a_mass_weighs_by_the_gravity_of_its_case(figure):
     """On the Moon a sixth; where gravity pulls it off its stand, the spring holds it and the device pushes from there."""
     section = sm.HollowDisk(section="axisymmetric", cell_size=0.003)

@@ -344,6 +344,7 @@ def test_a_thick_sphere_under_a_pressure_that_jumps_and_rises(body_of, figure):
     figure(WALL, "added volume under a pressure that jumps and rises, over the largest", off, 1e-4)
 
 
+@pytest.mark.campaign
 def test_the_estimated_memory_counts_the_history(body_of, monkeypatch):
     """On a small solid: the arrays of a step, and what both solvers are said to take more than for the relaxed silicone."""
     from dolfinx import fem
