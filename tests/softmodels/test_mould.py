@@ -267,8 +267,9 @@ def test_bad_input_is_a_sentence_and_status_2(words, told, tmp_path):
 
 
 def test_the_command_makes_a_small_mould(tmp_path):
-    words = ("mould", "--device", "Membrane", "--silicone", "ecoflex-00-30", "--chord", "0.2mm", "--no-pictures")
-    done = runs.run("-m", "softmodels", *words, "--output", tmp_path / "out")
+    (tmp_path / "case.toml").write_text('name = "membrane"\n[geometry]\ndevice = "Membrane"\n')
+    words = ("--silicone", "ecoflex-00-30", "--chord", "0.1mm", "--no-pictures", "--output", "out")
+    done = runs.run("-m", "softmodels", "mould", "case.toml", *words, cwd=tmp_path)
     assert done.status == 0 and done.err == "" and "sheet.html" in done.out
     assert "pot life 45 min" in (tmp_path / "out" / "sheet.md").read_text()
     assert {"device.step", "mould.toml", "checks.json"} <= {path.name for path in (tmp_path / "out").iterdir()}
