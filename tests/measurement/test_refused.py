@@ -324,6 +324,7 @@ ZEROS = {
 }
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("kind", sampled(ZEROS))
 def test_a_series_without_a_usable_zero_is_not_measured(bench, tmp_path, kind):
     done = measured(bench[0], listing(bench[0], tmp_path, ZEROS[kind][0]()))
