@@ -197,6 +197,7 @@ def test_a_limit_that_comes_into_reach_is_found(thin_disk, comm):
     assert abs(thinner.gradients["limit pressure"][0]) > 0.0
 
 
+@pytest.mark.campaign
 def test_a_design_that_balloons_below_its_load_is_stepped_back_from(thin_disk, comm):
     case = Case(name="limits", actuator=thin_disk, material=NeoHookean(20e3, 0.49), steps=steps_of(pressure_cm=(20.0,)))
     model = DesignModel(case, ("membrane",), (Rise(at=WORKING), LimitPressure()), comm)

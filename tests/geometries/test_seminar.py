@@ -90,7 +90,7 @@ def test_ends_keep_their_distance_from_the_sides():
         assert edge_distance(slab, *place) == pytest.approx(slab.edge + slab.end_bore, rel=1e-9)
 
 
-@pytest.mark.parametrize("tip_radius", [0.0, 0.004, 0.012])
+@pytest.mark.parametrize("tip_radius", sampled([0.0, 0.004, 0.012]))
 def test_outline(tip_radius):
     """Area by counting points, distance to the sides against the nearest of many points on the outline."""
     slab = SeminarActuator(tip_radius=tip_radius, channels=1)

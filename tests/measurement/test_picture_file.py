@@ -201,7 +201,7 @@ def bench(tmp_path_factory):
     )
 
 
-@pytest.mark.parametrize("kind", sampled(["dgrey16.png", "cmyk.jpg", "heic", "d12.tif"], 2))
+@pytest.mark.parametrize("kind", sampled(["dgrey16.png", "cmyk.jpg", "heic", "d12.tif"]))
 def test_outlines_do_not_depend_on_the_kind_of_file(bench, tmp_path, kind):
     setup, zero, picture = bench
     traced = trace(written(tmp_path / f"a.{kind}", picture, kind), setup, likely=zero.tone)

@@ -95,6 +95,7 @@ def test_a_cable_along_a_grid_line_is_named_and_a_mask_over_it_helps(bench):
     assert (np.abs(bench.off(outline)) < np.maximum(25e-6, 3.0 * outline.error)).all()
 
 
+@pytest.mark.campaign
 def test_a_second_thing_may_be_used_anyway(bench):
     outline = bench.outline(bench.picture(bench.thing("ball")), anyway=True)
     assert not outline.trusted and any("second thing" in reason for reason in outline.reasons)

@@ -179,6 +179,7 @@ def test_unknown_silicones_are_named():
         sm.silicone("ecoflex")
 
 
+@pytest.mark.campaign
 def test_a_run_past_its_limit_point_comes_back_with_it(ballooned, tmp_path):
     limit = ballooned.limit
     assert limit.kind == "limit"

@@ -234,6 +234,7 @@ def test_slack_of_a_history_is_fitted_with_its_memory():
 # What a fit says of itself.
 
 
+@pytest.mark.campaign
 def test_a_fitted_loop_that_is_not_the_measured_one_rejects_the_fit():
     """A silicone that only softens (no time in it) has a loop that relaxation cannot follow at three rates."""
     curves = []

@@ -200,6 +200,7 @@ def test_a_shape_that_gives_way_begins_on_its_line(tmp_path):
     assert (tmp_path / "finger.inp").read_text().count("*SPRING, ") == len(springs.ends) + 1
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     "part",
     sampled(

@@ -228,6 +228,7 @@ def test_samples_fill_the_tolerances():
         Tolerance.parse("section=2mm+-1mm", HollowDisk)
 
 
+@pytest.mark.campaign
 def test_any_device_by_its_options(ended):
     """A closed balloon has the limit of a thick sphere's closed form."""
     words = [

@@ -84,6 +84,7 @@ def test_95_percent_intervals_hold_the_truth(exact, error):
     assert 0.93 <= shares.mean() <= 0.97 and shares.min() >= 0.9 and shares.max() <= 0.99
 
 
+@pytest.mark.campaign
 def test_a_rate_that_was_not_fitted_is_predicted():
     """Fitted to two rates and equilibrium, with relaxation times that the fit does not have (solve_ivp)."""
 
@@ -139,6 +140,7 @@ SOFTENED = LAW.with_memory(list(zip(SHARES, TAUS, strict=True)), SOFT)
 CYCLES = zigzag(1.0, 2.0, 1.0, 2.0, 1.0, 2.6, 1.0, 2.6, 1.0)
 
 
+@pytest.mark.campaign
 def test_softening_is_found_beside_relaxation():
     report = fit_curves([curve(SOFTENED, CYCLES, 50.0), curve(SOFTENED, HOLD, 50.0, 1, "hold")], "yeoh", FAST)
     found, fit = report.material.memory, report.chosen.fit

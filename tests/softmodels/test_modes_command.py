@@ -102,6 +102,7 @@ def test_a_case_at_rest(ended, tmp_path):
     assert status == 2 and "or 0 for the state at rest (--pressure-cm 0)" in err
 
 
+@pytest.mark.campaign
 def test_a_mass_on_an_edge_swings_with_the_device():
     """As one on the whole face of the tip, whose middle is as far from the clamp."""
     edge, face = (

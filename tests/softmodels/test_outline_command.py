@@ -220,6 +220,7 @@ def test_corrections_are_reported(measured, case, outlines, tmp_path):
     assert "all lengths in the photographs too large by" in closing and "it has sunk" in closing
 
 
+@pytest.mark.campaign
 def test_heights_name_their_wrong_row_and_what_they_cannot_tell(measured, case, tmp_path):
     file = tmp_path / "heights.csv"
     for i, by, status, said in ((4, lambda p: p / 2, 1, "4.jpg contradicts"), (2, lambda p: -p, 2, "2.jpg rises")):

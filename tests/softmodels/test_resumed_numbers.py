@@ -167,7 +167,7 @@ def states_in(folder):
     return len(table(folder)), len(results.stored)
 
 
-@pytest.mark.parametrize("name", sampled(IN_TIME, ("a hold",)))
+@pytest.mark.parametrize("name", sampled(IN_TIME, ()))
 def test_no_stored_state_is_lost_however_often_a_run_in_time_is_cut_off(name, killed_after, tmp_path):
     file, folder = tmp_path / "case.toml", tmp_path / "cut"
     file.write_text(IN_TIME[name])

@@ -38,15 +38,13 @@ def _files():
 
 
 @functools.cache
-def _trees():
-    return {file: ast.parse(text) for file, text in _files()}
-
-
 def _functions():
-    for file, tree in _trees().items():
-        for node in ast.walk(tree):
-            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-                yield f"{file}: {node.name}", node
+    return [
+        (f"{file}: {node.name}", node)
+        for file, text in _files()
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+    ]
 
 
 def _parameters(function):

@@ -195,6 +195,7 @@ def test_a_resumed_run_remembers(run, tmp_path):
         assert here == pytest.approx(there, rel=1e-6, abs=1e-9)
 
 
+@pytest.mark.campaign
 def test_a_held_pressure_is_lost_at_a_time(tmp_path):
     law, balloon = sm.NeoHookean(30e3, 0.5), sm.Balloon(neck_radius=0.0)
     limit = sm.limit(balloon, law).pressure

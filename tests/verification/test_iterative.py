@@ -216,6 +216,7 @@ def solver_of(body_of, monkeypatch):
     return made
 
 
+@pytest.mark.campaign
 def test_the_path_and_its_eigenvalues_are_those_of_double_precision(solver_of, figure):
     found = []
     for rounded in (True, False):

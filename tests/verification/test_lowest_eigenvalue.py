@@ -115,6 +115,7 @@ def test_thin_walls_whose_tangent_is_not_factorised(equilibrium, solved, monkeyp
     figure("lowest eigenvalue where the tangent is factorised", "of a slab where it is not", errors, 3e-5)
 
 
+@pytest.mark.campaign
 def test_where_walls_press_on_each_other_it_is_exact(body_of, solved, monkeypatch, figure):
     """Which places press changes from state to state, so that a kept factorisation is of another device."""
     monkeypatch.setattr(stability, "ALWAYS", 0)

@@ -122,6 +122,7 @@ def test_direction_of_the_path(plated, figure):
     figure("a difference of solved states", "rate of a state with a rigid plate", off, 1e-6)
 
 
+@pytest.mark.campaign
 def test_a_case_of_its_own():
     """A plate in a case file: its columns, and the force with which a held one is pushed as a free one is not."""
     text = (

@@ -42,6 +42,7 @@ def lifts(figures):
     return np.array([figure.device["tip_z_mm"] for figure in figures])
 
 
+@pytest.mark.campaign
 def test_off_the_middle_it_lifts_away_from_the_channels(inflated):
     assert np.all(lifts(inflated()) > 0) and SeminarActuator().offset < 0
 
