@@ -24,10 +24,12 @@ SLICES = {
 }
 
 
-DEAR = "180", "180 base turned", "360 turned", "120 turned", "45 turned"
+CAMPAIGN_SLICES = "180", "180 base turned", "360 turned", "120 turned", "45 turned"
 
 
-@pytest.fixture(params=sampled(SLICES.values(), [SLICES[name] for name in SLICES.keys() - DEAR]), ids=SLICES.keys())
+@pytest.fixture(
+    params=sampled(SLICES.values(), [SLICES[name] for name in SLICES.keys() - CAMPAIGN_SLICES]), ids=SLICES.keys()
+)
 def disk(request):
     return request.param
 

@@ -165,11 +165,13 @@ UNUSABLE = {
     too_few: "fewest|crossings", one_crossing: "fewest|crossings|no grid", chessboard: "fewest", random_lines: "too few places",
     rings: "too faint or too blurred", uneven_spacing: "only 0 crossings", diagonal: "45 degrees", tiny: "32 x 32",
 }  # fmt: skip
-ALIKE = {noise, shadow_only, too_blurred, too_few}
+REPEATED_REASONS = {noise, shadow_only, too_blurred, too_few}
 """Refused with the sentence of another one: in campaigns."""
 
 
-@pytest.mark.parametrize("picture", sampled(UNUSABLE, UNUSABLE.keys() - ALIKE), ids=lambda picture: picture.__name__)
+@pytest.mark.parametrize(
+    "picture", sampled(UNUSABLE, UNUSABLE.keys() - REPEATED_REASONS), ids=lambda picture: picture.__name__
+)
 def test_refused_with_the_reason(picture):
     with pytest.raises(GridError, match=UNUSABLE[picture]):
         find_grid(picture())

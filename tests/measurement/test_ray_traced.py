@@ -27,7 +27,6 @@ def small(seed, lamp, camera, **body):
     return dataclasses.replace(case, bench=bench, body=dataclasses.replace(top, **body))
 
 
-@pytest.mark.campaign
 @pytest.mark.quick
 @pytest.mark.parametrize(
     ("seed", "lamp", "camera"),

@@ -177,7 +177,6 @@ def test_strokes_in_between(monkeypatch):
     assert run.at("9 cm").pressure == pytest.approx(9 * run.case.cm, rel=1e-9)
 
 
-@pytest.mark.campaign
 @pytest.mark.quick
 @pytest.mark.parametrize("ranks", [2])
 def test_several_ranks_write_one_folder(ranks, tmp_path, in_memory):

@@ -338,7 +338,6 @@ def test_a_half_beam_is_the_half_of_a_whole_one(body_of, figure):
     )
 
 
-@pytest.mark.campaign
 @pytest.mark.quick
 def test_a_rigid_block_is_a_block_whose_nodes_are_moved_so(body_of, figure, monkeypatch):
     """A region that is rigid against the same region with all its nodes held where that motion, computed aside, puts them.
