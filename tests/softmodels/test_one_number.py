@@ -180,6 +180,7 @@ def test_a_snap_that_hardly_moves_the_device_is_that_of_a_part():
     )
 
 
+@pytest.mark.campaign
 def test_profiles_of_a_cycle_are_labelled_by_their_part_of_the_path(cycled):
     rows = runs.rows(cycled[0])
     places = curves.branches(PathTable.read(rows), StateLabels("apex"))

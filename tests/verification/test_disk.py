@@ -109,6 +109,7 @@ def test_every_wedge_is_the_same_disk(angle, azimuth, inflated, section, figure)
     figure(against, "added volume of the same wedges", other.volume / section.volume[:1] - 1, 1e-3)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("azimuth", sampled([0.0, 20.0]))
 def test_slip_on_cut_planes_is_exact(azimuth, inflated, wedge, figure):
     """No displacement across a plane at any of its nodes, and the apex, which is on both, goes straight up."""

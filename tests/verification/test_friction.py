@@ -152,6 +152,7 @@ def test_a_state_between_two_remembers_what_they_do(pressed_disk):
         assert row[column] == pytest.approx(np.interp(100.0, beside["pressure_cm"], beside[column]), rel=apart)
 
 
+@pytest.mark.campaign
 def test_air_works_for_what_is_stored_and_lost(pressed_disk, figure):
     path = pressed_disk[96]
     P, V = path["pressure_Pa"], 1e-6 * path["added_volume_ml"]
@@ -165,6 +166,7 @@ def test_air_works_for_what_is_stored_and_lost(pressed_disk, figure):
     )
 
 
+@pytest.mark.campaign
 def test_states_depend_little_on_the_steps_and_less_on_shorter_ones(pressed_disk, figure):
     for column, bound in (("added_volume_ml", 1.5e-4), ("plate_force_z_N", 1.3e-3), ("plate_friction_mJ", 0.05)):
         few, some, many = (pressed_disk[count][column][-1] for count in (12, 24, 96))

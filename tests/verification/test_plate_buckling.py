@@ -111,7 +111,7 @@ def test_plate_bends_at_its_critical_loads(pushed, slenderness, waves, material,
     assert points[-1].signature.negative_eigenvalues == waves
 
 
-@pytest.mark.parametrize(("slenderness", "waves", "material"), PLATES)
+@pytest.mark.parametrize(("slenderness", "waves", "material"), sampled(PLATES, [PLATES[1]]))
 def test_modes_bend_the_plate_into_half_waves(pushed, slenderness, waves, material, figure):
     equations, _, found = pushed(slenderness, waves, material)
     fields, plate = Fields(equations), equations.system.body.actuator
