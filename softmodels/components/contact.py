@@ -771,7 +771,7 @@ HARDENING_START = 0.25
 """Fraction of the rejected penetration above which the shape stiffens. The energy is of the undeformed area, which
 a wrapped membrane stretches to ten or twenty times itself, so that it would penetrate ten or twenty times as deep."""
 HARDENING = 16.0
-"""Rate of stiffening: at the rejected penetration the contact is 1 + HARDENING (1 - HARDENING_START)^2 / (2 HARDENING_START), some 19, times as
+"""Rate of stiffening: at the rejected penetration the contact is some 19 times as
 hard."""
 NEAR_GAP = 0.1
 """Distance in sizes of the device that counts as near."""

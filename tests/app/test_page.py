@@ -23,6 +23,7 @@ def number(text):
     return float(NUMBER.search(text)[0])
 
 
+@pytest.mark.campaign
 def test_a_changed_length_gives_what_python_gives(page):
     page.locator('[data-name="membrane"]').first.wait_for()
     page.get_by_label("membrane", exact=True).first.fill("5 mm")
@@ -56,6 +57,7 @@ def test_an_impossible_length_is_told_in_place_and_changes_nothing(page):
     assert value(page, "rise of the apex") == before
 
 
+@pytest.mark.campaign
 def test_two_tabs_show_the_same(browser, server, page):
     with tab(browser, server) as other:
         page.get_by_label("wall", exact=True).first.fill("12 mm")
@@ -65,6 +67,7 @@ def test_two_tabs_show_the_same(browser, server, page):
         )
 
 
+@pytest.mark.campaign
 def test_the_python_lines_shown_do_the_same(page):
     rise = number(value(page, "rise of the apex"))
     page.get_by_text("The same in a terminal").click()
@@ -148,6 +151,7 @@ fetch("/files/case.toml").then(() => told.push("file"), () => 0)
 </script>"""
 
 
+@pytest.mark.campaign
 def test_a_foreign_project_is_shown_and_neither_runs_nor_reaches_anything(browser, tmp_path):
     project, hit = tmp_path / "project", tmp_path / "hit"
     (project / "jobs").mkdir(parents=True)
@@ -220,6 +224,7 @@ def test_nothing_sticks_out(browser, server, width):
         assert page.evaluate("document.documentElement.scrollWidth") <= width
 
 
+@pytest.mark.campaign
 def test_files_stay_in_the_project(page, server):
     address = server.partition("?")[0]
     for path in ("files/../../../../etc/passwd", "files/%2e%2e/%2e%2e/etc/passwd", "files//etc/passwd"):

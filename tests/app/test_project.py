@@ -82,6 +82,7 @@ def test_another_kind_of_file_is_refused(name, tmp_path):
         Project(tmp_path / "project").keep("photographs", name, b"1", PHOTOGRAPH)
 
 
+@pytest.mark.campaign
 def test_the_linear_answer_of_a_stored_run_has_its_exact_derivatives(tmp_path):
     disk, material, length, step = sm.HollowDisk(section="axisymmetric"), sm.Yeoh(14e3, 60.0), "membrane", 0.2e-3
     stored = sm.run(Case("disk", disk, material, steps=steps_of(pressure_cm=(0.0, 60.0))), folder=tmp_path / "run")

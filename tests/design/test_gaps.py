@@ -61,6 +61,7 @@ def test_it_lies_below_the_least_gap_by_little(designed, comm):
     assert any(f"the smallest gap is {1e3 * least:.3g}"[:-1] in note for note in here.notes)
 
 
+@pytest.mark.campaign
 def test_a_finger_whose_chambers_overlap_is_no_design(tmp_path):
     """It was accepted. Its limit is passed at the start, and the search leads to chambers that stand farther apart."""
     lines = []

@@ -28,7 +28,7 @@ WORKING = 2000.0
 PAST = JudgedLoad("volume", 40e-6)
 
 
-@pytest.mark.parametrize("name", sampled(LENGTHS, 3))
+@pytest.mark.parametrize("name", sampled(LENGTHS))
 def test_sections(designed, thin_disk, of_all_kinds, second_order, comm, name):
     second_order(designed(thin_disk, LENGTHS, of_all_kinds, comm), name, TAYLOR, "section")
 
@@ -90,6 +90,7 @@ def test_tubes(designed, second_order, comm, name):
     second_order(designed(tube, names, quantities, comm), name, TAYLOR, "tube")
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("name", sampled(["membrane", "profile[1]"]))
 def test_wedges(designed, second_order, comm, name):
     wedge = HollowDisk.variant(
@@ -118,6 +119,7 @@ def test_slabs(designed, second_order, comm, name):
     second_order(designed(slab, names, quantities, comm), name, TAYLOR, "slab")
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("name", sampled(["thickness", "offset"]))
 def test_blocked_forces(designed, second_order, comm, name):
     held = SeminarActuator(channels=1, spread=20.0, around=4.0, cell_size=0.006, tip="held")
@@ -125,6 +127,7 @@ def test_blocked_forces(designed, second_order, comm, name):
     second_order(model, name, TAYLOR, "blocked force of a slab")
 
 
+@pytest.mark.campaign
 def test_numbers_of_the_material(of_all_kinds, thin_disk, comm, figure):
     """Against differences of states that were solved for on one mesh with other numbers."""
     law, names = Yeoh(10e3, 100.0, 0.0, 0.49), ("c1", "c2", "poisson")
@@ -160,6 +163,7 @@ def test_limit_pressures(designed, thin_disk, comm, figure, name):
     )
 
 
+@pytest.mark.campaign
 def test_designs_are_carried(designed, thin_disk, of_all_kinds, comm, figure):
     """A state that was carried through another design is the same again, and nearly that of a fresh mesh there."""
     model = designed(thin_disk, LENGTHS, of_all_kinds, comm)
@@ -193,6 +197,7 @@ def test_a_limit_that_comes_into_reach_is_found(thin_disk, comm):
     assert abs(thinner.gradients["limit pressure"][0]) > 0.0
 
 
+@pytest.mark.campaign
 def test_a_design_that_balloons_below_its_load_is_stepped_back_from(thin_disk, comm):
     case = Case(name="limits", actuator=thin_disk, material=NeoHookean(20e3, 0.49), steps=steps_of(pressure_cm=(20.0,)))
     model = DesignModel(case, ("membrane",), (Rise(at=WORKING), LimitPressure()), comm)
@@ -206,6 +211,7 @@ def test_a_design_that_balloons_below_its_load_is_stepped_back_from(thin_disk, c
     assert again.values["rise at 2 kPa"] == pytest.approx(here.values["rise at 2 kPa"], rel=1e-7)
 
 
+@pytest.mark.campaign
 def test_a_poor_mesh_is_made_anew_and_its_states_are_interpolated(comm, monkeypatch, figure):
     """Another length is free too, so that the two meshes have other units of length."""
     disk = HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.004)

@@ -26,6 +26,7 @@ def test_of_a_section(designed, thin_disk, second_order, comm, name):
     second_order(designed(thin_disk, NAMES, (Outline(points=DOME, at=AT),), comm), name, TAYLOR, "section")
 
 
+@pytest.mark.campaign
 def test_of_a_wedge(designed, second_order, comm):
     wedge = HollowDisk.variant("shadow", fillet=0.0, base_fillet=0.0, angle=15.0, azimuth=20.0, cell_size=0.006)
     names = ("membrane", "cavity_radius")

@@ -60,6 +60,7 @@ def exact(taylor, figure):
     return check
 
 
+@pytest.mark.campaign
 def test_a_tube_with_all_that_is_no_contact(comm, exact):
     """Weight, a hanging mass, a pull, a cap of its own silicone, fibres in the silicone, cloth and a sheet on its faces."""
     parts = (
@@ -107,6 +108,7 @@ DISK = HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.005)
 BALL = RigidShape("sphere", "top", (0.0, 0.0, 0.02702), radius=0.015, name="ball")
 
 
+@pytest.mark.campaign
 def test_a_disk_under_a_ball_that_gives_way(comm, exact):
     """On a spring; the air's work is the integral of p dV."""
     ball = dataclasses.replace(BALL, guide="z", spring=50.0)
@@ -164,6 +166,7 @@ def test_a_finger_with_everything(comm, exact):
     exact(model, "finger with everything", SHARE / 2)
 
 
+@pytest.mark.campaign
 def test_a_vacuum(comm, exact):
     """Values as of a run, and derivatives."""
     disk = HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.005)
@@ -223,6 +226,7 @@ def test_whole_numbers(tmp_path):
     assert again.values == found.values and not any(trial.seconds == 0.0 for trial in again.trials)
 
 
+@pytest.mark.campaign
 def test_a_design_that_stretches_far_without_a_limit_point_is_none_that_fails():
     """The problem that the page of designs begins with: it ended unconfirmed where the cavity had grown 60-fold."""
     disk = HollowDisk(section="axisymmetric", cell_size=0.003, cavity_radius=0.0115)

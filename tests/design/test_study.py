@@ -211,6 +211,7 @@ def test_inputs_reach_the_case(files):
     assert normal.ppf(np.array([0.5, 0.9772498680518208])) == pytest.approx([2.0, 2.2])
 
 
+@pytest.mark.campaign
 def test_fitted_covariance_is_drawn():
     """Samples of a fit have its covariance."""
     errors = MaterialErrors(("c1", "c2"), ((1e4, -300.0), (-300.0, 25.0)))

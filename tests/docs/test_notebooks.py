@@ -61,6 +61,7 @@ def test_all_are_stored_with_their_outputs_and_stay_small():
         assert not [told for cell in cells for told in cell.outputs if told.output_type == "error"], path.name
 
 
+@pytest.mark.campaign
 def test_the_first_hour(tmp_path):
     """It also goes on after it was interrupted."""
     asked = "rises=run.apex.tolist(), limit=limit.pressure, differs=mould.differs"

@@ -12,6 +12,7 @@ import pytest
 
 from geometries import GeometryError, HollowDisk, ImportedActuator, MeshingError, MeshingStopped
 from geometries.meshing import QUICK, apart, summarize
+from tests.support.campaigns import sampled
 
 FINE = HollowDisk(fillet=0, cell_size=0.0008, refinement=2)
 
@@ -39,6 +40,7 @@ def test_a_death_is_a_sentence(number, words):
         apart(signal.raise_signal, number)
 
 
+@pytest.mark.campaign
 def test_a_signal_to_both_processes_is_no_crash():
     """A batch queue ends all processes of a job at once."""
     asked = []
@@ -68,7 +70,7 @@ def test_both_ways_make_the_same_mesh(tmp_path, monkeypatch):
     assert disk.write(tmp_path / "apart.msh").read_bytes() == here.read_bytes()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", sampled([signal.SIGINT, signal.SIGTERM]))
 def test_a_run_is_stopped_while_its_mesh_is_made(number, tmp_path):
     words = ["--pressure-cm", "0:177", "--cell-size", "0.5mm", "--refinement", "3", "--no-pictures", "--output"]
     process = subprocess.Popen(

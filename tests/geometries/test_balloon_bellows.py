@@ -71,6 +71,7 @@ def test_volumes_are_those_of_the_formulas():
     assert bellows.solid_volume == pytest.approx(flanks + arcs + plates, rel=1e-9)
 
 
+@pytest.mark.campaign
 def test_wedges_have_their_roles_and_volumes(meshed):
     for device, tolerance in (
         (Balloon(section="wedge", wall=0.002, through=1, rod_radius=0.002, angle=45.0), 3e-3),

@@ -36,7 +36,7 @@ def test_volumes_are_those_of_the_kernel(name):
     assert bellows.cavity_volume == pytest.approx(0.5 * math.pi * summed, rel=1e-5)
 
 
-@pytest.mark.parametrize("name", sampled(SHAPES, 3))
+@pytest.mark.parametrize("name", sampled(SHAPES, ("flat, with a rim",)))
 def test_mesh_is_the_shape(meshed, name):
     bellows, mesh = SHAPES[name], meshed(SHAPES[name])
     volumes = {role: part.measure * bellows.copies for (dimension, role), part in mesh.groups.items() if dimension == 3}
@@ -69,6 +69,7 @@ def test_wall_has_one_thickness():
     assert SHAPES["deep"].crest == pytest.approx(max(arc.height(arc.end) for arc in SHAPES["deep"].arcs(True)))
 
 
+@pytest.mark.campaign
 def test_default_mesh_is_small_and_sound(tmp_path):
     bellows = BendingBellows()
     found = summarize(bellows.write(tmp_path / "bellows.msh"))

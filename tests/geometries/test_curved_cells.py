@@ -11,6 +11,7 @@ import pytest
 
 from geometries import Balloon, Bellows, BendingBellows, meshing
 from geometries.meshing import load_mesh, private_model, summarize
+from tests.support.campaigns import sampled
 
 NEEDLES = {
     "balloon": Balloon(radius=0.02, wall=1e-4, neck_radius=0.0, cell_size=0.001),
@@ -44,7 +45,8 @@ def test_every_edge_on_a_curved_face_of_a_section_is_curved(name, tmp_path):
     assert np.linalg.norm(middles - ends, axis=1).max() > 1e-6  # and not because there is no arc
 
 
-@pytest.mark.parametrize(("wall", "cell_size"), [(1.5e-3, 3e-3), (6e-4, 2e-3)])
+@pytest.mark.campaign
+@pytest.mark.parametrize(("wall", "cell_size"), sampled([(1.5e-3, 3e-3), (6e-4, 2e-3)]))
 def test_the_wall_of_a_bending_bellows_stays_curved(wall, cell_size, tmp_path):
     """Some of its cells have to be optimised with their nodes on the faces; the nodes stay on the arcs, turned."""
     device = BendingBellows(wall=wall, cell_size=cell_size)

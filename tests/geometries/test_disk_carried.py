@@ -10,6 +10,7 @@ import pytest
 from geometries import GeometryError, HollowDisk
 from geometries.actuator import changed, parameter
 from geometries.disk import outline
+from tests.support.campaigns import sampled
 
 SHADOW = HollowDisk.variant("shadow", section="axisymmetric", support="base")
 DISKS = {
@@ -25,7 +26,10 @@ NEAR = 1e-12
 """In m."""
 
 
-@pytest.fixture(params=DISKS.values(), ids=DISKS.keys())
+@pytest.fixture(
+    params=sampled(DISKS.values(), [DISKS[name] for name in DISKS.keys() - {"wedge curved", "sharp root straight"}]),
+    ids=DISKS.keys(),
+)
 def disk(request):
     return request.param
 

@@ -139,6 +139,7 @@ def test_variant_comes_first_and_none_means_not_given():
     assert device_from(HollowDisk, {}) == HollowDisk()
 
 
+@pytest.mark.campaign
 def test_expected_cells_are_of_the_right_size(meshed):
     for disk in (HollowDisk(), HollowDisk.variant("shadow", angle=30)):
         cells = len(meshed(disk).groups[3, "solid"].corners)

@@ -27,6 +27,7 @@ def test_same_parameters_give_the_same_file(tmp_path):
     assert sorted(file.name for file in tmp_path.iterdir()) == ["a.msh", "b.msh"]
 
 
+@pytest.mark.campaign
 def test_order_two_cells_are_valid_and_order_one_has_the_same_cells(tmp_path):
     second = summarize(HollowDisk().write(tmp_path / "2.msh"))
     first = summarize(HollowDisk(order=1).write(tmp_path / "1.msh"))

@@ -153,6 +153,7 @@ def heights_of(folder, listing, output):
     return done, {row["file"]: row for row in rows}
 
 
+@pytest.mark.campaign
 def test_heights_and_outlines_are_found_without_a_click(photographs, tmp_path, figure):
     done, rows = heights_of(photographs, photographs / "photos.csv", tmp_path)
     assert done.exit_code == 0, done.output

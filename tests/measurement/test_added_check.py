@@ -77,6 +77,7 @@ def test_a_killed_process_is_replaced_and_the_others_are_measured(taken, tmp_pat
     ]
 
 
+@pytest.mark.campaign
 def test_a_check_of_a_script_is_asked_in_its_own_process(taken):
     asked = []
 
@@ -93,6 +94,7 @@ def test_a_check_of_a_script_is_asked_in_its_own_process(taken):
     assert set(asked) == {os.getpid()}
 
 
+@pytest.mark.campaign
 def test_it_is_asked_in_every_process(taken):
     found = measurement.outlines(*taken, jobs=2)
     assert [outline.reasons for outline in found.outlines] == [

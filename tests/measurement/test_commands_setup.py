@@ -112,6 +112,7 @@ def test_unusable_photographs(tmp_path):
     assert "does not name its camera" in run("setup", blank, "-o", tmp_path / "setup.toml").stderr
 
 
+@pytest.mark.campaign
 def test_calibrate_then_setup(tmp_path):
     """Boards drawn through the photographer's truth, calibrated, and the camera file used for a setup."""
     lens = (-0.2, 0.04)
@@ -132,6 +133,10 @@ def test_calibrate_then_setup(tmp_path):
     wrong = save(tmp_path / "small.png", image[:400])
     assert "900 x 600 px" in run("setup", wrong, "--lens", tmp_path / "camera.toml").stderr
     assert run("calibrate", *paths[:3], path, "--pitch", "8mm", "-o", tmp_path / "camera.toml").exit_code == 3
+
+
+def test_calibrate_refuses(tmp_path):
+    path = save(tmp_path / "blank.png", np.full((400, 600, 3), 200, np.uint8))
     assert "needs 3 or more" in run("calibrate", path, "-o", tmp_path / "camera.toml").stderr
     assert "not a pattern" in run("calibrate", path, "--pattern", "9", "-o", tmp_path / "camera.toml").stderr
 

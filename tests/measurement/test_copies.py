@@ -93,7 +93,7 @@ def test_changed_copies_at_another_pressure_are_found(bench):
 
 
 @pytest.mark.parametrize("nudged", sampled([0.0, 0.15]))
-@pytest.mark.parametrize("bench", BENCHES)
+@pytest.mark.parametrize("bench", sampled(BENCHES))
 def test_honest_repeats_are_no_copies(bench, nudged):
     """Three exposures of one state at nearly equal pressures, between others; the camera may have moved a little."""
     heights = (0.0, 3.0, 5.0, 5.0, 5.01, 6.0)
@@ -125,6 +125,7 @@ def test_few_photographs_tell_a_plain_copy():
     assert judged([pictures[3], copy], (5.0, 5.0), (500.0, 550.0)) == {}
 
 
+@pytest.mark.campaign
 def test_the_command_refuses_a_copy_saved_anew_with_its_reason(tmp_path):
     save(tmp_path / "grid.jpg", photograph(SCENE, None, seed=1)[0])
     for k, height in enumerate(HEIGHTS):

@@ -28,6 +28,7 @@ def _command(*words):
     subprocess.run([sys.executable, "-m", "measurement", *map(str, words)], check=True, capture_output=True)
 
 
+@pytest.mark.campaign
 def test_the_numbers_are_those_of_the_command_line(photographs, tmp_path, capfd):
     setup = measurement.setup_from_grid(photographs / "IMG_0100.JPG", pitch=quantity("9mm", "m"))
     column = measurement.Column(density_error=float(f"{DENSITY_ERROR:.2g}"))  # as the option's default is shown

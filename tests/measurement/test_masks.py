@@ -13,6 +13,7 @@ from measurement.pictures import Unmeasurable
 from measurement.screen.grid import find_grid
 from measurement.screen.setup import Setup, SetupError
 from measurement.series.measuring import outline_of, trace_image, zero_of
+from tests.support.campaigns import sampled
 from tests.support.photographs.bench import Bench
 
 BENCH, HEIGHT = Bench.random(4), 4e-3
@@ -50,7 +51,8 @@ def measured(picture, setup, zero):
     return outline_of(trace_image(picture, setup), zero, 1000.0, 10.0, "one.jpg")
 
 
-@pytest.mark.parametrize("place", [FLANK, SCREEN], ids=["over the edge", "on the screen"])
+@pytest.mark.campaign
+@pytest.mark.parametrize("place", sampled([SCREEN, FLANK], whole=True), ids=["on the screen", "over the edge"])
 def test_a_label_is_cured_by_a_mask(setup, zero, clean, place):
     whole = measured(clean, setup, zero)
     try:

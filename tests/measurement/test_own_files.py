@@ -48,6 +48,7 @@ def bench(tmp_path_factory):
     return folder
 
 
+@pytest.mark.campaign
 def test_a_photograph_called_like_a_table_leaves_the_table(bench, tmp_path):
     words = ("photos", bench / "photos.csv", "--setup", bench / "setup.toml", "--jobs", "1", "--no-pictures")
     done = run(*words, "-o", tmp_path / "outlines")
@@ -77,6 +78,7 @@ def test_outlines_do_not_go_among_the_photographs(output, bench, tmp_path, monke
     (tmp_path / "outlines" / "mine.txt").write_text("mine")
 
 
+@pytest.mark.campaign
 def test_without_an_output_each_list_has_a_folder_of_its_own(bench, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "outlines").mkdir()
@@ -97,7 +99,7 @@ def grid():
     ("name", "words", "made"),
     [
         ("setup.png", (), "setup-overlay.png"),
-        ("grid.png", ("-o", "grid.toml"), "grid-overlay.png"),
+        pytest.param("grid.png", ("-o", "grid.toml"), "grid-overlay.png", marks=pytest.mark.campaign),
         ("grid.png", ("--overlay", "grid.png"), None),
         ("grid.png", ("-o", "grid.png"), None),
         ("grid.png", ("-o", "notes.toml"), None),

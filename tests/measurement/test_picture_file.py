@@ -19,6 +19,7 @@ from measurement.photographer import Scene, chessboard, dome, photograph, save
 from measurement.pictures import Unmeasurable, read_pixels
 from measurement.screen.setup import Setup
 from measurement.series.measuring import find_zero, outline_of, trace
+from tests.support.campaigns import sampled
 from tests.support.photographs.scenes import COARSE
 
 SMALL = photograph(Scene(width=96, height=64, pixel_size=4e-4, noise=0.0, jpeg_quality=None), dome(8e-3), 1)[0]
@@ -200,7 +201,7 @@ def bench(tmp_path_factory):
     )
 
 
-@pytest.mark.parametrize("kind", ["heic", "cmyk.jpg", "dgrey16.png", "d12.tif"])
+@pytest.mark.parametrize("kind", sampled(["dgrey16.png", "cmyk.jpg", "heic", "d12.tif"]))
 def test_outlines_do_not_depend_on_the_kind_of_file(bench, tmp_path, kind):
     setup, zero, picture = bench
     traced = trace(written(tmp_path / f"a.{kind}", picture, kind), setup, likely=zero.tone)
@@ -209,6 +210,7 @@ def test_outlines_do_not_depend_on_the_kind_of_file(bench, tmp_path, kind):
     assert found.height == pytest.approx(HEIGHT, abs=15e-6)
 
 
+@pytest.mark.campaign
 def test_calibration_reads_the_same_files(tmp_path):
     scene = Scene(width=480, height=320, focal_px=600.0, pixel_size=25e-5)
     views = [dataclasses.replace(scene, tilt=tilt, pan=pan) for tilt, pan in ((20, 5), (-15, 20), (5, -25), (-20, -10))]

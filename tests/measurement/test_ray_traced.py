@@ -61,6 +61,7 @@ def test_large_lamps_and_a_depth_of_field_are_trusted_and_right(seed, lamp, shap
     assert np.median(stated) < 12e-6
 
 
+@pytest.mark.campaign
 def test_wide_dark_grid_lines_are_no_shadow(monkeypatch):
     """Before: "shadow and lit screen differ by no more than the shadow's own scatter"."""
     monkeypatch.setattr(runs, "SHARES", (0.0, 1.0))

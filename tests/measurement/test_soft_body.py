@@ -59,6 +59,7 @@ def measured(setup, folder, moved):
     return [result.outcome for result in measure_all(photographs, setup, zero)]
 
 
+@pytest.mark.campaign
 def test_a_soft_body_is_measured_and_trusted(setup, tmp_path, figure):
     for outline, height in zip(measured(setup, tmp_path, (0.0,) * 5), HEIGHTS, strict=True):
         assert isinstance(outline, Outline) and outline.trusted, outline
@@ -69,6 +70,7 @@ def test_a_soft_body_is_measured_and_trusted(setup, tmp_path, figure):
             assert np.abs(outline.z).max() < 10e-6
 
 
+@pytest.mark.campaign
 def test_a_soft_body_that_slips_for_one_photograph_is_not_trusted_there(setup, tmp_path):
     outlines = measured(setup, tmp_path, (0.0, 0.0, 0.0, -0.25e-3, 0.0))
     assert [outline.trusted for outline in outlines] == [True, True, True, False, True]

@@ -147,6 +147,7 @@ def test_scenes_that_cannot_be():
         photograph(Scene(), [[0.0, 0.0], [1.0, 1.0]])
 
 
+@pytest.mark.campaign
 def test_eighteen_megapixels():
     image, _ = photograph(Scene(width=5184, height=3456, focal_px=12000.0, pixel_size=10e-6, tilt=30.0), dome(0.006))
     assert image.shape == (3456, 5184, 3)

@@ -16,6 +16,7 @@ from measurement.screen.setup import Plane, Setup, SetupError
 from measurement.series.checks import RunEvidence, moved, scaling, settling
 from measurement.series.drawing import draw_heights
 from measurement.series.witness import Course, Run, course_of
+from tests.support.campaigns import sampled
 from tests.support.photographs.courses import COURSES, DAMAGES, Rows, damaged, run
 
 STEPS = np.linspace(0.0, 1.0, 9)
@@ -38,7 +39,7 @@ def told(made):
     return Run(dict(enumerate(made.outlines()))).contradictions
 
 
-@pytest.mark.parametrize("kind", COURSES)
+@pytest.mark.parametrize("kind", sampled(COURSES, 2))
 def test_good_runs_keep_their_trust(kind):
     """Softening, hardening, past a limit point by volume, over it with a jump, and down again with a lag."""
     flagged = count = 0

@@ -128,6 +128,7 @@ def test_its_curves_are_drawn(law, tmp_path):
     assert float(last["uniaxial_nominal_Pa"]) == pytest.approx(slope * (6 - 2 / 9), rel=1e-8)
 
 
+@pytest.mark.campaign
 def test_it_is_run_and_fitted_to_outlines(comm):
     """Outlines simulated under the law lead back to it, and the device's path is the one of its own energy."""
     disk = HollowDisk(section="axisymmetric", cell_size=0.006, fillet=0.0, base_fillet=0.0)

@@ -50,6 +50,7 @@ def slopes(value):
                      (value(law(c2=C2 + c2)) - value(law(c2=C2 - c2))) / (2 * c2)])  # fmt: skip
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("column", ["apex_mm", "ceiling_mm", "added_volume_ml"])
 def test_at_the_same_pressure(run, column):
     found = next(row for row in run.rows if row["requested"] and row["pressure_cm"] == 30.0)
@@ -58,6 +59,7 @@ def test_at_the_same_pressure(run, column):
     assert found[f"{name}_ci95_{unit}"] == pytest.approx(expected, rel=2e-4)
 
 
+@pytest.mark.campaign
 def test_the_limit_point(run):
     """There the pressure at the same volume is the highest one, of every material near by."""
     row = next(row for row in run.rows if row["limit"])
@@ -68,6 +70,7 @@ def test_the_limit_point(run):
     assert f"between {low:.4g} and {high:.4g} cm" in note
 
 
+@pytest.mark.campaign
 def test_at_the_same_volume():
     rows = sm.inflate(DISK, law(), volumes="2 ml", band=ERRORS).rows
     expected = half(slopes(lambda other: sm.inflate(DISK, other, volumes="2 ml").rows[-1]["apex_mm"]))

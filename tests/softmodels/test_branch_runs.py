@@ -130,6 +130,7 @@ def test_a_syringe_run_repeats_itself_from_its_case_file(tmp_path):
     runs.same(runs.rows(tmp_path / "a"), runs.rows(tmp_path / "b"), runs.REPEATED)
 
 
+@pytest.mark.campaign
 def test_a_cycle_comes_home_and_says_where_it_jumped(tmp_path):
     law = ("--material", "yeoh", "--c1", "10kPa", "--c2", "20Pa", "--c3", "3Pa", "--poisson", "0.495")
     done = runs.disk(tmp_path / "disk", *SHADOW, *law, "--load-unload", "--pressure-cm", "0,20,37")

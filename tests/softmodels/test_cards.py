@@ -61,6 +61,7 @@ def check(result, *words):
     return table
 
 
+@pytest.mark.campaign
 def test_a_run_and_its_states(run, loaded, no_solve):
     table = check(run, "14 states to 16.84 kPa (177 cm, 0.97 g/ml)", "apex rise 4.23")
     assert table["rise of the apex"] == f"{run.apex[-1] * 1e3:.4g} mm"
@@ -138,6 +139,7 @@ def coloured_share(picture):
     return np.mean(np.ptp(pixels, axis=2) > 40)
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(not can_render(), reason="this machine cannot render")
 def test_without_a_display_a_device_in_space_is_a_picture(run, wedge, monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)

@@ -187,6 +187,7 @@ def fingers():
     ]
 
 
+@pytest.mark.campaign
 def test_chambers_do_not_pass_through_each_other_by_default(fingers):
     pressed, passing = (run.path for run in fingers)
     assert not pressed["walls_touch"].any() and pressed["walls_contact_N"][-1] > 0.0
@@ -233,6 +234,7 @@ def test_a_facet_that_is_folded_onto_itself_is_an_invalid_state(name, width, dep
     assert note.startswith("SURFACE FOLDED: from 3 cm on, in one state, ")
 
 
+@pytest.mark.campaign
 def test_a_state_between_two_is_judged_as_their_rows_are(fingers):
     """Walls that overlap at two states overlap between them, and by an amount between."""
     run = sm.inflate(COARSE, sm.NeoHookean(16e3), "0,3,5 cm", components=[sm.Walls("none")])

@@ -89,6 +89,7 @@ def test_derivatives_are_exact(creeping, comm):
     assert max(left) < 2e-6 * np.abs(slope).max()
 
 
+@pytest.mark.campaign
 def test_outlines_without_noise_give_the_memory_back(model, creeping, figure):
     found = fit_law_to_outlines(source_of(model, creeping.outlines(SimulatedCamera())), changes=PLAIN)
     assert found.converged and not found.troubles
@@ -157,6 +158,7 @@ def test_a_curve_joins_in(model, creeping):
         assert both.error(name) < alone.error(name), name
 
 
+@pytest.mark.campaign
 def test_a_loop_that_the_law_does_not_have_rejects_a_joint_fit(creeping):
     """A strip that only softens on its way back, with a slack at its start: the loop counts from the fitted slack."""
     slack, up = 0.1, np.linspace(1.0, 2.0, 25)

@@ -59,6 +59,7 @@ def begun(place, count, seconds=0.3):
     return process
 
 
+@pytest.mark.campaign
 def test_ctrl_c_leaves_the_best_design_so_far(place):
     process = begun(place, 3)
     process.send_signal(signal.SIGINT)
@@ -81,6 +82,7 @@ def test_a_killed_run_leaves_its_best_design_and_goes_on_to_the_same_end(place, 
     assert Case.from_file(place / "out" / "design.toml") == Case.from_file(reference[0] / "design.toml")
 
 
+@pytest.mark.campaign
 def test_another_program_is_kept_out(place):
     process = begun(place, 0, 60.0)
     other = design(place, "--no-pictures")

@@ -58,6 +58,7 @@ def by_brute_force(problem):
     return best
 
 
+@pytest.mark.campaign
 def test_the_optimum_of_a_grid_in_few_evaluations():
     problem = problem_()
     found = optimise(problem)

@@ -61,6 +61,7 @@ def fit(taken, **how):
     return sm.fit(pairs, material="neo-hookean", options=dataclasses.replace(QUICK, **how))
 
 
+@pytest.mark.campaign
 def test_one_material_and_the_bench_of_each_come_back(outlines):
     """Without noise and without priors, which pull towards a bench that does nothing wrong."""
     loose = {name: {"prior": None} for name in ("scale", "zero")}
@@ -75,6 +76,7 @@ def test_one_material_and_the_bench_of_each_come_back(outlines):
             assert found.fit.values[f"{device}.{name}"] == pytest.approx(bench.get(name, 0.0), rel=1e-4, abs=1e-7), name
 
 
+@pytest.mark.campaign
 def test_each_device_has_its_misfit_and_narrows_the_interval(outlines):
     taken = outlines(3)
     both = fit(taken).chosen
@@ -92,6 +94,7 @@ def test_each_device_has_its_misfit_and_narrows_the_interval(outlines):
     )
 
 
+@pytest.mark.campaign
 def test_the_same_twice_is_worth_two(outlines):
     """Two parts with the same outlines: the values of one, the material's error smaller by the root of two."""
     own = outlines()["membrane"]
@@ -104,6 +107,7 @@ def test_the_same_twice_is_worth_two(outlines):
     assert two.error("shear_modulus") == pytest.approx(one.error("shear_modulus") / np.sqrt(2), rel=1e-3)
 
 
+@pytest.mark.campaign
 def test_a_wrong_row_of_one_device_is_named_with_it(outlines):
     taken = outlines(3)
     wrong = taken["membrane"]

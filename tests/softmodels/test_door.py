@@ -182,6 +182,7 @@ def test_unknown_silicones_are_named():
         sm.silicone("ecoflex")
 
 
+@pytest.mark.campaign
 def test_a_run_past_its_limit_point_comes_back_with_it(ballooned, tmp_path):
     limit = ballooned.limit
     assert limit.kind == "limit"
@@ -241,6 +242,7 @@ def arrays_of(thing, found, seen, depth=0):
     return found
 
 
+@pytest.mark.campaign
 def test_the_runs_arrays_are_its_own(ballooned, tmp_path):
     """What a user does with an array of a run changes neither the run, nor what is solved from it, nor what it saves."""
     before = ballooned.save(tmp_path / "before")
@@ -359,6 +361,7 @@ assert handlers() == before, (before, handlers())
     assert not script(text)
 
 
+@pytest.mark.campaign
 def test_threads_take_turns(tmp_path):
     """Each call of the door by two threads at a time, begun at once: what each returns alone."""
     text = f"""

@@ -215,6 +215,7 @@ def test_slopes_by_slack_and_zero_are_those_of_the_residuals():
         assert slope == pytest.approx((ends[1] - ends[0]) / (2 * step), rel=1e-5, abs=1e-6 * abs(slope).max())
 
 
+@pytest.mark.campaign
 def test_slack_of_a_history_is_fitted_with_its_memory():
     """A pull, a hold and a return with 4 mm of slack: also on the way back the slack strip is left out."""
     time, stretch, stress = ramp_and_hold(10.0, 100.0, 200)
@@ -233,6 +234,7 @@ def test_slack_of_a_history_is_fitted_with_its_memory():
 # What a fit says of itself.
 
 
+@pytest.mark.campaign
 def test_a_fitted_loop_that_is_not_the_measured_one_rejects_the_fit():
     """A silicone that only softens (no time in it) has a loop that relaxation cannot follow at three rates."""
     curves = []

@@ -41,6 +41,7 @@ def drawing(section):
     found.leave()
 
 
+@pytest.mark.campaign
 def test_a_process_that_was_ready_draws(section, drawing, monkeypatch, capsys):
     monkeypatch.setattr(module.processes, "cores", lambda: 2)
     drawing.get_ready(ranks=1)
@@ -51,6 +52,7 @@ def test_a_process_that_was_ready_draws(section, drawing, monkeypatch, capsys):
     assert "could not" not in capsys.readouterr().err
 
 
+@pytest.mark.campaign
 def test_few_pictures_are_the_curves_the_stress_and_the_report(section):
     """And those that were drawn before and are not among them are taken away."""
     assert runs.run("-m", "softmodels", "draw", section.folder, "--colormap", "gray").status == 0
@@ -148,6 +150,7 @@ def test_pictures_at_rest_are_drawn_once_and_only_of_this_device(wedge, half_sec
     assert set(other) == {"mesh"} and other["mesh"] != early["mesh"]
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(not can_render(), reason="this machine cannot render")
 def test_what_is_drawn_while_a_run_goes_on_is_what_is_drawn_after_it(wedge, tmp_path):
     """The same pictures, to the byte, from orders in two steps and from the folder at once."""

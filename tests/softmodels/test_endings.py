@@ -138,6 +138,7 @@ def test_and_its_syringe_compresses_the_gas_alone():
     assert run.pressure[-1] == pytest.approx(syringe.ambient * 1e-6 / (gas - 1e-6), rel=0.02)
 
 
+@pytest.mark.campaign
 def test_a_part_that_snaps_while_the_volume_is_given_is_let_go():
     """The edge of a bellows' cap is pushed over on the plane that stops it: pressure and volume turn back both at once."""
     device = sm.Bellows(
@@ -154,6 +155,7 @@ def test_a_part_that_snaps_while_the_volume_is_given_is_let_go():
     assert np.abs(lost[at:]).max() < 0.1 * lost[at - 1] < 1e-3 * energy[at]
 
 
+@pytest.mark.campaign
 def test_a_part_that_snaps_beside_a_whole_that_goes_on_as_before_is_let_go():
     """The edge of a balloon's neck, beside a balloon five times as wide in a tube: no measure of the whole shows it move."""
     device = sm.Balloon(
@@ -179,6 +181,7 @@ def test_a_compressed_fibre_kinks_at_half_a_shear_modulus_across_it(section):
     assert least == pytest.approx([0.2, 0.0, -0.2], abs=0.02 if not section else 1e-5)
 
 
+@pytest.mark.campaign
 def test_fibres_that_kink_are_named():
     tube = sm.Cylinder(section="axisymmetric", length=20e-3, cell_size=4e-3)
     threads = sm.Fibres(angle=0.0, helices=1, modulus=3e5, name="threads")

@@ -10,6 +10,7 @@ import time
 
 import pytest
 
+from tests.support.campaigns import sampled
 from tests.support.ranks import PATIENT, mpirun
 
 RUN = """
@@ -65,7 +66,7 @@ def on_ranks(tmp_path):
             process.kill()  # with it its ranks
 
 
-@pytest.mark.parametrize(("name", "rank"), [("not expected", 0), *((name, 1) for name in ERRORS)])
+@pytest.mark.parametrize(("name", "rank"), sampled([("not expected", 0), *((name, 1) for name in ERRORS)]))
 def test_an_error_on_one_rank_ends_all_with_its_sentence(name, rank, on_ranks):
     does, status, sentence = ERRORS[name]
     process = on_ranks(does, rank)
@@ -82,7 +83,7 @@ def ranks_of(process):
     return [own for own, parent in parents.items() if parents.get(parent) == process.pid]
 
 
-@pytest.mark.parametrize("receiver", ["launcher", "rank"])
+@pytest.mark.parametrize("receiver", sampled(["rank", "launcher"]))
 def test_a_signal_ends_ranks_that_wait_for_ever(receiver, on_ranks, tmp_path):
     process, until = on_ranks(WAITS), time.monotonic() + 120.0
     while not (tmp_path / "waits").exists():

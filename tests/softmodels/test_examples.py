@@ -258,6 +258,7 @@ def measure(*words):
         measurement.main(words, standalone_mode=False)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("name", ["photographs", "held"])
 def test_the_photographs_give_the_heights_of_the_disk_in_them(name, written, bench_setup):
     """Each one is measured and trusted, and its error is what it states."""

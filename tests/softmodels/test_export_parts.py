@@ -92,6 +92,7 @@ def test_a_plate_that_turns_is_a_rigid_body(tmp_path):
     assert (deck.forces - bare.forces).sum(axis=0) == pytest.approx(wanted, rel=1e-9)
 
 
+@pytest.mark.campaign
 def test_a_plate_in_a_half_that_is_cut_askew(tmp_path):
     """Its centre stays in the cut plane and its rotation vector is along that plane's normal."""
     device = sm.HollowDisk(fillet=0.0, cavity_radius=0.02, cell_size=0.02, angle=180.0, azimuth=30.0, support="base")

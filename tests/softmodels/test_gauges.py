@@ -139,6 +139,7 @@ def test_points_and_angles_are_in_the_table(block):
     assert (last["root_x_mm"], last["root_z_mm"]) == pytest.approx((0.0, 0.0), abs=1e-12)  # held
 
 
+@pytest.mark.campaign
 def test_two_ranks_and_going_on_tell_the_same(block, tmp_path):
     case, folder, _ = block
     shorter = case.with_name("shorter.toml")
@@ -197,6 +198,7 @@ def test_a_point_of_a_section_is_the_apex(tmp_path):
     )
 
 
+@pytest.mark.campaign
 def test_the_rotation_of_a_face_is_the_bend():
     """The tip of a bent finger turns as far as two probes on it show; the chord to it turns about half as far."""
     finger = sm.PneuNet(chambers=2, cell_size=0.006)

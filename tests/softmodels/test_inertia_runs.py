@@ -61,6 +61,7 @@ def test_a_case_is_read_back_from_its_own_file():
     assert jump.inertia and jump.supply is not None and jump.remembers
 
 
+@pytest.mark.campaign
 def test_a_jump_of_the_pressure_and_a_resumed_run(run, tmp_path):
     """The pressure jumps to 5 cm and at 4 ms to 2 cm, where the balloon is; a run resumed at 4 ms gives the same numbers."""
     done = run(WHOLE)

@@ -122,6 +122,7 @@ def test_a_disk_that_is_full_from_the_start_ends_the_run(size, tmp_path):
     assert not list(tmp_path.rglob("*.part")) and not list(tmp_path.rglob("*.msh"))
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("place", sampled(["requested", "limit"]))
 def test_a_run_killed_between_two_steps_goes_on_to_the_same_limit(place, limited, tmp_path):
     rows = runs.rows(limited[0])

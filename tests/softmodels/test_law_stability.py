@@ -81,6 +81,7 @@ def test_a_softening_law_names_its_stretches():
     assert weakness(NeoHookean(30e3)) == "" and weakest(NeoHookean(30e3)) is None
 
 
+@pytest.mark.campaign
 def test_a_run_warns_first_and_ends_with_the_laws_name(tmp_path):
     done = runs.disk(tmp_path / "disk", *WORDS, "--volume-ml", "0:60")
     first, last = done.err.split("step   0")

@@ -29,6 +29,7 @@ def falling(conductance=0.0, start=2.5e3, times=TIMES, gas="isothermal", **leak)
     return solve_ivp(slope, times[[0, -1]], [start], t_eval=times, rtol=1e-11, atol=1e-9).y[0]
 
 
+@pytest.mark.campaign
 def test_the_leak_of_a_run_in_time(figure):
     """A disk behind a valve that closes: its cavity shrinks as the pressure falls, and so the leak lasts longer."""
     disk, law = sm.HollowDisk(section="axisymmetric", cell_size=6e-3), sm.Yeoh(14e3, 60.0)

@@ -60,6 +60,7 @@ def test_thin_disk_is_limited_and_a_stiffening_one_is_not(comm):
     assert stiffening.kind == "none" and stiffening.stretch > 4.9
 
 
+@pytest.mark.campaign
 def test_a_table_of_materials_with_margins(tmp_path):
     materials = ("--material", "ecoflex-00-30", "--material", "dragon-skin-20")
     done = runs.run("-m", "softmodels", "limit", *OPTIONS, *materials, "--working-pressure", "10", "--output", tmp_path)
@@ -145,6 +146,7 @@ def test_a_limit_is_found_with_the_solver_of_its_case(comm, monkeypatch):
     assert made
 
 
+@pytest.mark.campaign
 def test_every_silicone_has_its_own_weight(comm):
     """Where gravity leaves the density out it is the named silicone's, whichever was solved before."""
     soft, hard = (SILICONES[name].material for name in ("ecoflex-00-10", "elastosil-m4601"))
@@ -226,6 +228,7 @@ def test_samples_fill_the_tolerances():
         Tolerance.parse("section=2mm+-1mm", HollowDisk)
 
 
+@pytest.mark.campaign
 def test_any_device_by_its_options(ended):
     """A closed balloon has the limit of a thick sphere's closed form."""
     words = [
@@ -246,6 +249,7 @@ def test_any_device_by_its_options(ended):
     assert status == 0 and 1e3 * float(re.search(r"\(([\d.]+) kPa\)", out)[1]) == pytest.approx(most, rel=1e-3)
 
 
+@pytest.mark.campaign
 def test_straight_edges_are_told_wherever_a_device_is_meshed(ended, monkeypatch):
     """A mesh with edges that could not be curved; no device's has some today, so that their number is set."""
     monkeypatch.setattr(body.meshing, "straight_edges", lambda: 12)
@@ -262,6 +266,7 @@ def test_straight_edges_are_told_wherever_a_device_is_meshed(ended, monkeypatch)
     assert f"note: 2 of 2 sampled devices have warnings; of the first: {text}" in list(notes)
 
 
+@pytest.mark.campaign
 def test_straight_edges_are_told_with_every_result_on_their_mesh(monkeypatch, tmp_path):
     monkeypatch.setattr(body.meshing, "straight_edges", lambda: 12)
     text = "12 edges of the mesh on curved faces are straight"

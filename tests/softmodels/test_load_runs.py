@@ -116,6 +116,7 @@ def test_a_travel_leads_to_the_force(pushed):
     assert run.at(half["travel_mm"] * 1e-3).row["force_N"] == pytest.approx(0.5, rel=1e-6)
 
 
+@pytest.mark.campaign
 def test_the_limit_of_a_loaded_disk():
     """A weight bears the membrane down, so the disk takes more pressure: what the limit says is what the path finds."""
     soft = NeoHookean(20e3, 0.495)

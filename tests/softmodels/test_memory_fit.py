@@ -84,6 +84,7 @@ def test_95_percent_intervals_hold_the_truth(exact, error):
     assert 0.93 <= shares.mean() <= 0.97 and shares.min() >= 0.9 and shares.max() <= 0.99
 
 
+@pytest.mark.campaign
 def test_a_rate_that_was_not_fitted_is_predicted():
     """Fitted to two rates and equilibrium, with relaxation times that the fit does not have (solve_ivp)."""
 
@@ -117,7 +118,7 @@ def test_weights_that_are_not_there_are_zero_with_an_upper_end():
 
 
 @pytest.mark.parametrize("law", sampled(["gent", "ogden2", "neo-hookean"]))
-@pytest.mark.parametrize("mode", ["planar", "equibiaxial"])
+@pytest.mark.parametrize("mode", sampled(["planar", "equibiaxial"]))
 def test_any_law_and_test_returns_its_own_curves(law, mode):
     truth = {
         "gent": Gent(30e3, 60.0, 0.5),
@@ -139,6 +140,7 @@ SOFTENED = LAW.with_memory(list(zip(SHARES, TAUS, strict=True)), SOFT)
 CYCLES = zigzag(1.0, 2.0, 1.0, 2.0, 1.0, 2.6, 1.0, 2.6, 1.0)
 
 
+@pytest.mark.campaign
 def test_softening_is_found_beside_relaxation():
     report = fit_curves([curve(SOFTENED, CYCLES, 50.0), curve(SOFTENED, HOLD, 50.0, 1, "hold")], "yeoh", FAST)
     found, fit = report.material.memory, report.chosen.fit
@@ -358,6 +360,7 @@ def test_ten_thousand_readings_give_the_weights_of_a_hundred():
             assert found[name] == pytest.approx(value, abs=0.01), name
 
 
+@pytest.mark.campaign
 def test_the_relaxation_times_are_what_the_data_can_show():
     slow = curve(LAW, (100.0 * PULL[0], PULL[1]))
     assert memory.spectrum([slow]).times == (100.0, 1000.0)

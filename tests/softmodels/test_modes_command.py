@@ -62,6 +62,7 @@ def test_a_path_that_ends_says_what_is_unstable(tmp_path):
     assert closed.ended.status == 3 and np.isfinite(closed.frequency).all() and not closed.unstable
 
 
+@pytest.mark.campaign
 def test_a_solid_is_drawn_and_a_case_file_read(tmp_path):
     case = sm.Case("beam", BEAM, LAW, components=sm.Gravity("-z"), steps=steps_of(share=(1.0,)))
     (tmp_path / "beam.toml").write_text(case.to_toml())
@@ -101,6 +102,7 @@ def test_a_case_at_rest(ended, tmp_path):
     assert status == 2 and "or 0 for the state at rest (--pressure-cm 0)" in err
 
 
+@pytest.mark.campaign
 def test_a_mass_on_an_edge_swings_with_the_device():
     """As one on the whole face of the tip, whose middle is as far from the clamp."""
     edge, face = (

@@ -67,6 +67,7 @@ def test_files_of_a_slab_leave_the_device(slab):
     assert found.differs < 1e-6 and found.volume * 1e9 == pytest.approx(whole, rel=2e-4)
 
 
+@pytest.mark.campaign
 def test_stl_is_watertight_and_agrees_with_step(slab):
     folder, _, _ = slab
     report = json.loads((folder / "checks.json").read_text())
@@ -114,6 +115,7 @@ def test_the_bonded_casts_are_the_device_in_its_own_place(slab, tmp_path):
     assert mirror_gap(SLAB, slab[2].device, tmp_path) < 2e-3
 
 
+@pytest.mark.campaign
 def test_a_disk_is_cast_to_its_closed_form(tmp_path):
     disk = HollowDisk.variant("shadow", section="axisymmetric")
     asked = asked_of(disk, chord="0.1 mm")
@@ -148,6 +150,7 @@ BLOCK, HOLE = (0, -5, -5, 20, 10, 10), (6, -3, -2, 10, 6, 4)
 ONE = {"cavities": ("at 11, 0, 0 mm",), "support": "x = 20 mm"}
 
 
+@pytest.mark.campaign
 def test_an_imported_part_is_parted_along_its_pull(part_of, tmp_path):
     """Any direction will do for a box, and what is bonded lies where it was drawn."""
     part = part_of("box", BLOCK, HOLE, **ONE)
@@ -208,6 +211,7 @@ def test_what_no_workshop_can_make_is_a_sentence(settings, told):
         sm.mould(sm.HollowDisk.variant("shadow"), **settings)
 
 
+@pytest.mark.campaign
 def test_channels_finer_than_the_printer_are_refused():
     with pytest.raises(MouldError, match=r"the printer's smallest rib is 1\.6 mm"):
         sm.mould(SLAB, least_wall="1.6 mm", wall="8 mm", rim="10 mm", chord="0.1 mm")
@@ -262,6 +266,16 @@ def test_bad_input_is_a_sentence_and_status_2(words, told, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["case", "case.toml"]
 
 
+def test_the_command_makes_a_small_mould(tmp_path):
+    (tmp_path / "case.toml").write_text('name = "membrane"\n[geometry]\ndevice = "Membrane"\n')
+    words = ("--silicone", "ecoflex-00-30", "--chord", "0.1mm", "--no-pictures", "--output", "out")
+    done = runs.run("-m", "softmodels", "mould", "case.toml", *words, cwd=tmp_path)
+    assert done.status == 0 and done.err == "" and "sheet.html" in done.out
+    assert "pot life 45 min" in (tmp_path / "out" / "sheet.md").read_text()
+    assert {"device.step", "mould.toml", "checks.json"} <= {path.name for path in (tmp_path / "out").iterdir()}
+
+
+@pytest.mark.campaign
 def test_the_command_writes_bodies_pictures_and_a_sheet(tmp_path):
     (tmp_path / "case.toml").write_text(CASE)
     words = ("--silicone", "ecoflex-00-30", "--chord", "0.1mm", "--vents", "2", "--output", "out")

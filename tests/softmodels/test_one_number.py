@@ -137,6 +137,7 @@ def test_without_walls_near_each_other_no_gap_is_told(inflated):
     assert overlap_of(states.rows[-1]) == 0.0 and overlap_of(Row({"least_gap_mm": -0.5})) == 0.5e-3
 
 
+@pytest.mark.campaign
 def test_a_cycle_tells_its_jumps(cycled):
     folder, done = cycled
     assert done.status == 0, done.err
@@ -179,6 +180,7 @@ def test_a_snap_that_hardly_moves_the_device_is_that_of_a_part():
     )
 
 
+@pytest.mark.campaign
 def test_profiles_of_a_cycle_are_labelled_by_their_part_of_the_path(cycled):
     rows = runs.rows(cycled[0])
     places = curves.branches(PathTable.read(rows), StateLabels("apex"))

@@ -180,6 +180,7 @@ def test_outlines_of_another_device_end_badly(measured, outlines, tmp_path):
     assert sorted(path.name for path in output.iterdir()) == names
 
 
+@pytest.mark.campaign
 def test_a_wrong_row_is_named_and_can_be_left_out(measured, case, outlines, tmp_path):
     folder, output = outlines(*pressed(measured, 4, lambda p: 10 * p)), tmp_path / "fit"
     done = fit(case, folder, *WORDS, "-o", output)
@@ -202,6 +203,7 @@ def test_a_slightly_wrong_row_is_named_by_the_fit(measured, case, outlines, tmp_
     assert not (tmp_path / "fit" / "fitted.toml").exists()
 
 
+@pytest.mark.campaign
 def test_a_wrong_unit_of_all_pressures_is_none_of_the_silicone(measured, case, outlines, tmp_path):
     folder = outlines(*(dataclasses.replace(o, pressure=o.pressure / 2) for o in measured))
     done = fit(case, folder, *WORDS, "-o", tmp_path / "fit", "--silicone", "ecoflex-00-30")
@@ -209,6 +211,7 @@ def test_a_wrong_unit_of_all_pressures_is_none_of_the_silicone(measured, case, o
     assert not (tmp_path / "fit" / "fitted.toml").exists()
 
 
+@pytest.mark.campaign
 def test_corrections_are_reported(measured, case, outlines, tmp_path):
     folder = outlines(*(dataclasses.replace(o, x=1.1 * o.x, z=1.1 * o.z - 2e-4) for o in measured))
     done = fit(case, folder, *WORDS, "-o", tmp_path / "fit")
@@ -217,6 +220,7 @@ def test_corrections_are_reported(measured, case, outlines, tmp_path):
     assert "all lengths in the photographs too large by" in closing and "it has sunk" in closing
 
 
+@pytest.mark.campaign
 def test_heights_name_their_wrong_row_and_what_they_cannot_tell(measured, case, tmp_path):
     file = tmp_path / "heights.csv"
     for i, by, status, said in ((4, lambda p: p / 2, 1, "4.jpg contradicts"), (2, lambda p: -p, 2, "2.jpg rises")):
@@ -228,6 +232,7 @@ def test_heights_name_their_wrong_row_and_what_they_cannot_tell(measured, case, 
     assert done.exit_code == 0 and "heights cannot separate a leak" in done.output
 
 
+@pytest.mark.campaign
 def test_a_whole_fit(case, outlines, comm, tmp_path):
     """Outlines of a known material through the command: its values, its files, and a wedge's case fitted as a section."""
     from softmodels.fitting.outlines.device import DeviceModel
@@ -291,6 +296,7 @@ def test_a_whole_fit(case, outlines, comm, tmp_path):
         assert two["c1"] == pytest.approx(values["c1"], rel=1e-8) and two["c2"] == pytest.approx(values["c2"], rel=1e-8)
 
 
+@pytest.mark.campaign
 def test_scores_of_materials_on_a_device(case, outlines, measured, tmp_path):
     """The true material's chi squared is about 1 per value and its band holds about 95 %; a false hardening shows."""
     true, wrong = (f"yeoh:c1=14kPa,c2={c2}Pa,c3={TRUE['c3']}Pa,poisson=0.49" for c2 in (TRUE["c2"], 8 * TRUE["c2"]))

@@ -86,7 +86,8 @@ def test_residuals_are_independent_whatever_the_points_of_a_photograph_share(sha
 
 
 @pytest.mark.parametrize(
-    ("components", "height_datum"), sampled([((), ""), (HEAVY, ""), (HEAVY, "apex"), (HEAVY, "undeformed")], 2)
+    ("components", "height_datum"),
+    sampled([((), ""), (HEAVY, ""), (HEAVY, "apex"), (HEAVY, "undeformed")], [(HEAVY, "")]),
 )
 def test_derivatives_are_exact(components, height_datum, inflation):
     """The Jacobian along a random direction against central differences, at values that fit nothing."""
@@ -134,6 +135,7 @@ def test_noiseless_outlines_give_their_material_back(inflation, figure):
     assert device.paths <= 40  # a search over 20 x 20 values follows 400
 
 
+@pytest.mark.campaign
 def test_outlines_past_a_limit_point(inflation, figure):
     """Readings that fall at last while the device grows."""
     device = inflation(THIN, "neo-hookean")
@@ -175,6 +177,7 @@ THICKER = {"shear_modulus": 33.7e3, "membrane": DISK.membrane + 1e-4}
 """A part whose membrane was cast 0.1 mm thicker than drawn."""
 
 
+@pytest.mark.campaign
 def test_a_casting_tolerance_is_in_the_interval(inflation):
     """By default; with the membrane taken as drawn, the interval leaves the truth out, and the note says by how much."""
     device = inflation(law="neo-hookean", poisson=0.5)
@@ -198,6 +201,7 @@ def test_a_casting_tolerance_is_in_the_interval(inflation):
     assert share == pytest.approx(100 * abs(other / exact.values["shear_modulus"] - 1), rel=0.15)
 
 
+@pytest.mark.campaign
 def test_heights_consider_a_casting_tolerance(inflation):
     device, rng = inflation(law="neo-hookean", poisson=0.5), np.random.default_rng(16)
     made = simulated_outlines(device, THICKER, PRESSURES, SimulatedCamera(), rng=rng)
@@ -218,6 +222,7 @@ def test_heights_consider_a_casting_tolerance(inflation):
     assert np.sqrt(errors["5 %"] ** 2 - errors["exact"] ** 2) == pytest.approx(2.5 * by_membrane, rel=1e-6)
 
 
+@pytest.mark.campaign
 def test_neo_hookean_cannot_follow_a_hardening_silicone(inflation, figure):
     device, plain = inflation(), inflation(law="neo-hookean")
     rng = np.random.default_rng(3)
@@ -298,6 +303,7 @@ def test_heights_alone_hold_the_truth_of_an_imperfect_bench(inflation):
     assert np.mean(held) >= 0.75 and np.mean(scatter) <= 0.5
 
 
+@pytest.mark.campaign
 def test_a_tensile_curve_tells_the_leak(inflation):
     """Outlines hold leak and hardening together only as their product; a curve of the same silicone parts them."""
     device, rng = inflation(poisson=0.5), np.random.default_rng(6)

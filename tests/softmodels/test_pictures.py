@@ -38,6 +38,7 @@ def loaded(folder: Path) -> tuple[StoredStates, HollowDisk]:
     return states, states.actuator
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("kind", ["wedge", "half_slab"])
 def test_every_picture_is_drawn_and_shows_something(kind, drawn):
     folder, done = drawn(kind)
@@ -56,6 +57,7 @@ def test_every_picture_is_drawn_and_shows_something(kind, drawn):
         assert (rim == 1.0).all(), name
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("kind", ["wedge", "half_slab"])
 def test_stress_has_one_camera_and_one_scale(kind, drawn):
     folder, _ = drawn(kind)

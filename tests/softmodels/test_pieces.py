@@ -24,7 +24,7 @@ WHOLE = {
 }
 
 
-@pytest.mark.parametrize("kind", sampled(WHOLE, 2))
+@pytest.mark.parametrize("kind", sampled(WHOLE))
 def test_a_face_in_two_pieces_is_the_face(kind):
     whole, both, one = (
         sm.Model(DISK, LAW, WHOLE[kind](*faces)).solve(pressure="10 cm").rises["apex"]
@@ -36,15 +36,15 @@ def test_a_face_in_two_pieces_is_the_face(kind):
 
 @pytest.mark.parametrize(
     ("face", "centre"),
-    [
+    sampled([
         ("tip", (40, 2.5, 0)),
         ("edge of tip and top", (40, 2.5, 2.5)),
         ("edge of tip and top within y < 2.5 mm", (40, 1.25, 2.5)),
         ("edge of top and side", (20, 5, 2.5)),
         ("top within x > 20 mm", (30, 2.5, 2.5)),
         ("top within 10 mm < x < 20 mm, top within 30 mm < x", (25, 2.5, 2.5)),
-    ],
-)
+    ], 2),
+)  # fmt: skip
 def test_the_centre_of_what_is_loaded(face, centre):
     """Cells are 2.5 mm long, so that pieces end where their bounds are."""
     model = sm.Model(BEAM, LAW, sm.Force(face, "-z", 0.02))
@@ -106,6 +106,7 @@ def test_amounts_that_do_not_fit_are_refused(ended, tmp_path):
         )
 
 
+@pytest.mark.campaign
 def test_a_ring_within_the_layer_of_a_membrane():
     """With rings of no thickness the cells end at their radii, so that the region is the whole ring of the layer."""
     membrane = sm.Membrane(rings=(0.008, 0.010))
@@ -144,6 +145,7 @@ def test_regions_that_share_cells_are_refused():
     assert heights[0] == pytest.approx(heights[1], rel=1e-9)
 
 
+@pytest.mark.campaign
 def test_named_faces_of_a_part_that_overlap(step_file, tmp_path):
     """A force on a face acts on all of it, whatever other names its pieces have; so does what holds the part."""
     file = step_file(tmp_path / "bar.step", lambda occ: occ.fragment(
@@ -155,6 +157,7 @@ def test_named_faces_of_a_part_that_overlap(step_file, tmp_path):
     assert rises[1] == pytest.approx(rises[0], rel=1e-9)
 
 
+@pytest.mark.campaign
 def test_a_part_without_air(step_file, tmp_path):
     """A bar from a STEP file bends as the library's beam does; its faces have names of the user's."""
     file = step_file(tmp_path / "bar.step", lambda occ: occ.addBox(0, -5, -2.5, 40, 10, 5))

@@ -54,6 +54,7 @@ def test_a_program_runs_and_says_what_each_cavity_has(program, tmp_path):
     assert f"cavity1 40 cm, 0.97 g/ml, cavity2 {last['pressure_2_cm']:.6g} cm, 0.97 g/ml: tip" in done.out
 
 
+@pytest.mark.campaign
 def test_a_program_goes_on_from_its_last_step(program, tmp_path):
     """Ended after a step, or in the middle of one, it comes to the states of a program that was never interrupted."""
     series = (("cavity1.pressure_cm", "[40, 40, 20]"), ("cavity2.volume_ml", "[0, 0.03, 0.03]"))
@@ -79,6 +80,7 @@ def test_a_program_goes_on_from_its_last_step(program, tmp_path):
             assert row[name] == pytest.approx(expected[name], rel=1e-8, abs=1e-10), name
 
 
+@pytest.mark.campaign
 def test_a_program_that_meets_a_limit_says_which_step_and_where(program, tmp_path):
     """Neo-Hookean walls blow up at some pressure, whatever the other cavity does."""
     done = program("cavity1.volume_ml = 0.02\ncavity2.pressure_cm = [0, 2000]\n", "--no-pictures")
@@ -91,6 +93,7 @@ def test_a_program_that_meets_a_limit_says_which_step_and_where(program, tmp_pat
     assert all(row["added_volume_1_ml"] == pytest.approx(0.02) for row in rows if row["load_step"] >= 1)
 
 
+@pytest.mark.campaign
 def test_pictures_of_a_program(program, tmp_path):
     done = program("cavity1.pressure_cm = [20, 20]\ncavity2.pressure_cm = [0, 30]\n")
     assert done.status == 0, done.err

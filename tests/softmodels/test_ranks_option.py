@@ -19,6 +19,7 @@ from softmodels.cli import options
 from softmodels.common.errors import MeshingError, MeshingStopped
 from softmodels.mechanics.mpi import StartError
 from tests.support import runs
+from tests.support.campaigns import sampled
 
 MPI = options._launcher()
 needs_mpirun = pytest.mark.skipif(MPI is None, reason="no mpirun beside this Python or on the path")
@@ -104,7 +105,7 @@ def test_two_ranks_by_an_option_are_one_rank_in_all_but_the_closing_line(limited
 
 
 @needs_mpirun
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", sampled([signal.SIGINT, signal.SIGTERM]))
 def test_ranks_are_stopped_as_one_is(number, tmp_path):
     folder = tmp_path / "disk"
     process = runs.start(*runs.DISK, "--output", folder, "--pressure-cm", "0:177:1", "--quiet", "--ranks", 2)
@@ -118,6 +119,7 @@ def test_ranks_are_stopped_as_one_is(number, tmp_path):
     assert 0 < states < 177 and runs.readable(folder) == states
 
 
+@pytest.mark.campaign
 @needs_mpirun
 def test_ranks_end_with_a_command_that_is_killed(tmp_path):
     folder = tmp_path / "disk"

@@ -71,6 +71,7 @@ def same(found, exact, tolerance):
         assert np.abs(found[part] - np.nan_to_num(exact[part])).max() < tolerance * np.nanmax(np.abs(exact[part]))
 
 
+@pytest.mark.campaign
 def test_compliance_and_volume_by_a_force(model):
     """Also the reciprocity of volume and tip: what a force adds to the volume, the pressure adds to the tip's place."""
     state, a = model.states[-1], 1e-3
@@ -126,6 +127,7 @@ def test_compliance_is_symmetric_and_positive(model):
         assert np.linalg.eigvalsh(C / np.outer(D, D)).min() > 0.0
 
 
+@pytest.mark.campaign
 def test_band_of_the_tip(model):
     state = model.states[-1]
     low, high = (fresh([state.pressure], sm.NeoHookean(MU + way))[-1] for way in (-30.0, 30.0))
@@ -158,6 +160,7 @@ def test_round_bellows():
 # -- files --------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.campaign
 def test_chain_in_mujoco(run, model, tmp_path):
     mujoco = pytest.importorskip("mujoco")
     run.reduce(tmp_path / "finger.xml")
@@ -234,6 +237,7 @@ def test_chain_on_a_wrist(model, tmp_path, monkeypatch, whole):
         assert angle < 1e-3
 
 
+@pytest.mark.campaign
 def test_mass_of_a_device_with_what_is_on_it():
     """Two silicones, a plate and a weight: the mass that gravity pulls at."""
     plate, weight = sm.Rigid("tip", name="plate", mass=5e-3), sm.Mass("bottom", 2e-3)
@@ -249,6 +253,7 @@ def test_mass_of_a_device_with_what_is_on_it():
     assert len(links) == chains.SEGMENTS and all(one.get("gravcomp") == "1" for one in links)
 
 
+@pytest.mark.campaign
 def test_chain_out_of_its_plane(model, tmp_path):
     """A finger that also turns about its own axis, by up to 20 degrees, as one with helical fibres does."""
     mujoco = pytest.importorskip("mujoco")

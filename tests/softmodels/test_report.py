@@ -213,6 +213,7 @@ def projected(meta, points, size):
     return (points - np.array(meta["focus"])) @ axes.T * tall / half / 2 + np.array(size) / 2
 
 
+@pytest.mark.campaign
 def test_its_view_shows_the_field_in_a_browser(browser, report):
     """Ten places of the 3-D view, as WebGL has drawn them, have the colour of the field there, within one of the 256 steps
     of the bar and half of one within the pixel."""

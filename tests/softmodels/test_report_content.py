@@ -51,6 +51,7 @@ def test_the_runs_warnings_stand_at_the_top_of_its_report(stretched):
     assert text.index("extrapolation") < text.index("3-D view")
 
 
+@pytest.mark.campaign
 def test_warnings_are_there_without_a_summary_too(stretched, tmp_path):
     """A run that was killed has none; the states alone tell."""
     text = (stretched / "summary.json").read_text()

@@ -19,6 +19,7 @@ from softmodels.disk import command
 from softmodels.mechanics.compiling import report_waits, use_cache
 from softmodels.runs.simulation import Simulation
 from tests.support import runs
+from tests.support.campaigns import sampled
 
 STEPS = ("--pressure-cm", "0:177:5", "--quiet")
 
@@ -40,6 +41,7 @@ def test_a_failed_mesher_is_a_sentence_and_status_1(monkeypatch, capsys, tmp_pat
     assert not (tmp_path / "disk").exists()  # nothing was made that a folder would be needed for
 
 
+@pytest.mark.campaign
 def test_a_solver_kept_from_converging_leaves_its_states(tmp_path):
     """One iteration of the linear solver is enough where the tangent was factorised close by, not on a plane that stops it."""
     plane = ("--contact", "top", "--contact-plane", "z = 30 mm")
@@ -92,7 +94,8 @@ def test_no_compiler_is_a_sentence(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("job", "status", "sentence"), [(True, 130, "stopped by the user"), (False, 1, "SIGTERM ended the C compiler")]
+    ("job", "status", "sentence"),
+    sampled([(True, 130, "stopped by the user"), (False, 1, "SIGTERM ended the C compiler")]),
 )
 def test_a_signal_during_compilation_is_no_missing_compiler(job, status, sentence, tmp_path):
     """A batch queue ends all processes of a job at once."""
@@ -160,6 +163,7 @@ print(len(left))
         assert (done.status, done.out, done.err) == (0, f"{count}\n", "")
 
 
+@pytest.mark.campaign
 def test_a_case_files_solver_is_replaced_and_its_run_resumed_by_the_other(tmp_path):
     """A rigid plate on a membrane: begun by iterations, resumed by a factorisation."""
     text = '[geometry]\ndevice = "Membrane"\nplate_radius = "8 mm"\n[rigid.plate]\nface = "plate"\n[load]\nvolume_ml = "{}"\n'

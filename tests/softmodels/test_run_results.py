@@ -111,6 +111,7 @@ def test_values_between_the_requested_ones_rise_too(tmp_path):
     assert sorted(rows, key=lambda row: row["added_volume_ml"]) == rows
 
 
+@pytest.mark.campaign
 def test_paraviews_reader_finds_all_fields_on_one_grid_during_and_after(whole, tmp_path):
     folder = tmp_path / "disk"
     process = runs.start(*runs.DISK, "--output", folder, "--pressure-cm", "0:177:5", "--quiet")
@@ -167,6 +168,7 @@ def test_a_run_goes_on_to_higher_pressures(whole, whole_copy):
     assert longer[: len(rows)] == rows and longer[-1]["pressure_cm"] == 190.0 and longer[-1]["requested"] == 1
 
 
+@pytest.mark.campaign
 def test_two_ranks_say_everything_once_and_find_the_same(whole, tmp_path):
     done = runs.disk(tmp_path / "disk", "--pressure-cm", "0:177:5", launcher=[mpirun(), "-n", "2"])
     assert done.status == 0, done.err

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import re
 from pathlib import Path
 
@@ -36,11 +37,14 @@ def _files():
             yield path.relative_to(package.parent).as_posix(), path.read_text(encoding="utf-8")
 
 
+@functools.cache
 def _functions():
-    for file, text in _files():
-        for node in ast.walk(ast.parse(text)):
-            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-                yield f"{file}: {node.name}", node
+    return [
+        (f"{file}: {node.name}", node)
+        for file, text in _files()
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+    ]
 
 
 def _parameters(function):

@@ -16,6 +16,7 @@ from softmodels.runs.grid import CUT, OUTSIDE, surface_of
 from softmodels.runs.states import FolderStates
 from softmodels.runs.table import PathTable
 from tests.support import made_up as drawings
+from tests.support.campaigns import sampled
 
 SHARP_DISK = {"cell_size": 0.004, "refinement": 1.0}
 SLAB = {"channels": 2, "spread": 40.0, "around": 8.0, "cell_size": 0.008}
@@ -34,7 +35,7 @@ PARTS = (("can", 45), ("can", 180), ("ball", 60), ("ball", 90))
 """Wedges from STEP files, and their angles."""
 
 
-@pytest.fixture(scope="module", params=[*DEVICES, *PARTS], ids=str)
+@pytest.fixture(scope="module", params=[*DEVICES, *sampled(PARTS, whole=True)], ids=str)
 def surface(request, wedge_part, tmp_path_factory):
     device = DEVICES[request.param] if request.param in DEVICES else wedge_part(*request.param)
     points, cells, kind = drawings.grid_of(device, tmp_path_factory.mktemp("skin"))
@@ -144,6 +145,7 @@ def test_surfaces_lie_on_their_shapes():
     assert np.abs(points[:, 1]).max() == pytest.approx(0.05)
 
 
+@pytest.mark.campaign
 def test_a_ball_that_is_lifted_stays_in_the_picture(tmp_path):
     ball = sm.RigidShape("sphere", "top", (0.0, 0.0, 0.0265), 0.01, guide="z", spring=20.0, name="ball")
     disk = sm.HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.004)

@@ -14,6 +14,7 @@ from softmodels.cli.options import main
 from softmodels.common.commands import unswept
 from softmodels.disk import command
 from softmodels.mechanics import mpi
+from tests.support.campaigns import sampled
 
 LOOKS = "MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT"
 HOOKS, LOCAL = "UCX_MEM_MMAP_HOOK_MODE", "MPI_LOCALNRANKS"
@@ -97,7 +98,7 @@ print("looked at", len(own))
 
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="needs Linux' list of sockets")
 @pytest.mark.parametrize("network", ["ucx", "ofi"])
-@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("ranks", sampled([2, 1]))
 def test_no_solver_process_listens_beyond_this_machine(ranks, network):
     """Both libraries that MPICH sends by: the wheel's choice, and that of conda-forge's build."""
     words = [sys.executable, "-c", LISTENING]
@@ -119,6 +120,7 @@ finally:
 """
 
 
+@pytest.mark.campaign
 def test_a_section_is_solved_without_what_it_has_no_use_for(tmp_path):
     words = [sys.executable, "-c", LOADED, *SMALL, "--output", str(tmp_path / "disk")]
     subprocess.run(words, capture_output=True, check=True)  # the first may have to compile the equations
@@ -143,6 +145,7 @@ def test_another_petsc_beside_the_wheels_is_refused_by_name(name, tmp_path):
     assert "ninstall" in done.stderr and "Traceback" not in done.stderr and not (tmp_path / "disk").exists()
 
 
+@pytest.mark.campaign
 def test_equations_are_compiled_without_what_debuggers_read(tmp_path, monkeypatch):
     """That took two thirds of the compiler's time, and says nothing of the numbers."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))

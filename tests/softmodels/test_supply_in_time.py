@@ -96,6 +96,7 @@ def test_a_device_is_filled_and_leaks(run, tmp_path):
     assert "stroke_ml" not in path
 
 
+@pytest.mark.campaign
 def test_a_resumed_run_goes_on_with_the_same_gas(run, tmp_path):
     assert run(LOAD(*WHOLE)).status == 0
     whole = table(tmp_path / "out")
@@ -179,6 +180,7 @@ def test_a_pump_delivers_its_rate():
     assert path["gas_ml"] - path["gas_ml"][0] == pytest.approx(3.0 / 60 * path["time_s"], rel=1e-7)
 
 
+@pytest.mark.campaign
 def test_a_supply_and_a_memory_act_together():
     """Behind a tube that resists nothing the device creeps as under its source's pressure."""
     creeping = dataclasses.replace(LAW, c2=0.0).with_memory(branches=[(0.3, "2 s")])

@@ -96,6 +96,7 @@ def test_the_truth_is_found_again(name):
         assert found.values == pytest.approx(TRUTH[name], rel=1e-4)
 
 
+@pytest.mark.campaign
 @laws
 def test_noisy_fits_end_well(name):
     found = fitted(name, curves_of(name, ABSOLUTE, 5))
@@ -104,6 +105,7 @@ def test_noisy_fits_end_well(name):
     assert all(run < 2.0 for run in found.runs.values())
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("name", "error"),
     sampled([("yeoh", "50Pa"), ("yeoh", "constant"), ("yeoh", "auto"), ("gent", "auto"), ("mooney-rivlin", "50Pa")]),

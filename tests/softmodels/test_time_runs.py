@@ -95,6 +95,7 @@ def test_a_tolerance_that_no_step_meets_is_told_before_anything_is_solved(tolera
         Case("disk", DISK, LAW, steps=steps_of(pressure_cm=(10.0,)), time_tolerance=tolerance)
 
 
+@pytest.mark.campaign
 def test_a_long_hold_spends_what_a_short_one_does():
     """The silicone comes to rest within minutes; a step of the hold's twelfth would pass over all of it."""
     law = sm.Yeoh(14e3, 60.0).with_memory(branches=[(0.3, 1.0), (0.2, 100.0)])
@@ -148,6 +149,7 @@ def test_wrong_calls_are_told():
         dataclasses.replace(sm.Yeoh(14e3), memory=((0.2, 1.0),))
 
 
+@pytest.mark.campaign
 def test_a_cycle_creeps_softens_and_keeps_a_rest(run, tmp_path):
     done = run("pressure_cm = '0:25'\nrate = '5cm/s'\nhold = '10 s'\ncycles = 2\n")
     assert done.status == 0, done.err
@@ -175,6 +177,7 @@ def test_without_times_a_memory_does_not_act(run, tmp_path):
     assert runs.rows(tmp_path / "out")[-1]["apex_mm"] == pytest.approx(elastic.path["apex_mm"][-1], rel=1e-12)
 
 
+@pytest.mark.campaign
 def test_a_resumed_run_remembers(run, tmp_path):
     """A program that is continued by another step: the states of one that was never interrupted."""
     pressures, times = [0, 25, 25, 5], [0, 5, 8, 9]
@@ -192,6 +195,7 @@ def test_a_resumed_run_remembers(run, tmp_path):
         assert here == pytest.approx(there, rel=1e-6, abs=1e-9)
 
 
+@pytest.mark.campaign
 def test_a_held_pressure_is_lost_at_a_time(tmp_path):
     law, balloon = sm.NeoHookean(30e3, 0.5), sm.Balloon(neck_radius=0.0)
     limit = sm.limit(balloon, law).pressure
@@ -201,6 +205,7 @@ def test_a_held_pressure_is_lost_at_a_time(tmp_path):
     assert "crept so far that the device has no equilibrium" in run.limit.why
 
 
+@pytest.mark.campaign
 def test_the_pressure_that_is_borne_for_a_time(figure):
     """A thin sphere with a branch of half its modulus: 1.1 and 1.2 times the relaxed limit for 4.9 and 2.162 times tau."""
     law, balloon = sm.NeoHookean(30e3, 0.5), sm.Balloon(neck_radius=0.0, wall="0.2 mm")
@@ -224,7 +229,7 @@ def test_the_command_tells_what_is_borne(tmp_path):
         '[material.memory]\nbranches = [[0.5, "10 s"]]\n'
     )
     device = ("-m", "softmodels", "limit", "--device", "Balloon")
-    words = (*device, "--cell-size", "4mm", "--material", tmp_path / "memory.toml", "--hold", "60s")
+    words = (*device, "--cell-size", "8mm", "--material", tmp_path / "memory.toml", "--hold", "60s")
     done = runs.run(*words, "--output", tmp_path / "out")
     assert done.status == 0 and "is borne for 60 s, and then" in done.out
     assert runs.run(*words, "--vary", "wall=2mm+-0.1mm").status == 2

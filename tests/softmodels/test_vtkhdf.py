@@ -18,12 +18,14 @@ import pytest
 from softmodels.runs import formats
 from softmodels.runs.store import Results
 from softmodels.runs.table import Row
+from tests.support.campaigns import sampled
 
 # VTK and h5py each bring an HDF5: VTK reads in a process of its own.
 READ = """
 import sys, numpy as np, pyvista
 from vtkmodules.vtkIOHDF import vtkHDFReader
 from vtkmodules.vtkIOXdmf2 import vtkXdmfReader
+from tests.support.campaigns import sampled
 
 def steps(reader, file, count):
     reader.SetFileName(file)
@@ -77,7 +79,7 @@ def read(folder, count, tmp_path):
     return found
 
 
-@pytest.mark.parametrize("cell", MESHES)
+@pytest.mark.parametrize("cell", sampled(MESHES))
 def test_each_step_is_read_while_the_run_goes_on_and_after_it(cell, tmp_path):
     results = Results(tmp_path / "run", "disk")
     results.folder.mkdir()

@@ -16,6 +16,7 @@ def plain():
     return predict(next(membranes()), sources=False)
 
 
+@pytest.mark.campaign
 def test_a_membrane_is_predicted(plain):
     """Within 6 % of what was measured, and within 2 % of the membrane equations by shooting."""
     assert np.abs(plain.errors).max() < 6.0

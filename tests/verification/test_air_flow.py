@@ -202,6 +202,7 @@ def limit():
     return -minimize_scalar(lambda a: -of_sphere(a**3 * THIN.cavity_volume), bounds=(1.1, 2.0), method="bounded").fun
 
 
+@pytest.mark.campaign
 def test_a_balloon_is_carried_past_its_limit_point(limit, filled, figure):
     """A source above the limit pressure: the flow of the tube carries the balloon through, and it ends at the stable state of
     that pressure; with the valve closed on the way, at the state of the gas that has come."""
@@ -252,6 +253,7 @@ def test_a_balloon_with_much_gas_snaps_at_once(limit, filled):
     assert pressures[-1] == pytest.approx(limit, rel=0.05) and times[-1] < 400.0
 
 
+@pytest.mark.campaign
 def test_a_sealed_device_loses_its_pressure_through_a_leak(filled, equilibrium, solved, figure):
     law, disk = (
         NeoHookean(20e3, 0.495),

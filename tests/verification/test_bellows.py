@@ -51,6 +51,7 @@ def test_its_blocked_force_is_its_stiffness_times_its_free_rise(equilibrium, sol
     )
 
 
+@pytest.mark.campaign
 def test_its_mesh_has_converged(equilibrium, solved, figure):
     rises = []
     for cell_size, through in ((0.8e-3, 2), (0.4e-3, 4)):
@@ -99,6 +100,7 @@ def test_a_small_neck_hardly_matters(equilibrium, solved, figure):
     figure(SPHERE, "pressure of a balloon on a neck of a tenth of its radius", found / exact - 1, 0.02)
 
 
+@pytest.mark.campaign
 def test_a_neck_keeps_its_energy_balance_and_has_a_limit(equilibrium, solved, figure):
     equations = equilibrium(Balloon(), LAW)
     _, points, end = solved(equations, [0.5])

@@ -68,6 +68,7 @@ def test_section_bends_as_its_closed_form(figure, poisson):
     assert abs(small(1e-3, young, 0.5)) < 1e-12 * small(1e-3, young, poisson)  # an incompressible one is not bent
 
 
+@pytest.mark.campaign
 def test_tube_bends_as_its_section(inflated, figure):
     """Two lengths: what their ends do to the angle is the same. With cells of 2 mm the differences are half of these."""
     pressures = (3000.0, 6000.0)

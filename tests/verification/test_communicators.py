@@ -40,6 +40,7 @@ def _inflate(file, k, section):
     return [fields.figures(point.state).pressure for point in trace(Continuation(equilibrium), [0.02])]
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif("MPICH" not in MPI.Get_library_version(), reason="other MPI libraries have no such limit")
 @pytest.mark.parametrize("section", sampled(["axisymmetric", "wedge"]))
 def test_devices_that_are_merely_dropped_give_back_their_communicators(section, tmp_path):

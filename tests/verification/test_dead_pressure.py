@@ -159,6 +159,7 @@ def test_the_way_back_is_another(balloon, ridden):
     assert (rising[:turn] > -1e-9).all() and (rising[turn:] < 1e-9).all()
 
 
+@pytest.mark.campaign
 def test_a_balloon_with_no_second_stable_part_says_so(equilibrium):
     shape = bodies.Sphere(inner=RADIUS * (1 - THIN / 2), outer=RADIUS * (1 + THIN / 2), through=1, along=12)
     equations = equilibrium(shape, NeoHookean(100e3, 0.5))

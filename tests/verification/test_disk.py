@@ -66,12 +66,14 @@ def wedge(inflated):
     return inflated(HollowDisk())
 
 
+@pytest.mark.campaign
 def test_wedge_matches_the_section(wedge, section, figure):
     against = "axisymmetric section, default cells, 70, 130 and 177 cm"
     figure(against, "wedge's apex", wedge.apex / section.apex - 1, 2.5e-3)
     figure(against, "wedge's added volume", wedge.volume / section.volume - 1, 2e-3)
 
 
+@pytest.mark.campaign
 def test_default_cells_are_fine_enough(wedge, section, fine, figure):
     against = "a section with cells of 0.4 mm"
     for name, coarse in (("wedge", wedge), ("section", section)):
@@ -107,6 +109,7 @@ def test_every_wedge_is_the_same_disk(angle, azimuth, inflated, section, figure)
     figure(against, "added volume of the same wedges", other.volume / section.volume[:1] - 1, 1e-3)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("azimuth", sampled([0.0, 20.0]))
 def test_slip_on_cut_planes_is_exact(azimuth, inflated, wedge, figure):
     """No displacement across a plane at any of its nodes, and the apex, which is on both, goes straight up."""
@@ -176,6 +179,7 @@ def thin_inflated(equilibrium, solved):
     return inflate
 
 
+@pytest.mark.campaign
 def test_a_uniform_profile_is_the_plain_disk(thin_inflated):
     """Apart from a vertex on the top the meshes are alike: 1.3e-6 measured with cells of 1 mm."""
     fine = {"section": "axisymmetric", "cell_size": 0.001, "fillet": 0.0, "base_fillet": 0.0}

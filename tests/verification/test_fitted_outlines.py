@@ -90,6 +90,7 @@ def of_the_bellows():
 fit = functools.partial(sm.fit, material="neo-hookean")
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("device", "measured", "how", "within"),
     sampled(

@@ -163,6 +163,7 @@ def test_density_of_gravity_and_of_regions(figure):
     figure("half the frequency", "a density four times as high", 2 * heavy / known - 1, 1e-8)
 
 
+@pytest.mark.campaign
 def test_mass_of_regions_and_plates(figure):
     """Twice the kinetic energy of a bent finger that moves as it is bent, integrated over each of its materials by itself."""
     import ufl

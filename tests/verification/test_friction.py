@@ -109,6 +109,7 @@ def _run(sizes, mu, shape, load):
     return sm.run(sm.Case.from_toml(BEAM.format(sizes=sizes, mu=mu, shape=shape, load=load))).path
 
 
+@pytest.mark.campaign
 def test_a_beam_that_slides_on_a_table_has_coulombs_ratio(figure):
     """It lies down under its weight, and its tip is drawn out and pushed back."""
     table = 'shape = "plane"\nat = ["0 mm", "0 mm", "-6 mm"]\nalong = [0, 0, 1]\nslip = "0.05 mm"'
@@ -122,6 +123,7 @@ def test_a_beam_that_slides_on_a_table_has_coulombs_ratio(figure):
     assert np.diff(path["rod_friction_mJ"]).min() > 0.4 * pressing * drawn * 1e3
 
 
+@pytest.mark.campaign
 def test_a_strip_around_a_rod_holds_as_euler_and_eytelwein_have_it(figure):
     """A strip that hangs over a rod by a quarter of a turn: the pull at its clamp is the tip's over exp(mu pi / 2).
 
@@ -150,6 +152,7 @@ def pressed_disk():
     return found
 
 
+@pytest.mark.campaign
 def test_a_state_between_two_remembers_what_they_do(pressed_disk):
     run = sm.inflate(SECTION, LAW, "0:120 cm", components=[PLATE])
     row, beside = run.at("100 cm").row, pressed_disk[24]
@@ -157,6 +160,7 @@ def test_a_state_between_two_remembers_what_they_do(pressed_disk):
         assert row[column] == pytest.approx(np.interp(100.0, beside["pressure_cm"], beside[column]), rel=apart)
 
 
+@pytest.mark.campaign
 def test_air_works_for_what_is_stored_and_lost(pressed_disk, figure):
     path = pressed_disk[96]
     P, V = path["pressure_Pa"], 1e-6 * path["added_volume_ml"]
@@ -170,6 +174,7 @@ def test_air_works_for_what_is_stored_and_lost(pressed_disk, figure):
     )
 
 
+@pytest.mark.campaign
 def test_states_depend_little_on_the_steps_and_less_on_shorter_ones(pressed_disk, figure):
     for column, bound in (("added_volume_ml", 1.5e-4), ("plate_force_z_N", 1.3e-3), ("plate_friction_mJ", 0.05)):
         few, some, many = (pressed_disk[count][column][-1] for count in (12, 24, 96))

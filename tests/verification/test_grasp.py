@@ -37,6 +37,7 @@ def rough():
     return grasp(finger(0.5), 3, LOAD, DOWN, steps=2)
 
 
+@pytest.mark.campaign
 def test_forces_and_moments_balance_the_load(smooth, rough, figure):
     wrong = [np.abs(made.imbalance(held)).max() / held.press.sum() for made, found in (smooth, rough) for held in found]
     assert len(wrong) == 6 and all(held.press.min() > 0.0 for held in rough[1])
@@ -50,6 +51,7 @@ def test_without_friction_the_steps_do_not_matter(smooth, figure):
     figure("two steps", "forces of the fingers after three, without friction", apart, 1e-7)
 
 
+@pytest.mark.campaign
 def test_without_a_load_each_finger_presses_as_on_a_fixed_rod(smooth, figure):
     row = sm.run(finger(0.0)).rows[-1]
     wanted = np.hypot(row["rod_force_x_N"], row["rod_force_z_N"])

@@ -101,6 +101,7 @@ def test_a_stiff_spring_holds_a_shape_still(figure):
         )
 
 
+@pytest.mark.campaign
 def test_force_is_that_of_the_spring_and_of_the_weight(figure):
     path = sm.inflate(SECTION, LAW, "0,20,60 cm", components=[BALL]).path
     figure(BALANCE, "spring", 50e-3 * path["ball_travel_mm"][-2:] / path["ball_force_z_N"][-2:] - 1, 1e-8)
@@ -111,6 +112,7 @@ def test_force_is_that_of_the_spring_and_of_the_weight(figure):
     assert path["ball_travel_mm"][-1] > 0.4 and path["ball_force_z_N"][1] < 0.02 * 9.81
 
 
+@pytest.mark.campaign
 def test_a_mass_weighs_by_the_gravity_of_its_case(figure):
     """On the Moon a sixth; where gravity pulls it off its stand, the spring holds it and the device pushes from there."""
     section = sm.HollowDisk(section="axisymmetric", cell_size=0.003)
@@ -142,6 +144,7 @@ def test_masses_that_nothing_holds_are_refused(gravity, said):
         Case("ball", SECTION, LAW, steps=steps_of(share=(1.0,)), components=(lifted, sm.Gravity("-z")))
 
 
+@pytest.mark.campaign
 def test_a_wedge_lifts_as_its_section_does(figure):
     """Twelve slices share one spring."""
     both = [

@@ -53,6 +53,7 @@ def states(step_file, tmp_path_factory):
     }
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("kind", sampled(["msh", "stl"]))
 def test_the_same_path(states, kind):
     """Sharp corners on 2.4 and 3 mm cells: the tip's rises are 2 to 5 % apart, the volumes 1 %."""
@@ -84,6 +85,7 @@ def test_a_wedge_of_a_ball_inflates_as_the_ball(angle, copies, wedge_part, equil
     )
 
 
+@pytest.mark.campaign
 def test_a_sheet_bonded_to_chosen_faces_holds_them_back(wedge_part, body_of, solved):
     part = wedge_part("can", 45, surfaces=("lid = z = 10 mm",), gauge_point="at 0, 0, 10 mm")
     rises = []

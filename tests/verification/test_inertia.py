@@ -123,6 +123,7 @@ def at_once(cm, seconds):
 # -- the scheme -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("radius", sampled([1.0, 0.9, 0.5, 0.0], (0.9,)))
 def test_the_order_is_two(radius, body_of, figure):
     """Volume after 0.3 periods in 12, 24 and 48 steps, elastic and with a branch."""
@@ -197,6 +198,7 @@ def test_a_beam_swings_at_its_natural_frequency(what, figure):
     figure(MODE, f"of a beam that is let go, {what}", found / wanted - 1, 5e-4)
 
 
+@pytest.mark.campaign
 def test_a_sphere_swings_at_its_natural_frequency(body_of, figure):
     """A small pressure is applied at once."""
     times, _, volumes, *_ = followed(body_of(COARSE), LAW, at_once(0.1, 4 * PERIOD), 1e-7)

@@ -71,6 +71,7 @@ def test_a_cycle_leaves_held_dofs_alone(body_of):
     assert not state.w[held].any()
 
 
+@pytest.mark.campaign
 def test_section_past_its_limit(paths, figure):
     solvers, found = paths(SECTION, NeoHookean(20e3, 0.495), [0.1, 3.0])
     one, other = (next(point.state for point in points if point.limit) for points in found)
@@ -218,6 +219,7 @@ def solver_of(body_of, monkeypatch):
     return made
 
 
+@pytest.mark.campaign
 def test_the_path_and_its_eigenvalues_are_those_of_double_precision(solver_of, figure):
     found = []
     for rounded in (True, False):

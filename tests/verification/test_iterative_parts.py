@@ -63,6 +63,7 @@ def iterations(solver, state):
     return solver.bordered.iterate(b, b.duplicate(), 1e-7)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("case", sampled(RIGID))
 def test_rigid_parts(case, body_of, figure):
     device, components, formulation, pressures = RIGID[case]
@@ -108,6 +109,7 @@ def test_a_cycle_leaves_still_dofs_alone(body_of):
         np.testing.assert_array_equal(x.array_r[still], b.array_r[still])
 
 
+@pytest.mark.campaign
 def test_friction(body_of, figure):
     """Newton's product is unsymmetric. The steps are given: what friction has held depends on them."""
     ball = sm.RigidShape("sphere", "top", (0.0, 0.0, 0.026), radius=0.010, friction=0.3, name="ball")
@@ -209,6 +211,7 @@ volume_ml = "0,10,30"
 }
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("name", sampled(CASES))
 def test_other_parts(name, figure):
     """Whole paths from a case file, requested states compared column by column with what each column has at most."""
@@ -242,6 +245,7 @@ method = "iterative"
 """
 
 
+@pytest.mark.campaign
 def test_what_iterations_do_not_solve_ends_in_a_sentence(tmp_path, capsys):
     """Paper half a million times stiffer than the silicone, in flat cells."""
     assert run(Case.from_toml(STIFF), tmp_path / "finger", RunOptions(no_pictures=True)) == 1

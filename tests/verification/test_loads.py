@@ -180,6 +180,7 @@ def test_a_hanging_rod(hanging, figure):
     assert tip > 0.3 * ROD.length and stretch(DENSITY * ACCELERATION * ROD.length) > 1.5
 
 
+@pytest.mark.campaign
 def test_a_rod_of_two_densities(body_of, figure):
     """Its lower half is heavier than the upper one: the difference is added, and taken off where it is lighter."""
     law, half = NeoHookean(MU, 0.5), 0.5 * ROD.length
@@ -331,6 +332,7 @@ def test_several_masses_on_one_face(body_of):
     np.testing.assert_allclose(both, one, rtol=1e-10, atol=1e-12 * np.abs(one).max())
 
 
+@pytest.mark.campaign
 def test_a_cantilever_in_large_deflection(body_of, figure):
     """Its weight first, then a force on its tip; and pure bending by a moment, on coarse cells, as thick as the beam."""
     components = (

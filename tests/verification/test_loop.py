@@ -25,6 +25,7 @@ from softmodels.runs.grid import QuadraticCurve
 PRESSURES = tuple(cm * pascal_per_cm() for cm in (35.0, 80.0, 125.0, 177.0))
 
 
+@pytest.mark.campaign
 def test_intervals_hold_the_truth(comm, tmp_path, figure):
     truth = dataclasses.replace(examples.TRUTH, pressures=PRESSURES)
     examples.write_case(tmp_path, truth)

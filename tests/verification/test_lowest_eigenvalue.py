@@ -78,6 +78,7 @@ def test_past_a_limit_point_of_a_disk(equilibrium, solved, figure):
     figure(DENSE, "a disk past its limit point", found / wanted - 1, 8e-9)
 
 
+@pytest.mark.campaign
 def test_at_a_bifurcation_past_a_limit_point(equilibrium, solved, figure):
     """There the lowest eigenvalue is negative already, and another one is zero."""
     equations = equilibrium(TWIN, HARDENING)
@@ -114,6 +115,7 @@ def test_thin_walls_whose_tangent_is_not_factorised(equilibrium, solved, monkeyp
     figure("lowest eigenvalue where the tangent is factorised", "of a slab where it is not", errors, 3e-5)
 
 
+@pytest.mark.campaign
 def test_where_walls_press_on_each_other_it_is_exact(body_of, solved, monkeypatch, figure):
     """Which places press changes from state to state, so that a kept factorisation is of another device."""
     monkeypatch.setattr(stability, "SMALL_SYSTEM", 0)

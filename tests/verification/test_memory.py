@@ -171,6 +171,7 @@ def test_a_branch_does_not_see_a_turn():
     assert energy(Q @ C @ Q.T, entries(Q @ tensor(H) @ Q.T), b) == pytest.approx(energy(C, H, b), rel=1e-12)
 
 
+@pytest.mark.campaign
 def test_a_closed_cycle_never_gives_energy_back():
     """Random histories in random steps: the work on a spring and its dashpot is above what the spring stores."""
     for seed in range(40):
@@ -343,6 +344,7 @@ def test_a_thick_sphere_under_a_pressure_that_jumps_and_rises(body_of, figure):
     figure(WALL, "added volume under a pressure that jumps and rises, over the largest", off, 1e-4)
 
 
+@pytest.mark.campaign
 def test_the_estimated_memory_counts_the_history(body_of, monkeypatch):
     """On a small solid: the arrays of a step, and what both solvers are said to take more than for the relaxed silicone."""
     from dolfinx import fem
@@ -386,6 +388,7 @@ def test_a_thin_sphere_snaps_after_a_while(body_of, figure):
         figure(SNAP, f"time of the snap at {over:g} times the relaxed limit", end.time / lost - 1, 0.01)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     "law",
     sampled(

@@ -137,6 +137,7 @@ def test_a_stiffer_plane_is_sunk_into_less_and_presses_as_much(body_of, solved):
     assert soft["contact_force_N"] == pytest.approx(stiff["contact_force_N"], rel=0.05)
 
 
+@pytest.mark.campaign
 def test_a_wedge_presses_as_its_section_does(pressed, body_of, solved, figure):
     disk = dataclasses.replace(SECTION, section="wedge", cell_size=0.006, refinement=1.0)
     equations = Solver(System(body_of(disk), RUBBER, components=[PLATE]))

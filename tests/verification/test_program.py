@@ -128,6 +128,7 @@ def limits(alone, solved):
     return found
 
 
+@pytest.mark.campaign
 def test_each_does_what_it_does_alone(run, alone, solved, limits, figure):
     """One is blown past its limit by volume, then the other's pressure is raised: it finds its own limit, at its pressure."""
     added = 2.0 * limits["inner"][1]
@@ -171,6 +172,7 @@ def part(two_cavities):
     )
 
 
+@pytest.mark.campaign
 def test_pressures_and_volumes_are_two_ways_to_one_state(part, run, figure):
     """Volumes that a program of pressures leads to lead, given by themselves, to those pressures; in any order of steps."""
     pressures = ((60.0, 60.0, 30.0), (0.0, 45.0, 45.0))
@@ -212,6 +214,7 @@ def test_work_of_all_cavities_is_what_is_stored(part, run, figure):
     figure(against, "work, extrapolated", (4 * fine - coarse) / 3 / stored - 1, 4.5e-6)  # Richardson's
 
 
+@pytest.mark.campaign
 def test_back_to_nothing(part, run):
     """Whatever order the cavities are filled in, emptied they leave the part as it was."""
     points, _ = run({"pressure_cm": (40.0, 40.0, 0.0, 0.0)}, {"volume_ml": (0.0, 0.03, 0.03, 0.0)}, device=part)

@@ -44,7 +44,7 @@ def _numbers(values):
     return np.array([number for part in parts for number in part], dtype=float)
 
 
-@pytest.mark.parametrize("program", sampled(BOUNDS, ("regions", "filling")))
+@pytest.mark.parametrize("program", sampled(BOUNDS, ()))
 def test_figures_do_not_depend_on_the_ranks(program, several, meshes, comm, figure):
     one, found = on_ranks.found_by(program, comm, meshes), several(program)
     assert found.keys() == one.keys()

@@ -109,6 +109,7 @@ def test_a_part_that_nothing_weighs_on_is_pushed_by_nothing(body_of, figure):
     figure(WHOLE, "a free plate without weight", told["plate_force_N"] / solver.system.dead.amounts[0], 1e-8)
 
 
+@pytest.mark.campaign
 def test_turned_over_it_is_the_mirror_image(body_of, figure):
     """A beam that sags on a plane, with a weight on a spring below it; and the same turned over, gravity too."""
 

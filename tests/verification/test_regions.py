@@ -183,6 +183,7 @@ def test_derivatives(formulation, layered, body_of, solved, figure):
         assert np.abs(found.w).max() > 0
 
 
+@pytest.mark.campaign
 def test_a_stiff_ring_is_a_rigid_one(figure):
     """A ring on a membrane, ten thousand times stiffer, against a rigid one bonded to the same face."""
     law, radii = Yeoh(14e3, 60.0), (0.008, 0.010)

@@ -82,6 +82,7 @@ def test_the_face_moves_as_one_and_its_forces_cancel(plated, figure):
     )
 
 
+@pytest.mark.campaign
 def test_tangent_and_inertia_are_those_of_the_free_dofs(plated, figure):
     """K, its product, its negative eigenvalues and its lowest one, against a dense T^T K T."""
     solver, state = plated
@@ -121,6 +122,7 @@ def test_direction_of_the_path(plated, figure):
     figure("a difference of solved states", "rate of a state with a rigid plate", off, 1e-6)
 
 
+@pytest.mark.campaign
 def test_a_case_of_its_own():
     """A plate in a case file: its columns, and the force with which a held one is pushed as a free one is not."""
     text = (
@@ -271,6 +273,7 @@ def test_a_turned_plate_is_in_balance(bent, figure):
     figure("the undeformed plate", "distances within a turned plate", np.abs(moved - rest).max(), 1e-13)
 
 
+@pytest.mark.campaign
 def test_tangent_of_a_turned_plate(bent, figure):
     """The tangent's product against differences of the residual, where the plate has turned on from the state as well."""
     solver, state = bent

@@ -137,6 +137,7 @@ def test_the_weight_works_too(plated, figure):
     )
 
 
+@pytest.mark.campaign
 def test_a_load_cell_at_a_given_height(body_of, figure):
     """The plate held at a height, and the air's pressure raised to what the equations have there: the cell bears nothing."""
     made = Plated(CASES["neo-hookean, thin, light"], body_of)
@@ -150,6 +151,7 @@ WIDE = Membrane(radius=0.070, thickness=0.002, plate_radius=0.0254, chamber_dept
 """That of Campbell and others, arXiv 2504.01156; `tests/benchmarks/plated_membranes.py` has more weights and silicones."""
 
 
+@pytest.mark.campaign
 def test_the_default_mesh_turns_over_its_clamp(figure):
     """To a height of a radius with 1.5 kg, where a sharp edge of the clamp would fold a few cells at 741 ml."""
     law, weight = silicone("ecoflex-00-30/liao-2021"), 1.5 * 9.81

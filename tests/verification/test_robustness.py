@@ -10,6 +10,7 @@ from tests.support.campaigns import sampled
 COUNT = 12
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("count", sampled([3, COUNT]))
 def test_random_cases_end_in_their_curve_or_in_a_limit(count, comm):
     found = [robustness.examine(trial, comm) for trial in robustness.trials(count)]

@@ -42,6 +42,7 @@ def lifts(figures):
     return np.array([figure.device["tip_z_mm"] for figure in figures])
 
 
+@pytest.mark.campaign
 def test_off_the_middle_it_lifts_away_from_the_channels(inflated):
     assert np.all(lifts(inflated()) > 0) and SeminarActuator().offset < 0
 
@@ -75,6 +76,7 @@ def test_mirrored_channels_lift_the_other_way(inflated, comm, solved, tmp_path, 
         assert image.max_stretch_at == pytest.approx(np.array(plain.max_stretch_at) * (1, 1, -1), abs=1e-9)
 
 
+@pytest.mark.campaign
 def test_half_is_the_full_slab(inflated, figure):
     """The full slab's cells are the half's and their images: what is left is the solver's tolerance."""
     for half, full in zip(inflated(), inflated(part="full"), strict=True):

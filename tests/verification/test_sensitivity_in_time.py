@@ -99,6 +99,7 @@ def orders(solver, law, names, states, kind, figure):
             assert quantity[0] < 1e-5, names
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("law", "kind"),
     sampled(
@@ -162,6 +163,7 @@ def test_two_silicones(body_of, figure):
         )
 
 
+@pytest.mark.campaign
 def test_a_parameter_costs_one_linear_solve_a_step(body_of, monkeypatch):
     """With the factorisation of the step, whatever the number of parameters."""
     law, made, solved = LAWS["branches"], [], []

@@ -20,6 +20,7 @@ PAPER = sm.Region(sm.NeoHookean(1e9 / 2.6, 0.3), name="paper")
 BASE = sm.Region(sm.NeoHookean(180e3, 0.49), name="base")
 
 
+@pytest.mark.campaign
 def test_a_finger_with_paper_hangs_under_its_weight():
     """With a twentieth of it: before, no step from 0.0227 of it on, at a residual that rounding had left."""
     case = Case("finger", FINGER, LAW, components=(BASE, PAPER, sm.Gravity("-z")), steps=steps_of(share=(0.05,)))

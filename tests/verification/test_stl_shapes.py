@@ -65,6 +65,7 @@ def test_the_gap_is_exact_on_a_flat_wall_and_known_on_a_ball():
     np.testing.assert_allclose(inside, [1.0, 0.0], atol=1e-12)
 
 
+@pytest.mark.campaign
 def test_a_ball_of_triangles_stops_the_disk_as_the_ball_does(tmp_path):
     file = stl_files.write_stl(tmp_path / "ball.stl", *stl_files.ball(RADIUS, 96, 48))
     components = [
@@ -88,6 +89,7 @@ def plane():
     return sm.inflate(EIGHTH, LAW, "0,40 cm", components=[sm.Obstacle("top", f"z = {CEILING * 1e3} mm")])
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("hollow", sampled([False, True]))
 def test_a_side_of_a_box_is_a_plane(hollow, plane, tmp_path):
     low, high = (

@@ -54,6 +54,7 @@ def test_the_pull_and_the_lip_bear_the_vacuum_inside_the_seal(run, figure):
     figure(AREA, "force of a suction cup's sealing lip", (pull - lip - held) / held, 1e-8)
 
 
+@pytest.mark.campaign
 def test_the_seal_moves_outwards_and_opens(run, figure):
     area = [row["plane_sealed_mm2"] for row in run.rows]
     assert area[0] < math.pi * 17.0**2 < 0.95 * max(area)  # first on the inner edge, at last on the outer one

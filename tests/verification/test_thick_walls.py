@@ -76,6 +76,7 @@ def test_tube_quarter(equilibrium, solved, figure):
     figure(TUBE, "neo-Hookean, pressure on a 3-D quarter", errors(solved, equations, tube_pressure, 2), 1.4e-4)
 
 
+@pytest.mark.campaign
 @a_law
 def test_sphere_converges(law, equilibrium, solved, figure):
     """Errors measured on 1, 2 and 4 cells through the wall, largest of the three stretches; see the rates above."""
@@ -94,6 +95,7 @@ def test_octant_converges(equilibrium, solved, figure):
     figure(SPHERE, "power of the cell size at which the octant's error falls", rate, at_least=2.7)
 
 
+@pytest.mark.campaign
 def test_tube_converges(equilibrium, solved, figure):
     meshes = [bodies.Tube(through=n, height=0.005 / n) for n in (1, 2, 4)]
     equations = [equilibrium(mesh, LAWS["neo-hookean"], kind=TubeBody) for mesh in meshes]

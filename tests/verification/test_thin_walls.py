@@ -11,6 +11,7 @@ from tests.benchmarks.thin_walls import RADIUS, RUBBER, devices, sphere_limit
 from tests.support.campaigns import sampled
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("wall", "cell"), sampled([(0.05, 1.0), (0.1, 1.0), (0.2, 2.0), (0.5, 4.0)], 2))
 def test_the_limit_pressure_of_a_thin_balloon(wall, cell):
     ((_, _, balloon),) = devices(sm.Balloon, wall, [cell], radius=RADIUS, neck_radius=0.0)

@@ -43,6 +43,7 @@ def inflated(part, body_of, solved):
     return inflate
 
 
+@pytest.mark.campaign
 def test_the_inflated_one_bends_the_part_away(inflated):
     upper, lower, both = (inflated(ratios)[2].rises["tip"] for ratios in ((1.0, 0.0), (0.0, 1.0), (1.0, 1.0)))
     assert upper < 0 < lower and upper < both < lower

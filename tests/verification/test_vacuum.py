@@ -119,6 +119,7 @@ def collapse(ring, solved):
     return first, list(follow(path, first, farthest=5.6 * unit)), unit
 
 
+@pytest.mark.campaign
 def test_tube_buckles_as_a_ring(ring, collapse, figure):
     first, _, unit = collapse
     figure(RING, "buckling pressure, 3 EI / R^3", first.state.P / unit / 3 - 1, 5e-3)
@@ -203,6 +204,7 @@ def test_two_ranks_collapse_a_cavity_alike(tmp_path):
     assert all(row["stable_under_pressure"] for row in one)
 
 
+@pytest.mark.campaign
 def test_limit_of_a_vacuum_follows_the_modulus(figure):
     """A balloon collapses at a vacuum in proportion to its modulus, at a share of the thin sphere's classical pressure."""
     balloon = Balloon(cell_size=0.002, through=1)
@@ -231,6 +233,7 @@ def test_a_shell_that_snaps_back_has_its_limit_named(equilibrium, solved, figure
     )
 
 
+@pytest.mark.campaign
 def test_a_thin_balloon_collapses_onto_its_neck(figure):
     """A cusp first, where long steps would leap to a part of the curve that has lost energy; then the edge of the neck presses
     into the wall above, which is beside that edge and not behind it."""
@@ -247,6 +250,7 @@ def test_a_thin_balloon_collapses_onto_its_neck(figure):
     figure("work of the pressure", "stored energy of a balloon that collapses", (energy[1:] - work) / energy[-1], 1e-2)
 
 
+@pytest.mark.campaign
 def test_a_step_beyond_a_limit_point_does_not_leap_to_where_the_walls_have_met(figure):
     """The volume at given pressure turns so sharply there that a smooth curve through both ends of a long step, which loses an
     eighth of the energy, would turn back."""

@@ -10,7 +10,7 @@ import importlib
 from pathlib import Path
 
 PROGRAMS = "figures", "creeping", "creeping_rates", "filling", "moving", "regions", "frequencies", "rigid"
-"""Modules; ``rigid-iterative`` is ``rigid`` with the iterative solver."""
+"""Modules; ``rigid-iterative`` is ``rigid`` with the iterative solver, ``pieces-sphere;plane`` two of its cases."""
 
 
 def found_by(program: str, comm, folder: Path):
