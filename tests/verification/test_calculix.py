@@ -70,6 +70,7 @@ def test_a_guided_plate(tmp_path, figure):
     figure(CALCULIX, "way of a guided rigid plate", moved[[0, 2]] - 1, 1e-4)
 
 
+@pytest.mark.campaign
 def test_a_clamp_that_slips(tmp_path, figure):
     """A tip that slips only along z."""
     row, found = solved(tmp_path, "clamped", 20.0, components=(sm.Clamp("tip", slip="z"),))
